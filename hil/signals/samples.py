@@ -1,0 +1,129 @@
+"""What travels between stages: immutable samples with capture time, arrival time and sequence number.
+
+World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up), SI units. `SAMPLE_FIELDS` states
+unit and frame of every field; `tests/unit/test_samples.py` checks that none is missing.
+
+Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+class TruthState(NamedTuple):
+    """State of the vehicle at one tick, without error. Only the recorder and reports may look at it."""
+
+    tick: int
+    t_ns: int
+    p_WB: Vec3  # position of the body origin in W [m]
+    q_WB: Quat  # attitude, w-x-y-z, rotates B into W, unit norm, w >= 0 not enforced
+    v_WB_W: Vec3  # velocity in W [m/s]
+    w_WB_B: Vec3  # angular velocity in B [rad/s]
+    a_WB_W: Vec3  # acceleration of the body origin in W [m/s2], averaged over the step just taken
+    alpha_WB_B: Vec3  # angular acceleration in B [rad/s2], averaged over the step just taken
+    rotor_speed_radps: tuple[float, ...]  # one per rotor, >= 0
+    in_contact: bool  # something touched during the step just taken
+
+
+class ImuSample(NamedTuple):
+    """Inertial measurement in B (FLU). Accel is specific force: (0, 0, +9.81) at rest, level."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    accel_mps2: Vec3
+    gyro_radps: Vec3
+    temperature_degc: float
+
+
+class MagSample(NamedTuple):
+    """Magnetic field in B (FLU)."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    field_tesla: Vec3
+
+
+class BaroSample(NamedTuple):
+    """Static pressure; the altitude is that of the standard atmosphere at this pressure."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    pressure_pa: float
+    pressure_altitude_m: float
+    temperature_degc: float
+
+
+class GpsSample(NamedTuple):
+    """GNSS fix: geodetic position on WGS-84, velocity in W (ENU)."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float  # above mean sea level
+    v_W: Vec3  # [m/s]
+    horizontal_accuracy_m: float  # 1 sigma
+    vertical_accuracy_m: float  # 1 sigma
+    fix_type: int  # MAVLink GPS_FIX_TYPE: 3 = 3-D fix
+    satellites: int
+
+
+class ActuatorFrame(NamedTuple):
+    """Commands of the flight controller, latched for one tick."""
+
+    tick: int
+    t_ns: int
+    controls: tuple[float, ...]  # normalised 0..1 for motors, 16 of them, in the autopilot's order
+    armed: bool
+    mode: int  # MAVLink MAV_MODE bits as received
+
+
+Sample = ImuSample | MagSample | BaroSample | GpsSample
+
+# field -> (unit, frame). Frame "-" where none applies.
+_STAMP = {"seq": ("1", "-"), "t_capture_ns": ("ns", "-"), "t_available_ns": ("ns", "-")}
+SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
+    TruthState: {
+        "tick": ("1", "-"),
+        "t_ns": ("ns", "-"),
+        "p_WB": ("m", "W"),
+        "q_WB": ("1", "B->W"),
+        "v_WB_W": ("m/s", "W"),
+        "w_WB_B": ("rad/s", "B"),
+        "a_WB_W": ("m/s2", "W"),
+        "alpha_WB_B": ("rad/s2", "B"),
+        "rotor_speed_radps": ("rad/s", "rotor"),
+        "in_contact": ("bool", "-"),
+    },
+    ImuSample: _STAMP
+    | {"accel_mps2": ("m/s2", "B"), "gyro_radps": ("rad/s", "B"), "temperature_degc": ("degC", "-")},
+    MagSample: _STAMP | {"field_tesla": ("T", "B")},
+    BaroSample: _STAMP
+    | {"pressure_pa": ("Pa", "-"), "pressure_altitude_m": ("m", "MSL"), "temperature_degc": ("degC", "-")},
+    GpsSample: _STAMP
+    | {
+        "latitude_deg": ("deg", "WGS-84"),
+        "longitude_deg": ("deg", "WGS-84"),
+        "altitude_m": ("m", "MSL"),
+        "v_W": ("m/s", "W"),
+        "horizontal_accuracy_m": ("m", "W"),
+        "vertical_accuracy_m": ("m", "W"),
+        "fix_type": ("1", "-"),
+        "satellites": ("1", "-"),
+    },
+    ActuatorFrame: {
+        "tick": ("1", "-"),
+        "t_ns": ("ns", "-"),
+        "controls": ("1", "rotor"),
+        "armed": ("bool", "-"),
+        "mode": ("bits", "-"),
+    },
+}

@@ -1,0 +1,11 @@
+// nanobind entry point of sim._kernels: one bind_* function per kernel file.
+#include <nanobind/nanobind.h>
+
+namespace nb = nanobind;
+
+void bind_detmath(nb::module_ &m);
+
+NB_MODULE(_kernels, m) {
+    m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released.";
+    bind_detmath(m);
+}
