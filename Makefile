@@ -1,0 +1,41 @@
+# make run    set up and fly the default mission
+# make test   set up and run the tests
+# make setup  only set up: .venv with locked dependencies, C++ kernels built
+PYTHON ?= python3
+ARGS ?=
+HIL := .venv/bin/hil
+PY := .venv/bin/python
+
+.PHONY: help run test test-all lint format setup lock clean
+
+help:
+	@sed -n '1,3s/^# //p' Makefile
+
+setup:
+	@$(PYTHON) tools/setup_env.py
+
+run: setup
+	$(HIL) run $(ARGS)
+
+test: setup
+	$(PY) -m pytest -m "not slow" $(ARGS)
+
+test-all: setup
+	$(PY) -m pytest $(ARGS)
+
+lint: setup
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+format: setup
+	.venv/bin/ruff check --fix .
+	.venv/bin/ruff format .
+
+# Needs `uv` on the PATH: resolves for every platform and Python >= 3.11 at once.
+lock:
+	uv pip compile --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links \
+	  --custom-compile-command "make lock" tools/requirements.in -o requirements.lock
+
+clean:
+	rm -rf build .venv .pytest_cache .mypy_cache .ruff_cache

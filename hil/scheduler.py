@@ -1,0 +1,244 @@
+"""The tick loop.
+
+    t_k = k * tick_ns                 integer nanoseconds; nothing adds floats to make time
+
+    1 physics    advance with ActuatorFrame[k-1]          -> TruthState[k]
+    2 sensors    sample those due and consumed            -> samples with t_capture, t_available, seq
+    3 release    samples with t_available <= t_k, ordered by (t_available, port, seq)
+    4 commands   ground station and outside clients       -> bytes for the autopilot
+    5 send       one write: commands, HIL_GPS, HIL_SENSOR
+    6 record     everything known so far, while the autopilot thinks; never feeds back
+    7 wait       for the reply that answers t_k           -> ActuatorFrame[k]
+    8 latch      check and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
+
+The record of what arrived in phase 7 is written in phase 6 of the next tick (or by `flush`), so that writing
+overlaps the autopilot's own work. The order in the recording is unaffected.
+
+When a phase fails: an exception of any phase ends the run. Phases 1 to 4 have no side effect outside, so the
+tick in which they fail was never sent. After a failure in 5 or 7 nothing further is sent and no command is
+invented; the actuator frame of the failed tick is undefined and is not latched. The caller calls `flush` and
+closes the recorder, so everything up to the failure is readable.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from hil.recorder.recorder import Recorder
+from hil.release_queue import ReleaseQueue
+from hil.signals.samples import (
+    ActuatorFrame,
+    BaroSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    Sample,
+    TruthState,
+)
+from hil.signals.time import RateAccumulator
+from hil.timing import LatencyHistogram
+
+PHASES = ("physics", "sensors", "commands", "send", "record", "wait")
+
+
+class Physics(Protocol):
+    """Whatever moves the vehicle."""
+
+    def advance(self, tick: int, controls: Sequence[float]) -> TruthState: ...
+
+
+class Sensor(Protocol):
+    """Whatever measures it."""
+
+    @property
+    def name(self) -> str: ...
+
+    def sample(self, truth: TruthState, seq: int) -> Sample: ...
+
+
+class CommandSource(Protocol):
+    """Whatever talks to the autopilot beside the sensors: the bench's ground station, the router's clients."""
+
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes: ...
+
+
+class SensorSlot:
+    """A sensor with its rate on the tick and its sample count."""
+
+    __slots__ = ("due", "port", "sample", "samples", "timing")
+
+    def __init__(self, sensor: Sensor, rate: RateAccumulator) -> None:
+        self.port = sensor.name
+        self.sample = sensor.sample
+        self.due = rate.due
+        self.samples = 0
+        self.timing = LatencyHistogram()
+
+
+class AutopilotPorts:
+    """Names of the ports whose samples go to the autopilot. None where the rig has no such sensor."""
+
+    __slots__ = ("baro", "gps", "imu", "mag")
+
+    def __init__(self, *, imu: str, gps: str | None, baro: str | None, mag: str | None) -> None:
+        self.imu, self.gps, self.baro, self.mag = imu, gps, baro, mag
+
+
+class Scheduler:
+    """Runs ticks. Owns nothing it is given: opening and closing is the composition root's business (`hil.bench`)."""
+
+    def __init__(
+        self,
+        *,
+        tick_ns: int,
+        physics: Physics,
+        sensors: Sequence[SensorSlot],
+        link: AutopilotLink,
+        ports: AutopilotPorts,
+        commands: Sequence[CommandSource],
+        recorder: Recorder,
+        observers: Sequence[Callable[[TruthState], None]] = (),
+        pace: float | None = None,
+    ) -> None:
+        self.tick_ns = tick_ns
+        self.tick = 0  # the next tick to run
+        self.late = 0  # ticks that began after their wall-clock deadline (paced runs only)
+        self.phase_ns = {name: LatencyHistogram() for name in PHASES}
+        self.own_ns = LatencyHistogram()  # everything but waiting, per tick
+        self.step_ns = LatencyHistogram()  # the whole tick, pacing excluded
+        self.truth: TruthState | None = None
+        self._physics = physics
+        self._sensors = tuple(sensors)
+        self._link = link
+        self._ports = ports
+        self._commands = tuple(commands)
+        self._recorder = recorder
+        self._observers = tuple(observers)
+        self._queue = ReleaseQueue()
+        self._latched = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
+        self._frames: list[Frame] = []  # received in the tick before
+        self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
+        self._tick_wall_ns = None if pace is None else tick_ns / pace
+        self._wall_start_ns = 0
+
+    @property
+    def t_ns(self) -> int:
+        """Simulated time of the next tick."""
+        return self.tick * self.tick_ns
+
+    def step(self) -> None:
+        """Run one tick. Raises HilError subclasses; see the header for what is undefined then."""
+        if self._tick_wall_ns is not None:
+            self._wait_for_deadline(self._tick_wall_ns)
+        clock = time.perf_counter_ns
+        tick = self.tick
+        t_ns = tick * self.tick_ns
+
+        t0 = clock()
+        truth = self._physics.advance(tick, self._latched.controls)
+        self.truth = truth
+
+        t1 = clock()
+        queue = self._queue
+        before = t1
+        for slot in self._sensors:
+            if slot.due():
+                queue.push(slot.port, slot.sample(truth, slot.samples))
+                slot.samples += 1
+                after = clock()
+                slot.timing.add(after - before)
+                before = after
+        released = queue.release(t_ns)
+        imu, gps, baro, mag = self._for_autopilot(released)
+
+        t2 = clock()
+        extra = b""
+        for source in self._commands:
+            extra += source.step(t_ns, self._frames)
+
+        t3 = clock()
+        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra)
+
+        t4 = clock()
+        self._record_received()
+        recorder = self._recorder
+        recorder.truth(truth)
+        for port, sample in released:
+            recorder.sample(port, sample)
+        recorder.sent(tick, t_ns, sent)
+        for observe in self._observers:
+            observe(truth)
+
+        t5 = clock()
+        try:
+            actuators = self._link.wait(tick, t_ns)
+        finally:
+            # Whatever did arrive belongs to the recording, also when the reply itself never came.
+            self._frames = self._link.take_frames()
+            self._unrecorded = (tick, self._frames, None)
+        t6 = clock()
+
+        if actuators is not None:
+            self._latched = actuators
+            self._unrecorded = (tick, self._frames, actuators)
+        self.tick = tick + 1
+
+        phase = self.phase_ns
+        phase["physics"].add(t1 - t0)
+        phase["sensors"].add(t2 - t1)
+        phase["commands"].add(t3 - t2)
+        phase["send"].add(t4 - t3)
+        phase["record"].add(t5 - t4)
+        phase["wait"].add(t6 - t5)
+        self.own_ns.add(t5 - t0)
+        self.step_ns.add(t6 - t0)
+
+    def flush(self) -> None:
+        """Record what the last tick received. Call once, when no further tick will run."""
+        self._record_received()
+
+    def _record_received(self) -> None:
+        if self._unrecorded is None:
+            return
+        tick, frames, actuators = self._unrecorded
+        self._unrecorded = None
+        if frames:
+            self._recorder.received(tick, tick * self.tick_ns, frames)
+        if actuators is not None:
+            self._recorder.actuators(actuators)
+
+    def _for_autopilot(
+        self, released: list[tuple[str, Sample]]
+    ) -> tuple[ImuSample | None, GpsSample | None, BaroSample | None, MagSample | None]:
+        """The newest released sample of each port the autopilot listens to."""
+        imu: ImuSample | None = None
+        gps: GpsSample | None = None
+        baro: BaroSample | None = None
+        mag: MagSample | None = None
+        ports = self._ports
+        for port, sample in released:
+            if port == ports.imu:
+                imu = sample  # type: ignore[assignment]
+            elif port == ports.gps:
+                gps = sample  # type: ignore[assignment]
+            elif port == ports.baro:
+                baro = sample  # type: ignore[assignment]
+            elif port == ports.mag:
+                mag = sample  # type: ignore[assignment]
+        return imu, gps, baro, mag
+
+    def _wait_for_deadline(self, tick_wall_ns: float) -> None:
+        """Sleep until this tick's wall-clock time. A late tick is counted and the schedule kept, not stretched."""
+        now = time.perf_counter_ns()
+        if self.tick == 0:
+            self._wall_start_ns = now
+            return
+        deadline = self._wall_start_ns + int(self.tick * tick_wall_ns)
+        if now > deadline:
+            self.late += 1
+            return
+        time.sleep((deadline - now) * 1e-9)

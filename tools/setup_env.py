@@ -1,0 +1,182 @@
+"""Make the environment of the project: `.venv` with the locked dependencies and the built C++ kernels.
+
+Run by `make setup` with any Python >= 3.11; needs nothing else but a package index. Steps that are already
+done are skipped (a stamp per step holds a hash of what the step depends on).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+MIN_PYTHON = (3, 11)
+# std::bit_cast and concepts are what old "C++20" compilers lack.
+CXX20_PROBE = (
+    "#include <bit>\n#include <concepts>\n#include <cstdint>\n"
+    "static_assert(std::bit_cast<std::uint64_t>(1.0) != 0);\nint main() { return 0; }\n"
+)
+
+
+def say(text: str) -> None:
+    sys.stdout.write(f"[setup] {text}\n")
+    sys.stdout.flush()
+
+
+def fail(text: str) -> None:
+    sys.stderr.write(f"[setup] error: {text}\n")
+    raise SystemExit(2)
+
+
+def run(command: list[str | os.PathLike[str]], **kwargs: object) -> None:
+    try:
+        subprocess.run(command, check=True, cwd=ROOT, **kwargs)  # type: ignore[call-overload]
+    except subprocess.CalledProcessError as error:
+        fail(f"`{' '.join(map(str, command))}` ended with status {error.returncode}; its output is above")
+
+
+def digest_of(paths: list[Path]) -> str:
+    h = hashlib.blake2b(digest_size=16)
+    for path in sorted(paths):
+        h.update(path.relative_to(ROOT).as_posix().encode())
+        h.update(path.read_bytes())
+    h.update(sys.version.encode())
+    h.update(str(ROOT).encode())  # a moved checkout has a broken venv
+    return h.hexdigest()
+
+
+def stamped(name: str, digest: str) -> bool:
+    stamp = VENV / f".hil-{name}"
+    return stamp.exists() and stamp.read_text() == digest
+
+
+def stamp(name: str, digest: str) -> None:
+    (VENV / f".hil-{name}").write_text(digest)
+
+
+def make_venv() -> None:
+    lock = ROOT / "requirements.lock"
+    digest = digest_of([lock])
+    if PYTHON.exists() and stamped("deps", digest):
+        return
+    if not PYTHON.exists() or not any(VENV.glob(".hil-*")):
+        say(f"creating .venv with Python {sys.version.split()[0]}")
+        try:
+            run([sys.executable, "-m", "venv", "--clear", VENV])
+        except SystemExit:
+            fail("could not create a virtual environment; on Debian and Ubuntu: apt install python3-venv")
+    say("installing the locked dependencies (requirements.lock)")
+    run([PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", lock])
+    stamp("deps", digest)
+
+
+def usable_compiler() -> str | None:
+    """First C++ compiler of this machine that handles C++20, or None."""
+    for name in filter(None, [os.environ.get("CXX"), "c++", "g++", "clang++"]):
+        command = name.split()
+        if shutil.which(command[0]) is None:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            source = Path(folder) / "probe.cpp"
+            source.write_text(CXX20_PROBE)
+            done = subprocess.run(
+                [*command, "-std=c++20", "-o", str(Path(folder) / "probe"), str(source)],
+                capture_output=True,
+                check=False,
+            )
+        if done.returncode == 0:
+            return name
+        say(f"compiler {name} cannot build C++20, trying the next")
+    return None
+
+
+def zig_compiler() -> dict[str, str]:
+    """Install the compiler of the `ziglang` wheel and return the CC/CXX that use it."""
+    say("no C++20 compiler on this machine: using the one in the ziglang wheel")
+    run(
+        [
+            PYTHON,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "-r",
+            ROOT / "tools/requirements-zig.lock",
+        ]
+    )
+    found = {}
+    for variable, command in (("CC", "cc"), ("CXX", "c++")):
+        wrapper = VENV / "bin" / f"zig-{variable.lower()}"
+        wrapper.write_text(f'#!/bin/sh\nexec "{PYTHON}" -m ziglang {command} "$@"\n')
+        wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
+        found[variable] = str(wrapper)
+    for variable, command in (("AR", "ar"), ("RANLIB", "ranlib")):
+        wrapper = VENV / "bin" / f"zig-{command}"
+        wrapper.write_text(f'#!/bin/sh\nexec "{PYTHON}" -m ziglang {command} "$@"\n')
+        wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
+        found[variable] = str(wrapper)
+    return found
+
+
+def build_kernels() -> None:
+    native = [
+        p
+        for folder in ("hil", "sim", "firmware_bridge")
+        for p in (ROOT / folder).glob("**/native/**/*")
+        if p.is_file()
+    ]
+    digest = digest_of([*native, ROOT / "CMakeLists.txt", ROOT / "pyproject.toml"])
+    if stamped("kernels", digest):
+        return
+    environment = dict(os.environ)
+    environment["PATH"] = f"{PYTHON.parent}{os.pathsep}{environment['PATH']}"  # the locked cmake and ninja
+    compiler = None if os.environ.get("HIL_FORCE_ZIG") else usable_compiler()
+    arguments: list[str] = []
+    if compiler is None:
+        zig = zig_compiler()
+        environment |= {k: zig[k] for k in ("CC", "CXX")}
+        arguments = [f"-Ccmake.define.CMAKE_AR={zig['AR']}", f"-Ccmake.define.CMAKE_RANLIB={zig['RANLIB']}"]
+    else:
+        environment["CXX"] = compiler
+    say(f"building the C++ kernels with {compiler or 'zig c++'}")
+    shutil.rmtree(ROOT / "build", ignore_errors=True)
+    run(
+        [
+            PYTHON,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-build-isolation",
+            "--no-deps",
+            *arguments,
+            "-e",
+            ROOT,
+        ],
+        env=environment,
+    )
+    stamp("kernels", digest)
+
+
+def main() -> None:
+    if sys.version_info < MIN_PYTHON:
+        fail(
+            f"Python {'.'.join(map(str, MIN_PYTHON))} or newer is needed, this is {sys.version.split()[0]}; "
+            "name another with `make PYTHON=/path/to/python3.12 ...`"
+        )
+    make_venv()
+    build_kernels()
+
+
+if __name__ == "__main__":
+    main()
