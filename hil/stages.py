@@ -86,9 +86,7 @@ def _producers(stages: Iterable[StageSpec]) -> dict[str, str]:
         names.add(stage.name)
         for port in stage.outputs:
             if port.name in producer:
-                raise WiringError(
-                    f"port {port.name!r} is written by both {producer[port.name]!r} and {stage.name!r}"
-                )
+                raise WiringError(f"port {port.name!r} is written by both {producer[port.name]!r} and {stage.name!r}")
             producer[port.name] = stage.name
     return producer
 
@@ -106,9 +104,7 @@ def _check_inputs(stages: Iterable[StageSpec], producer: dict[str, str]) -> None
                 )
 
 
-def _demanded(
-    stages: Iterable[StageSpec], producer: dict[str, str], by_name: dict[str, StageSpec]
-) -> frozenset[str]:
+def _demanded(stages: Iterable[StageSpec], producer: dict[str, str], by_name: dict[str, StageSpec]) -> frozenset[str]:
     wanted: set[str] = set()
     queue = [stage.name for stage in stages if stage.sink]
     while queue:
@@ -127,9 +123,7 @@ def _topological(stages: Sequence[StageSpec], producer: dict[str, str]) -> tuple
     order: list[str] = []
     done: set[str] = set()
     while len(order) < len(stages):
-        ready = next(
-            (s.name for s in stages if s.name not in done and done.issuperset(waits_for[s.name])), None
-        )
+        ready = next((s.name for s in stages if s.name not in done and done.issuperset(waits_for[s.name])), None)
         if ready is None:
             raise WiringError("algebraic loop: " + " -> ".join(_loop(waits_for, done)))
         order.append(ready)

@@ -18,6 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+PIP_INSTALL: list[str | os.PathLike[str]] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
 MIN_PYTHON = (3, 11)
 # std::bit_cast and concepts are what old "C++20" compilers lack.
 CXX20_PROBE = (
@@ -74,12 +75,14 @@ def make_venv() -> None:
         except SystemExit:
             fail("could not create a virtual environment; on Debian and Ubuntu: apt install python3-venv")
     say("installing the locked dependencies (requirements.lock)")
-    run([PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", lock])
+    run([*PIP_INSTALL, "-r", lock])
     stamp("deps", digest)
 
 
 def usable_compiler() -> str | None:
-    """First C++ compiler of this machine that handles C++20, or None."""
+    """First C++ compiler of this machine that handles C++20, or None. `CXX=none` asks for the wheel's."""
+    if os.environ.get("CXX") == "none":
+        return None
     for name in filter(None, [os.environ.get("CXX"), "c++", "g++", "clang++"]):
         command = name.split()
         if shutil.which(command[0]) is None:
@@ -114,12 +117,7 @@ def zig_compiler() -> dict[str, str]:
         ]
     )
     found = {}
-    for variable, command in (("CC", "cc"), ("CXX", "c++")):
-        wrapper = VENV / "bin" / f"zig-{variable.lower()}"
-        wrapper.write_text(f'#!/bin/sh\nexec "{PYTHON}" -m ziglang {command} "$@"\n')
-        wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
-        found[variable] = str(wrapper)
-    for variable, command in (("AR", "ar"), ("RANLIB", "ranlib")):
+    for variable, command in (("CC", "cc"), ("CXX", "c++"), ("AR", "ar"), ("RANLIB", "ranlib")):
         wrapper = VENV / "bin" / f"zig-{command}"
         wrapper.write_text(f'#!/bin/sh\nexec "{PYTHON}" -m ziglang {command} "$@"\n')
         wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR | stat.S_IXGRP | stat.S_IXOTH)
@@ -129,17 +127,14 @@ def zig_compiler() -> dict[str, str]:
 
 def build_kernels() -> None:
     native = [
-        p
-        for folder in ("hil", "sim", "firmware_bridge")
-        for p in (ROOT / folder).glob("**/native/**/*")
-        if p.is_file()
+        p for folder in ("hil", "sim", "firmware_bridge") for p in (ROOT / folder).glob("**/native/**/*") if p.is_file()
     ]
     digest = digest_of([*native, ROOT / "CMakeLists.txt", ROOT / "pyproject.toml"])
     if stamped("kernels", digest):
         return
     environment = dict(os.environ)
     environment["PATH"] = f"{PYTHON.parent}{os.pathsep}{environment['PATH']}"  # the locked cmake and ninja
-    compiler = None if os.environ.get("HIL_FORCE_ZIG") else usable_compiler()
+    compiler = usable_compiler()
     arguments: list[str] = []
     if compiler is None:
         zig = zig_compiler()

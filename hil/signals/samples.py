@@ -103,8 +103,7 @@ SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
         "rotor_speed_radps": ("rad/s", "rotor"),
         "in_contact": ("bool", "-"),
     },
-    ImuSample: _STAMP
-    | {"accel_mps2": ("m/s2", "B"), "gyro_radps": ("rad/s", "B"), "temperature_degc": ("degC", "-")},
+    ImuSample: _STAMP | {"accel_mps2": ("m/s2", "B"), "gyro_radps": ("rad/s", "B"), "temperature_degc": ("degC", "-")},
     MagSample: _STAMP | {"field_tesla": ("T", "B")},
     BaroSample: _STAMP
     | {"pressure_pa": ("Pa", "-"), "pressure_altitude_m": ("m", "MSL"), "temperature_degc": ("degC", "-")},

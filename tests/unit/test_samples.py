@@ -20,7 +20,7 @@ def test_every_field_has_unit_and_frame(sample_type: type) -> None:
         assert frame, field
 
 
-def rotate(q, v):  # noqa: ANN001, ANN202
+def rotate(q, v):
     w, x, y, z = q
     r = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -34,7 +34,7 @@ unit = st.floats(-1, 1, allow_nan=False)
 
 
 @given(st.tuples(unit, unit, unit, unit), st.tuples(unit, unit, unit))
-def test_attitude_map_agrees_with_the_vector_maps(q, v) -> None:  # noqa: ANN001
+def test_attitude_map_agrees_with_the_vector_maps(q, v) -> None:
     norm = math.sqrt(sum(c * c for c in q))
     if norm < 1e-3:
         return
