@@ -40,7 +40,7 @@ from hil.signals.samples import (
     TruthState,
 )
 from hil.signals.time import RateAccumulator
-from hil.timing import LatencyHistogram
+from hil.signals.latency import LatencyHistogram
 
 PHASES = ("physics", "sensors", "commands", "send", "record", "wait")
 
@@ -129,6 +129,11 @@ class Scheduler:
     def t_ns(self) -> int:
         """Simulated time of the next tick."""
         return self.tick * self.tick_ns
+
+    @property
+    def actuators(self) -> ActuatorFrame:
+        """The frame that moves the vehicle in the next tick; all zero and disarmed until the first reply."""
+        return self._latched
 
     def step(self) -> None:
         """Run one tick. Raises HilError subclasses; see the header for what is undefined then."""

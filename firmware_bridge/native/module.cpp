@@ -1,8 +1,13 @@
-// nanobind entry point of firmware_bridge._native: the mock flight controller's hot loop.
+// nanobind entry point of firmware_bridge._native: one bind_* function per kernel file.
 #include <nanobind/nanobind.h>
 
 namespace nb = nanobind;
 
+void bind_flight_core(nb::module_ &m);
+void bind_ekf_jacobians(nb::module_ &m);
+
 NB_MODULE(_native, m) {
     m.doc() = "Flight-controller kernels: estimator and cascaded control of the mock Pixhawk.";
+    bind_flight_core(m);
+    bind_ekf_jacobians(m);
 }

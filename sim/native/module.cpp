@@ -4,8 +4,10 @@
 namespace nb = nanobind;
 
 void bind_detmath(nb::module_ &m);
+void bind_rigid_body(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
-    m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released.";
+    m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     bind_detmath(m);
+    bind_rigid_body(m);
 }

@@ -71,11 +71,14 @@ inline Reduced reduce_half_pi(double x) {
         r = t - w;
         w = n * kP2t - ((t - r) - w);
         head = r - w;
-        t = r;
-        w = n * kP3;
-        r = t - w;
-        w = n * kP3t - ((t - r) - w);
-        head = r - w;
+        // Only where the second step cancelled too: elsewhere it would drop that step's rounding error.
+        if (std::fabs(head) < 0x1p-49 * std::fabs(x)) {
+            t = r;
+            w = n * kP3;
+            r = t - w;
+            w = n * kP3t - ((t - r) - w);
+            head = r - w;
+        }
     }
     return {head, (r - head) - w, static_cast<int>(static_cast<std::int64_t>(n) & 3)};
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.timing import LatencyHistogram
+from hil.signals.latency import LatencyHistogram
 
 
 @given(

@@ -1,0 +1,48 @@
+"""The one field table: pymavlink's `common` dialect, and what framing and packing need of it.
+
+Importing the dialect costs about 40 ms once; nothing here makes a pymavlink message object.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import common
+
+MAVLINK_MAP: dict[int, Any] = common.mavlink_map
+MSGID: dict[str, int] = {m.msgname: msgid for msgid, m in MAVLINK_MAP.items()}
+NAME: dict[int, str] = {msgid: name for name, msgid in MSGID.items()}
+
+
+class MessageShape(NamedTuple):
+    """What framing needs to know of a message: lengths in bytes without and with extension fields, and
+    crc_extra.
+    """
+
+    crc_extra: int
+    base_length: int
+    length: int
+
+
+def wire_tokens(msgid: int) -> list[tuple[int, str]]:
+    """(element count, 0 for a scalar; `struct` type letter) of every field of a message, in wire order."""
+    found = re.findall(r"(\d*)([a-zA-Z])", MAVLINK_MAP[msgid].unpacker.format)
+    return [(int(count or 0), kind) for count, kind in found]
+
+
+def extension_count(msgid: int) -> int:
+    """How many fields are MAVLink 2 extensions: the last ones on the wire, those with a default."""
+    return len(MAVLINK_MAP[msgid].__init__.__defaults__ or ())
+
+
+def _shape(msgid: int) -> MessageShape:
+    m = MAVLINK_MAP[msgid]
+    tokens = wire_tokens(msgid)
+    base = tokens[: len(tokens) - extension_count(msgid)]
+    base_length = struct.calcsize("<" + "".join(f"{count or 1}{kind}" for count, kind in base))
+    return MessageShape(crc_extra=m.crc_extra, base_length=base_length, length=m.unpacker.size)
+
+
+SHAPES: dict[int, MessageShape] = {msgid: _shape(msgid) for msgid in MAVLINK_MAP}

@@ -1,0 +1,353 @@
+"""The MAVLink HIL messages as pure functions of samples.
+
+The bench speaks ENU/FLU and SI; MAVLink's HIL messages speak NED/FRD and scaled integers. `UNITS` states,
+once, for every field that is written here its MAVLink unit, the factor from the sample's unit, and its
+frame; the packers take their factors from it and a test compares its units with the dialect's own.
+
+    FLU -> FRD   (x, y, z) -> (x, -y, -z)          ENU -> NED   (x, y, z) -> (y, x, -z)
+
+Integers are rounded to nearest and saturate at their range, as a receiver that meets a value out of range
+should see the nearest one it can express. A number that is not finite is refused with `CodecError`, naming
+the field: an autopilot fed NaN answers nothing or nonsense, far from the cause. Only + - * / and
+comparisons are used.
+"""
+
+from __future__ import annotations
+
+import struct
+from math import isfinite, sqrt
+from typing import NamedTuple
+
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID
+from hil.signals.frames import q_NF_from_q_WB
+from hil.signals.samples import (
+    ActuatorFrame,
+    BaroSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    Quat,
+    TruthState,
+    Vec3,
+)
+
+
+class FieldUnit(NamedTuple):
+    """How a sample's value becomes a field: `unit` on the wire, wire = `scale` * SI value, axes of `frame`."""
+
+    unit: str
+    scale: float
+    frame: str
+
+
+_ACCEL = FieldUnit("m/s/s", 1.0, "F")
+_GYRO = FieldUnit("rad/s", 1.0, "F")
+_MAG = FieldUnit("gauss", 1e4, "F")
+_DEGREES = FieldUnit("degE7", 1e7, "WGS-84")
+_ALTITUDE = FieldUnit("mm", 1e3, "MSL")
+_SPEED_N = FieldUnit("cm/s", 1e2, "N")
+_MILLI_G = FieldUnit("mG", 1e3 / 9.80665, "F")
+_MICROSECONDS = FieldUnit("us", 1e-3, "-")
+
+UNITS: dict[str, dict[str, FieldUnit]] = {
+    "HIL_SENSOR": {
+        "time_usec": _MICROSECONDS,
+        "xacc": _ACCEL,
+        "yacc": _ACCEL,
+        "zacc": _ACCEL,
+        "xgyro": _GYRO,
+        "ygyro": _GYRO,
+        "zgyro": _GYRO,
+        "xmag": _MAG,
+        "ymag": _MAG,
+        "zmag": _MAG,
+        "abs_pressure": FieldUnit("hPa", 1e-2, "-"),
+        "temperature": FieldUnit("degC", 1.0, "-"),
+    },
+    "HIL_GPS": {
+        "time_usec": _MICROSECONDS,
+        "lat": _DEGREES,
+        "lon": _DEGREES,
+        "alt": _ALTITUDE,
+        # The dialect calls these dilutions of precision; PX4 reads them as 1-sigma accuracy in centimetres.
+        "eph": FieldUnit("", 1e2, "-"),
+        "epv": FieldUnit("", 1e2, "-"),
+        "vel": FieldUnit("cm/s", 1e2, "-"),
+        "vn": _SPEED_N,
+        "ve": _SPEED_N,
+        "vd": _SPEED_N,
+        "cog": FieldUnit("cdeg", 1e2, "N"),
+    },
+    "HIL_STATE_QUATERNION": {
+        "time_usec": _MICROSECONDS,
+        "rollspeed": _GYRO,
+        "pitchspeed": _GYRO,
+        "yawspeed": _GYRO,
+        "lat": _DEGREES,
+        "lon": _DEGREES,
+        "alt": _ALTITUDE,
+        "vx": _SPEED_N,
+        "vy": _SPEED_N,
+        "vz": _SPEED_N,
+        "ind_airspeed": FieldUnit("cm/s", 1e2, "-"),
+        "true_airspeed": FieldUnit("cm/s", 1e2, "-"),
+        "xacc": _MILLI_G,
+        "yacc": _MILLI_G,
+        "zacc": _MILLI_G,
+    },
+}
+
+# HIL_SENSOR.fields_updated: PX4 takes a group whole or not at all.
+FIELDS_ACCEL = 0x7
+FIELDS_GYRO = 0x38
+FIELDS_MAG = 0x1C0
+FIELDS_BARO = 0x1A00  # abs_pressure, pressure_alt, temperature; 0x400 would be differential pressure
+_FIELDS_IMU = FIELDS_ACCEL | FIELDS_GYRO
+
+UNKNOWN_U16 = 65535  # HIL_GPS eph, epv, vel, cog: "not known"
+_MODE_ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
+
+HIL_SENSOR = MSGID["HIL_SENSOR"]
+HIL_GPS = MSGID["HIL_GPS"]
+HIL_STATE_QUATERNION = MSGID["HIL_STATE_QUATERNION"]
+HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
+
+_pack_sensor = struct.Struct("<Q13fIB").pack
+_pack_gps = struct.Struct("<QiiiHHHhhhHBBBH").pack
+_pack_state = struct.Struct("<Q4f3fiiihhhHHhhh").pack
+_unpack_actuators = struct.Struct("<QQ16fB").unpack
+
+_GAUSS = UNITS["HIL_SENSOR"]["xmag"].scale
+_HPA = UNITS["HIL_SENSOR"]["abs_pressure"].scale
+_DEGE7 = UNITS["HIL_GPS"]["lat"].scale
+_MM = UNITS["HIL_GPS"]["alt"].scale
+_CM = UNITS["HIL_GPS"]["eph"].scale
+_CMPS = UNITS["HIL_GPS"]["vn"].scale
+_CDEG = UNITS["HIL_GPS"]["cog"].scale
+_MG = UNITS["HIL_STATE_QUATERNION"]["xacc"].scale
+
+
+def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> bytes:
+    """Payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of those samples that are
+    given.
+
+    Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressure Pa -> hPa.
+    """
+    if imu is not None:
+        ax, ay, az = imu[3]
+        gx, gy, gz = imu[4]
+        fields = _FIELDS_IMU
+    else:
+        ax = ay = az = gx = gy = gz = 0.0
+        fields = 0
+    if mag is not None:
+        mx, my, mz = mag[3]
+        fields |= FIELDS_MAG
+    else:
+        mx = my = mz = 0.0
+    if baro is not None:
+        pressure, altitude, temperature = baro[3], baro[4], baro[5]
+        fields |= FIELDS_BARO
+    else:
+        pressure = altitude = temperature = 0.0
+    # x - x is 0 for every finite x and NaN for NaN and infinity: one test for all thirteen.
+    total = ax + ay + az + gx + gy + gz + mx + my + mz + pressure + altitude + temperature
+    if total - total != 0.0:
+        raise CodecError(_not_finite(imu, mag, baro))
+    try:
+        return _pack_sensor(
+            t_ns // 1000,
+            ax,
+            -ay,
+            -az,
+            gx,
+            -gy,
+            -gz,
+            mx * _GAUSS,
+            -my * _GAUSS,
+            -mz * _GAUSS,
+            pressure * _HPA,
+            0.0,
+            altitude,
+            temperature,
+            fields,
+            0,
+        )
+    except OverflowError as error:
+        raise CodecError(f"HIL_SENSOR: a value does not fit a 32-bit float: {imu} {mag} {baro}") from error
+
+
+def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> str:
+    """Which sensor value is NaN or infinite, in words."""
+    values: list[tuple[str, float]] = []
+    if imu is not None:
+        values += [(f"imu.accel_mps2[{i}]", v) for i, v in enumerate(imu.accel_mps2)]
+        values += [(f"imu.gyro_radps[{i}]", v) for i, v in enumerate(imu.gyro_radps)]
+    if mag is not None:
+        values += [(f"mag.field_tesla[{i}]", v) for i, v in enumerate(mag.field_tesla)]
+    if baro is not None:
+        values += [(f"baro.{name}", getattr(baro, name)) for name in BaroSample._fields[3:]]
+    bad = [f"{name} = {value!r}" for name, value in values if not isfinite(value)]
+    return f"HIL_SENSOR: {', '.join(bad) or 'the values overflow'}: not a finite number, so not sent"
+
+
+def _integer(field: str, value: float, low: int, high: int) -> int:
+    """`value` rounded to nearest and held within [low, high]. CodecError if it is not finite."""
+    if value - value != 0.0:
+        raise CodecError(f"{field} = {value!r}: not a finite number, so not sent")
+    return low if value < low else high if value > high else round(value)
+
+
+def _i32(field: str, value: float) -> int:
+    return _integer(field, value, -(2**31), 2**31 - 1)
+
+
+def _i16(field: str, value: float) -> int:
+    return _integer(field, value, -(2**15), 2**15 - 1)
+
+
+def _u16_known(field: str, value: float) -> int:
+    """Unsigned 16-bit value below the one that means "not known"."""
+    return _integer(field, value, 0, UNKNOWN_U16 - 1)
+
+
+def _accuracy_cm(accuracy_m: float) -> int:
+    """1-sigma accuracy [m] in cm; one that is not finite or not positive is not known."""
+    if not (accuracy_m > 0.0 and accuracy_m - accuracy_m == 0.0):
+        return UNKNOWN_U16
+    return _u16_known("HIL_GPS accuracy", accuracy_m * _CM)
+
+
+# Below this speed a receiver's course is noise, and real ones report it as not known.
+_COURSE_MIN_SPEED_MPS = 0.1
+
+
+def _course_deg(north: float, east: float) -> float:
+    """atan2(east, north) in degrees, 0 <= course < 360, to about 1e-9 degrees, from + - * / only.
+
+    With t = min/max <= 1: atan t = 2 atan(t / (1 + sqrt(1 + t t))), twice over, leaves |u| <= tan(pi/16),
+    where the arctangent's series to u^15 is good to 3e-13.
+    """
+    x, y = abs(north), abs(east)
+    big, small = (x, y) if x >= y else (y, x)
+    u = small / big
+    for _ in range(2):
+        u = u / (1.0 + sqrt(1.0 + u * u))
+    z = u * u
+    series = 1.0
+    power = 1.0
+    for k in range(1, 8):
+        power = power * -z
+        series = series + power / (2 * k + 1)
+    angle = 4.0 * u * series * 57.29577951308232
+    if y > x:
+        angle = 90.0 - angle
+    if north < 0.0:
+        angle = 180.0 - angle
+    if east < 0.0:
+        angle = 360.0 - angle
+    return angle - 360.0 if angle >= 360.0 else angle
+
+
+def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
+    """Payload of HIL_GPS, id 0. Position deg -> degE7, altitude and velocity m -> mm, cm/s, ENU -> NED.
+
+    `eph` and `epv` carry the accuracy in cm, 65535 where it is not known; `vel` is the horizontal speed.
+    """
+    v_E, v_N, v_U = gps.v_W
+    speed = sqrt(v_N * v_N + v_E * v_E)
+    if speed - speed == 0.0 and speed >= _COURSE_MIN_SPEED_MPS:
+        course = round(_course_deg(v_N, v_E) * _CDEG) % 36000
+    else:
+        course = UNKNOWN_U16
+    return _pack_gps(
+        t_ns // 1000,
+        _i32("HIL_GPS.lat", gps.latitude_deg * _DEGE7),
+        _i32("HIL_GPS.lon", gps.longitude_deg * _DEGE7),
+        _i32("HIL_GPS.alt", gps.altitude_m * _MM),
+        _accuracy_cm(gps.horizontal_accuracy_m),
+        _accuracy_cm(gps.vertical_accuracy_m),
+        _u16_known("HIL_GPS.vel", speed * _CMPS),
+        _i16("HIL_GPS.vn", v_N * _CMPS),
+        _i16("HIL_GPS.ve", v_E * _CMPS),
+        _i16("HIL_GPS.vd", -v_U * _CMPS),
+        course,
+        gps.fix_type,
+        min(gps.satellites, 254),
+        0,
+        0,
+    )
+
+
+def _rotate_inverse(q: Quat, v: Vec3) -> Vec3:
+    """R(q)^T v for unit q = (w, x, y, z): v' = v + 2w (u x v)' + 2 u x (u x v) with u = -(x, y, z)."""
+    w, x, y, z = q[0], -q[1], -q[2], -q[3]
+    tx = 2.0 * (y * v[2] - z * v[1])
+    ty = 2.0 * (z * v[0] - x * v[2])
+    tz = 2.0 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * tx + (y * tz - z * ty),
+        v[1] + w * ty + (z * tx - x * tz),
+        v[2] + w * tz + (x * ty - y * tx),
+    )
+
+
+def hil_state_quaternion_payload(
+    truth: TruthState, *, latitude_deg: float, longitude_deg: float, altitude_m: float
+) -> bytes:
+    """Payload of HIL_STATE_QUATERNION: the truth, for the autopilot's log only.
+
+    Never to be sent to PX4 on hardware (HITL): there it overwrites the estimator's inputs. The geodetic
+    position is the caller's, who knows the scene's origin. Acceleration is that of the body origin (no
+    gravity in it), in F, in mG; airspeeds are the speed over ground, for want of wind.
+    """
+    name = "HIL_STATE_QUATERNION"
+    v_E, v_N, v_U = truth.v_WB_W
+    p, q, r = truth.w_WB_B
+    a = _rotate_inverse(truth.q_WB, truth.a_WB_W)
+    airspeed_mps = sqrt(v_E * v_E + v_N * v_N + v_U * v_U)
+    airspeed = _integer(f"{name}.true_airspeed", airspeed_mps * _CMPS, 0, UNKNOWN_U16)
+    attitude = q_NF_from_q_WB(truth.q_WB)
+    if not all(map(isfinite, (*attitude, p, q, r))):
+        raise CodecError(f"{name}: attitude {attitude} or rates {truth.w_WB_B} are not finite, so not sent")
+    return _pack_state(
+        truth.t_ns // 1000,
+        *attitude,
+        p,
+        -q,
+        -r,
+        _i32(f"{name}.lat", latitude_deg * _DEGE7),
+        _i32(f"{name}.lon", longitude_deg * _DEGE7),
+        _i32(f"{name}.alt", altitude_m * _MM),
+        _i16(f"{name}.vx", v_N * _CMPS),
+        _i16(f"{name}.vy", v_E * _CMPS),
+        _i16(f"{name}.vz", -v_U * _CMPS),
+        airspeed,
+        airspeed,
+        _i16(f"{name}.xacc", a[0] * _MG),
+        _i16(f"{name}.yacc", -a[1] * _MG),
+        _i16(f"{name}.zacc", -a[2] * _MG),
+    )
+
+
+def actuator_time_us(frame: Frame) -> int:
+    """`time_usec` of a HIL_ACTUATOR_CONTROLS frame."""
+    return int.from_bytes(frame[4][:8], "little")
+
+
+def actuator_frame(tick: int, frame: Frame) -> ActuatorFrame:
+    """The commands in a HIL_ACTUATOR_CONTROLS frame, latched for `tick`. `t_ns` is the message's own time.
+
+    CodecError if a control is not finite or outside -1..1 (0..1 for motors; servos may be negative).
+    """
+    values = _unpack_actuators(frame[4][:81])
+    controls = values[2:18]
+    # NaN fails both comparisons only if every element is compared in this direction.
+    for control in controls:
+        if not -1.0 <= control <= 1.0:
+            bad = {i: c for i, c in enumerate(controls) if not -1.0 <= c <= 1.0}
+            raise CodecError(f"HIL_ACTUATOR_CONTROLS at {values[0]} us: controls out of -1..1: {bad}")
+    mode = values[18]
+    return ActuatorFrame(tick, values[0] * 1000, controls, mode & _MODE_ARMED != 0, mode)

@@ -1,0 +1,117 @@
+"""The mission protocol's upload (https://mavlink.io/en/services/mission.html): the vehicle pulls item by
+item.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from firmware_bridge.codecs.messages import message_class
+from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from hil.signals.mission import MissionItem
+
+_MissionCount = message_class("MISSION_COUNT")
+_MissionItemInt = message_class("MISSION_ITEM_INT")
+
+MAX_COUNT = 65535  # MISSION_COUNT.count is 16 bits wide
+_ACCEPTED = 0
+_MISSION_TYPE_MISSION = 0
+_ANSWER_LIMIT_NS = NS_PER_S
+_TRIES = 5
+
+# What a person can do about the refusals that happen.
+_HINTS = {
+    "MAV_MISSION_NO_SPACE": "the autopilot has no room for that many items: shorten the mission",
+    "MAV_MISSION_UNSUPPORTED": "it does not know one of the commands",
+    "MAV_MISSION_UNSUPPORTED_FRAME": "it does not know the coordinate frame of an item",
+    "MAV_MISSION_INVALID_PARAM7": "an altitude is out of range",
+}
+
+
+class MissionUpload:
+    """Uploads `items`; `done` once the vehicle has acknowledged them all."""
+
+    def __init__(self, wire: Wire, items: Sequence[MissionItem]) -> None:
+        self._wire = wire
+        self._items = items
+        self._tries = 0
+        self._asked = 0  # how many items the vehicle has pulled
+        self.due_ns: int | None = None
+        self.done = False
+
+    def start(self, t_ns: int) -> None:
+        """Offer the mission. HandshakeError if it is too long for the protocol."""
+        if len(self._items) > MAX_COUNT:
+            raise refused(f"a mission of {len(self._items)} items: MAVLink can carry {MAX_COUNT}; shorten it")
+        self._offer(t_ns)
+
+    def _offer(self, t_ns: int) -> None:
+        wire = self._wire
+        wire.say(_MissionCount(wire.target_sysid, wire.target_compid, len(self._items), _MISSION_TYPE_MISSION))
+        self._tries += 1
+        self.due_ns = t_ns + _ANSWER_LIMIT_NS
+
+    def on_request(self, t_ns: int, message: Any) -> None:
+        """MISSION_REQUEST_INT or MISSION_REQUEST: give that item, as often as it is asked for."""
+        if self.due_ns is None or message.mission_type != _MISSION_TYPE_MISSION or not self._wire.for_us(message):
+            return
+        if message.seq >= len(self._items):
+            raise refused(f"mission upload: item {message.seq} was asked for, but there are {len(self._items)}")
+        item = self._items[message.seq]
+        wire = self._wire
+        wire.say(
+            _MissionItemInt(
+                wire.target_sysid,
+                wire.target_compid,
+                message.seq,
+                item.frame,
+                item.command,
+                item.current,
+                item.autocontinue,
+                item.param1,
+                item.param2,
+                item.param3,
+                item.param4,
+                item.lat_degE7,
+                item.lon_degE7,
+                item.alt_m,
+                _MISSION_TYPE_MISSION,
+            )
+        )
+        self._asked = max(self._asked, message.seq + 1)
+        self._tries = 1
+        self.due_ns = t_ns + _ANSWER_LIMIT_NS
+
+    def on_ack(self, message: Any) -> None:
+        if self.due_ns is None or message.mission_type != _MISSION_TYPE_MISSION or not self._wire.for_us(message):
+            return
+        if message.type != _ACCEPTED:
+            result = enum_name("MAV_MISSION_RESULT", message.type)
+            hint = _HINTS.get(result, "see the autopilot's messages")
+            raise refused(
+                f"the mission of {len(self._items)} items was refused after {self._asked} of them: {result}; {hint}"
+            )
+        if self._asked < len(self._items):
+            raise refused(f"the mission was accepted after {self._asked} of {len(self._items)} items")
+        self.done = True
+        self.due_ns = None
+
+    def step(self, t_ns: int) -> None:
+        """Offer the mission again if the vehicle has stopped pulling.
+
+        HandshakeError when that has not helped.
+        """
+        if self.due_ns is None or t_ns < self.due_ns:
+            return
+        if self._tries >= _TRIES:
+            raise refused(
+                f"mission upload: {self._asked} of {len(self._items)} items were asked for, then nothing for "
+                f"{_TRIES} s of simulated time; is the autopilot's mission service running?"
+            )
+        if self._asked:
+            # The vehicle asks again for a lost item by itself; offering anew would start over.
+            self._tries += 1
+            self.due_ns = t_ns + _ANSWER_LIMIT_NS
+        else:
+            self._offer(t_ns)

@@ -1,0 +1,293 @@
+"""The bench's ground station: connects, uploads the mission, starts it, watches it, sees it landed.
+
+A pure function of (simulated time, frames received): no I/O and no clock of its own, so that a run with it
+is as repeatable as one without. `step` is called once per tick with everything received during the last one
+and returns the bytes to send in this one; it costs about a microsecond when there is nothing to do.
+
+    CONNECTING  until the vehicle's first heartbeat; then asks for the telemetry needed here
+    UPLOADING   the mission protocol
+    PREFLIGHT   until the vehicle's pre-arm check passes
+    ARMING      mode AUTO.MISSION, then arm; asked again while the vehicle declines for now
+    FLYING      until it has flown, is on the ground and has disarmed
+    LANDED      one more second, for what the vehicle still has to say
+    DONE        only heartbeats
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from enum import Enum
+from typing import Any
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
+from firmware_bridge.ground_station.health import Health
+from firmware_bridge.ground_station.heartbeat import Heartbeats
+from firmware_bridge.ground_station.mission_upload import MissionUpload
+from firmware_bridge.ground_station.progress import Progress
+from firmware_bridge.ground_station.status_texts import StatusTexts
+from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from hil.signals.mission import MissionItem
+
+_SET_MESSAGE_INTERVAL = 511
+_DO_SET_MODE = 176
+_COMPONENT_ARM_DISARM = 400
+
+# PX4's custom modes: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main mode AUTO, sub mode.
+_AUTO_MISSION = (1.0, 4.0, 4.0)
+_AUTO_LAND = (1.0, 4.0, 6.0)
+_ARM = (1.0,)
+
+# (message, interval [us]): what the phases wait for, often enough that they never wait long.
+_STREAMS = (
+    (MSGID["SYS_STATUS"], 500_000.0),
+    (MSGID["EXTENDED_SYS_STATE"], 200_000.0),
+    (MSGID["MISSION_CURRENT"], 500_000.0),
+)
+
+_RETRY_NS = NS_PER_S
+_SETTLE_NS = NS_PER_S
+_ARMINGS_LIMIT = 5
+
+
+class Phase(Enum):
+    """Where the ground station stands. The order is that of a flight."""
+
+    CONNECTING = "connecting"
+    UPLOADING = "uploading"
+    PREFLIGHT = "preflight"
+    ARMING = "arming"
+    FLYING = "flying"
+    LANDED = "landed"
+    DONE = "done"
+
+
+class GroundStation:
+    """Flies `mission` on vehicle `target_sysid`. All limits are simulated time.
+
+    HandshakeError says what was asked, what was answered, and what to do. A mission whose last item is
+    neither a landing nor a return is landed where it ends, by mode AUTO.LAND, unless `land_at_end` is
+    False.
+    """
+
+    def __init__(
+        self,
+        mission: Sequence[MissionItem],
+        *,
+        target_sysid: int = 1,
+        target_compid: int = 1,
+        heartbeat_limit_s: float = 30.0,
+        preflight_limit_s: float = 60.0,
+        takeoff_limit_s: float = 60.0,
+        land_at_end: bool = True,
+        fly: bool = True,
+    ) -> None:
+        if fly and not mission:
+            raise refused("the mission has no items; there is nothing to fly")
+        self._wire = Wire(target_sysid=target_sysid, target_compid=target_compid)
+        self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
+        self._preflight_limit_ns = round(preflight_limit_s * NS_PER_S)
+        self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
+        self._heartbeats = Heartbeats(self._wire)
+        self._commands = Commands(self._wire)
+        self._upload = MissionUpload(self._wire, mission)
+        self._health = Health()
+        self._progress = Progress(mission)
+        self._texts = StatusTexts()
+        self._fly = fly
+        self._must_land = fly and land_at_end and not self._progress.lands_by_itself
+        self.phase = Phase.CONNECTING
+        self._phase_since_ns = 0
+        self._preflight_since_ns = 0
+        self._streams_asked = 0
+        self._mode_set = False
+        self._armings = 0
+        self._retry_ns = 0
+        self._t_ns = 0
+        self._started = False
+        self._due_ns = 0
+        self._handlers: dict[int, Callable[[Any], None]] = {
+            MSGID["HEARTBEAT"]: self._heartbeats.on_heartbeat,
+            MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
+            MSGID["MISSION_REQUEST_INT"]: lambda m: self._upload.on_request(self._t_ns, m),
+            MSGID["MISSION_REQUEST"]: lambda m: self._upload.on_request(self._t_ns, m),
+            MSGID["MISSION_ACK"]: self._upload.on_ack,
+            MSGID["MISSION_CURRENT"]: self._progress.on_mission_current,
+            MSGID["MISSION_ITEM_REACHED"]: self._progress.on_item_reached,
+            MSGID["SYS_STATUS"]: self._health.on_sys_status,
+            MSGID["EXTENDED_SYS_STATE"]: self._progress.on_extended_sys_state,
+            MSGID["STATUSTEXT"]: lambda m: self._texts.on_statustext(self._t_ns, m),
+        }
+
+    @property
+    def waypoints(self) -> int:
+        """Navigation items of the mission that have a place."""
+        return self._progress.waypoints
+
+    @property
+    def reached(self) -> int:
+        """Those of them that the vehicle has reported as reached."""
+        return self._progress.reached
+
+    @property
+    def mission_completed(self) -> bool:
+        """Every waypoint reached, or the vehicle has said that the mission is complete."""
+        return self._progress.completed
+
+    @property
+    def statustexts(self) -> list[tuple[int, int, str]]:
+        """(t_ns, MAV_SEVERITY, text) of everything the vehicle has said in words."""
+        return self._texts.texts
+
+    @property
+    def armed(self) -> bool:
+        return self._heartbeats.armed
+
+    def step(self, t_ns: int, frames: Iterable[Frame]) -> bytes:
+        """Take last tick's `frames`; return the bytes to send at `t_ns`."""
+        handlers = self._handlers
+        sysid, compid = self._wire.target_sysid, self._wire.target_compid
+        heard = False
+        for frame in frames:
+            handler = handlers.get(frame[0])
+            if handler is not None and frame[1] == sysid and frame[2] == compid:
+                self._t_ns = t_ns
+                handler(unpack(frame))
+                heard = True
+        if not heard and t_ns < self._due_ns:
+            return b""
+        self._t_ns = t_ns
+        if not self._started:
+            self._started = True
+            self._heartbeats.due_ns = self._phase_since_ns = t_ns
+        self._heartbeats.step(t_ns)
+        before = None
+        while before is not self.phase:
+            before = self.phase
+            _PHASES[before](self, t_ns)
+        self._commands.step(t_ns)
+        self._upload.step(t_ns)
+        dues = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns, self._retry_ns or None)
+        self._due_ns = min(due for due in dues if due is not None)
+        return self._wire.take()
+
+    def _enter(self, phase: Phase, t_ns: int) -> None:
+        self.phase = phase
+        self._phase_since_ns = t_ns
+        self._retry_ns = 0
+        self._commands.result = None  # an answer to the last phase's question answers none of this one's
+
+    def _connecting(self, t_ns: int) -> None:
+        if not self._heartbeats.connected:
+            if t_ns - self._phase_since_ns >= self._heartbeat_limit_ns:
+                raise refused(
+                    f"no heartbeat of vehicle {self._wire.target_sysid} within "
+                    f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; has it another system id?"
+                )
+            return
+        if self._commands.busy:
+            return
+        # Whether a stream was granted does not matter here: the phases that need it say so if it never comes.
+        if self._streams_asked < len(_STREAMS):
+            msgid, interval_us = _STREAMS[self._streams_asked]
+            self._streams_asked += 1
+            self._commands.ask(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
+            return
+        if self._fly:
+            self._upload.start(t_ns)
+            self._enter(Phase.UPLOADING, t_ns)
+        else:
+            self._enter(Phase.ARMING, t_ns)
+
+    def _uploading(self, t_ns: int) -> None:
+        if self._upload.done:
+            self._preflight_since_ns = t_ns
+            self._enter(Phase.PREFLIGHT, t_ns)
+
+    def _preflight(self, t_ns: int) -> None:
+        if self._health.ready(t_ns):
+            self._enter(Phase.ARMING, t_ns)
+        elif t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
+            raise refused(
+                f"the vehicle is not ready to arm after {self._preflight_limit_ns / NS_PER_S:g} s of simulated time: "
+                f"{self._health.complaint()}{self._texts.last()}"
+            )
+
+    def _arming(self, t_ns: int) -> None:
+        if self._heartbeats.armed and (self._mode_set or not self._fly):
+            self._enter(Phase.FLYING, t_ns)
+            return
+        if not self._fly:
+            return
+        commands = self._commands
+        if commands.busy or t_ns < self._retry_ns:
+            return
+        asked = "arm" if self._mode_set else "enter mode AUTO.MISSION"
+        result, commands.result = commands.result, None
+        if result == ACCEPTED:
+            if self._mode_set:
+                self._armings += 1
+                if self._armings > _ARMINGS_LIMIT:
+                    raise refused(
+                        f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
+                        f"it is armed{self._texts.last()}"
+                    )
+                self._retry_ns = t_ns + _RETRY_NS  # the heartbeat will say so
+                return
+            self._mode_set = True
+        elif result is not None:
+            waited_ns = t_ns - self._preflight_since_ns
+            if result != TEMPORARILY_REJECTED or waited_ns >= self._preflight_limit_ns:
+                raise refused(
+                    f"the vehicle was asked to {asked} and answered {enum_name('MAV_RESULT', result)} "
+                    f"{waited_ns / NS_PER_S:.1f} s after the upload{self._texts.last()}"
+                )
+            self._retry_ns = t_ns + _RETRY_NS
+            return
+        self._retry_ns = 0
+        if self._mode_set:
+            commands.ask(t_ns, _COMPONENT_ARM_DISARM, _ARM)
+        else:
+            commands.ask(t_ns, _DO_SET_MODE, _AUTO_MISSION)
+
+    def _flying(self, t_ns: int) -> None:
+        progress = self._progress
+        if not progress.flown:
+            if not self._fly:
+                if not self._heartbeats.armed:
+                    self._enter(Phase.ARMING, t_ns)
+                return
+            if t_ns - self._phase_since_ns >= self._takeoff_limit_ns:
+                raise refused(
+                    f"armed, but not in the air after {self._takeoff_limit_ns / NS_PER_S:g} s of simulated time"
+                    f"{self._texts.last()}"
+                )
+            if not self._heartbeats.armed:
+                raise refused(f"the vehicle disarmed before it took off{self._texts.last()}")
+            return
+        if progress.on_ground and not self._heartbeats.armed:
+            progress.on_landed()
+            self._enter(Phase.LANDED, t_ns)
+            self._retry_ns = t_ns + _SETTLE_NS
+        elif self._must_land and progress.completed and not self._commands.busy:
+            self._must_land = False
+            self._commands.ask(t_ns, _DO_SET_MODE, _AUTO_LAND)
+
+    def _landed(self, t_ns: int) -> None:
+        if t_ns >= self._retry_ns:
+            self._enter(Phase.DONE, t_ns)
+
+    def _done(self, t_ns: int) -> None:
+        pass
+
+
+_PHASES: dict[Phase, Callable[[GroundStation, int], None]] = {
+    Phase.CONNECTING: GroundStation._connecting,
+    Phase.UPLOADING: GroundStation._uploading,
+    Phase.PREFLIGHT: GroundStation._preflight,
+    Phase.ARMING: GroundStation._arming,
+    Phase.FLYING: GroundStation._flying,
+    Phase.LANDED: GroundStation._landed,
+    Phase.DONE: GroundStation._done,
+}

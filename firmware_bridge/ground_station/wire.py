@@ -1,0 +1,51 @@
+"""What every service of the ground station needs: whom it talks to, and how to say something."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.messages import pack
+from hil.signals.errors import HandshakeError
+
+GCS_SYSID = 255
+GCS_COMPID = 190  # MAV_COMP_ID_MISSIONPLANNER: what ground stations use
+NS_PER_S = 1_000_000_000
+
+
+class Wire:
+    """The ground station's outgoing half: addresses, sequence numbers, and the bytes of this tick."""
+
+    def __init__(self, *, target_sysid: int, target_compid: int) -> None:
+        self.target_sysid = target_sysid
+        self.target_compid = target_compid
+        self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
+        self._out: list[bytes] = []
+
+    def say(self, message: Any) -> None:
+        """Send `message` with this tick's bytes."""
+        self._out.append(self._encoder.frame(message.MSGID, pack(message)))
+
+    def for_us(self, message: Any) -> bool:
+        """Is an answer meant for this ground station? SDKs on the same vehicle get answers of their own; a zero is
+        an autopilot that does not say whom it answers."""
+        return message.target_system in (0, GCS_SYSID) and message.target_component in (0, GCS_COMPID)
+
+    def take(self) -> bytes:
+        """Bytes of this tick, and forget them."""
+        data = b"".join(self._out)
+        self._out.clear()
+        return data
+
+
+def refused(message: str) -> HandshakeError:
+    """The one error of the ground station, named after it."""
+    return HandshakeError("ground station", message)
+
+
+def enum_name(enum: str, value: int) -> str:
+    """Name of an enum's value in the dialect, such as MAV_MISSION_NO_SPACE; the number if it has none."""
+    from pymavlink.dialects.v20 import common
+
+    entry = common.enums[enum].get(value)
+    return f"{enum} {value}" if entry is None else entry.name

@@ -1,0 +1,116 @@
+"""A program on the far side of a link that the bench starts, watches and ends."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+
+import firmware_bridge
+from hil.signals.errors import PortNotFound
+
+_PR_SET_PDEATHSIG = 1
+# Looked up before any fork: between fork and exec nothing may be loaded.
+_prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else None
+
+_TERMINATE_S = 2.0
+_EXIT_S = 1.0
+_STDERR_TAIL_BYTES = 8192
+
+
+def _die_with_parent() -> None:
+    """Runs in the child: the kernel kills it when the thread that started it ends, however that happens."""
+    if _prctl is not None:
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+class ChildProcess:
+    """`argv`, run with its standard error in a file (`stderr_path`, or a temporary one) and no standard
+    input.
+
+    Its working directory is the bench's; the bench's own packages are importable in it.
+    """
+
+    def __init__(self, argv: Sequence[str], *, stderr_path: Path | None = None) -> None:
+        self.argv = list(argv)
+        self._stderr_path = stderr_path
+        self._stderr: IO[bytes] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        return None if self._process is None else self._process.pid
+
+    def start(self) -> None:
+        """PortNotFound if there is no such program."""
+        if self._stderr_path is None:
+            self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 (closed in close)
+        else:
+            self._stderr_path.parent.mkdir(parents=True, exist_ok=True)
+            self._stderr = self._stderr_path.open("w+b")
+        package_root = str(Path(firmware_bridge.__file__).resolve().parents[1])
+        path = os.pathsep.join(p for p in (package_root, os.environ.get("PYTHONPATH")) if p)
+        try:
+            self._process = subprocess.Popen(
+                self.argv,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._stderr,
+                env=os.environ | {"PYTHONPATH": path},
+                preexec_fn=_die_with_parent,
+            )
+        except OSError as error:
+            self._stderr.close()
+            raise PortNotFound(self.argv[0], f"cannot be started ({error.strerror}); is the path right?") from error
+
+    def running(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def stderr_tail(self, lines: int = 5) -> str:
+        """The last lines the program wrote to standard error, "" if none."""
+        if self._stderr is None or self._stderr.closed:
+            return ""
+        fd = self._stderr.fileno()
+        size = os.fstat(fd).st_size
+        # pread: the child writes through the same file description, whose position must not be moved.
+        text = os.pread(fd, _STDERR_TAIL_BYTES, max(0, size - _STDERR_TAIL_BYTES)).decode(errors="replace")
+        return "\n".join(text.rstrip().splitlines()[-lines:])
+
+    def describe_end(self) -> str:
+        """How the program ended and its last words, for an error message.
+
+        Waits a moment for one that is ending.
+        """
+        if self._process is None:
+            return "its process was never started"
+        try:
+            code = self._process.wait(_EXIT_S)
+        except subprocess.TimeoutExpired:
+            how = f"its process (pid {self._process.pid}) still runs but has let go of the link"
+        else:
+            how = (
+                f"its process was ended by signal {signal.Signals(-code).name}"
+                if code < 0
+                else f"its process ended with exit status {code}"
+            )
+        tail = self.stderr_tail()
+        return how + (f"; it last said:\n{tail}" if tail else "; it said nothing")
+
+    def close(self) -> None:
+        """End and reap the program: asked first, killed if it does not go within two seconds."""
+        process, self._process = self._process, None
+        if process is not None and process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(_TERMINATE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        if self._stderr is not None:
+            self._stderr.close()

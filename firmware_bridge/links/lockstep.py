@@ -1,0 +1,333 @@
+"""MAVLink lockstep: one HIL_SENSOR out, one HIL_ACTUATOR_CONTROLS of the same time back. The mock and PX4
+SITL.
+
+Order of a tick, which is what makes runs repeatable:
+
+    send   one write: [extra][HIL_GPS if due][HIL_SENSOR id 0]
+    wait   read until the answer with the same time_usec. All that the autopilot said before it belongs to
+    this tick;
+           what comes behind it in the same read belongs to the next one. How the bytes were cut into reads,
+           and when, makes no difference.
+
+While the autopilot boots it answers nothing. If the number of those first HIL_SENSORs is known
+(`boot_sensors`), nothing is read during them, so that nothing depends on when bytes arrive. If it is not
+(PX4 SITL), they are sent at wall-clock pace until the first answer; a run then depends on the firmware's
+boot and is not deterministic.
+
+Never does the link invent a command: a late, wrong or missing answer ends the run with a named error. Bytes
+that are no frame are counted and otherwise ignored.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.hil import (
+    HIL_ACTUATOR_CONTROLS,
+    HIL_GPS,
+    HIL_SENSOR,
+    actuator_frame,
+    hil_gps_payload,
+    hil_sensor_payload,
+)
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkStats
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.transports.transport import Transport
+from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample
+
+_HEARTBEAT = MSGID["HEARTBEAT"]
+
+# The simulator's own address on the wire. Not the ground station's 255, nor any vehicle's.
+SIMULATOR_SYSID = 254
+SIMULATOR_COMPID = 200
+
+# A quiet line for this long makes the parser look again at what it holds back, and the process be checked.
+_SLICE_S = 0.05
+# PX4's first answer came after 12 to 36 HIL_SENSORs; this many without one means that none will come.
+_BOOT_SENSORS_LIMIT = 2500
+
+
+class LockstepLink:
+    """Lockstep over `transport`. If `start_process` is given, `open` calls it once the transport is open
+    and starts the process it returns; `close` ends that process.
+
+    `reply_limit_s` and `heartbeat_limit_s` are wall-clock limits.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        caps: LinkCaps,
+        *,
+        start_process: Callable[[], ChildProcess] | None = None,
+        reply_limit_s: float = 10.0,
+        heartbeat_limit_s: float = 20.0,
+    ) -> None:
+        self._transport = transport
+        self._caps = caps
+        self._start_process = start_process
+        self._process: ChildProcess | None = None
+        self._reply_limit_s = reply_limit_s
+        self._heartbeat_limit_s = heartbeat_limit_s
+        self._reset()
+
+    def _reset(self) -> None:
+        self._stats = LinkStats()
+        self._parser = FrameParser()
+        self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
+        self._frames: list[Frame] = []  # for take_frames
+        self._held: list[Frame] = []  # came behind the last answer: they belong to the next tick
+        self._booting = self._caps.boot_sensors != 0
+        self._last_t_ns: int | None = None
+        self._sent_at_ns = 0
+        self._heard_before = (0, 0)  # frames and bytes when the wait began, for the error message
+        self._boot_due_ns = 0
+
+    @property
+    def caps(self) -> LinkCaps:
+        return self._caps
+
+    @property
+    def stats(self) -> LinkStats:
+        """Counters; brought up to date by reading this property."""
+        stats, parser = self._stats, self._parser
+        stats.rx_frames = parser.frames
+        stats.bad_crc = parser.bad_crc
+        stats.garbage_bytes = parser.garbage_bytes
+        stats.lost_frames = parser.lost
+        return stats
+
+    @property
+    def name(self) -> str:
+        return f"autopilot ({self._caps.kind}, {self._transport.name})"
+
+    def open(self) -> None:
+        """Open the transport, start the process if there is one to start, wait for the first heartbeat."""
+        self._reset()
+        try:
+            self._transport.open()
+            if self._start_process is not None:
+                self._process = self._start_process()
+                self._process.start()
+            self._await_heartbeat()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        # The wire first: a well-behaved far side sees the hang-up and leaves by itself.
+        self._transport.close()
+        process, self._process = self._process, None
+        if process is not None:
+            process.close()
+
+    def _await_heartbeat(self) -> None:
+        deadline = time.monotonic() + self._heartbeat_limit_s
+        while True:
+            left_s = deadline - time.monotonic()
+            frames = self._parser.feed(self._read(min(max(left_s, 0.0), _SLICE_S)))
+            for i, frame in enumerate(frames):
+                if frame.msgid == _HEARTBEAT:
+                    self._frames += frames[: i + 1]
+                    self._held = frames[i + 1 :]
+                    return
+            self._frames += frames
+            if self._process is not None and not self._process.running():
+                raise LinkClosed(self.name, f"ended before its first heartbeat: {self._process.describe_end()}")
+            if left_s <= 0.0 or (not frames and self._transport.fileno() is None):
+                raise HandshakeError(self.name, self._no_heartbeat())
+
+    def _no_heartbeat(self) -> str:
+        parser = self._parser
+        heard = (
+            f"{parser.frames} other messages came"
+            if parser.frames
+            else f"{self._stats.rx_bytes} bytes came, none of them a MAVLink message (wrong baud rate, wrong device?)"
+            if self._stats.rx_bytes
+            else "nothing came at all (not powered, not started, wrong port?)"
+        )
+        return f"no heartbeat within {self._heartbeat_limit_s:g} s of wall clock; {heard}"
+
+    def send(
+        self,
+        tick: int,  # noqa: ARG002 (the wire knows time only)
+        t_ns: int,
+        imu: ImuSample | None,
+        mag: MagSample | None,
+        baro: BaroSample | None,
+        gps: GpsSample | None,
+        extra: bytes,
+    ) -> bytes:
+        """Write [extra][HIL_GPS][HIL_SENSOR]; these bytes. CodecError if a sample is not a number."""
+        encoder, stats = self._encoder, self._stats
+        data = extra
+        if gps is not None:
+            data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
+            stats.tx_frames += 1
+        data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
+        try:
+            self._transport.write(data)
+        except LinkClosed as error:
+            raise self._gone(error) from error
+        self._sent_at_ns = time.perf_counter_ns()
+        stats.tx_frames += 1
+        stats.steps += 1
+        stats.tx_bytes += len(data)
+        return data
+
+    def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
+        """The answer to `t_ns`, or None while the autopilot boots.
+
+        See the module's header for what ends the run.
+        """
+        if self._booting:
+            boot_sensors = self._caps.boot_sensors
+            if boot_sensors is None:
+                return self._wait_while_booting(tick, t_ns)
+            if self._stats.steps <= boot_sensors:
+                return None
+            self._booting = False
+        want_us = t_ns // 1000
+        self._heard_before = (len(self._frames), self._stats.rx_bytes)
+        frames = self._held
+        if frames:
+            self._held = []
+        else:
+            frames = self._feed(_SLICE_S)
+        deadline_ns = 0
+        while True:
+            answer = self._find_answer(frames, want_us)
+            if answer is not None:
+                self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
+                return self._decode(tick, answer)
+            if not deadline_ns:
+                deadline_ns = self._sent_at_ns + int(self._reply_limit_s * 1e9)
+            left_s = (deadline_ns - time.perf_counter_ns()) * 1e-9
+            if left_s <= 0.0:
+                raise LockstepLost(self.name, self._silence(want_us))
+            frames = self._feed(min(left_s, _SLICE_S))
+            if not frames:
+                frames = self._quiet(want_us)
+
+    def _feed(self, timeout_s: float) -> list[Frame]:
+        """Frames completed by one read."""
+        return self._parser.feed(self._read(timeout_s))
+
+    def _read(self, timeout_s: float) -> bytes:
+        try:
+            data = self._transport.read(timeout_s)
+        except LinkClosed as error:
+            raise self._gone(error) from error
+        self._stats.rx_bytes += len(data)
+        return data
+
+    def _find_answer(self, frames: list[Frame], want_us: int) -> Frame | None:
+        """The answer to `want_us` in `frames`, which are put in the tick's list, or behind it."""
+        for i, frame in enumerate(frames):
+            if frame[0] == HIL_ACTUATOR_CONTROLS:
+                got_us = int.from_bytes(frame[4][:8], "little")
+                if got_us != want_us:
+                    self._frames += frames
+                    raise LockstepLost(self.name, self._wrong_time(got_us, want_us))
+                if i + 1 == len(frames):
+                    self._frames += frames
+                else:
+                    self._frames += frames[: i + 1]
+                    self._held = frames[i + 1 :]
+                return frame
+        self._frames += frames
+        return None
+
+    def _decode(self, tick: int, answer: Frame) -> ActuatorFrame:
+        try:
+            return actuator_frame(tick, answer)
+        except CodecError as error:
+            raise InvalidControls(self.name, f"tick {tick}: {error}") from error
+
+    def _wait_while_booting(self, tick: int, t_ns: int) -> ActuatorFrame | None:
+        """Boot of unknown length: give the autopilot until the wall clock has caught up with `t_ns`."""
+        want_us = t_ns // 1000
+        now_ns = time.perf_counter_ns()
+        if self._last_t_ns is None:
+            self._boot_due_ns = now_ns
+        else:
+            self._boot_due_ns = max(self._boot_due_ns, now_ns) + t_ns - self._last_t_ns
+        self._last_t_ns = t_ns
+        while True:
+            left_s = (self._boot_due_ns - time.perf_counter_ns()) * 1e-9
+            frames, self._held = self._held + self._feed(max(left_s, 0.0)), []
+            for i, frame in enumerate(frames):
+                # Answers to earlier messages still count as booting: lockstep begins with one that is in
+                # time.
+                if frame[0] == HIL_ACTUATOR_CONTROLS and int.from_bytes(frame[4][:8], "little") == want_us:
+                    self._booting = False
+                    self._frames += frames[: i + 1]
+                    self._held = frames[i + 1 :]
+                    return self._decode(tick, frame)
+            self._frames += frames
+            if left_s <= 0.0:
+                break
+        if self._stats.steps >= _BOOT_SENSORS_LIMIT:
+            raise LockstepLost(self.name, self._silence(want_us))
+        return None
+
+    def _quiet(self, want_us: int) -> list[Frame]:
+        """A read found nothing: look again at what is held back, and whether the far side still lives."""
+        frames = self._parser.rescan()
+        if frames:
+            return frames
+        if self._process is not None and not self._process.running():
+            raise LinkClosed(self.name, f"gone while {want_us} us was to be answered: {self._process.describe_end()}")
+        if self._transport.fileno() is None:
+            # In memory, all that can come has come.
+            raise LockstepLost(self.name, self._silence(want_us))
+        return []
+
+    def _gone(self, error: LinkClosed) -> LinkClosed:
+        """The transport's complaint, with how the process ended if there is one."""
+        if self._process is None:
+            return LinkClosed(self.name, str(error))
+        return LinkClosed(self.name, f"{error}; {self._process.describe_end()}")
+
+    def _wrong_time(self, got_us: int, want_us: int) -> str:
+        hint = ""
+        if not self._stats.rtt.count:
+            hint = (
+                f"; it is the first answer: does the autopilot leave {self._caps.boot_sensors} HIL_SENSORs unanswered "
+                "at boot, as the rig's `boot_sensors` says?"
+            )
+        elif got_us < want_us:
+            hint = "; it answers an earlier tick late, or twice"
+        return f"asked about time_usec {want_us}, it answered about {got_us}{hint}"
+
+    def _silence(self, want_us: int) -> str:
+        parser = self._parser
+        frames_before, bytes_before = self._heard_before
+        telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames[frames_before:])
+        what = f"no answer to time_usec {want_us} within {self._reply_limit_s:g} s of wall clock"
+        if telemetry:
+            said = f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
+        elif self._stats.rx_bytes > bytes_before:
+            said = (
+                f"what came was damaged ({parser.garbage_bytes + parser.pending} bytes that are no message, "
+                f"{parser.bad_crc} bad checksums so far)"
+            )
+        else:
+            said = "it said nothing"
+        if self._process is not None:
+            said += "; its process still runs"
+        if not self._stats.rtt.count and self._caps.boot_sensors is not None:
+            said += (
+                f"; does it leave more than {self._caps.boot_sensors} HIL_SENSORs unanswered at boot (`boot_sensors`)?"
+            )
+        return f"{what}: {said}"
+
+    def take_frames(self) -> list[Frame]:
+        """Every frame received since the last call, in order, the answers included."""
+        frames, self._frames = self._frames, []
+        return frames

@@ -1,0 +1,126 @@
+"""The kinds of autopilot link there are, by name. A rig names a kind; `make_link` gives the link.
+
+Each maker is a short function: transport + capabilities + what to start. A new link is a new function here.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.transports.loopback import LoopbackTransport, Peer
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
+from firmware_bridge.transports.tcp import TcpServer
+from hil.signals.errors import LinkError
+
+# Measured limits of one answer per message: PX4 falls behind from 400 Hz on; the mock has none of its own.
+_PX4_MAX_RATE_HZ = 333.0
+_MOCK_MAX_RATE_HZ = 1000.0
+MOCK_BOOT_SENSORS = 20
+PX4_SITL_PORT = 4560
+
+
+def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
+    """Command line of the mocked flight controller on serial port `port`."""
+    return [
+        sys.executable,
+        "-m",
+        "firmware_bridge.mock_pixhawk",
+        "--port",
+        port,
+        "--boot-sensors",
+        str(boot_sensors),
+        *arguments,
+    ]
+
+
+def mock_over_pty(
+    *,
+    boot_sensors: int = MOCK_BOOT_SENSORS,
+    arguments: Sequence[str] = (),
+    stderr_path: Path | None = None,
+    reply_limit_s: float = 10.0,
+    heartbeat_limit_s: float = 20.0,
+) -> AutopilotLink:
+    """The mock in its own process on a real serial device."""
+    transport = PtyTransport()
+
+    def start() -> ChildProcess:
+        argv = mock_command(transport.far_path, boot_sensors=boot_sensors, arguments=arguments)
+        return ChildProcess(argv, stderr_path=stderr_path)
+
+    return LockstepLink(
+        transport,
+        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
+        start_process=start,
+        reply_limit_s=reply_limit_s,
+        heartbeat_limit_s=heartbeat_limit_s,
+    )
+
+
+def mock_in_memory(
+    *, peer: Peer, boot_sensors: int = MOCK_BOOT_SENSORS, reply_limit_s: float = 10.0, heartbeat_limit_s: float = 20.0
+) -> AutopilotLink:
+    """The mock (`peer`) in this process: the same bytes without a kernel between."""
+    return LockstepLink(
+        LoopbackTransport(peer),
+        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
+        reply_limit_s=reply_limit_s,
+        heartbeat_limit_s=heartbeat_limit_s,
+    )
+
+
+def mock_over_serial(
+    *,
+    port: str,
+    baud: int = DEFAULT_BAUD,
+    boot_sensors: int = MOCK_BOOT_SENSORS,
+    reply_limit_s: float = 10.0,
+    heartbeat_limit_s: float = 20.0,
+) -> AutopilotLink:
+    """A mock, or another lockstep autopilot of known boot, that somebody else started on serial port
+    `port`.
+    """
+    return LockstepLink(
+        SerialTransport(port, baud=baud),
+        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
+        reply_limit_s=reply_limit_s,
+        heartbeat_limit_s=heartbeat_limit_s,
+    )
+
+
+def px4_sitl(
+    *, port: int = PX4_SITL_PORT, reply_limit_s: float = 10.0, heartbeat_limit_s: float = 60.0
+) -> AutopilotLink:
+    """PX4 SITL, which somebody starts and which connects to us.
+
+    Its boot time is unknown, so a run is not repeatable.
+    """
+    return LockstepLink(
+        TcpServer(port),
+        LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=_PX4_MAX_RATE_HZ, boot_sensors=None),
+        reply_limit_s=reply_limit_s,
+        heartbeat_limit_s=heartbeat_limit_s,
+    )
+
+
+LINKS: dict[str, Callable[..., AutopilotLink]] = {
+    "mock_pty": mock_over_pty,
+    "mock_memory": mock_in_memory,
+    "mock_serial": mock_over_serial,
+    "px4_sitl": px4_sitl,
+}
+
+
+def make_link(kind: str, **settings: Any) -> AutopilotLink:
+    """The link of that kind, not yet open. LinkError lists the kinds there are; settings as in the maker."""
+    maker = LINKS.get(kind)
+    if maker is None:
+        raise LinkError(kind, f"no such kind of autopilot link; there are {', '.join(sorted(LINKS))}")
+    return maker(**settings)

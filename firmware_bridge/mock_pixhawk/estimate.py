@@ -1,0 +1,113 @@
+"""The flight core's state vector, by name.
+
+`FlightCore.state` is a float64 view laid out by `STATE_FIELDS`. One copy into a list per guidance step or burst of
+telemetry is cheaper than reading the array element by element.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from firmware_bridge import _native
+from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+
+_F: dict[str, tuple[int, int]] = dict(_native.STATE_FIELDS)
+
+
+def _span(name: str) -> slice:
+    offset, size = _F[name]
+    return slice(offset, offset + size)
+
+
+_P, _V, _Q, _W, _EULER, _ORIGIN = (_span(name) for name in ("p_NF", "v_NF_N", "q_NF", "w_NF_F", "euler", "origin"))
+_STD_P, _RATIOS = _span("std_p"), _span("test_ratios")
+_ATTITUDE_OK, _POSITION_OK, _LANDED = _F["attitude_ok"][0], _F["position_ok"][0], _F["landed"][0]
+_QX, _QY = _F["q_NF"][0] + 1, _F["q_NF"][0] + 2
+_YAW = _F["euler"][0] + 2
+
+
+class Estimate:
+    """A copy of the estimator's state: NED/FRD, SI. Call `refresh` before reading."""
+
+    def __init__(self, core: Any, vehicle: Vehicle) -> None:
+        self._core = core
+        self._view = core.state
+        self._vehicle = vehicle
+        self._state: list[float] = self._view.tolist()
+        self._copied_at_us = -1
+
+    def refresh(self, now_us: int) -> None:
+        """Copy the state, once per `now_us`."""
+        if self._copied_at_us != now_us:
+            self._copied_at_us = now_us
+            self._state = self._view.tolist()
+
+    def publish(self, now_us: int) -> None:
+        """Copy the state and write the vehicle's position, velocity, heading, tilt and land detector from it."""
+        self.refresh(now_us)
+        s, v = self._state, self._vehicle
+        v.pos_n, v.pos_e, v.pos_d = s[_P]
+        v.v_n, v.v_e, v.v_d = s[_V]
+        v.yaw = s[_YAW]
+        # Cosine of the tilt: body z against the vertical.
+        v.tilt_cos = 1.0 - 2.0 * (s[_QX] * s[_QX] + s[_QY] * s[_QY])
+        v.position_valid = s[_POSITION_OK] != 0.0
+        landed = s[_LANDED] != 0.0
+        if landed and not v.landed:
+            v.landed_since_us = now_us
+        v.landed = landed
+
+    @property
+    def attitude_ok(self) -> bool:
+        return self._state[_ATTITUDE_OK] != 0.0
+
+    @property
+    def position_ok(self) -> bool:
+        return self._state[_POSITION_OK] != 0.0
+
+    @property
+    def has_origin(self) -> bool:
+        return self._state[_ORIGIN.start] == self._state[_ORIGIN.start]
+
+    @property
+    def origin_alt_m(self) -> float:
+        return self._state[_ORIGIN.start + 2]
+
+    @property
+    def p_NF(self) -> list[float]:
+        return self._state[_P]
+
+    @property
+    def v_NF_N(self) -> list[float]:
+        return self._state[_V]
+
+    @property
+    def q_NF(self) -> list[float]:
+        return self._state[_Q]
+
+    @property
+    def w_NF_F(self) -> list[float]:
+        return self._state[_W]
+
+    @property
+    def euler(self) -> list[float]:
+        return self._state[_EULER]
+
+    @property
+    def test_ratios(self) -> list[float]:
+        """GPS position, GPS velocity, baro, mag: above 1 the sample was rejected."""
+        return self._state[_RATIOS]
+
+    @property
+    def accuracy_m(self) -> tuple[float, float]:
+        """Standard deviation of the position, horizontal (the larger axis) and vertical."""
+        n, e, d = self._state[_STD_P]
+        return max(n, e), d
+
+    def ned(self, lat_deg: float, lon_deg: float, alt_m: float) -> tuple[float, float, float]:
+        """Local position of a geodetic one. Only with an origin."""
+        return self._core.geodetic_to_ned(lat_deg, lon_deg, alt_m)
+
+    def geodetic(self, n_m: float, e_m: float, d_m: float) -> tuple[float, float, float]:
+        """Latitude, longitude [deg], altitude [m] of a local position. Only with an origin."""
+        return self._core.ned_to_geodetic(n_m, e_m, d_m)

@@ -1,0 +1,86 @@
+"""Faults the mock commits on purpose, at a simulated time, so that tests can see what the bench makes of them.
+
+`KIND@SECONDS`: die (the process ends, exit status 70), stall (no output any more), wrong_time (replies answer another
+step), garbage (random bytes in place of each reply), noise (random bytes between the frames; the frames survive).
+The bytes come from a counter-based generator: the same run has the same garbage.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hil.signals.errors import ConfigError, Problem
+
+KINDS = ("die", "stall", "wrong_time", "garbage", "noise")
+EXIT_STATUS_DIED = 70
+
+_MASK = (1 << 64) - 1
+_FRAME_STARTS = bytes((0xFD, 0xFE))
+_LENGTH = 40
+
+
+class Died(Exception):  # noqa: N818 - an event, not an error of this program
+    """The `die` fault: the process that runs the mock ends with `EXIT_STATUS_DIED`."""
+
+
+class Fault(NamedTuple):
+    """What happens from when on."""
+
+    kind: str
+    t_us: int
+
+
+def parse_fault(text: str) -> Fault:
+    """`KIND@SECONDS`, or ConfigError."""
+    kind, at, when = text.partition("@")
+    try:
+        t_us = round(float(when) * 1e6) if at else -1
+    except (ValueError, OverflowError):
+        t_us = -1
+    if kind not in KINDS or t_us < 0:
+        raise ConfigError(
+            [Problem(f"--fault {text}", "not a fault", f"write KIND@SECONDS, KIND in {', '.join(KINDS)}")]
+        )
+    return Fault(kind, t_us)
+
+
+def random_bytes(counter: int, length: int = _LENGTH) -> bytes:
+    """Bytes that look random and are a pure function of `counter` (SplitMix64), without MAVLink start bytes."""
+    found = b""
+    block = 0
+    while len(found) < length:
+        z = (counter * 0x9E3779B97F4A7C15 + block * 0xD1342543DE82EF95 + 0x9E3779B97F4A7C15) & _MASK
+        z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & _MASK
+        z = ((z ^ z >> 27) * 0x94D049BB133111EB) & _MASK
+        found += (z ^ z >> 31).to_bytes(8, "little")
+        block += 1
+    # A start byte would make the receiver wait for a frame's worth of bytes.
+    return found[:length].translate(None, _FRAME_STARTS)
+
+
+class Misbehaviour:
+    """Applies faults to replies. `earliest_us` lets the hot path skip it with one comparison."""
+
+    def __init__(self, faults: tuple[Fault, ...]) -> None:
+        self._faults = faults
+        self.earliest_us = min((fault.t_us for fault in faults), default=1 << 62)
+
+    def reply_time_us(self, now_us: int) -> int:
+        """The time stamp to answer with."""
+        wrong = any(f.kind == "wrong_time" and now_us >= f.t_us for f in self._faults)
+        return now_us - 4000 if wrong and now_us >= 4000 else now_us
+
+    def output(self, now_us: int, telemetry: bytes, reply: bytes) -> bytes:
+        """What is written instead of `telemetry + reply`. Raises `Died`."""
+        for fault in self._faults:
+            if now_us < fault.t_us:
+                continue
+            if fault.kind == "die":
+                raise Died(f"died of an injected fault at {now_us / 1e6:g} s")
+            if fault.kind == "stall":
+                return b""
+            if fault.kind == "garbage":
+                reply = random_bytes(now_us)
+            elif fault.kind == "noise":
+                telemetry = random_bytes(now_us) + telemetry
+        return telemetry + reply

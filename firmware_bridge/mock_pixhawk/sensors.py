@@ -1,0 +1,206 @@
+"""Taking in HIL_SENSOR and HIL_GPS as PX4's `simulator_mavlink` does, and watching the sensors' health.
+
+PX4 takes a sensor only if its whole group of `fields_updated` bits is set. The IMU passes an int16 FIFO: accel in
+steps of g/2048 within +-16 g, gyro in steps of 0.061 deg/s. A sensor whose value does not change for 100 samples is
+STALE (noise-free data is no data). Units here: m/s2, rad/s, gauss, hPa, NED/FRD.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Protocol
+
+from firmware_bridge.mock_pixhawk import elementary as el
+
+IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
+_ACCEL_BITS, _GYRO_BITS = 0x7, 0x38
+_KNOWN_BITS = 0x1FFF
+
+ACCEL, GYRO, MAG, BARO, GPS = range(5)
+LABELS = ("ACCEL", "GYRO", "MAG", "BARO", "GPS")
+
+STALE_SAMPLES = 100
+TIMEOUT_US = (100_000, 100_000, 1_000_000, 1_000_000, 2_000_000)  # without a sample that long: lost
+
+# The estimator's drivers run at these periods at most; a sensor that comes with every IMU sample is thinned out.
+_MAG_PERIOD_US, _BARO_PERIOD_US = 10_000, 20_000
+
+_ACCEL_LSB = 9.80665 / 2048.0
+_ACCEL_STEPS = 32767
+_GYRO_LSB = 0.061 * el.RAD_FROM_DEG
+_GYRO_STEPS = 32767
+
+_HIL_GPS = struct.Struct("<QiiiHHHhhhHBBBH").unpack
+UNKNOWN_ACCURACY = 65535
+MAX_EPH_CM, MAX_EPV_CM, MIN_FIX, MIN_SATELLITES = 300, 500, 3, 6
+
+# Barometric formula of the standard atmosphere below 11 km, as PX4's baro driver:
+# h = (T0 / L) (1 - (p / p0)^(L R / g))
+_T0, _LAPSE, _P0_HPA = 288.15, 6.5e-3, 1013.25
+_EXPONENT = _LAPSE * 287.05 / 9.80665
+
+
+class Estimator(Protocol):
+    """The part of `FlightCore` that sensors feed."""
+
+    def step(self, t_us: int, gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> None: ...
+    def update_gps(
+        self,
+        t_us: int,
+        lat_deg: float,
+        lon_deg: float,
+        alt_m: float,
+        vn: float,
+        ve: float,
+        vd: float,
+        eph_m: float,
+        epv_m: float,
+    ) -> None: ...
+    def update_baro(self, t_us: int, alt_m: float) -> None: ...
+    def update_mag(self, t_us: int, mx: float, my: float, mz: float) -> None: ...
+
+
+class GpsFix:
+    """The last HIL_GPS, in MAVLink's own units (degE7, mm, cm, cm/s)."""
+
+    __slots__ = ("alt_mm", "cog", "eph", "epv", "fix_type", "lat", "lon", "satellites", "t_us", "vd", "ve", "vel", "vn")
+
+    def __init__(self, payload: bytes, t_us: int) -> None:
+        (_, self.lat, self.lon, self.alt_mm, self.eph, self.epv, self.vel, self.vn, self.ve, self.vd, self.cog,
+         self.fix_type, self.satellites, _, _) = _HIL_GPS(payload)  # fmt: skip
+        self.t_us = t_us
+
+    @property
+    def usable(self) -> bool:
+        """Good enough for PX4's estimator. eph and epv are read as accuracy in cm; 65535 fails like any large one."""
+        return (
+            self.fix_type >= MIN_FIX
+            and self.satellites >= MIN_SATELLITES
+            and self.eph <= MAX_EPH_CM
+            and self.epv <= MAX_EPV_CM
+        )
+
+
+def pressure_altitude_m(pressure_hpa: float) -> float:
+    """Altitude in the standard atmosphere at `pressure_hpa` > 0."""
+    return (_T0 / _LAPSE) * (1.0 - el.exp(_EXPONENT * el.log(pressure_hpa / _P0_HPA)))
+
+
+def _quantised(x: float, lsb: float, steps: int) -> float:
+    return min(max(round(x / lsb), -steps), steps) * lsb
+
+
+class SensorIntake:
+    """Feeds the estimator and keeps one health record per sensor."""
+
+    def __init__(self, estimator: Estimator) -> None:
+        self._estimator = estimator
+        self._last: list[bytes] = [b""] * 5  # bytes of the last sample
+        self._same = [0] * 5  # samples in a row that were equal
+        self.last_us: list[int | None] = [None] * 5
+        self.incomplete_groups = 0
+        self.not_finite = 0
+        self.gps: GpsFix | None = None
+        self.baro_hpa = 1013.25
+        self._next_mag_us = 0
+        self._next_baro_us = 0
+
+    def stale(self, sensor: int) -> bool:
+        """The sensor has repeated itself too often."""
+        return self._same[sensor] >= STALE_SAMPLES
+
+    def lost(self, sensor: int, now_us: int) -> bool:
+        """No sample came for too long, or never."""
+        last = self.last_us[sensor]
+        return last is None or now_us - last > TIMEOUT_US[sensor]
+
+    def healthy(self, sensor: int, now_us: int) -> bool:
+        """Present, not stale; for GPS also good enough."""
+        if self.lost(sensor, now_us) or self.stale(sensor):
+            return False
+        return sensor != GPS or (self.gps is not None and self.gps.usable)
+
+    def _note(self, sensor: int, sample: bytes, t_us: int) -> None:
+        if sample == self._last[sensor]:
+            self._same[sensor] += 1
+        else:
+            self._last[sensor] = sample
+            self._same[sensor] = 0
+        self.last_us[sensor] = t_us
+
+    def take(self, t_us: int, values: tuple[float, ...], payload: bytes) -> bool:
+        """One HIL_SENSOR (`values`: all its fields, `payload`: its bytes). True if the estimator made a step."""
+        (_, ax, ay, az, gx, gy, gz, mx, my, mz, pressure, _, _, _, fields, _) = values
+        stepped = False
+        if fields & IMU_BITS == IMU_BITS:
+            if payload[8:20] == self._last[ACCEL]:
+                self._same[ACCEL] += 1
+            else:
+                self._last[ACCEL] = payload[8:20]
+                self._same[ACCEL] = 0
+            if payload[20:32] == self._last[GYRO]:
+                self._same[GYRO] += 1
+            else:
+                self._last[GYRO] = payload[20:32]
+                self._same[GYRO] = 0
+            self.last_us[ACCEL] = self.last_us[GYRO] = t_us
+            total = ax + ay + az + gx + gy + gz
+            if total - total == 0.0:  # finite
+                q = _quantised
+                self._estimator.step(
+                    t_us,
+                    q(gx, _GYRO_LSB, _GYRO_STEPS),
+                    q(gy, _GYRO_LSB, _GYRO_STEPS),
+                    q(gz, _GYRO_LSB, _GYRO_STEPS),
+                    q(ax, _ACCEL_LSB, _ACCEL_STEPS),
+                    q(ay, _ACCEL_LSB, _ACCEL_STEPS),
+                    q(az, _ACCEL_LSB, _ACCEL_STEPS),
+                )
+                stepped = True
+            else:
+                self.not_finite += 1
+        elif fields & IMU_BITS:
+            self.incomplete_groups += 1
+        if fields & MAG_BITS:
+            if fields & MAG_BITS != MAG_BITS:
+                self.incomplete_groups += 1
+            else:
+                self._note(MAG, payload[32:44], t_us)
+                if t_us >= self._next_mag_us:
+                    self._next_mag_us = t_us + _MAG_PERIOD_US
+                    if mx * mx + my * my + mz * mz < 1e6:  # also false for NaN
+                        self._estimator.update_mag(t_us, mx, my, mz)
+                    else:
+                        self.not_finite += 1
+        if fields & BARO_BITS:
+            if fields & BARO_BITS != BARO_BITS:
+                self.incomplete_groups += 1
+            else:
+                self._note(BARO, payload[44:48], t_us)
+                if t_us >= self._next_baro_us:
+                    self._next_baro_us = t_us + _BARO_PERIOD_US
+                    if 1.0 < pressure < 2000.0:
+                        self.baro_hpa = pressure
+                        self._estimator.update_baro(t_us, pressure_altitude_m(pressure))
+                    else:
+                        self.not_finite += 1
+        return stepped
+
+    def take_gps(self, payload: bytes, now_us: int) -> None:
+        """One HIL_GPS; stamped with the clock at arrival, as PX4 does."""
+        fix = GpsFix(payload, now_us)
+        self.gps = fix
+        self.last_us[GPS] = now_us
+        if not fix.usable or not (abs(fix.lat) <= 900_000_000 and abs(fix.lon) <= 1_800_000_000):
+            return
+        self._estimator.update_gps(
+            now_us,
+            fix.lat / 1e7,
+            fix.lon / 1e7,
+            fix.alt_mm / 1e3,
+            fix.vn / 100.0,
+            fix.ve / 100.0,
+            fix.vd / 100.0,
+            fix.eph / 100.0,
+            fix.epv / 100.0,
+        )

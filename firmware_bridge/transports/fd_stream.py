@@ -1,0 +1,110 @@
+"""A byte stream on a file descriptor: the common half of serial ports, pseudo-terminals and TCP."""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+
+from hil.signals.errors import LinkClosed
+
+_READ_SIZE = 65536
+# Both sides may write at once. What arrives while a long write waits for room is kept, up to this much: a
+# far side that says more without ever reading is broken.
+_INBOX_LIMIT = 4 * 1024 * 1024
+_WRITE_STALL_S = 5.0
+
+_IN = select.POLLIN | select.POLLHUP | select.POLLERR
+
+
+class FdStream:
+    """Reads and writes `fd` without blocking for ever.
+
+    Does not own the descriptor: whoever opened it closes it.
+    """
+
+    __slots__ = ("_fd", "_inbox", "_name", "_poll_in", "_write_stall_s")
+
+    def __init__(self, fd: int, name: str, *, write_stall_s: float = _WRITE_STALL_S) -> None:
+        os.set_blocking(fd, False)
+        self._fd = fd
+        self._name = name
+        self._inbox = b""
+        self._write_stall_s = write_stall_s
+        poll = select.poll()
+        poll.register(fd, select.POLLIN)
+        self._poll_in = poll.poll
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`.
+
+        LinkClosed if the far side is gone, or takes nothing for `write_stall_s` seconds.
+        """
+        try:
+            sent = os.write(self._fd, data)
+        except BlockingIOError:
+            sent = 0
+        except OSError as error:
+            raise self._closed(error) from error
+        if sent < len(data):
+            self._write_slowly(memoryview(data)[sent:])
+
+    def _write_slowly(self, rest: memoryview) -> None:
+        """The line is full: wait for room, and meanwhile take in what comes, so that two writers never
+        deadlock.
+        """
+        poll = select.poll()
+        poll.register(self._fd, select.POLLIN | select.POLLOUT)
+        deadline = time.monotonic() + self._write_stall_s
+        while rest:
+            left_s = deadline - time.monotonic()
+            events = poll.poll(max(1, int(left_s * 1000))) if left_s > 0 else []
+            if not events:
+                raise LinkClosed(
+                    self._name,
+                    f"the far side has taken no byte for {self._write_stall_s:g} s with {len(rest)} bytes still to "
+                    "send; is it hung, or not reading?",
+                )
+            if events[0][1] & _IN:
+                self._inbox += self._read_now()
+                if len(self._inbox) > _INBOX_LIMIT:
+                    raise LinkClosed(
+                        self._name,
+                        f"the far side sent {len(self._inbox)} bytes without reading; is it the right program?",
+                    )
+            if events[0][1] & select.POLLOUT:
+                try:
+                    sent = os.write(self._fd, rest)
+                except BlockingIOError:
+                    continue
+                except OSError as error:
+                    raise self._closed(error) from error
+                rest = rest[sent:]
+                deadline = time.monotonic() + self._write_stall_s
+
+    def read(self, timeout_s: float) -> bytes:
+        """What has arrived, waiting up to `timeout_s` for the first byte.
+
+        LinkClosed after the far side's last byte.
+        """
+        if self._inbox:
+            data, self._inbox = self._inbox, b""
+            return data
+        # Milliseconds are poll's unit; rounding up keeps a short wait from becoming a busy loop.
+        if not self._poll_in(int(timeout_s * 1000.0 + 0.999)):
+            return b""
+        return self._read_now()
+
+    def _read_now(self) -> bytes:
+        try:
+            data = os.read(self._fd, _READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._closed(error) from error
+        if not data:
+            raise LinkClosed(self._name, "the far side closed the connection")
+        return data
+
+    def _closed(self, error: OSError) -> LinkClosed:
+        return LinkClosed(self._name, f"the far side hung up, or the device was unplugged ({error.strerror})")

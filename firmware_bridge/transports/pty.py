@@ -1,0 +1,78 @@
+"""A pseudo-terminal: a serial cable inside the kernel.
+
+The bench holds one end; the other end has a path, and a program that opens it with pyserial cannot tell it
+from a real port. That is how the mocked flight controller gets a real serial link on a machine with no
+hardware.
+"""
+
+from __future__ import annotations
+
+import os
+import tty
+
+from firmware_bridge.transports.fd_stream import FdStream
+from hil.signals.errors import LinkClosed, PortNotFound
+
+
+class PtyTransport:
+    """Creates the pair on `open`; `far_path` is where the far side finds its end.
+
+    Until the first byte arrives the far end is also held open here: otherwise a far side that has not come
+    yet would look like one that has hung up. From the first byte on, its closing (or death) ends the link.
+    """
+
+    def __init__(self) -> None:
+        self._near: int | None = None
+        self._far: int | None = None
+        self._stream: FdStream | None = None
+        self._far_path = ""
+
+    @property
+    def name(self) -> str:
+        return f"pty {self._far_path}" if self._far_path else "pty"
+
+    @property
+    def far_path(self) -> str:
+        """Path of the far end. Empty before `open`."""
+        return self._far_path
+
+    def open(self) -> None:
+        try:
+            self._near, self._far = os.openpty()
+        except OSError as error:
+            raise PortNotFound(
+                "pty", f"the system gives no pseudo-terminal ({error.strerror}); is /dev/pts mounted?"
+            ) from error
+        self._far_path = os.ttyname(self._far)
+        # Raw both ways from the start: bytes written before the far side has configured its end are not
+        # mangled.
+        tty.setraw(self._far)
+        self._stream = FdStream(self._near, self.name)
+
+    def close(self) -> None:
+        self._stream = None
+        self._release_far()
+        near, self._near = self._near, None
+        if near is not None:
+            os.close(near)
+
+    def _release_far(self) -> None:
+        far, self._far = self._far, None
+        if far is not None:
+            os.close(far)
+
+    def write(self, data: bytes) -> None:
+        if self._stream is None:
+            raise LinkClosed(self.name, "the pty is not open")
+        self._stream.write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        if self._stream is None:
+            raise LinkClosed(self.name, "the pty is not open")
+        data = self._stream.read(timeout_s)
+        if data and self._far is not None:
+            self._release_far()
+        return data
+
+    def fileno(self) -> int | None:
+        return self._near

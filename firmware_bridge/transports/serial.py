@@ -1,0 +1,94 @@
+"""A serial port: a USB or UART flight controller, or the far end of a pseudo-terminal.
+
+pyserial opens and configures it (raw, 8 data bits, no parity, 1 stop bit, no flow control, locked for this
+process); reading and writing then go straight to the descriptor, because pyserial's own read costs two more
+system calls.
+"""
+
+from __future__ import annotations
+
+import errno
+
+import serial
+from serial.tools import list_ports
+
+from firmware_bridge.transports.fd_stream import FdStream
+from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+
+# PX4 ignores HIL messages on links slower than 5000 B/s: 57600 baud is too slow, this is what its docs use.
+DEFAULT_BAUD = 921600
+
+
+def serial_ports() -> list[str]:
+    """Device paths of the serial ports of this machine, sorted."""
+    return sorted(port.device for port in list_ports.comports())
+
+
+class SerialTransport:
+    """The serial port at `path`, held exclusively while open."""
+
+    def __init__(self, path: str, *, baud: int = DEFAULT_BAUD) -> None:
+        self._path = path
+        self._baud = baud
+        self._port: serial.Serial | None = None
+        self._stream: FdStream | None = None
+
+    @property
+    def name(self) -> str:
+        return self._path
+
+    def open(self) -> None:
+        """Open and configure.
+
+        PortNotFound (with the ports there are), PortBusy, or LinkError (not a serial port).
+        """
+        try:
+            self._port = serial.Serial(
+                self._path,
+                self._baud,
+                bytesize=serial.EIGHTBITS,
+                parity=serial.PARITY_NONE,
+                stopbits=serial.STOPBITS_ONE,
+                timeout=0,
+                exclusive=True,
+            )
+        except serial.SerialException as error:
+            raise self._refusal(error) from error
+        except (ValueError, OverflowError) as error:
+            raise LinkError(self._path, f"cannot be set to {self._baud} baud: {error}") from error
+        self._stream = FdStream(self._port.fileno(), self._path)
+
+    def _refusal(self, error: serial.SerialException) -> LinkError:
+        ports = ", ".join(serial_ports()) or "none"
+        if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+            return PortNotFound(
+                self._path, f"there is no such serial port. Ports here: {ports}. Plugged in? See `hil devices`."
+            )
+        if error.errno in (errno.EAGAIN, errno.EBUSY):
+            return PortBusy(
+                self._path, "another program holds this port; close it (QGroundControl, ModemManager, another run?)"
+            )
+        if error.errno in (errno.EACCES, errno.EPERM):
+            return LinkError(
+                self._path,
+                "no permission to open this port; on Linux, add yourself to the group `dialout` and log in again",
+            )
+        return LinkError(self._path, f"is not a serial port ({error}). Ports here: {ports}.")
+
+    def close(self) -> None:
+        port, self._port, self._stream = self._port, None, None
+        if port is not None:
+            port.close()
+
+    def write(self, data: bytes) -> None:
+        if self._stream is None:
+            raise LinkClosed(self._path, "the port is not open")
+        self._stream.write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        if self._stream is None:
+            raise LinkClosed(self._path, "the port is not open")
+        return self._stream.read(timeout_s)
+
+    def fileno(self) -> int | None:
+        return None if self._port is None else self._port.fileno()

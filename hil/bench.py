@@ -1,0 +1,353 @@
+"""Composition root: config + rig -> stages -> scheduler, and tear-down in reverse order.
+
+The only file that names concrete classes. Whatever a run opens is closed whatever fails, in the reverse order of
+opening, and what was recorded up to there is readable.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+import traceback
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.registry import make_link
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.router import Endpoint, Router
+from hil.config.load import Bench, save_bench
+from hil.config.schema import BenchConfig, SensorConfig
+from hil.missions.path import Leg, planned_path
+from hil.progress import Progress
+from hil.recorder.recorder import Recorder
+from hil.report.run_json import write_run_json
+from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, SensorSlot
+from hil.signals.errors import HilError
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, TruthState
+from hil.signals.time import NS_PER_S, RateAccumulator
+from hil.stages import Port, Skipped, StageSpec, plan_stages
+from hil.summary import summarise
+from hil.verdict import FlightMeasurement, judge
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.sensors.catalog import make_sensor
+
+RUN_JSON_NAME = "run.json"
+# A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
+_AFTER_DISARM_NS = 3 * NS_PER_S
+
+SAMPLE_TYPES: dict[str, type] = {
+    "imu": ImuSample,
+    "gps": GpsSample,
+    "barometer": BaroSample,
+    "magnetometer": MagSample,
+}
+_TRUTH = Port("truth", TruthState)
+_ACTUATORS = Port("actuators", ActuatorFrame)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Outcome of one run. `status` is PASS, FAIL or ERROR; `run` is what run.json holds."""
+
+    status: str
+    run: dict[str, Any]
+    out: Path
+
+    @property
+    def exit_status(self) -> int:
+        return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
+
+
+class RouterSource:
+    """The router as a source of commands: hands the autopilot's words on, brings the clients' in."""
+
+    def __init__(self, router: Router) -> None:
+        self._router = router
+
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:  # noqa: ARG002 (clients run on wall time)
+        if frames:
+            self._router.forward(frames)
+        return self._router.collect()
+
+
+def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
+    """Fly `bench` and leave run.json, the recordings and the report in `out`.
+
+    A failure of the bench is a result (status ERROR), not an exception, so that run.json always tells.
+    Raises RecordingError only where `out` itself cannot be written.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    return _Run(bench, out, quiet=quiet).result()
+
+
+def stage_specs(config: BenchConfig) -> list[StageSpec]:
+    """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all."""
+    sensor_ports = {name: Port(name, SAMPLE_TYPES[s.kind]) for name, s in config.sensors.items()}
+    to_autopilot = tuple(sensor_ports[name] for name in config.autopilot_sensors().values())
+    recorded = tuple(sensor_ports.values()) if config.record.mcap else ()
+    return [
+        StageSpec("physics", delayed_inputs=(_ACTUATORS,), outputs=(_TRUTH,)),
+        *(StageSpec(name, inputs=(_TRUTH,), outputs=(port,)) for name, port in sensor_ports.items()),
+        StageSpec("autopilot", inputs=to_autopilot, outputs=(_ACTUATORS,), sink=True),
+        StageSpec("recorder", inputs=(_TRUTH, *recorded, _ACTUATORS), sink=True),
+    ]
+
+
+def _make_autopilot_link(config: BenchConfig, out: Path) -> AutopilotLink:
+    autopilot = config.autopilot
+    faults = {name: t_s for name, t_s in autopilot.faults.model_dump().items() if t_s is not None}
+    common: dict[str, Any] = {"reply_limit_s": autopilot.reply_timeout_s}
+    if autopilot.boot_sensors is not None:
+        common["boot_sensors"] = autopilot.boot_sensors
+    if autopilot.port is not None and not autopilot.start:
+        return make_link("mock_serial", port=autopilot.port, **common)
+    if autopilot.transport == "loopback":
+        peer = MockPixhawk(airframe=autopilot.airframe, params=autopilot.params, **common)
+        return make_link("mock_memory", peer=peer, **common)
+    arguments = ["--airframe", autopilot.airframe]
+    for name, value in autopilot.params.items():
+        arguments += ["--param", f"{name}={value!r}"]
+    for name, t_s in faults.items():
+        arguments += ["--fault", f"{name}@{t_s!r}"]
+    return make_link("mock_pty", arguments=arguments, stderr_path=out / "autopilot.log", **common)
+
+
+class _Run:
+    """One run on its way: what was built, and what came of it."""
+
+    def __init__(self, bench: Bench, out: Path, *, quiet: bool) -> None:
+        self.bench = bench
+        self.config = bench.config
+        self.out = out
+        self.quiet = quiet
+        self.error: tuple[str, str] | None = None
+        self.timing_s: dict[str, float] = {}
+        self.skipped: list[Skipped] = []
+        self.legs: tuple[Leg, ...] = ()
+        self.recorder: Recorder | None = None
+        self.scheduler: Scheduler | None = None
+        self.link: AutopilotLink | None = None
+        self.station: GroundStation | None = None
+        self.router: Router | None = None
+        self.physics: QuadrotorPhysics | None = None
+        self.slots: list[SensorSlot] = []
+        self.measurement = FlightMeasurement(())
+        self.attachments: dict[str, bytes] = {}
+
+    def result(self) -> RunResult:
+        began_s = time.monotonic()
+        self._guard(self._prepare_and_fly)
+        if self.recorder is not None:
+            self._guard(self._finish_recording)
+        verdict = judge(self.measurement.result(), self.config.limits)
+        status = "ERROR" if self.error else verdict.status
+        if self.recorder is not None:
+            recorder = self.recorder
+            self._guard(lambda: recorder.close(status))
+            status = "ERROR" if self.error else status
+        self.timing_s["total"] = time.monotonic() - began_s
+        run = summarise(
+            self.config,
+            verdict,
+            status=status,
+            error=self.error,
+            scheduler=self.scheduler,
+            link=self.link,
+            physics=self.physics,
+            slots=self.slots,
+            digest=self.recorder.digest if self.recorder else "0" * 32,
+            outside_input=self.router is not None and self.router.received_any,
+            left_out=self.skipped,
+            timing_s=self.timing_s,
+        )
+        write_run_json(self.out / RUN_JSON_NAME, run)
+        if self.config.record.report and self.recorder is not None:
+            self._write_report(run)
+        return RunResult(status, run, self.out)
+
+    def _guard(self, step: Any) -> None:
+        """Run one step; an error of it becomes the run's (the first one counts)."""
+        error: tuple[str, str] | None = None
+        try:
+            step()
+        except HilError as problem:
+            error = (type(problem).__name__, str(problem))
+        except KeyboardInterrupt:
+            error = ("Interrupted", "stopped from the keyboard")
+        except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
+            (self.out / "traceback.txt").write_text(traceback.format_exc())
+            text = f"{type(problem).__name__}: {problem} (a defect of the bench; details in traceback.txt)"
+            error = ("InternalError", text)
+        self.error = self.error or error
+
+    def _prepare_and_fly(self) -> None:
+        began_s = time.monotonic()
+        saved = save_bench(self.bench, self.out)
+        self.attachments = {saved.name: saved.read_bytes()}
+        if self.bench.mission is not None:
+            self.legs = planned_path(self.bench.mission, self.bench.scene)
+        self.measurement = FlightMeasurement(self.legs)
+        with ExitStack() as stack:
+            self._build(stack)
+            self.timing_s["setup"] = time.monotonic() - began_s
+            self._fly()
+
+    def _build(self, stack: ExitStack) -> None:
+        config = self.config
+        plan = plan_stages(stage_specs(config))
+        self.skipped = list(plan.skipped)
+        self.physics = QuadrotorPhysics(
+            self.bench.vehicle,
+            self.bench.scene,
+            config.tick_ns,
+            contact_skipping=config.physics.contact_skipping,
+        )
+        self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
+        self.recorder = Recorder(
+            self.out,
+            mcap=config.record.mcap,
+            tlog=config.record.tlog,
+            tick_ns=config.tick_ns,
+            metadata={"rig": config.rig, "scene": config.scene, "seed": str(config.seed)},
+            attachments=self.attachments,
+        )
+        commands: list[CommandSource] = []
+        if self.bench.mission is not None:
+            self.station = GroundStation(self.bench.mission.items)
+            commands.append(self.station)
+        endpoints = [Endpoint(_address(a)) for a in (config.router.gcs, config.router.sdk) if a is not None]
+        if endpoints:
+            self.router = Router(endpoints)
+            stack.callback(self.router.close)
+            self.router.open()
+            commands.append(RouterSource(self.router))
+        self.link = _make_autopilot_link(config, self.out)
+        stack.callback(self.link.close)
+        self.link.open()
+        chosen = config.autopilot_sensors()
+        self.scheduler = Scheduler(
+            tick_ns=config.tick_ns,
+            physics=self.physics,
+            sensors=self.slots,
+            link=self.link,
+            ports=AutopilotPorts(
+                imu=chosen["imu"],
+                gps=chosen.get("gps"),
+                baro=chosen.get("barometer"),
+                mag=chosen.get("magnetometer"),
+            ),
+            commands=commands,
+            recorder=self.recorder,
+            observers=[self.measurement.add],
+            pace=config.pace,
+        )
+
+    def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
+        config = self.config
+        made = make_sensor(
+            name,
+            kind=sensor.kind,
+            rate_hz=sensor.rate_hz,
+            seed=config.seed,
+            scene=self.bench.scene,
+            step_ns=config.tick_ns,
+            overrides=sensor.parameters.model_dump(),
+        )
+        event_mhz = round(sensor.rate_hz * 1000)
+        return SensorSlot(made, RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000))
+
+    def _fly(self) -> None:
+        scheduler, station = self.scheduler, self.station
+        assert scheduler is not None
+        end_tick = round(self.config.duration_s * self.config.tick_hz)
+        flight_over = _FlightOver(self.config.tick_ns)
+        progress = Progress(
+            tick_ns=self.config.tick_ns,
+            sim_limit_ns=end_tick * self.config.tick_ns,
+            status=self._status,
+            title=f"{self.config.rig}: {self.config.mission or 'no mission'}",
+            quiet=self.quiet,
+        )
+        # Garbage is collected before and after, not during: a pause of the collector is jitter on the link, and
+        # a tick makes no reference cycles.
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        began_s = time.monotonic()
+        try:
+            with progress:
+                while scheduler.tick < end_tick:
+                    scheduler.step()
+                    progress.tick(scheduler.tick)
+                    if station is not None:
+                        if station.phase is Phase.DONE:
+                            break
+                    elif flight_over.after(scheduler.tick, scheduler.actuators.armed):
+                        break
+        finally:
+            self.timing_s["flight"] = time.monotonic() - began_s
+            gc.enable()
+            gc.unfreeze()
+
+    def _status(self) -> tuple[str, int, int]:
+        if self.station is None:
+            return ("serving", 0, 0)
+        return (self.station.phase.value, self.station.reached, self.station.waypoints)
+
+    def _finish_recording(self) -> None:
+        assert self.recorder is not None
+        if self.scheduler is not None:
+            self.scheduler.flush()
+        if self.station is not None:
+            for t_ns, severity, text in self.station.statustexts:
+                self.recorder.event(t_ns, _event_kind(severity), text)
+        if self.error is not None and self.scheduler is not None:
+            self.recorder.event(self.scheduler.t_ns, "error", f"{self.error[0]}: {self.error[1]}")
+
+    def _write_report(self, run: dict[str, Any]) -> None:
+        # Half a second of matplotlib: not before it is needed.
+        from hil.report.page import Timing, write_report
+
+        assert self.recorder is not None
+        scheduler = self.scheduler
+        timing = Timing()
+        if scheduler is not None and self.link is not None:
+            timing = Timing(
+                rtt_bins_ns=self.link.stats.rtt.bins(),
+                phase_us={name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES},
+            )
+        points = [leg.end_W for leg in self.legs]
+        write_report(self.out, run, self.recorder.track.arrays(), points, events=self.recorder.events, timing=timing)
+
+
+class _FlightOver:
+    """Says when a flight that somebody else commands has ended: armed once, and disarmed for a while."""
+
+    def __init__(self, tick_ns: int) -> None:
+        self._after_ticks = _AFTER_DISARM_NS // tick_ns
+        self._flown = False
+        self._disarmed_tick = 0
+
+    def after(self, tick: int, armed: bool) -> bool:
+        if armed:
+            self._flown = True
+            self._disarmed_tick = tick
+            return False
+        return self._flown and tick - self._disarmed_tick >= self._after_ticks
+
+
+def _event_kind(severity: int) -> str:
+    """MAV_SEVERITY 0 (emergency) to 7 (debug) as a kind of event."""
+    return "error" if severity <= 3 else "warning" if severity == 4 else "status"
+
+
+def _address(text: str) -> tuple[str, int]:
+    """'udp:HOST:PORT', already checked by the configuration."""
+    _, host, port = text.split(":")
+    return host, int(port)

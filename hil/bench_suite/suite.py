@@ -1,0 +1,54 @@
+"""The benchmarks by name, and what is done with the result of each: table, JSON, plot, verdict."""
+
+from __future__ import annotations
+
+import json as jsonlib
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from hil.bench_suite.result import BenchmarkResult, work_precision_plot
+from hil.signals.errors import RecordingError
+
+# name -> (module with a function `measure(*, quick, say) -> BenchmarkResult`, title of the plot)
+BENCHMARKS: dict[str, tuple[str, str]] = {
+    "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
+}
+
+Say = Callable[[str], None]
+
+
+def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console) -> bool:
+    """Run one benchmark and show what it found; True if every check is met. RecordingError: files cannot be written."""
+    module, title = BENCHMARKS[name]
+    measure: Callable[..., BenchmarkResult] = import_module(module).measure
+    with console.status(f"hil bench {name}") as status:
+        result = measure(quick=quick, say=lambda text: status.update(f"hil bench {name}: {text}"))
+    _show(result, console)
+    if json is not None:
+        try:
+            json.parent.mkdir(parents=True, exist_ok=True)
+            json.write_text(jsonlib.dumps(result.as_json(name), indent=2) + "\n")
+        except OSError as error:
+            raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
+        plot = json.with_suffix(".png")
+        work_precision_plot(result, title, plot)
+        console.print(f"written: {json}, {plot}")
+    return all(check.ok for check in result.checks)
+
+
+def _show(result: BenchmarkResult, console: Console) -> None:
+    rows = Table("case", "method", "error", "unit", result.time_label, box=None, pad_edge=False)
+    for row in result.rows:
+        rows.add_row(row.case, row.method, f"{row.error:.3g}", row.error_unit, f"{row.time_s:.4g}")
+    console.print(rows)
+    checks = Table("check", "value", "", "limit", "unit", "", box=None, pad_edge=False)
+    for check in result.checks:
+        mark = "[green]ok[/]" if check.ok else "[bold red]NOT MET[/]"
+        checks.add_row(check.name, f"{check.value:.4g}", check.sense, f"{check.limit:g}", check.unit, mark)
+    console.print(checks)
+    for name in result.left_out:
+        console.print(f"left out by --quick: {name}")

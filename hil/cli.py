@@ -1,0 +1,252 @@
+"""The `hil` command. Exit status: 0 PASS, 1 FAIL (the vehicle), 2 wrong files or options, 3 ERROR (the bench)."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from hil.config.load import Bench, load_bench
+from hil.report.run_json import write_run_json
+from hil.signals.errors import ConfigError, HilError
+
+app = typer.Typer(
+    name="hil",
+    help="A hardware-in-the-loop bench for drones: simulated vehicle and sensors, real or mocked flight controllers.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+CONFIG_STATUS, ERROR_STATUS = 2, 3
+
+_out = Console(highlight=False, soft_wrap=True)
+_err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+ConfigArgument = Annotated[Path | None, typer.Argument(help="Bench file; default ./hil.yaml.", metavar="[CONFIG]")]
+RigOption = Annotated[str | None, typer.Option(help="Rig: which autopilot, over which wires (rigs/*.yaml).")]
+SceneOption = Annotated[str | None, typer.Option(help="Scene (rigs/scenes/*.yaml).")]
+MissionOption = Annotated[str | None, typer.Option(help="Mission: a .plan or .waypoints file.")]
+SeedOption = Annotated[int | None, typer.Option(help="Seed of all noise.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", help="Override any key, e.g. --set sensors.gps.rate_hz=5. May be repeated.", metavar="KEY=VALUE"
+    ),
+]
+OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; default runs/<time>-<rig>.")]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the result.")]
+
+
+def complain(error: HilError) -> None:
+    """Every problem on a line of its own, on standard error."""
+    lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
+    for line in lines:
+        _err.print(f"[bold red]error:[/] {escape(line)}")
+
+
+def new_run_dir(out: Path | None, rig: str) -> Path:
+    """The folder of a run, and `runs/latest` pointing at it where the default place is used."""
+    if out is not None:
+        return out
+    runs = Path("runs")
+    runs.mkdir(exist_ok=True)
+    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{rig}"
+    for n in range(1000):
+        folder = runs / (stem if n == 0 else f"{stem}-{n}")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        latest = runs / "latest"
+        latest.unlink(missing_ok=True)
+        latest.symlink_to(folder.name)
+        return folder
+    raise HilError(f"{runs}: a thousand runs began in the same second")
+
+
+@app.command()
+def run(
+    config: ConfigArgument = None,
+    rig: RigOption = None,
+    scene: SceneOption = None,
+    mission: MissionOption = None,
+    seed: SeedOption = None,
+    out: OutOption = None,
+    settings: SetOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fly a mission on a rig and judge the flight."""
+    began_s = time.monotonic()
+    try:
+        bench = load_bench(config, rig=rig, scene=scene, mission=mission, seed=seed, settings=settings or ())
+    except ConfigError as error:
+        complain(error)
+        _leave_config_error(error, new_run_dir(out, rig or "unknown"), rig=rig, scene=scene, seed=seed)
+        raise typer.Exit(CONFIG_STATUS) from None
+    from hil.bench import run_bench
+
+    folder = new_run_dir(out, bench.config.rig)
+    try:
+        result = run_bench(bench, folder, quiet=quiet)
+    except HilError as error:  # not even the folder could be written
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    _print_result(result.run, folder, time.monotonic() - began_s)
+    raise typer.Exit(result.exit_status)
+
+
+@app.command()
+def check(
+    config: ConfigArgument = None,
+    rig: RigOption = None,
+    scene: SceneOption = None,
+    mission: MissionOption = None,
+    settings: SetOption = None,
+) -> None:
+    """Validate a bench without running it: print every problem, exit 2 if there is any."""
+    try:
+        bench = load_bench(config, rig=rig, scene=scene, mission=mission, settings=settings or ())
+        _check_wiring(bench)
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    c = bench.config
+    flown = f"{len(bench.mission.items)} mission items" if bench.mission else "no mission"
+    _out.print(f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {flown}, sensors {', '.join(c.sensors)}")
+
+
+@app.command()
+def replay(
+    run_dir: Annotated[Path, typer.Argument(help="Folder of a run.", metavar="RUN_DIR")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the fresh run; default RUN_DIR/replay.")] = None,
+) -> None:
+    """Run a recorded configuration again; exit 1 and name the first differing tick and port if not identical."""
+    from hil.bench import run_bench
+    from hil.replay import replay as run_and_compare
+
+    def again(config: Path, folder: Path) -> None:
+        run_bench(load_bench(config), folder)
+
+    try:
+        result = run_and_compare(run_dir, again, out_dir=out)
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    _out.print(str(result))
+    raise typer.Exit(0 if result.identical else 1)
+
+
+@app.command()
+def bench(
+    name: Annotated[str, typer.Argument(help="Which benchmark.", metavar="NAME")],
+    json: Annotated[Path | None, typer.Option(help="Write rows and checks to this file, the plot beside it.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="At most 60 s; says which checks it leaves out.")] = False,
+) -> None:
+    """Measure run time against error; exit 1 if a check is not met."""
+    from hil.bench_suite.suite import BENCHMARKS, run_benchmark
+
+    if name not in BENCHMARKS:
+        _err.print(f"[bold red]error:[/] no benchmark {name!r}; there are: {', '.join(BENCHMARKS)}")
+        raise typer.Exit(CONFIG_STATUS)
+    try:
+        met = run_benchmark(name, json=json, quick=quick, console=_out)
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    raise typer.Exit(0 if met else 1)
+
+
+def _check_wiring(bench: Bench) -> None:
+    from hil.bench import stage_specs
+    from hil.stages import plan_stages
+
+    plan_stages(stage_specs(bench.config))
+
+
+def _leave_config_error(
+    error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
+) -> None:
+    """run.json of a run that never began, so that a caller always finds one."""
+    zero = {"p50": None, "p99": None, "max": None}
+    run = {
+        "schema": 1,
+        "status": "ERROR",
+        "error": {"type": "ConfigError", "message": str(error)},
+        "digest": "0" * 32,
+        "deterministic": False,
+        "seed": seed or 0,
+        "rig": rig or "",
+        "scene": scene or "",
+        "sim_s": 0.0,
+        "wall_s": 0.0,
+        "realtime_factor": 0.0,
+        "mission": {
+            "completed": False,
+            "waypoints": 0,
+            "reached": 0,
+            "max_cross_track_m": None,
+            "final_error_m": None,
+        },
+        "autopilot": {"kind": "", "steps": 0, "late": 0, "rtt_us": zero},
+        "sensors": {},
+        "skipped": [],
+    }
+    try:
+        write_run_json(folder / "run.json", run)
+    except HilError as problem:
+        complain(problem)
+
+
+def _print_result(run: dict[str, object], folder: Path, took_s: float) -> None:
+    """The headline of a run, as a person wants to read it."""
+    colour = {"PASS": "green", "FAIL": "yellow"}.get(str(run["status"]), "red")
+    table = Table.grid(padding=(0, 2))
+    mission: dict[str, object] = run["mission"]  # type: ignore[assignment]
+    verdict: dict[str, list[dict[str, object]]] = run["verdict"]  # type: ignore[assignment]
+    if mission["waypoints"]:
+        table.add_row("waypoints", f"{mission['reached']} of {mission['waypoints']}")
+    for row in verdict["rows"]:
+        if row["value"] is not None:
+            limit = f"(limit {row['limit']:g})" if row["limit"] is not None else "(not judged)"
+            table.add_row(
+                str(row["name"]).rsplit("_", 1)[0].replace("_", " "), f"{row['value']:.3f} {row['unit']} {limit}"
+            )
+    table.add_row(
+        "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
+    )
+    same = "" if run["deterministic"] else "  (not deterministic)"
+    table.add_row("digest", f"{run['digest']}{same}")
+    table.add_row("results", f"{folder}/  (report.html, run.json; {took_s:.1f} s in all)")
+    _out.print(f"[bold {colour}]{run['status']}[/]")
+    error: dict[str, str] | None = run["error"]  # type: ignore[assignment]
+    if error:
+        _err.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
+    for reason in verdict["reasons"]:
+        _out.print(f"  {reason}", markup=False)
+    _out.print(table)
+
+
+def main() -> None:
+    """Entry point. Errors end in a message and a status, never in a traceback."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        _err.print("[bold red]error:[/] stopped from the keyboard")
+        sys.exit(ERROR_STATUS)
+    except BrokenPipeError:
+        sys.exit(ERROR_STATUS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,294 @@
+"""From files and command line to a checked bench.
+
+Settings lie over one another in this order, the later winning: defaults, the rig's file, the bench file, the
+command line's options, its `--set`s. Mappings merge key by key; everything else replaces. Every problem of every
+layer is reported at once, and each where it was written.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel
+
+from hil.config.files import available, default_bench, find, is_bare
+from hil.config.layers import Settings, lay_settings, parse_setting
+from hil.config.schema import STANDARD_SENSORS, BenchConfig
+from hil.config.sensors import resolve_sensors
+from hil.documents.document import Document, Place, shown_path
+from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
+from hil.documents.yaml_lines import CORE_SCHEMA, read_yaml
+from hil.missions import Geopoint, Mission, load_mission
+from hil.signals.errors import ConfigError, Problem
+from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A bench that has been checked: its settings, and what the files they name hold.
+
+    `files` says which file each part came from: 'bench', 'rig', 'vehicle', 'scene', 'mission', as far as there is one.
+    """
+
+    config: BenchConfig
+    vehicle: Vehicle
+    scene: Scene
+    mission: Mission | None
+    files: Mapping[str, Path]
+
+
+def load_bench(
+    path: Path | str | None = None,
+    *,
+    rig: str | None = None,
+    scene: str | None = None,
+    mission: str | None = None,
+    seed: int | None = None,
+    settings: Sequence[str] = (),
+) -> Bench:
+    """Read, merge and check everything a bench consists of.
+
+    `path` is the bench file; None means ./hil.yaml or, where there is none, the one that came with the
+    installation. `settings` are the texts of `--set`. Raises ConfigError with every problem found.
+    """
+    options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
+    return _Loading(path, {key: value for key, value in options.items() if value is not None}, settings).bench()
+
+
+class _Loading:
+    """One load on its way: what was merged so far, which files were read, what was wrong."""
+
+    def __init__(self, path: Path | str | None, options: Mapping[str, Any], settings: Sequence[str]) -> None:
+        self.problems: list[Problem] = []
+        self.files: dict[str, Path] = {}
+        self.settings = Settings()
+        bench_path = Path(path) if path is not None else default_bench()
+        document = Document("defaults", {})
+        if bench_path is not None:
+            document = read_yaml(bench_path)
+            self.files["bench"] = bench_path
+        if not isinstance(document.data, dict):
+            message = f"must be a mapping of keys, not {shown(document.data)}"
+            raise ConfigError([at(document, (), message)])
+        self.complete = self._take_complete(document)
+        self.beside = [bench_path.parent] if bench_path is not None else []
+        rig = self._rig(document, options, settings)
+        if "sensors" not in document.data and (rig is None or "sensors" not in rig.data):
+            self.settings.put(("sensors",), STANDARD_SENSORS, "defaults")
+        if rig is not None:
+            self.settings.lay(rig)
+        self.settings.lay(document)
+        for key, value in options.items():
+            self.settings.put((key,), value, f"--{key}")
+        self.problems += lay_settings(self.settings, settings)
+
+    def _take_complete(self, bench: Document) -> bool:
+        """Whether the file says everything. `complete` speaks about the file and is no setting of the bench."""
+        complete = bench.data.pop("complete", False)
+        if not isinstance(complete, bool):
+            self.problems.append(at(bench, ("complete",), f"must be true or false, not {shown(complete)}"))
+        return complete is True
+
+    def _rig(self, bench: Document, options: Mapping[str, Any], settings: Sequence[str]) -> Document | None:
+        """The rig's file, chosen by --set rig=, --rig, the bench file or the default, in this order."""
+        if self.complete:
+            if "rig" in options:
+                message = "cannot change the rig of a file that says everything"
+                self.problems.append(Problem("--rig", message, 'remove "complete: true" from the file'))
+            return None
+        choice = Settings()
+        choice.put(("rig",), BenchConfig.model_fields["rig"].default, "defaults")
+        if "rig" in bench.data:
+            choice.put(("rig",), bench.data["rig"], bench.where(("rig",)))
+        if "rig" in options:
+            choice.put(("rig",), options["rig"], "--rig")
+        for text in settings:
+            if text.partition("=")[0].strip() == "rig":
+                try:
+                    _, value, origin = parse_setting(text)
+                except ConfigError:
+                    continue  # said where the settings are laid
+                choice.put(("rig",), value, origin)
+        path = self._file("rig", choice.data["rig"], choice)
+        if path is None:
+            return None
+        document = self._read("rig", path)
+        if document is None:
+            return None
+        if not isinstance(document.data, dict):
+            self.problems.append(at(document, (), f"must be a mapping of keys, not {shown(document.data)}"))
+            return None
+        for key in ("rig", "complete"):
+            if key in document.data:
+                self.problems.append(at(document, (key,), "does not belong into a rig's file"))
+        keep = {key: value for key, value in document.data.items() if key not in ("rig", "complete")}
+        return Document(document.source, keep, document.lines)
+
+    def _file(self, what: str, name: Any, located: Settings) -> Path | None:
+        """Find the file that a setting names, or note why there is none."""
+        if not isinstance(name, str):
+            return None  # checked, and said, with the rest of the settings
+        path = find(what, name, self.beside) if name.strip() else None
+        if path is None:
+            if is_bare(what, name):
+                hint = nearest(name, available(what, self.beside))
+                self.problems.append(at(located, (what,), f"is unknown: {name!r}", hint))
+            else:
+                places = [shown_path(folder) for folder in (*self.beside, Path())]
+                looked = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
+                self.problems.append(at(located, (what,), f"names a file that does not exist: {name}", looked))
+            return None
+        self.files[what] = path
+        return path
+
+    def _read(self, what: str, path: Path) -> Document | None:
+        try:
+            return read_yaml(path)
+        except ConfigError as error:
+            self.problems += error.problems
+            self.files.pop(what, None)
+            return None
+
+    def _model(self, what: str, model: type[Model]) -> Model | None:
+        """Load the vehicle's or scene's file."""
+        name = self.settings.data.get(what, BenchConfig.model_fields[what].default)
+        path = self._file(what, name, self.settings)
+        document = self._read(what, path) if path is not None else None
+        if document is None:
+            return None
+        loaded, problems = validate(model, document.data, document)
+        self.problems += problems
+        return loaded
+
+    def _mission(self, scene: Scene | None) -> Mission | None:
+        name = self.settings.data.get("mission")
+        path = self._file("mission", name, self.settings) if name is not None else None
+        if path is None:
+            return None
+        try:
+            return load_mission(path, site=site_of(scene) if scene is not None else None)
+        except ConfigError as error:
+            self.problems += error.problems
+            return None
+
+    def bench(self) -> Bench:
+        data = dict(self.settings.data)
+        section = data.pop("sensors", {})
+        config, wrong = validate(BenchConfig, data, self.settings)
+        tick_hz = (config or BenchConfig()).tick_hz
+        sensors, problems = resolve_sensors(section, self.settings, tick_hz=tick_hz)
+        self.problems += wrong + problems
+        if config is not None:
+            config = config.model_copy(update={"sensors": sensors})
+            self.problems += _cross_checks(config, self.settings)
+        vehicle = self._model("vehicle", Vehicle)
+        scene = self._model("scene", Scene)
+        mission = self._mission(scene)
+        if self.problems or config is None or vehicle is None or scene is None:
+            raise ConfigError(_in_order(self.problems))
+        return Bench(config, vehicle, scene, mission, self.files)
+
+
+def site_of(scene: Scene) -> Geopoint:
+    """Where the scene's origin stands."""
+    return Geopoint(scene.site.latitude_deg, scene.site.longitude_deg, scene.site.altitude_m)
+
+
+def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """What is wrong although each value for itself is right."""
+    problems: list[Problem] = []
+
+    def wrong(place: Place, message: str, hint: str = "") -> None:
+        problems.append(at(settings, place, message, hint))
+
+    for name, sensor in config.sensors.items():
+        place = ("sensors", name, "rate_hz")
+        if sensor.rate_hz > config.tick_hz:
+            message = f"must be at most the tick's rate, {config.tick_hz} Hz, not {sensor.rate_hz:g} Hz"
+            wrong(place, message, "lower it or raise tick_hz")
+        elif sensor.kind == "imu" and sensor.rate_hz != config.tick_hz:
+            message = f"must be the tick's rate, {config.tick_hz} Hz, not {sensor.rate_hz:g} Hz"
+            wrong(place, message, "an imu is read at every tick: leave rate_hz out")
+        elif abs(sensor.rate_hz * 1000 - round(sensor.rate_hz * 1000)) > 1e-6 or sensor.rate_hz < 0.001:
+            wrong(place, f"must be a whole number of millihertz, not {sensor.rate_hz!r} Hz")
+    autopilot = config.autopilot
+    if autopilot.transport == "loopback" and autopilot.port is not None:
+        wrong(("autopilot", "port"), "has no meaning with the transport 'loopback'", "leave it out")
+    if not autopilot.start and autopilot.port is None:
+        wrong(("autopilot", "start"), "is false, but no autopilot.port says where the autopilot is")
+    if autopilot.kind == "mock" and autopilot.binary is not None:
+        wrong(("autopilot", "binary"), "has no meaning for the mock autopilot", "leave it out or choose another rig")
+    return problems
+
+
+def _in_order(problems: list[Problem]) -> list[Problem]:
+    """By file in order of first appearance, then by line, the command line's last; no problem twice."""
+    files: dict[str, int] = {}
+    keyed: dict[str, tuple[tuple[bool, int, int], Problem]] = {}
+    for problem in problems:
+        source, _, line = problem.where.rpartition(":")
+        if not line.isdigit():
+            source, line = problem.where, "0"
+        order = files.setdefault(source, len(files))
+        keyed.setdefault(str(problem), ((source.startswith(COMMAND_LINE), order, int(line)), problem))
+    return [problem for _, problem in sorted(keyed.values(), key=lambda pair: pair[0])]
+
+
+def resolved_yaml(config: BenchConfig) -> str:
+    """The whole configuration as a bench file that says everything: loading it gives the same `BenchConfig` again."""
+    data = config.model_dump(mode="json", exclude={"sensors"})
+    data["complete"] = True
+    data["sensors"] = {
+        name: {
+            "kind": sensor.kind,
+            **({"preset": sensor.preset} if sensor.preset is not None else {}),
+            "autopilot": sensor.autopilot,
+            "rate_hz": sensor.rate_hz,
+            **sensor.parameters.model_dump(mode="json"),
+        }
+        for name, sensor in config.sensors.items()
+    }
+    head = "# Complete settings of one run; no rig file is laid under them.\n"
+    return head + yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes floats so that they read back as the very same floats, and quotes text that looks like anything else,
+    to this reader or to one of YAML 1.1."""
+
+
+def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:float", repr(value))  # shortest text that reads back exactly
+
+
+_Dumper.add_representer(float, _float)
+for _tag, _pattern, _first in CORE_SCHEMA:
+    _Dumper.add_implicit_resolver(_tag, re.compile(_pattern), _first)
+
+
+def save_bench(bench: Bench, folder: Path) -> Path:
+    """Put the bench into a folder so that it can be loaded from there for ever: bench.yaml with everything in it,
+    and copies of the vehicle, the scene and the mission. Returns the path of bench.yaml.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    names: dict[str, str] = {}
+    for what in ("vehicle", "scene", "mission"):
+        if what in bench.files:
+            source = bench.files[what]
+            names[what] = f"{what}{source.suffix}"
+            (folder / names[what]).write_bytes(source.read_bytes())
+    path = folder / "bench.yaml"
+    text = resolved_yaml(bench.config.model_copy(update=names))
+    temporary = path.with_suffix(".part")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+    return path

@@ -1,0 +1,161 @@
+"""What a bench file may say: every key, its type, unit, range and default.
+
+A bench is `BenchConfig`. The keys of one sensor are those of `SensorConfig` plus the parameters of its kind, which
+`sim.sensors.catalog` declares; they stand side by side in the file.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+NS_PER_S = 1_000_000_000
+MAX_SEED = 2**63 - 1
+
+
+class Section(BaseModel):
+    """One mapping of the file: no unknown keys, no conversion of types, finite numbers, unchangeable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class MockFaults(Section):
+    """Ways in which the mock Pixhawk misbehaves on purpose, each from a given simulated time on."""
+
+    die_at_s: Annotated[float, Field(ge=0)] | None = None  # its process ends
+    silent_at_s: Annotated[float, Field(ge=0)] | None = None  # it stops answering
+    wrong_time_at_s: Annotated[float, Field(ge=0)] | None = None  # it answers with the time of another tick
+    garbage_at_s: Annotated[float, Field(ge=0)] | None = None  # it sends bytes that are no MAVLink
+
+
+class Autopilot(Section):
+    """The flight controller and the wire to it."""
+
+    kind: Literal["mock"] = "mock"
+    transport: Literal["pty", "loopback"] = "pty"  # loopback: in this process, same bytes, no serial line
+    airframe: Literal["x500", "iris"] = "x500"  # parameter set the flight controller flies with
+    # HIL_SENSORs at the start that get no reply. null: unknown, so the bench free-runs until the first reply.
+    boot_sensors: Annotated[int, Field(ge=0, le=10_000)] | None = 20
+    reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
+    start: bool = True  # false: the user starts it, and `port` says where it is
+    port: str | None = None  # serial device, e.g. /dev/ttyACM0
+    binary: str | None = None  # the user's own firmware build, for rigs that need one
+    params: dict[str, float] = Field(default_factory=dict)  # flight-controller parameters by name
+    faults: MockFaults = MockFaults()
+
+    @field_validator("params")
+    @classmethod
+    def _names_fit_mavlink(cls, params: dict[str, float]) -> dict[str, float]:
+        for name in params:
+            if not re.fullmatch(r"[A-Z0-9_]{1,16}", name):
+                raise ValueError(f"{name!r} cannot be a parameter: 1 to 16 of A-Z, 0-9 and _")
+        return params
+
+
+def _udp_address(address: str | None) -> str | None:
+    """'udp:HOST:PORT'."""
+    if address is not None:
+        match = re.fullmatch(r"udp:([^:\s]+):([0-9]{1,5})", address)
+        if not match or not 1 <= int(match[2]) <= 65535:
+            raise ValueError(f"must look like udp:127.0.0.1:14550, not {address!r}")
+    return address
+
+
+class Router(Section):
+    """Where the autopilot's MAVLink is passed on to; null: nobody. Both may be the same machine."""
+
+    gcs: str | None = None  # a ground station such as QGroundControl, which listens on 14550
+    sdk: str | None = None  # an SDK such as MAVSDK, which listens on 14540
+
+    _check = field_validator("gcs", "sdk")(_udp_address)
+
+
+class Record(Section):
+    """What is kept of a run, besides run.json."""
+
+    mcap: bool = True  # everything, for Foxglove and `ros2 bag`
+    tlog: bool = True  # MAVLink as ground stations record it
+    report: bool = True  # the report page with its plots
+
+
+class Limits(Section):
+    """What a flight must keep to PASS; null: measured and shown, but not judged. Definitions: `hil.verdict`."""
+
+    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 1.0
+    final_error_m: Annotated[float, Field(gt=0)] | None = 0.7
+    altitude_error_m: Annotated[float, Field(gt=0)] | None = 0.5
+    landing_speed_mps: Annotated[float, Field(gt=0)] | None = 2.0
+    landed_tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 30.0
+
+
+class Physics(Section):
+    """Switches of the dynamics."""
+
+    contact_skipping: bool = True  # no contact work while nothing can touch
+
+
+class SensorConfig(BaseModel):
+    """One sensor, with the parameters of its preset and the bench file's own merged.
+
+    In files `parameters` has no name of its own: its keys stand beside the others.
+    """
+
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+    kind: str
+    preset: str | None
+    autopilot: bool  # feeds the flight controller
+    rate_hz: float
+    parameters: Any  # the parameter model of this kind
+
+
+class BenchConfig(Section):
+    """The whole bench."""
+
+    rig: str = "mock"
+    description: str = ""
+    features: tuple[str, ...] = ()  # hardware that the rig has; tests choose by it
+    scene: str = "airfield"
+    vehicle: str = "x500"
+    mission: str | None = None  # a .plan or .waypoints file; null: stay on the ground
+    seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
+    tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
+    duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends
+    pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as it goes
+    autopilot: Autopilot = Autopilot()
+    router: Router = Router()
+    sensors: dict[str, SensorConfig] = Field(default_factory=dict)
+    physics: Physics = Physics()
+    record: Record = Record()
+    limits: Limits = Limits()
+
+    @property
+    def tick_ns(self) -> int:
+        """One tick [ns], exact."""
+        return NS_PER_S // self.tick_hz
+
+    def autopilot_sensors(self) -> dict[str, str]:
+        """kind -> name of the one sensor of that kind that feeds the flight controller."""
+        return {sensor.kind: name for name, sensor in self.sensors.items() if sensor.autopilot}
+
+    @field_validator("tick_hz")
+    @classmethod
+    def _whole_nanoseconds(cls, tick_hz: int) -> int:
+        if NS_PER_S % tick_hz:
+            fitting = [hz for hz in range(100, 1001) if NS_PER_S % hz == 0]
+            near = min(fitting, key=lambda hz: abs(hz - tick_hz))
+            raise ValueError(
+                f"{tick_hz} Hz is not a whole number of nanoseconds per tick; the nearest that is: {near} Hz"
+            )
+        return tick_hz
+
+
+# What a bench has that does not speak of sensors.
+STANDARD_SENSORS: dict[str, dict[str, Any]] = {
+    "imu": {"preset": "icm20689"},
+    "gps": {"preset": "here_plus", "rate_hz": 10},
+    "baro": {"preset": "ms5611", "rate_hz": 50},
+    "mag": {"preset": "ist8310", "rate_hz": 50},
+}

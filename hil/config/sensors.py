@@ -1,0 +1,138 @@
+"""Turns the `sensors` section into `SensorConfig`s: preset, then the file's own keys over it, then the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, create_model
+
+from hil.config.layers import Settings
+from hil.config.schema import SensorConfig
+from hil.documents.document import Place
+from hil.documents.validate import at, nearest, shown, validate
+from hil.signals.errors import Problem
+from sim.sensors.catalog import KINDS, PRESETS
+
+AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps")
+_OWN_KEYS = ("preset", "kind", "autopilot", "rate_hz")
+
+
+@cache
+def _entry_model(kind: str) -> type[BaseModel]:
+    """What one sensor of this kind may say in a file: its parameters and the keys that every sensor has."""
+    own: dict[str, Any] = {
+        "preset": (str | None, None),
+        "kind": (str | None, None),
+        "autopilot": (bool | None, None),
+        "rate_hz": (Annotated[float, Field(gt=0)], ...),
+    }
+    return create_model(f"{kind}_entry", __base__=KINDS[kind].parameters, **own)
+
+
+def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[dict[str, SensorConfig], list[Problem]]:
+    """Every sensor of the section that can be made, in the order of the file, and every problem."""
+    if not isinstance(section, dict):
+        return {}, [at(settings, ("sensors",), f"must be a mapping of names to sensors, not {shown(section)}")]
+    problems: list[Problem] = []
+    found: dict[str, tuple[SensorConfig, bool | None]] = {}
+    broken_kinds: set[str] = set()
+    for name, entry in section.items():
+        if entry is None:  # `name: null` takes away what the rig has
+            continue
+        sensor, flag, kind = _resolve(name, entry, settings, problems, tick_hz)
+        if sensor is None:
+            broken_kinds.add(kind or name)
+        else:
+            found[name] = (sensor, flag)
+    return _choose(found, broken_kinds, settings, problems), problems
+
+
+def _resolve(
+    name: str, entry: Any, settings: Settings, problems: list[Problem], tick_hz: int
+) -> tuple[SensorConfig | None, bool | None, str | None]:
+    """One sensor, its `autopilot` flag as given, and its kind as far as known."""
+    place: Place = ("sensors", name)
+    if not name.isidentifier():
+        problems.append(at(settings, place, "cannot be the name of a sensor", "use letters, digits and _"))
+    if not isinstance(entry, dict):
+        problems.append(at(settings, place, f"must be a mapping of keys, not {shown(entry)}"))
+        return None, None, None
+    preset, kind = _preset_and_kind(name, entry, settings, problems)
+    if kind is None:
+        return None, None, None
+    values = PRESETS[preset].parameters.model_dump(mode="json") if preset is not None else {}
+    values |= {key: value for key, value in entry.items() if key not in ("preset", "kind")}
+    if kind == "imu":
+        # It is read at every tick and nowhere else, so its rate need not be said.
+        values.setdefault("rate_hz", tick_hz)
+    built, wrong = validate(_entry_model(kind), values, settings, below=place)
+    problems += wrong
+    if wrong or built is None:
+        return None, None, kind
+    parameters = KINDS[kind].parameters.model_validate(built.model_dump(exclude=set(_OWN_KEYS)))
+    rate_hz: float = built.rate_hz  # type: ignore[attr-defined]
+    flag: bool | None = built.autopilot  # type: ignore[attr-defined]
+    return SensorConfig(kind=kind, preset=preset, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
+
+
+def _preset_and_kind(
+    name: str, entry: Mapping[str, Any], settings: Settings, problems: list[Problem]
+) -> tuple[str | None, str | None]:
+    """The preset named, and the kind: named, the preset's, or the sensor's own name if that is a kind."""
+    place: Place = ("sensors", name)
+    preset, kind = entry.get("preset"), entry.get("kind")
+    good = True
+    if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
+        problems.append(at(settings, (*place, "preset"), f"is unknown: {shown(preset)}", nearest(str(preset), PRESETS)))
+        good = False
+    if kind is not None and (not isinstance(kind, str) or kind not in KINDS):
+        problems.append(at(settings, (*place, "kind"), f"is unknown: {shown(kind)}", nearest(str(kind), KINDS)))
+        good = False
+    if not good:
+        return None, None
+    if preset is not None:
+        of_preset = PRESETS[preset].kind
+        if kind is not None and kind != of_preset:
+            message = f"is {kind!r}, but the preset {preset!r} is of kind {of_preset!r}"
+            problems.append(at(settings, (*place, "kind"), message))
+            return None, None
+        kind = of_preset
+    if kind is None:
+        if name not in KINDS:
+            message = "needs a preset or a kind"
+            problems.append(at(settings, place, message, "kinds: " + ", ".join(KINDS)))
+            return None, None
+        kind = name
+    return preset, kind
+
+
+def _choose(
+    found: Mapping[str, tuple[SensorConfig, bool | None]],
+    broken_kinds: set[str],
+    settings: Settings,
+    problems: list[Problem],
+) -> dict[str, SensorConfig]:
+    """One sensor of each kind feeds the flight controller: the flagged one, else the first that may."""
+    chosen: dict[str, str] = {}
+    for name, (sensor, flag) in found.items():
+        if flag is not True:
+            continue
+        place: Place = ("sensors", name, "autopilot")
+        if sensor.kind not in AUTOPILOT_KINDS:
+            problems.append(at(settings, place, f"cannot be true: no flight controller takes a {sensor.kind}"))
+        elif sensor.kind in chosen:
+            message = f"is true, but {chosen[sensor.kind]!r} already feeds the flight controller as its {sensor.kind}"
+            problems.append(at(settings, place, message))
+        else:
+            chosen[sensor.kind] = name
+    for name, (sensor, flag) in found.items():
+        if flag is None and sensor.kind in AUTOPILOT_KINDS:
+            chosen.setdefault(sensor.kind, name)
+    if "imu" not in chosen and "imu" not in broken_kinds:
+        problems.append(at(settings, ("sensors",), "must hold an imu that feeds the flight controller"))
+    return {
+        name: sensor.model_copy(update={"autopilot": chosen.get(sensor.kind) == name})
+        for name, (sensor, _) in found.items()
+    }

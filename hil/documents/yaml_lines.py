@@ -1,0 +1,201 @@
+"""Strict YAML that keeps line numbers.
+
+The scalars are those of the YAML 1.2 core schema, so that none of the old traps is left: `on`, `yes` and `no` are
+text, `1:30` is text and not 90, `010` is ten, `1e3` is a number, dates are text. A key that stands twice in one
+mapping is an error, and so are keys that are not text. Anchors, aliases and `<<` merges work.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hil.documents.document import Document, Place, read_text, shown_path
+from hil.signals.errors import ConfigError, Problem
+
+_LIMIT_BYTES = 4_000_000
+_LIMIT_VALUES = 200_000  # aliases of aliases of aliases grow exponentially; no honest file comes near
+
+_NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE = (
+    f"tag:yaml.org,2002:{name}" for name in ("null", "bool", "int", "float", "str", "merge")
+)
+
+
+# Plain scalars: tag, pattern, first characters.
+CORE_SCHEMA: tuple[tuple[str, str, list[str]], ...] = (
+    (_NULL, r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
+    (_BOOL, r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF")),
+    (_INT, r"^(?:[-+]?[0-9]+|0x[0-9a-fA-F]+|0o[0-7]+)$", list("-+0123456789")),
+    (
+        _FLOAT,
+        r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
+        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
+        list("-+.0123456789"),
+    ),
+    (_MERGE, r"^<<$", ["<"]),
+)
+
+
+class _CoreSchemaLoader(yaml.SafeLoader):
+    """PyYAML's parser with the plain scalars of YAML 1.2 instead of those of 1.1."""
+
+    yaml_implicit_resolvers = {}  # noqa: RUF012  (PyYAML's own name; filled below)
+
+
+for _tag, _pattern, _first in CORE_SCHEMA:
+    _CoreSchemaLoader.add_implicit_resolver(_tag, re.compile(_pattern), _first)
+
+
+def _scalar(tag: str, text: str) -> Any:
+    if tag == _NULL:
+        return None
+    if tag == _BOOL:
+        return text.lower() == "true"
+    if tag == _INT:
+        return int(text, 0) if text[:2] in ("0x", "0o") else int(text)
+    if tag == _FLOAT:
+        return float(text.replace(".", "") if text[-1] in "fFnN" else text)  # ".inf" -> "inf"
+    return text
+
+
+class _Builder:
+    """Turns a tree of YAML nodes into plain data, noting lines and problems on the way."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.lines: dict[Place, int] = {}
+        self.problems: list[Problem] = []
+        self._open: list[yaml.Node] = []
+        self._values = 0
+
+    def problem(self, node: yaml.Node, message: str, hint: str = "") -> None:
+        self.problems.append(Problem(f"{self.source}:{node.start_mark.line + 1}", message, hint))
+
+    def build(self, node: yaml.Node, place: Place) -> Any:
+        self._values += 1
+        if self._values > _LIMIT_VALUES:
+            raise ConfigError([Problem(self.source, f"holds more than {_LIMIT_VALUES} values once unfolded")])
+        if any(node is other for other in self._open):
+            self.problem(node, "this anchor contains itself")
+            return None
+        self.lines.setdefault(place, node.start_mark.line + 1)
+        if isinstance(node, yaml.ScalarNode):
+            if node.tag not in (_NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE):
+                self.problem(node, f"the tag {_short(node.tag)} is not understood")
+                return None
+            try:
+                return _scalar(node.tag, node.value)
+            except ValueError:
+                self.problem(node, f"{node.value!r} is not a value of type {_short(node.tag)}")
+                return None
+        self._open.append(node)
+        try:
+            if isinstance(node, yaml.SequenceNode):
+                if node.tag != "tag:yaml.org,2002:seq":
+                    self.problem(node, f"the tag {_short(node.tag)} is not understood")
+                return [self.build(child, (*place, i)) for i, child in enumerate(node.value)]
+            assert isinstance(node, yaml.MappingNode)
+            return self._mapping(node, place)
+        finally:
+            self._open.pop()
+
+    def _mapping(self, node: yaml.MappingNode, place: Place) -> dict[str, Any]:
+        if node.tag != "tag:yaml.org,2002:map":
+            self.problem(node, f"the tag {_short(node.tag)} is not understood")
+        first_line: dict[str, int] = {}
+        merged: list[yaml.Node] = []
+        own: list[tuple[str, yaml.Node, yaml.Node]] = []
+        for key_node, value_node in node.value:
+            if key_node.tag == _MERGE:
+                merged += value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
+                continue
+            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag != _STR:
+                shown = key_node.value if isinstance(key_node, yaml.ScalarNode) else "a list or mapping"
+                self.problem(key_node, f"a key must be text, not {shown}", "put it in quotes")
+                continue
+            key = key_node.value
+            if key in first_line:
+                self.problem(
+                    key_node,
+                    f"{dotted((*place, key))} is given twice",
+                    f"the first one is on line {first_line[key]}",
+                )
+                continue
+            first_line[key] = key_node.start_mark.line + 1
+            own.append((key, key_node, value_node))
+        result: dict[str, Any] = {}
+        # Own keys first, then merges from left to right: whoever comes first wins, as YAML's merge type says.
+        for key, key_node, value_node in own:
+            self.lines[(*place, key)] = key_node.start_mark.line + 1
+            result[key] = self.build(value_node, (*place, key))
+        for other in merged:
+            if not isinstance(other, yaml.MappingNode):
+                self.problem(other, "<< takes a mapping or a list of mappings")
+                continue
+            extra = _Builder(self.source)
+            extra._open, extra._values = self._open, self._values
+            for key, value in (extra.build(other, place) or {}).items():
+                if key not in result:
+                    result[key] = value
+                    deep = (*place, key)
+                    self.lines.update({p: n for p, n in extra.lines.items() if p[: len(deep)] == deep})
+            self._values = extra._values
+            self.problems += extra.problems
+        return result
+
+
+def _short(tag: str) -> str:
+    return "!!" + tag.removeprefix("tag:yaml.org,2002:") if tag.startswith("tag:yaml") else tag
+
+
+def dotted(place: Place) -> str:
+    """A place as people write it: ('sensors', 'gps', 'rate_hz') -> 'sensors.gps.rate_hz', indices in brackets."""
+    text = ""
+    for part in place:
+        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else part)
+    return text
+
+
+def parse_yaml(text: str, source: str) -> Document:
+    """Parse one YAML document. An empty one is {}. Raises ConfigError with every problem found."""
+    try:
+        node = yaml.compose(text, Loader=_CoreSchemaLoader)
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        message = f"the character U+{ord(text[error.position]):04X} has no place in a YAML file"
+        raise ConfigError([Problem(f"{source}:{line}", message)]) from None
+    except yaml.MarkedYAMLError as error:
+        raise ConfigError([_syntax_problem(error, text, source)]) from None
+    except RecursionError:
+        raise ConfigError([Problem(source, "is nested too deeply")]) from None
+    if node is None:
+        return Document(source, {}, {(): 1})
+    builder = _Builder(source)
+    try:
+        data = builder.build(node, ())
+    except RecursionError:
+        raise ConfigError([Problem(source, "is nested too deeply")]) from None
+    if builder.problems:
+        raise ConfigError(builder.problems)
+    return Document(source, data, builder.lines)
+
+
+def _syntax_problem(error: yaml.MarkedYAMLError, text: str, source: str) -> Problem:
+    mark = error.problem_mark or error.context_mark
+    line = mark.line if mark else 0
+    lines = text.splitlines()
+    # The parser often complains about the line after the tab that caused it.
+    for candidate in (line, line - 1):
+        if 0 <= candidate < len(lines) and re.match(r"^ *\t", lines[candidate]):
+            return Problem(f"{source}:{candidate + 1}", "is indented with a tab", "use spaces")
+    what = (error.problem or "cannot be parsed").replace("could not find", "there is no")
+    context = f" {error.context}" if error.context else ""
+    return Problem(f"{source}:{line + 1}", f"is not valid YAML: {what}{context}")
+
+
+def read_yaml(path: Path) -> Document:
+    """Read and parse a file. Raises ConfigError."""
+    return parse_yaml(read_text(path, limit_bytes=_LIMIT_BYTES), shown_path(path))

@@ -1,0 +1,116 @@
+"""Where a mission leads: its legs as straight lines in W (ENU, metres)."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+from hil.missions.mission import (
+    GLOBAL_FRAMES,
+    JUMP,
+    LAND_COMMANDS,
+    RETURN,
+    TAKEOFF_COMMANDS,
+    TERRAIN_FRAMES,
+    WAYPOINT_COMMANDS,
+    Mission,
+)
+from hil.signals.mission import MissionItem
+from hil.signals.samples import Vec3
+from sim.scene.geodesy import LocalFrame
+from sim.scene.scene import Scene
+
+MAX_LEGS = 5_000  # a mission that jumps back for ever is followed this far
+ACCEPTANCE_RADIUS_M = 2.0  # PX4's NAV_ACC_RAD, where the item does not say
+
+
+class LegKind(Enum):
+    """What a leg is flown for."""
+
+    CLIMB = "climb"  # take-off
+    FLY = "fly"  # to a waypoint
+    APPROACH = "approach"  # level flight to above the landing place
+    DESCENT = "descent"  # landing
+    RETURN = "return"  # home, at a height that the autopilot chooses: start and end heights mean nothing
+
+
+class Leg(NamedTuple):
+    """One straight line of a mission. `seq` is the item it ends at."""
+
+    kind: LegKind
+    seq: int
+    start_W: Vec3
+    end_W: Vec3
+    acceptance_radius_m: float = ACCEPTANCE_RADIUS_M
+
+
+def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.0)) -> tuple[Leg, ...]:
+    """The legs of a mission, from `home_W`, where the vehicle stands at the start, jumps followed.
+
+    Heights above home count from `home_W`, those above sea level from the scene's site, those above terrain from
+    the ground z = 0. Splines and circles are taken as straight lines between their points.
+    """
+    frame = LocalFrame(scene.site)
+    legs: list[Leg] = []
+    here = home_W
+    for item in _flown_order(mission.items):
+        kind = item.command
+        if kind == RETURN:
+            above = (home_W[0], home_W[1], here[2])
+            legs += [Leg(LegKind.RETURN, item.seq, here, above), Leg(LegKind.DESCENT, item.seq, above, home_W)]
+            here = home_W
+        elif kind in LAND_COMMANDS:
+            there = _place(item, frame, scene, here, home_W)
+            above = (there[0], there[1], here[2])
+            ground = (there[0], there[1], home_W[2])
+            if above != here:
+                legs.append(Leg(LegKind.APPROACH, item.seq, here, above))
+            legs.append(Leg(LegKind.DESCENT, item.seq, above, ground))
+            here = ground
+        elif kind in TAKEOFF_COMMANDS or kind in WAYPOINT_COMMANDS:
+            there = _place(item, frame, scene, here, home_W)
+            leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
+            # Param 2 is the acceptance radius of a plain waypoint only.
+            radius_m = item.param2 if kind in (16, 82) and item.param2 > 0.0 else ACCEPTANCE_RADIUS_M
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m))
+            here = there
+        if len(legs) >= MAX_LEGS:
+            break
+    return tuple(legs)
+
+
+def _flown_order(items: tuple[MissionItem, ...]) -> list[MissionItem]:
+    """The items in the order in which they are flown: DO_JUMP to item `param1`, `param2` times (-1: for ever)."""
+    order: list[MissionItem] = []
+    jumped: dict[int, int] = {}
+    at = 0
+    # Every pass round an endless loop without a place to fly to would be an endless loop here too.
+    for _ in range(20 * MAX_LEGS):
+        if at >= len(items) or len(order) >= MAX_LEGS:
+            break
+        item = items[at]
+        if item.command == JUMP:
+            done = jumped.get(at, 0)
+            if item.param2 < 0 or done < item.param2:
+                jumped[at] = done + 1
+                at = int(item.param1)
+                continue
+        else:
+            order.append(item)
+        at += 1
+    return order
+
+
+def _place(item: MissionItem, frame: LocalFrame, scene: Scene, here: Vec3, home_W: Vec3) -> Vec3:
+    """Where an item is; one that leaves its place open is above or below `here`."""
+    if item.frame in GLOBAL_FRAMES:
+        up = item.alt_m - scene.site.altitude_m
+    elif item.frame in TERRAIN_FRAMES:
+        up = item.alt_m
+    else:
+        up = home_W[2] + item.alt_m
+    if item.lat_degE7 == 0 and item.lon_degE7 == 0:
+        return (here[0], here[1], up)
+    latitude_deg, longitude_deg = item.lat_degE7 / 1e7, item.lon_degE7 / 1e7
+    east, north, _ = frame.enu_from_geodetic(latitude_deg, longitude_deg, scene.site.altitude_m + up)
+    return (east, north, up)

@@ -1,0 +1,127 @@
+"""Waypoint files (.waypoints): the text format "QGC WPL 110" of QGroundControl, Mission Planner and MAVProxy.
+
+Format: https://mavlink.io/en/file_formats/#mission_plain_text_file. One line per item, twelve columns:
+index, current, frame, command, param 1 to 4, latitude, longitude, altitude, autocontinue.
+
+Mission Planner and MAVProxy put home first, as a waypoint above mean sea level (frame 0); so a first line of that
+kind is taken as the planned home and not flown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from hil.documents.document import read_text, shown_path
+from hil.missions.mission import (
+    FRAME_GLOBAL,
+    JUMP,
+    MAX_ITEMS,
+    WAYPOINT,
+    Geopoint,
+    Mission,
+    RawItem,
+    items_from_raw,
+    problems_of,
+)
+from hil.signals.errors import ConfigError, Problem
+
+_LIMIT_BYTES = 16_000_000
+_COLUMNS = ("index", "current", "frame", "command", "param 1", "param 2", "param 3", "param 4", "latitude",
+            "longitude", "altitude", "autocontinue")  # fmt: skip
+_WHOLE = (0, 1, 2, 3, 11)
+
+
+def read_waypoints(path: Path, *, site: Geopoint | None = None) -> Mission:
+    """Read and check a .waypoints file. Raises ConfigError with every problem found."""
+    return parse_waypoints(read_text(path, limit_bytes=_LIMIT_BYTES), path, site=site)
+
+
+def parse_waypoints(text: str, path: Path, *, site: Geopoint | None = None) -> Mission:
+    """The mission in `text`; `path` only names it. Raises ConfigError with every problem found."""
+    source = shown_path(path)
+    lines = text.splitlines()
+    first = next((line.strip() for line in lines if line.strip()), "")
+    if not first:
+        raise ConfigError([Problem(source, "is empty")])
+    header = lines.index(next(line for line in lines if line.strip()))
+    if first.split() != ["QGC", "WPL", "110"]:
+        message = f'must begin with "QGC WPL 110", not {first[:40]!r}'
+        raise ConfigError([Problem(f"{source}:{header + 1}", message)])
+    problems: list[Problem] = []
+    items: list[RawItem] = []
+    indices: list[int] = []
+    for number, line in enumerate(lines[header + 1 :], start=header + 2):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        values = _numbers(line, f"{source}:{number}", problems)
+        if values is None:
+            indices.append(len(indices))
+            continue
+        if values[0] != len(indices):
+            message = f"item {values[0]:g} stands where item {len(indices)} should"
+            problems.append(Problem(f"{source}:{number}", message, "items count from 0 without gaps"))
+        indices.append(int(values[0]))
+        items.append(_raw_item(values, f"{source}:{number}"))
+    home, flown = _split_home(items)
+    found = problems_of(source, flown, site=site, complete=not problems)
+    problems = found if len(flown) > MAX_ITEMS else problems + found
+    if problems:
+        raise ConfigError(problems)
+    return Mission(path, items_from_raw(flown), home)
+
+
+def _numbers(line: str, where: str, problems: list[Problem]) -> list[float] | None:
+    columns = line.split()
+    if len(columns) != len(_COLUMNS):
+        message = f"has {len(columns)} columns instead of the {len(_COLUMNS)} of a mission item"
+        problems.append(Problem(where, message, ", ".join(_COLUMNS)))
+        return None
+    values: list[float] = []
+    for index, (name, column) in enumerate(zip(_COLUMNS, columns, strict=True)):
+        try:
+            value = float(column)
+        except ValueError:
+            problems.append(Problem(where, f"{name} must be a number, not {column!r}"))
+            continue
+        open_value = math.isnan(value) and 4 <= index < 8
+        if not open_value and not (math.isfinite(value) and abs(value) < 3e38):
+            problems.append(Problem(where, f"{name} is not finite: {column}"))
+        elif index in _WHOLE and (value != int(value) or not 0 <= value <= 65535):
+            problems.append(Problem(where, f"{name} must be a whole number from 0, not {column}"))
+        else:
+            values.append(value)
+    return values if len(values) == len(_COLUMNS) else None
+
+
+def _raw_item(values: list[float], where: str) -> RawItem:
+    def anywhere(_: int | None) -> str:
+        return where
+
+    where_of: Callable[[int | None], str] = anywhere
+    return RawItem(
+        where=where_of,
+        name=f"item {values[0]:g}",
+        frame=int(values[2]),
+        command=int(values[3]),
+        params=(values[4], values[5], values[6], values[7], values[8], values[9], values[10]),
+        autocontinue=values[11] != 0,
+    )
+
+
+def _split_home(items: list[RawItem]) -> tuple[Geopoint | None, list[RawItem]]:
+    """Take the planned home off the front. Jumps then aim one lower, as every number after it drops by one."""
+    if not items or items[0].frame != FRAME_GLOBAL or items[0].command != WAYPOINT:
+        return None, items
+    home = Geopoint(*items[0].params[4:])
+    flown: list[RawItem] = []
+    for item in items[1:]:
+        p1, *rest = item.params
+        if item.command == JUMP:
+            p2, p3, p4, p5, p6, p7 = rest
+            item = RawItem(
+                item.where, item.name, item.frame, item.command, (p1 - 1, p2, p3, p4, p5, p6, p7), item.autocontinue
+            )
+        flown.append(item)
+    return home, flown

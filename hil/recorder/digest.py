@@ -1,0 +1,126 @@
+"""The digest of a run: one BLAKE2b hash over truth and every message, in order.
+
+Every item is hashed as tag (one byte), length (uint32, little-endian) and bytes:
+
+    "T"  truth, `TruthState` packed little-endian without padding: tick uint64, time int64 [ns], then doubles p_WB,
+         q_WB (w-x-y-z), v_WB_W, w_WB_B, a_WB_W, alpha_WB_B, number of rotors as uint32, rotor speeds as doubles,
+         contact as uint8
+    "S"  the bytes sent to the autopilot in one tick
+    "R"  one frame received from it
+
+Nothing else goes in: not the sinks that are on, not the wall clock, not the file names. Two runs with the same
+digest had the same vehicle, the same sensors' messages and the same answers, bit for bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Iterable
+from typing import Protocol
+
+from hil.signals.samples import TruthState
+
+
+class RawFrame(Protocol):
+    """What the recorder needs of a received frame (`firmware_bridge.codecs.mavlink_frame.Frame` has it)."""
+
+    @property
+    def msgid(self) -> int: ...
+
+    @property
+    def raw(self) -> bytes: ...
+
+
+_HEAD = struct.Struct("<cI")
+_HASH_BYTES = 32
+_TICK_BYTES = 8  # of the running digest kept per tick: enough to find where two runs part
+
+
+class Digest:
+    """Running hash. `keep_ticks` also keeps eight bytes per tick (`ticks`), to find the first tick that differs."""
+
+    def __init__(self, *, keep_ticks: bool = False) -> None:
+        self._hash = hashlib.blake2b(digest_size=_HASH_BYTES)
+        self._parts: list[bytes] = []
+        self._layout = self._layout_for(0)
+        self._rotors = 0
+        self._keep_ticks = keep_ticks
+        self._started = False
+        self.ticks = bytearray()
+
+    @staticmethod
+    def _layout_for(rotors: int) -> struct.Struct:
+        body = f"Qq19dI{rotors}dB"
+        return struct.Struct("<cI" + body)
+
+    def truth(self, truth: TruthState) -> None:
+        """Begin a tick: hash what the last one left, then take in the truth."""
+        if self._keep_ticks and self._started:
+            self.ticks += self.running()
+        self._started = True
+        rotors = truth.rotor_speed_radps
+        n = len(rotors)
+        if n != self._rotors:
+            self._rotors, self._layout = n, self._layout_for(n)
+        layout = self._layout
+        self._parts.append(
+            layout.pack(
+                b"T",
+                layout.size - 5,
+                truth.tick,
+                truth.t_ns,
+                *truth.p_WB,
+                *truth.q_WB,
+                *truth.v_WB_W,
+                *truth.w_WB_B,
+                *truth.a_WB_W,
+                *truth.alpha_WB_B,
+                n,
+                *rotors,
+                truth.in_contact,
+            )
+        )
+        if len(self._parts) > 64:
+            self._hash.update(b"".join(self._parts))
+            self._parts.clear()
+
+    def sent(self, data: bytes) -> None:
+        """Take in the bytes sent in one tick."""
+        self._parts += (_HEAD.pack(b"S", len(data)), data)
+
+    def received(self, frames: Iterable[RawFrame]) -> None:
+        """Take in every frame received in one tick."""
+        parts = self._parts
+        for frame in frames:
+            raw = frame.raw
+            parts += (_HEAD.pack(b"R", len(raw)), raw)
+
+    def running(self) -> bytes:
+        """First eight bytes of the digest of everything so far. Does not disturb the hash."""
+        self._drain()
+        return self._hash.copy().digest()[:_TICK_BYTES]
+
+    def hexdigest(self) -> str:
+        """The digest of everything so far, 64 hexadecimal digits."""
+        self._drain()
+        return self._hash.hexdigest()
+
+    def finish(self) -> None:
+        """Keep the last tick's running digest, once nothing more will come."""
+        if self._keep_ticks and self._started:
+            self.ticks += self.running()
+            self._started = False
+
+    def _drain(self) -> None:
+        if self._parts:
+            self._hash.update(b"".join(self._parts))
+            self._parts.clear()
+
+
+def first_differing_tick(a: bytes | bytearray, b: bytes | bytearray) -> int | None:
+    """First tick at which two `Digest.ticks` part, None if neither does. A run that ended earlier differs there."""
+    for i in range(0, min(len(a), len(b)), _TICK_BYTES):
+        if a[i : i + _TICK_BYTES] != b[i : i + _TICK_BYTES]:
+            return i // _TICK_BYTES
+    return None if len(a) == len(b) else min(len(a), len(b)) // _TICK_BYTES

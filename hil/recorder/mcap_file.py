@@ -1,0 +1,273 @@
+"""An MCAP file written chunk by chunk, so that what is on disk is always a readable prefix.
+
+Format: https://mcap.dev/spec. Chunks arrive here as ready blocks of message records (see `hil.recorder.cdr`), so
+nothing is done per message; the records written once per file come from the `mcap` library. A chunk and its
+message indexes leave in one write. When a write fails, the file is cut back to the last whole record and closed
+to further writing.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from hil.signals.errors import RecordingError
+
+MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "hil-bench"
+_CHUNK_HEAD = struct.Struct("<BQQQQI")  # opcode, length, first and last log time, uncompressed size, CRC
+_INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of pairs
+
+
+class Block(NamedTuple):
+    """Message records of one channel, back to back. `log_ns` and `offsets` (into `data`) have one entry each."""
+
+    channel: int
+    data: bytes
+    log_ns: NDArray[np.uint64]
+    offsets: NDArray[np.uint64]
+
+
+def open_unbuffered(path: Path) -> BinaryIO:
+    """Nothing waits in the process: what was written survives a kill."""
+    return open(path, "wb", buffering=0)
+
+
+class SafeFile:
+    """A file that is only ever a whole number of records long, even on a full disk.
+
+    `write` raises `RecordingError` once, naming file and tick, then drops everything that follows.
+    """
+
+    def __init__(self, path: Path, open_file: Callable[[Path], BinaryIO] = open_unbuffered) -> None:
+        self.path = path
+        self.size = 0
+        self.broken = False
+        try:
+            self._file = open_file(path)
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be created ({error.strerror or error})") from error
+
+    def write(self, data: bytes, tick: int) -> bool:
+        """Write all of `data` (whole records). False where an earlier failure has closed the file."""
+        if self.broken:
+            return False
+        view = memoryview(data)
+        try:
+            while view:
+                written = self._file.write(view)
+                if not written:
+                    raise OSError("the file system took no more bytes")
+                view = view[written:]
+        except OSError as error:
+            self.broken = True
+            note = ""
+            try:
+                self._file.seek(self.size)
+                self._file.truncate(self.size)
+            except OSError:
+                note = "; its last record is incomplete"
+            raise RecordingError(
+                f"{self.path}: writing failed at tick {tick} ({error.strerror or error}); "
+                f"everything before is kept and readable{note}. Free some space, or switch the recording off "
+                "with --set record.mcap=false"
+            ) from error
+        self.size += len(data)
+        return True
+
+    def close(self) -> None:
+        """Close the file; idempotent."""
+        if not self._file.closed:
+            self._file.close()
+
+
+class McapFile:
+    """Chunked MCAP writer. `compression` is "zstd" or "none"."""
+
+    def __init__(self, file: SafeFile, *, compression: str = "zstd", level: int = 1) -> None:
+        if compression not in ("zstd", "none"):
+            raise ValueError(f"compression must be 'zstd' or 'none', not {compression!r}")
+        self._file = file
+        self._compressor = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
+        self._compression = "zstd" if self._compressor else ""
+        self._schemas: dict[str, Schema] = {}
+        self._channels: list[Channel] = []
+        self._news = RecordBuilder()  # schemas and channels that the next chunk must carry
+        self._chunk_indexes: list[ChunkIndex] = []
+        self._attachment_indexes: list[AttachmentIndex] = []
+        self._metadata_indexes: list[MetadataIndex] = []
+        self._counts: dict[int, int] = {}
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        head = RecordBuilder()
+        head.write(MAGIC)
+        Header(profile="ros2", library=LIBRARY).write(head)
+        file.write(head.end(), 0)
+
+    def channel(self, topic: str, type_name: str, schema_text: str) -> int:
+        """Register a topic of ROS 2 type "package/Name"; returns the channel's number."""
+        full_name = type_name.replace("/", "/msg/")
+        schema = self._schemas.get(full_name)
+        if schema is None:
+            schema = Schema(id=len(self._schemas) + 1, name=full_name, encoding="ros2msg", data=schema_text.encode())
+            self._schemas[full_name] = schema
+            schema.write(self._news)
+        channel = Channel(
+            id=len(self._channels) + 1, topic=topic, message_encoding="cdr", metadata={}, schema_id=schema.id
+        )
+        self._channels.append(channel)
+        channel.write(self._news)
+        return channel.id
+
+    def attach(self, name: str, media_type: str, data: bytes, tick: int) -> None:
+        """Add a file as an attachment."""
+        record = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
+        raw = _bytes_of(record)
+        offset = self._file.size
+        if self._file.write(raw, tick):
+            self._attachment_indexes.append(
+                AttachmentIndex(
+                    offset=offset,
+                    length=len(raw),
+                    log_time=0,
+                    create_time=0,
+                    data_size=len(data),
+                    name=name,
+                    media_type=media_type,
+                )
+            )
+
+    def metadata(self, name: str, values: dict[str, str], tick: int) -> None:
+        """Add a named set of key-value pairs."""
+        raw = _bytes_of(Metadata(name=name, metadata=values))
+        offset = self._file.size
+        if self._file.write(raw, tick):
+            self._metadata_indexes.append(MetadataIndex(offset=offset, length=len(raw), name=name))
+
+    def chunk(self, blocks: Sequence[Block], tick: int) -> None:
+        """Write one chunk and its message indexes. Without messages nothing is written."""
+        blocks = [b for b in blocks if len(b.log_ns)]
+        if not blocks or self._file.broken:
+            return
+        news = self._news.end()
+        parts = [news] + [b.data for b in blocks]
+        plain = b"".join(parts)
+        first_ns = min(int(b.log_ns.min()) for b in blocks)
+        last_ns = max(int(b.log_ns.max()) for b in blocks)
+        data = self._compressor.compress(plain) if self._compressor else plain
+        name = self._compression.encode()
+        length = 8 + 8 + 8 + 4 + 4 + len(name) + 8 + len(data)
+        out = [
+            _CHUNK_HEAD.pack(Opcode.CHUNK, length, first_ns, last_ns, len(plain), zlib.crc32(plain)),
+            struct.pack("<I", len(name)) + name + struct.pack("<Q", len(data)),
+            data,
+        ]
+        chunk_bytes = 9 + length
+        start, at, base = self._file.size, self._file.size + chunk_bytes, len(news)
+        index_offsets: dict[int, int] = {}
+        for block in blocks:
+            pairs = np.empty((len(block.log_ns), 2), "<u8")
+            pairs[:, 0] = block.log_ns
+            pairs[:, 1] = block.offsets
+            pairs[:, 1] += base
+            raw = pairs.tobytes()
+            out += [_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(raw), block.channel, len(raw)), raw]
+            index_offsets[block.channel] = at
+            at += _INDEX_HEAD.size + len(raw)
+            base += len(block.data)
+        self._file.write(b"".join(out), tick)
+        for block in blocks:
+            self._counts[block.channel] = self._counts.get(block.channel, 0) + len(block.log_ns)
+        self._first_ns = first_ns if self._first_ns is None else min(self._first_ns, first_ns)
+        self._last_ns = max(self._last_ns, last_ns)
+        self._chunk_indexes.append(
+            ChunkIndex(
+                chunk_length=chunk_bytes,
+                chunk_start_offset=start,
+                compression=self._compression,
+                compressed_size=len(data),
+                message_end_time=last_ns,
+                message_index_length=at - start - chunk_bytes,
+                message_index_offsets=index_offsets,
+                message_start_time=first_ns,
+                uncompressed_size=len(plain),
+            )
+        )
+
+    def finish(self, tick: int) -> None:
+        """Write the summary (indexes, statistics) and the closing magic."""
+        head = RecordBuilder()
+        DataEnd(data_section_crc=0).write(head)
+        data_end = head.end()
+        summary_start = self._file.size + len(data_end)
+        statistics = Statistics(
+            attachment_count=len(self._attachment_indexes),
+            channel_count=len(self._channels),
+            channel_message_counts=dict(sorted(self._counts.items())),
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(self._counts.values()),
+            message_end_time=self._last_ns,
+            message_start_time=self._first_ns or 0,
+            metadata_count=len(self._metadata_indexes),
+            schema_count=len(self._schemas),
+        )
+        groups: list[tuple[Opcode, Sequence[McapRecord]]] = [
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.ATTACHMENT_INDEX, self._attachment_indexes),
+            (Opcode.METADATA_INDEX, self._metadata_indexes),
+        ]
+        summary = RecordBuilder()
+        offsets: list[SummaryOffset] = []
+        for opcode, records in groups:
+            group_start = summary.count
+            for record in records:
+                record.write(summary)
+            if records:
+                offsets.append(
+                    SummaryOffset(
+                        group_opcode=opcode,
+                        group_start=summary_start + group_start,
+                        group_length=summary.count - group_start,
+                    )
+                )
+        offset_start = summary_start + summary.count
+        for offset in offsets:
+            offset.write(summary)
+        body = summary.end()
+        footer_head = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
+        crc = zlib.crc32(footer_head, zlib.crc32(body))
+        footer = _bytes_of(Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=crc))
+        self._file.write(data_end + body + footer + MAGIC, tick)
+
+
+def _bytes_of(record: Any) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()

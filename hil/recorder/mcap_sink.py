@@ -1,0 +1,265 @@
+"""The MCAP recording: everything a run produced, as ROS 2 messages that Foxglove and `ros2 bag` open.
+
+During a tick the taps only remember references to the immutable samples. About once per simulated second the whole
+batch is turned into records column by column and leaves as one chunk holding whole ticks. Within a chunk the
+messages of one topic lie together; readers put them in time order by the message index.
+
+Times of a message: log time = simulated time of the tick that released it; publish time = when the sample became
+available; header.stamp = when it was captured. `sequence` is the sample's own number, the tick for truth and
+actuators, a running count for MAVLink and events.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.recorder.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
+from hil.recorder.digest import RawFrame
+from hil.recorder.mcap_file import Block, McapFile, SafeFile
+from hil.recorder.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
+from hil.signals.errors import RecordingError
+from hil.signals.samples import ActuatorFrame, Sample, TruthState
+from hil.signals.time import NS_PER_S
+
+# MCAP record prefix, CDR header, stamp, message id and byte count of one hil_msgs/MavlinkFrame
+_FRAME_HEAD = struct.Struct(MESSAGE_PREFIX.format + "4siIII")
+_FRAME_FIXED = _FRAME_HEAD.size - 9
+_LEVELS = {"debug": 10, "warning": 30, "error": 40}
+_INFO = 20
+
+
+class TopicWriter:
+    """Turns columns of one kind of sample into the message records of one topic."""
+
+    def __init__(self, file: McapFile, topic: Topic, name: str, columns: Columns, tick_ns: int) -> None:
+        self._topic = topic
+        self.channel = file.channel(name, topic.type_name, schema_text(topic.type_name))
+        strings = {f"{topic.header}.frame_id": topic.frame}
+        lengths = {path: columns[column].shape[1] for path, column in topic.lengths.items()}
+        if topic.child_frame:
+            prefix = topic.header.removesuffix("header")
+            strings[f"{prefix}child_frame_id"] = topic.child_frame
+            lengths[prefix.removesuffix("[0].")] = 1
+        self._layout = Layout(
+            topic.type_name, channel=self.channel, strings=strings, lengths=lengths, values=topic.values
+        )
+        self._every = max(1, round(topic.every_s * NS_PER_S / tick_ns)) if topic.every_s else 1
+
+    def block(self, columns: Columns, log_ns: NDArray[np.uint64]) -> Block:
+        """The records of all rows (every k-th, for a thinned topic)."""
+        if self._every > 1:
+            keep = columns["tick"] % self._every == 0
+            columns = {name: column[keep] for name, column in columns.items()}
+            log_ns = log_ns[keep]
+        topic = self._topic
+        records = self._layout.records(len(log_ns))
+        records["$sequence"] = columns["seq"]
+        records["$log"] = log_ns
+        records["$publish"] = columns["available_ns"]
+        seconds, nanoseconds = np.divmod(columns["stamp_ns"], NS_PER_S)
+        records[f"{topic.header}.stamp.sec"] = seconds
+        records[f"{topic.header}.stamp.nanosec"] = nanoseconds
+        for path, column in topic.columns.items():
+            records[path] = columns[column]
+        size = self._layout.size
+        offsets = np.arange(0, size * len(log_ns), size, dtype=np.uint64)
+        return Block(self.channel, records.tobytes(), log_ns, offsets)
+
+
+class Series:
+    """What has come in on one port since the last chunk."""
+
+    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str) -> None:
+        self.rows: list[Any] = []
+        self.log_ns: list[int] = []
+        self._kind = kind
+        self._topics = topics
+        self._prefix = prefix
+        self._writers: list[TopicWriter] = []
+
+    def blocks(self, file: McapFile, tick_ns: int) -> list[Block]:
+        """The records of everything that came in, which is then forgotten."""
+        if not self.rows:
+            return []
+        columns = columns_of(self._kind, self.rows)
+        log_ns = np.array(self.log_ns, np.uint64) if self.log_ns else columns["t_ns"].astype(np.uint64)
+        self.rows.clear()
+        self.log_ns.clear()
+        if not self._writers:
+            self._writers = [
+                TopicWriter(file, topic, f"/{self._prefix}{topic.suffix}", columns, tick_ns) for topic in self._topics
+            ]
+        return [writer.block(columns, log_ns) for writer in self._writers]
+
+
+class FrameSeries:
+    """MAVLink frames in one direction since the last chunk."""
+
+    def __init__(self, file: McapFile, topic: str) -> None:
+        type_name = "hil_msgs/MavlinkFrame"
+        self._channel = file.channel(topic, type_name, schema_text(type_name))
+        self._count = 0
+        self._records: list[bytes] = []
+        self._log_ns: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self._log_ns)
+
+    def add(self, t_ns: int, msgid: int, raw: bytes) -> None:
+        """Remember one frame."""
+        n = len(raw)
+        seconds = t_ns // NS_PER_S
+        head = _FRAME_HEAD.pack(
+            MESSAGE_OPCODE,
+            _FRAME_FIXED + n,
+            self._channel,
+            self._count & 0xFFFFFFFF,
+            t_ns,
+            t_ns,
+            CDR_HEADER,
+            seconds,
+            t_ns - seconds * NS_PER_S,
+            msgid,
+            n,
+        )
+        self._count += 1
+        self._records.append(head + raw)
+        self._log_ns.append(t_ns)
+
+    def block(self) -> Block:
+        """The records of everything that came in, which is then forgotten."""
+        ends = np.cumsum([len(record) for record in self._records], dtype=np.uint64)
+        offsets = np.concatenate([np.zeros(1, np.uint64), ends[:-1]]) if len(ends) else ends
+        block = Block(self._channel, b"".join(self._records), np.array(self._log_ns, np.uint64), offsets)
+        self._records.clear()
+        self._log_ns.clear()
+        return block
+
+
+class EventSeries:
+    """Events of the bench (phases, status texts, faults) as rcl_interfaces/Log."""
+
+    def __init__(self, file: McapFile) -> None:
+        self._channel = file.channel("/events", "rcl_interfaces/Log", schema_text("rcl_interfaces/Log"))
+        self._count = 0
+        self._rows: list[tuple[int, str, str]] = []
+
+    def add(self, t_ns: int, kind: str, text: str) -> None:
+        """Remember one event."""
+        self._rows.append((t_ns, kind, text))
+
+    def block(self) -> Block:
+        """The records of everything that came in, which is then forgotten."""
+        parts: list[bytes] = []
+        offsets: list[int] = []
+        at = 0
+        for t_ns, kind, text in self._rows:
+            layout = Layout(
+                "rcl_interfaces/Log",
+                channel=self._channel,
+                strings={"name": kind, "msg": text, "file": "", "function": ""},
+            )
+            record = layout.records(1)
+            record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
+            record["stamp.sec"], record["stamp.nanosec"] = divmod(t_ns, NS_PER_S)
+            record["level"] = _LEVELS.get(kind, _INFO)
+            self._count += 1
+            parts.append(record.tobytes())
+            offsets.append(at)
+            at += layout.size
+        log_ns = np.array([row[0] for row in self._rows], np.uint64)
+        self._rows.clear()
+        return Block(self._channel, b"".join(parts), log_ns, np.array(offsets, np.uint64))
+
+
+class McapSink:
+    """Writes `run.mcap`. Taps as in `hil.recorder.recorder.Recorder`."""
+
+    def __init__(
+        self,
+        file: SafeFile,
+        *,
+        tick_ns: int,
+        compression: str = "zstd",
+        metadata: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
+    ) -> None:
+        self._file = file
+        self._mcap = McapFile(file, compression=compression)
+        self._tick_ns = tick_ns
+        self._now_ns = 0
+        self._truth = Series(TruthState, TRUTH_TOPICS, "")
+        self._actuators = Series(ActuatorFrame, ACTUATOR_TOPICS, "")
+        self._samples: dict[str, Series] = {}
+        self._sent = FrameSeries(self._mcap, "/mavlink/to_autopilot")
+        self._received = FrameSeries(self._mcap, "/mavlink/from_autopilot")
+        self._events = EventSeries(self._mcap)
+        self._mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **(metadata or {})}, 0)
+        for name, data in (attachments or {}).items():
+            self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
+
+    @property
+    def frames_waiting(self) -> int:
+        """MAVLink frames taken since the last flush."""
+        return len(self._sent) + len(self._received)
+
+    def truth(self, truth: TruthState) -> None:
+        """Begin a tick."""
+        self._now_ns = truth.t_ns
+        self._truth.rows.append(truth)
+
+    def sample(self, port: str, sample: Sample) -> None:
+        """Take a released sample of `port`."""
+        series = self._samples.get(port)
+        if series is None:
+            topics = SAMPLE_TOPICS.get(type(sample))
+            if topics is None:
+                known = ", ".join(kind.__name__ for kind in SAMPLE_TOPICS)
+                raise RecordingError(
+                    f"port {port}: a {type(sample).__name__} has no recorded form (there is one for {known})"
+                )
+            series = self._samples[port] = Series(type(sample), topics, port)
+        series.rows.append(sample)
+        series.log_ns.append(self._now_ns)
+
+    def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
+        """Take the frames sent in a tick, as `split_frames` gives them."""
+        for msgid, raw in pieces:
+            self._sent.add(t_ns, msgid, raw)
+
+    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+        """Take the frames received in a tick."""
+        for frame in frames:
+            self._received.add(t_ns, frame.msgid, frame.raw)
+
+    def actuators(self, frame: ActuatorFrame) -> None:
+        """Take the command latched in a tick."""
+        self._actuators.rows.append(frame)
+
+    def event(self, t_ns: int, kind: str, text: str) -> None:
+        """Take an event. Kinds "debug", "warning" and "error" set the level; every other is information."""
+        self._events.add(t_ns, kind, text)
+
+    def flush(self, tick: int) -> None:
+        """Write what has come in as one chunk. Raises RecordingError where that fails, once."""
+        blocks = self._truth.blocks(self._mcap, self._tick_ns)
+        for series in self._samples.values():
+            blocks += series.blocks(self._mcap, self._tick_ns)
+        blocks += [self._sent.block(), self._received.block()]
+        blocks += self._actuators.blocks(self._mcap, self._tick_ns)
+        blocks.append(self._events.block())
+        self._mcap.chunk(blocks, tick)
+
+    def close(self, tick: int, result: Mapping[str, str]) -> None:
+        """Write the rest, `result` as metadata and the summary; close the file whatever happens."""
+        try:
+            self.flush(tick)
+            self._mcap.metadata("hil_result", dict(result), tick)
+            self._mcap.finish(tick)
+        finally:
+            self._file.close()

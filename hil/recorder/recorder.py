@@ -1,0 +1,182 @@
+"""The recorder: taps on the tick, fanned out to the sinks. It never feeds back.
+
+Order of the taps in one tick: `truth`, then `sample` for each released sample, `sent`, `received`, `actuators`;
+`event` at any time. The digest is computed whatever is recorded, and does not depend on it.
+
+Files, in the run's directory: `run.mcap` (see `hil.recorder.mcap_sink`) and `flight.tlog` (`tlog_sink`). Both are
+readable up to the last flush when the process is killed, at most one simulated second before its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from hil.recorder.digest import Digest, RawFrame
+from hil.recorder.mavlink_split import split_frames
+from hil.recorder.mcap_file import SafeFile, open_unbuffered
+from hil.recorder.mcap_sink import McapSink
+from hil.recorder.tlog_sink import TlogSink
+from hil.recorder.track import Track
+from hil.signals.errors import RecordingError
+from hil.signals.samples import ActuatorFrame, Sample, TruthState
+from hil.signals.time import NS_PER_S
+
+MCAP_NAME = "run.mcap"
+TLOG_NAME = "flight.tlog"
+_FLUSH_NS = NS_PER_S  # at most this much simulated time is lost when the process is killed
+_FLUSH_TICKS = 512  # and so many ticks, on benches that tick faster
+_FLUSH_FRAMES = 4096  # and MAVLink frames, of at most 280 bytes each: about 1 MiB in memory
+_EVENTS_KEPT = 2000  # for the report; the recording itself keeps all
+
+
+class Event(NamedTuple):
+    """Something worth a line in the report."""
+
+    t_ns: int
+    kind: str
+    text: str
+
+
+class Recorder:
+    """Fan-out to the sinks that are on.
+
+    Raises `RecordingError` from the tap or from `close` where a file cannot be written: once per file, after which
+    that file takes nothing more and what it holds stays readable.
+    """
+
+    def __init__(
+        self,
+        out_dir: Path,
+        *,
+        mcap: bool,
+        tlog: bool,
+        tick_ns: int,
+        compression: str = "zstd",
+        metadata: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
+        keep_tick_digests: bool = False,
+        open_file: Callable[[Path], BinaryIO] = open_unbuffered,
+    ) -> None:
+        """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
+        self._digest = Digest(keep_ticks=keep_tick_digests)
+        self.track = Track(tick_ns)
+        self.events: list[Event] = []
+        self._tick = 0
+        self._closed = False
+        self._mcap: McapSink | None = None
+        self._tlog: TlogSink | None = None
+        if mcap or tlog:
+            out_dir.mkdir(parents=True, exist_ok=True)
+        if mcap:
+            self._mcap = McapSink(
+                SafeFile(out_dir / MCAP_NAME, open_file),
+                tick_ns=tick_ns,
+                compression=compression,
+                metadata=metadata,
+                attachments=attachments,
+            )
+        if tlog:
+            self._tlog = TlogSink(SafeFile(out_dir / TLOG_NAME, open_file))
+        self._frames_wanted = mcap or tlog
+        self._period_ns = min(_FLUSH_NS, _FLUSH_TICKS * tick_ns)
+        self._flush_ns = self._period_ns
+
+    @property
+    def digest(self) -> str:
+        """Digest of everything so far, hexadecimal."""
+        return self._digest.hexdigest()
+
+    @property
+    def tick_digests(self) -> bytes:
+        """Running digest after each finished tick, eight bytes each; empty unless asked for."""
+        return bytes(self._digest.ticks)
+
+    def truth(self, truth: TruthState) -> None:
+        """Begin a tick. Where writing out the ticks before it fails, this one is still taken in, then it raises."""
+        t_ns = truth.t_ns
+        failure: RecordingError | None = None
+        if t_ns >= self._flush_ns or (self._mcap and self._mcap.frames_waiting > _FLUSH_FRAMES):
+            self._flush_ns = t_ns + self._period_ns
+            try:
+                self.flush()
+            except RecordingError as error:
+                failure = error
+        self._tick = truth.tick
+        self._digest.truth(truth)
+        self.track.truth(truth)
+        if self._mcap:
+            self._mcap.truth(truth)
+        if failure:
+            raise failure
+
+    def sample(self, port: str, sample: Sample) -> None:
+        """A sample was released on `port`."""
+        if self._mcap:
+            self._mcap.sample(port, sample)
+
+    def sent(self, tick: int, t_ns: int, data: bytes) -> None:
+        """`data` went to the autopilot in this tick, possibly several frames of it."""
+        del tick
+        self._digest.sent(data)
+        if self._frames_wanted and data:
+            pieces = split_frames(data)
+            if self._mcap:
+                self._mcap.sent(t_ns, pieces)
+            if self._tlog:
+                self._tlog.sent(t_ns, pieces)
+
+    def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
+        """`frames` came from the autopilot in this tick."""
+        del tick
+        self._digest.received(frames)
+        if self._mcap:
+            self._mcap.received(t_ns, frames)
+        if self._tlog:
+            self._tlog.received(t_ns, frames)
+
+    def actuators(self, frame: ActuatorFrame) -> None:
+        """The command that the physics will use in the next tick."""
+        self.track.actuators(frame)
+        if self._mcap:
+            self._mcap.actuators(frame)
+
+    def event(self, t_ns: int, kind: str, text: str) -> None:
+        """Something worth a line: a phase, a status text, a fault."""
+        if len(self.events) < _EVENTS_KEPT:
+            self.events.append(Event(t_ns, kind, text))
+        if self._mcap:
+            self._mcap.event(t_ns, kind, text)
+
+    def flush(self) -> None:
+        """Put everything so far on disk."""
+        try:
+            if self._mcap:
+                self._mcap.flush(self._tick)
+        finally:
+            if self._tlog:
+                self._tlog.flush(self._tick)
+
+    def close(self, status: str) -> None:
+        """Finish the files; `status` (PASS, FAIL, ERROR) and the digest go into the recording. Idempotent.
+
+        Raises the first RecordingError met, after every file has been closed.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._digest.finish()
+        failure: RecordingError | None = None
+        if self._mcap:
+            try:
+                self._mcap.close(self._tick, {"status": status, "digest": self.digest})
+            except RecordingError as error:
+                failure = error
+        if self._tlog:
+            try:
+                self._tlog.close(self._tick)
+            except RecordingError as error:
+                failure = failure or error
+        if failure:
+            raise failure

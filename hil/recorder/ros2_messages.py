@@ -1,0 +1,57 @@
+"""ROS 2 message definitions of everything in a recording.
+
+The standard ones are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2), without their comments. The
+`hil_msgs` ones are this project's; the definition travels inside every recording, so no reader needs them
+installed. `hil.recorder.cdr` derives both the byte layout and the schema text from this one table.
+"""
+
+from __future__ import annotations
+
+DEFINITIONS: dict[str, str] = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
+    "geometry_msgs/Vector3Stamped": "std_msgs/Header header\ngeometry_msgs/Vector3 vector",
+    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+    "geometry_msgs/TransformStamped": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
+    ),
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "sensor_msgs/Imu": (
+        "std_msgs/Header header\n"
+        "geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"
+    ),
+    "sensor_msgs/MagneticField": (
+        "std_msgs/Header header\ngeometry_msgs/Vector3 magnetic_field\nfloat64[9] magnetic_field_covariance"
+    ),
+    "sensor_msgs/FluidPressure": "std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance",
+    "sensor_msgs/Temperature": "std_msgs/Header header\nfloat64 temperature\nfloat64 variance",
+    "sensor_msgs/NavSatStatus": (
+        "int8 STATUS_NO_FIX=-1\nint8 STATUS_FIX=0\nint8 status\nuint16 SERVICE_GPS=1\nuint16 service"
+    ),
+    "sensor_msgs/NavSatFix": (
+        "std_msgs/Header header\nsensor_msgs/NavSatStatus status\n"
+        "float64 latitude\nfloat64 longitude\nfloat64 altitude\n"
+        "float64[9] position_covariance\nuint8 COVARIANCE_TYPE_DIAGONAL_KNOWN=2\nuint8 position_covariance_type"
+    ),
+    "rcl_interfaces/Log": (
+        "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
+        "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\n"
+        "uint32 line"
+    ),
+    "hil_msgs/PressureAltitude": "std_msgs/Header header\nfloat64 altitude_m",
+    "hil_msgs/GpsQuality": (
+        "std_msgs/Header header\nfloat64 horizontal_accuracy_m\nfloat64 vertical_accuracy_m\n"
+        "uint8 fix_type\nuint8 satellites"
+    ),
+    "hil_msgs/RotorSpeeds": "std_msgs/Header header\nfloat64[] speed_radps",
+    "hil_msgs/Contact": "std_msgs/Header header\nbool in_contact",
+    "hil_msgs/ActuatorControls": "std_msgs/Header header\nfloat64[] controls\nbool armed\nuint8 mode",
+    "hil_msgs/MavlinkFrame": "builtin_interfaces/Time stamp\nuint32 msgid\nuint8[] data",
+}

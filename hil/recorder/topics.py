@@ -1,0 +1,153 @@
+"""Which topics a sample becomes, and which of its fields fills which field of the message.
+
+World is frame "world" (ENU), the vehicle is "base_link" (FLU), as ROS REP 103 has them, so nothing is turned or
+scaled: every double in the file is the double of the sample. Where ROS has no message with room for a field
+(pressure altitude, GPS accuracy) a small one of this project's stands beside the standard one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, TruthState
+
+Columns = dict[str, NDArray[Any]]
+
+WORLD = "world"
+BODY = "base_link"
+_NO_FIX, _FIX = -1, 0
+_FIX_3D = 3  # MAVLink GPS_FIX_TYPE from which the position counts
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic made from one kind of sample. `suffix` follows the port's name.
+
+    `columns` maps a field of the message to a column of the sample, `lengths` a sequence of the message to the
+    column that fills it, `every_s` thins the topic (None: every sample).
+    """
+
+    suffix: str
+    type_name: str
+    frame: str
+    columns: Mapping[str, str]
+    lengths: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    header: str = "header"
+    child_frame: str = ""
+    every_s: float | None = None
+
+
+_UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # REP 145: this IMU estimates no attitude
+
+TRUTH_TOPICS = (
+    Topic(
+        "truth/pose",
+        "geometry_msgs/PoseStamped",
+        WORLD,
+        {"pose.position": "p_WB", "pose.orientation": "q_WB_xyzw"},
+    ),
+    Topic("truth/velocity", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "v_WB_W"}),
+    Topic("truth/angular_velocity", "geometry_msgs/Vector3Stamped", BODY, {"vector": "w_WB_B"}),
+    Topic("truth/acceleration", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "a_WB_W"}),
+    Topic("truth/angular_acceleration", "geometry_msgs/Vector3Stamped", BODY, {"vector": "alpha_WB_B"}),
+    Topic(
+        "truth/rotors",
+        "hil_msgs/RotorSpeeds",
+        BODY,
+        {"speed_radps": "rotor_speed_radps"},
+        lengths={"speed_radps": "rotor_speed_radps"},
+    ),
+    Topic("truth/contact", "hil_msgs/Contact", BODY, {"in_contact": "in_contact"}),
+    Topic(
+        "tf",
+        "tf2_msgs/TFMessage",
+        WORLD,
+        {"transforms[0].transform.translation": "p_WB", "transforms[0].transform.rotation": "q_WB_xyzw"},
+        header="transforms[0].header",
+        child_frame=BODY,
+        every_s=0.04,
+    ),
+)
+
+SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
+    ImuSample: (
+        Topic(
+            "",
+            "sensor_msgs/Imu",
+            BODY,
+            {"angular_velocity": "gyro_radps", "linear_acceleration": "accel_mps2"},
+            values={"orientation_covariance": _UNKNOWN_ORIENTATION},
+        ),
+        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
+    ),
+    MagSample: (Topic("", "sensor_msgs/MagneticField", BODY, {"magnetic_field": "field_tesla"}),),
+    BaroSample: (
+        Topic("", "sensor_msgs/FluidPressure", BODY, {"fluid_pressure": "pressure_pa"}),
+        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
+        Topic("/altitude", "hil_msgs/PressureAltitude", BODY, {"altitude_m": "pressure_altitude_m"}),
+    ),
+    GpsSample: (
+        Topic(
+            "",
+            "sensor_msgs/NavSatFix",
+            BODY,
+            {
+                "status.status": "status",
+                "latitude": "latitude_deg",
+                "longitude": "longitude_deg",
+                "altitude": "altitude_m",
+                "position_covariance": "position_covariance_m2",
+            },
+            values={"status.service": 1, "position_covariance_type": 2},
+        ),
+        Topic("/velocity", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "v_W"}),
+        Topic(
+            "/quality",
+            "hil_msgs/GpsQuality",
+            BODY,
+            {
+                "horizontal_accuracy_m": "horizontal_accuracy_m",
+                "vertical_accuracy_m": "vertical_accuracy_m",
+                "fix_type": "fix_type",
+                "satellites": "satellites",
+            },
+        ),
+    ),
+}
+
+ACTUATOR_TOPICS = (
+    Topic(
+        "actuators",
+        "hil_msgs/ActuatorControls",
+        BODY,
+        {"controls": "controls", "armed": "armed", "mode": "mode"},
+        lengths={"controls": "controls"},
+    ),
+)
+
+
+def columns_of(kind: type, rows: list[Any]) -> Columns:
+    """The samples turned on their side: one array per field, with the derived columns the topics above ask for."""
+    names = kind._fields  # type: ignore[attr-defined]
+    columns: Columns = {name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+    if kind is TruthState:
+        columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
+    elif kind is GpsSample:
+        covariance = np.zeros((len(rows), 9))
+        covariance[:, 0] = covariance[:, 4] = np.square(columns["horizontal_accuracy_m"])
+        covariance[:, 8] = np.square(columns["vertical_accuracy_m"])
+        columns["position_covariance_m2"] = covariance
+        columns["status"] = np.where(columns["fix_type"] >= _FIX_3D, _FIX, _NO_FIX)
+    if kind is TruthState or kind is ActuatorFrame:
+        columns["seq"] = columns["tick"]
+        columns["stamp_ns"] = columns["available_ns"] = columns["t_ns"]
+    else:
+        columns["stamp_ns"] = columns["t_capture_ns"]
+        columns["available_ns"] = columns["t_available_ns"]
+    return columns

@@ -1,0 +1,218 @@
+"""Pictures of a flight. matplotlib is slow to import: import this module at the end of a run, not at its start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from hil.recorder.track import TrackArrays
+from hil.signals.samples import Vec3
+
+# Okabe and Ito's palette: told apart with any colour vision
+_BLUE, _ORANGE, _GREEN, _RED, _GREY, _INK = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a919b", "#20262e"
+_MOTORS = (_BLUE, _ORANGE, _GREEN, "#cc79a7", "#56b4e9", _RED, "#999933", "#332288")
+_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.edgecolor": "#b8bec7",
+    "axes.labelcolor": _INK,
+    "axes.titlesize": 11,
+    "axes.titleweight": "bold",
+    "axes.titlecolor": _INK,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e9ed",
+    "grid.linewidth": 0.8,
+    "xtick.color": "#5b636e",
+    "ytick.color": "#5b636e",
+    "lines.linewidth": 1.5,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+}
+_DPI = 130
+
+
+def roll_pitch_yaw_deg(q_WB: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 4) w-x-y-z to (n, 3) roll, pitch, yaw [deg], intrinsic z-y'-x'' of body FLU in world ENU."""
+    w, x, y, z = q_WB.T
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return np.degrees(np.stack([roll, pitch, yaw], axis=1))
+
+
+def without_jumps(angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The angle with a gap where it wraps, so that no line is drawn across the plot."""
+    result = angle_deg.copy()
+    result[1:][np.abs(np.diff(angle_deg)) > 180.0] = np.nan
+    return result
+
+
+def draw_path(axes: Axes, track: TrackArrays, plan: Sequence[Vec3]) -> None:
+    """Top view, east to the right and north up, both in metres on one scale."""
+    points = np.array(plan, np.float64).reshape(-1, 3)
+    if len(points):
+        axes.plot(points[:, 0], points[:, 1], "--", color=_GREY, lw=1.4, label="plan", zorder=2)
+        places: dict[tuple[float, float], list[str]] = {}
+        for i, (x, y, _) in enumerate(points, start=1):
+            places.setdefault((round(x, 1), round(y, 1)), []).append(str(i))
+        axes.plot(points[:, 0], points[:, 1], "o", ms=6, mfc="white", mec=_GREY, mew=1.4, zorder=4)
+        middle = points[:, :2].mean(axis=0)
+        for place, numbers in places.items():
+            away = np.array(place) - middle
+            away = away / (np.hypot(*away) or 1.0)
+            axes.annotate(
+                ", ".join(numbers),
+                place,
+                xytext=tuple(away * 13.0),
+                textcoords="offset points",
+                ha="center",
+                va="center",
+                color="#5b636e",
+                fontweight="bold",
+                zorder=6,
+            )
+    if len(track.t_s):
+        p = track.p_WB
+        axes.plot(p[:, 0], p[:, 1], color=_BLUE, lw=2.2, label="flown", zorder=3, solid_capstyle="round")
+        axes.plot(*p[0, :2], "^", ms=9, color=_GREEN, mec="white", label="start", zorder=5)
+        axes.plot(*p[-1, :2], "v", ms=9, color=_RED, mec="white", label="end", zorder=5)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+    axes.set(title="Path, seen from above", xlabel="east [m]", ylabel="north [m]")
+    _legend(axes)
+
+
+def draw_altitude(axes: Axes, track: TrackArrays, plan: Sequence[Vec3]) -> None:
+    """Altitude above the origin over time, with the altitudes of the plan's waypoints."""
+    for i, z in enumerate(sorted({round(point[2], 2) for point in plan if point[2] > 0.1})):
+        axes.axhline(z, ls="--", color=_GREY, lw=1.2, label="plan" if i == 0 else None)
+    axes.plot(track.t_s, track.p_WB[:, 2], color=_BLUE, lw=1.8, label="flown")
+    axes.set(title="Altitude", ylabel="up [m]")
+    _legend(axes)
+
+
+def draw_attitude(axes: Axes, track: TrackArrays) -> None:
+    """Roll and pitch on the left scale, yaw on the right one."""
+    angles = roll_pitch_yaw_deg(track.q_WB)
+    axes.plot(track.t_s, without_jumps(angles[:, 0]), color=_BLUE, lw=1.1, label="roll")
+    axes.plot(track.t_s, without_jumps(angles[:, 1]), color=_RED, lw=1.1, label="pitch")
+    axes.set(title="Attitude", ylabel="roll, pitch [\N{DEGREE SIGN}]")
+    yaw_axes = axes.twinx()
+    yaw_axes.plot(track.t_s, without_jumps(angles[:, 2]), color=_GREY, lw=1.1, label="yaw (right)")
+    yaw_axes.grid(visible=False)
+    yaw_axes.spines["right"].set_visible(True)
+    yaw_axes.set_ylabel("yaw [\N{DEGREE SIGN}]")
+    yaw_axes.set_ylim(-190, 190)
+    yaw_axes.set_yticks([-180, -90, 0, 90, 180])
+    handles = [*axes.get_lines(), *yaw_axes.get_lines()]
+    _legend(axes, handles)
+
+
+def draw_motors(axes: Axes, track: TrackArrays) -> None:
+    """Motor commands over time, 0 to 1."""
+    for i in range(track.controls.shape[1]):
+        axes.plot(track.t_s, track.controls[:, i], color=_MOTORS[i % len(_MOTORS)], lw=0.9, label=f"{i + 1}")
+    axes.set(title="Motor commands", ylabel="0 to 1", ylim=(-0.03, 1.03))
+    _legend(axes)
+
+
+def _legend(axes: Axes, handles: Sequence[Any] | None = None) -> None:
+    """One row above the plot, to the right of the title."""
+    handles = [h for h in handles or axes.get_lines() if not str(h.get_label()).startswith("_")]
+    if handles:
+        axes.legend(
+            handles=list(handles),
+            loc="lower right",
+            bbox_to_anchor=(1.0, 0.99),
+            ncols=len(handles),
+            borderaxespad=0.1,
+            handlelength=1.3,
+            columnspacing=1.1,
+        )
+
+
+def flight_figure(track: TrackArrays, plan: Sequence[Vec3], title: str) -> Figure:
+    """The flight at one glance: path on the left; altitude, attitude and motors over time on the right."""
+    figure = Figure(figsize=(12.0, 6.6), layout="constrained")
+    figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold", color=_INK)
+    grid = figure.add_gridspec(3, 2, width_ratios=[1.05, 1.0], wspace=0.03, hspace=0.04)
+    draw_path(figure.add_subplot(grid[:, 0]), track, plan)
+    altitude = figure.add_subplot(grid[0, 1])
+    attitude = figure.add_subplot(grid[1, 1], sharex=altitude)
+    motors = figure.add_subplot(grid[2, 1], sharex=altitude)
+    draw_altitude(altitude, track, plan)
+    draw_attitude(attitude, track)
+    draw_motors(motors, track)
+    for axes in (altitude, attitude):
+        axes.tick_params(labelbottom=False)
+    motors.set_xlabel("simulated time [s]")
+    if len(track.t_s) > 1:
+        altitude.set_xlim(track.t_s[0], track.t_s[-1])
+    return figure
+
+
+def motion_figure(track: TrackArrays) -> Figure:
+    """Speed over ground and climb rate; rotor speeds."""
+    figure = Figure(figsize=(12.0, 3.2), layout="constrained")
+    speed, rotors = figure.subplots(1, 2)
+    v = track.v_WB_W
+    speed.plot(track.t_s, np.hypot(v[:, 0], v[:, 1]), color=_BLUE, label="over ground")
+    speed.plot(track.t_s, v[:, 2], color=_RED, lw=1.1, label="climb")
+    speed.set(title="Speed", ylabel="[m/s]", xlabel="simulated time [s]")
+    _legend(speed)
+    for i in range(track.rotor_speed_radps.shape[1]):
+        rotors.plot(track.t_s, track.rotor_speed_radps[:, i], color=_MOTORS[i % len(_MOTORS)], lw=0.9, label=f"{i + 1}")
+    rotors.set(title="Rotor speeds", ylabel="[rad/s]", xlabel="simulated time [s]")
+    _legend(rotors)
+    return figure
+
+
+def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[str, float]) -> Figure:
+    """Histogram of the autopilot's round trips, and the mean wall time per tick by phase."""
+    figure = Figure(figsize=(12.0, 3.2), layout="constrained")
+    trips, phases = figure.subplots(1, 2)
+    trips.set(title="Round trip to the autopilot", xlabel="wall time [\N{MICRO SIGN}s], logarithmic", ylabel="ticks")
+    if rtt_bins_ns:
+        middle_us = np.array([b[0] for b in rtt_bins_ns]) / 1e3
+        counts = np.array([b[1] for b in rtt_bins_ns])
+        low, high = max(middle_us.min(), 0.1) * 0.95, max(middle_us.max(), 0.2) * 1.05
+        edges = np.geomspace(low, high, 36)  # wider than the 3 % bins that come in, so that none falls empty
+        trips.hist(middle_us, bins=edges.tolist(), weights=counts, color=_BLUE)
+        trips.set_xscale("log")
+        for axis_format in (trips.xaxis.set_major_formatter, trips.xaxis.set_minor_formatter):
+            axis_format(lambda value, _: f"{value:.3g}")
+        trips.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=5))
+    names, values = list(phase_us), [float(v) for v in phase_us.values()]
+    bars = phases.barh(names, values, color=[_MOTORS[i % len(_MOTORS)] for i in range(len(names))], height=0.62)
+    total = sum(values) or 1.0
+    phases.bar_label(bars, [f"{v:.1f} \N{MICRO SIGN}s  {100 * v / total:.0f} %" for v in values], padding=4, color=_INK)
+    phases.invert_yaxis()
+    phases.grid(axis="y", visible=False)
+    phases.margins(x=0.25)
+    phases.set(title="Wall time per tick by phase", xlabel="mean [\N{MICRO SIGN}s]")
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG."""
+    figure.savefig(path, dpi=_DPI)
+
+
+def style() -> Any:
+    """Context in which the figures are to be made and saved."""
+    import matplotlib as mpl
+
+    return mpl.rc_context(_STYLE)

@@ -1,0 +1,216 @@
+"""The report page of a run: one HTML file that needs nothing else, with its pictures beside it as PNGs."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from hil.recorder.recorder import Event
+from hil.recorder.track import TrackArrays
+from hil.signals.errors import RecordingError
+from hil.signals.samples import Vec3
+from hil.signals.time import NS_PER_S
+
+PAGE_NAME = "report.html"
+FLIGHT_NAME = "flight.png"
+_EVENTS_SHOWN = 300
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall-clock figures of a run. `rtt_bins_ns`: (middle [ns], count); `phase_us`: mean per tick by phase."""
+
+    rtt_bins_ns: Sequence[tuple[float, int]] = ()
+    phase_us: Mapping[str, float] = field(default_factory=dict)
+
+
+def write_report(
+    out_dir: Path,
+    run: Mapping[str, Any],
+    track: TrackArrays,
+    plan: Sequence[Vec3],
+    *,
+    events: Sequence[Event] = (),
+    timing: Timing | None = None,
+    title: str = "",
+) -> Path:
+    """Write `report.html`, `flight.png`, `motion.png` and `timing.png` into `out_dir`; returns the page's path.
+
+    `run` is what run.json holds, `plan` the waypoints in the world frame [m] in flying order. Works for runs that
+    ended before they began (no rows in `track`). Raises RecordingError where a file cannot be written.
+    """
+    timing = timing or Timing()
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        pictures = _draw(out_dir, run, track, plan, timing, title)
+        page = out_dir / PAGE_NAME
+        page.write_text(_page(run, events, pictures, title), encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{out_dir}: the report cannot be written ({error.strerror or error})") from error
+    return page
+
+
+def _draw(
+    out_dir: Path,
+    run: Mapping[str, Any],
+    track: TrackArrays,
+    plan: Sequence[Vec3],
+    timing: Timing,
+    title: str,
+) -> list[tuple[str, Path]]:
+    from hil.report import figures  # half a second of matplotlib, paid after the flight
+
+    pictures: list[tuple[str, Path]] = []
+    with figures.style():
+        if len(track.t_s):
+            path = out_dir / FLIGHT_NAME
+            figures.save(figures.flight_figure(track, plan, title or headline(run)), path)
+            pictures.append(("Flown path against plan, altitude, attitude and motor commands", path))
+            path = out_dir / "motion.png"
+            figures.save(figures.motion_figure(track), path)
+            pictures.append(("Speed and rotor speeds", path))
+        if timing.rtt_bins_ns or timing.phase_us:
+            path = out_dir / "timing.png"
+            figures.save(figures.timing_figure(timing.rtt_bins_ns, timing.phase_us), path)
+            pictures.append(("Round trips and wall time by phase", path))
+    return pictures
+
+
+def headline(run: Mapping[str, Any]) -> str:
+    """One line: what was flown and how fast."""
+    text = f"{run.get('scene', 'scene')} on rig {run.get('rig', '?')}, seed {run.get('seed', '?')}"
+    if run.get("sim_s") is not None and run.get("wall_s") is not None:
+        text += f": {run['sim_s']:.1f} s of flight in {run['wall_s']:.1f} s"
+        if run.get("realtime_factor") is not None:
+            text += f" ({run['realtime_factor']:.0f}\N{MULTIPLICATION SIGN} real time)"
+    return text
+
+
+def _page(run: Mapping[str, Any], events: Sequence[Event], pictures: list[tuple[str, Path]], title: str) -> str:
+    status = str(run.get("status", "ERROR"))
+    error = run.get("error")
+    message = f"<p class='error'><b>{escape(error['type'])}</b> {escape(error['message'])}</p>" if error else ""
+    figures = "".join(
+        f"<figure><img alt='{escape(alt)}' src='data:image/png;base64,"
+        f"{base64.b64encode(path.read_bytes()).decode()}'></figure>"
+        for alt, path in pictures
+    )
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{escape(status)} {escape(str(run.get("rig", "")))} {escape(str(run.get("scene", "")))}</title>
+<style>{_CSS}</style></head><body>
+<header class="{escape(status.lower())}"><b>{escape(status)}</b> {escape(title or headline(run))}</header>
+{message}
+{figures}
+<div class="columns"><section><h2>Figures</h2>{_table(_headline_rows(run))}</section>
+<section><h2>Sensors</h2>{_sensors(run)}<h2>Not computed</h2>{_skipped(run)}</section></div>
+<section><h2>Events</h2>{_events(events)}</section>
+<footer>digest <code>{escape(str(run.get("digest", "")))}</code><br>
+The recording run.mcap opens in Foxglove and with ros2 bag, flight.tlog in QGroundControl.</footer>
+</body></html>
+"""
+
+
+def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
+    mission = run.get("mission") or {}
+    autopilot = run.get("autopilot") or {}
+    rtt = autopilot.get("rtt_us") or {}
+    rows = [
+        ("Mission completed", _text(mission.get("completed"))),
+        ("Waypoints reached", f"{_text(mission.get('reached'))} of {_text(mission.get('waypoints'))}"),
+        ("Largest cross-track error", _text(mission.get("max_cross_track_m"), "m")),
+        ("Final error", _text(mission.get("final_error_m"), "m")),
+        ("Simulated time", _text(run.get("sim_s"), "s")),
+        ("Wall time", _text(run.get("wall_s"), "s")),
+        ("Times real time", _text(run.get("realtime_factor"))),
+        ("Deterministic", _text(run.get("deterministic"))),
+        ("Seed", _text(run.get("seed"))),
+        ("Autopilot", _text(autopilot.get("kind"))),
+        ("Steps, of which late", f"{_text(autopilot.get('steps'))}, {_text(autopilot.get('late'))}"),
+        ("Round trip p50", _text(rtt.get("p50"), "\N{MICRO SIGN}s")),
+        ("Round trip p99", _text(rtt.get("p99"), "\N{MICRO SIGN}s")),
+        ("Round trip max", _text(rtt.get("max"), "\N{MICRO SIGN}s")),
+    ]
+    known = {"completed", "waypoints", "reached", "max_cross_track_m", "final_error_m"}
+    extra = [(k, v) for k, v in mission.items() if k not in known and isinstance(v, (int, float, str))]
+    return rows[:4] + [(k.replace("_", " "), _text(v)) for k, v in extra] + rows[4:]
+
+
+def _text(value: Any, unit: str = "") -> str:
+    if value is None:
+        return "not measured"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{text} {unit}".rstrip()
+
+
+def _table(rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:
+    def row(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    return f"<table>{row(head, 'th') if head else ''}{''.join(row(cells, 'td') for cells in rows)}</table>"
+
+
+def _sensors(run: Mapping[str, Any]) -> str:
+    sensors = run.get("sensors") or {}
+    rows = [
+        (
+            name,
+            _text(s.get("samples")),
+            _text(s.get("skipped")),
+            _text((s.get("ms") or {}).get("p50")),
+            _text((s.get("ms") or {}).get("p99")),
+        )
+        for name, s in sensors.items()
+    ]
+    if not rows:
+        return "<p>No sensor was sampled.</p>"
+    return _table(rows, ("sensor", "samples", "skipped", "p50 [ms]", "p99 [ms]"))
+
+
+def _skipped(run: Mapping[str, Any]) -> str:
+    rows: list[Sequence[str]] = []
+    head: tuple[str, ...] = ()
+    for item in run.get("skipped") or []:
+        if isinstance(item, Mapping):
+            head = head or tuple(str(key).replace("_", " ") for key in item)
+            rows.append([_text(value) for value in item.values()])
+        else:
+            rows.append([str(item)])
+    return _table(rows, head) if rows else "<p>Nothing was left out.</p>"
+
+
+def _events(events: Sequence[Event]) -> str:
+    if not events:
+        return "<p>None.</p>"
+    rows = [(f"{e.t_ns / NS_PER_S:.3f}", e.kind, e.text) for e in events[:_EVENTS_SHOWN]]
+    more = len(events) - len(rows)
+    note = f"<p>and {more} more, in run.mcap</p>" if more > 0 else ""
+    return _table(rows, ("t [s]", "kind", "text")) + note
+
+
+_CSS = """
+:root{color-scheme:light dark;--ink:#20262e;--soft:#5b636e;--line:#dfe3e8;--back:#fff;--card:#f6f7f9}
+@media(prefers-color-scheme:dark){:root{--ink:#e6e9ed;--soft:#9aa3ae;--line:#343b44;--back:#15191e;--card:#1d2228}}
+*{box-sizing:border-box}
+body{font:15px/1.45 system-ui,sans-serif;color:var(--ink);background:var(--back);max-width:1200px;margin:0 auto;
+padding:1.2rem}
+header{padding:.8rem 1.1rem;border-radius:8px;color:#fff;font-size:1.05rem}
+header b{margin-right:.8rem}
+.pass{background:#00734f}.fail{background:#b34700}.error{background:#a4161a}
+p.error{background:none;border-left:4px solid #a4161a;padding:.3rem .9rem;white-space:pre-wrap}
+figure{margin:1rem 0;padding:.5rem;background:#fff;border:1px solid var(--line);border-radius:8px}
+img{display:block;width:100%;height:auto}
+h2{font-size:1.02rem;margin:1.1rem 0 .4rem}
+.columns{display:grid;grid-template-columns:repeat(auto-fit,minmax(330px,1fr));gap:0 2rem}
+section{overflow-x:auto}
+table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
+td,th{text-align:left;padding:.25rem .6rem .25rem 0;border-bottom:1px solid var(--line);vertical-align:top}
+th{color:var(--soft);font-weight:600}
+footer{margin-top:1.5rem;color:var(--soft);font-size:.85rem;overflow-wrap:anywhere}
+"""

@@ -1,0 +1,135 @@
+"""What run.json says about a run: the keys fixed by the command-line contract first, then the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from hil.config.schema import BenchConfig
+from hil.scheduler import PHASES, Scheduler, SensorSlot
+from hil.signals.time import NS_PER_S, RateAccumulator
+from hil.stages import Skipped
+from hil.signals.latency import LatencyHistogram
+from hil.verdict import Verdict
+from sim.physics.quadrotor import QuadrotorPhysics
+
+
+def summarise(
+    config: BenchConfig,
+    verdict: Verdict,
+    *,
+    status: str,
+    error: tuple[str, str] | None,
+    scheduler: Scheduler | None,
+    link: AutopilotLink | None,
+    physics: QuadrotorPhysics | None,
+    slots: Sequence[SensorSlot],
+    digest: str,
+    outside_input: bool,
+    left_out: Sequence[Skipped],
+    timing_s: Mapping[str, float],
+) -> dict[str, Any]:
+    """The content of run.json. Parts that a failed run never built are None."""
+    m = verdict.measurements
+    sim_s = (scheduler.tick * config.tick_ns if scheduler else 0) / NS_PER_S
+    wall_s = timing_s.get("flight", 0.0)
+    stats = link.stats if link else None
+    rtt = stats.rtt if stats else None
+    skipped: list[dict[str, Any]] = [{"what": s.stage, "why": s.reason} for s in left_out]
+    if physics is not None:
+        skipped.append(
+            {
+                "what": "contact",
+                "why": "nothing within reach",
+                "ticks_skipped": physics.skips.skipped,
+                "ticks_queried": physics.skips.queried,
+                "ticks_touching": physics.skips.touching,
+            }
+        )
+    sampled = {slot.port: slot for slot in slots}
+    return {
+        "schema": 1,
+        "status": status,
+        "error": None if error is None else {"type": error[0], "message": error[1]},
+        "digest": digest,
+        "deterministic": bool(link is not None and link.caps.deterministic and not outside_input),
+        "seed": config.seed,
+        "rig": config.rig,
+        "scene": config.scene,
+        "sim_s": sim_s,
+        "wall_s": wall_s,
+        "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
+        "mission": {
+            "completed": m.completed,
+            "waypoints": m.waypoints,
+            "reached": m.reached,
+            "max_cross_track_m": m.max_cross_track_m,
+            "final_error_m": m.final_error_m,
+            "altitude_error_m": m.altitude_error_m,
+            "landing_speed_mps": m.landing_speed_mps,
+            "landed_tilt_deg": m.landed_tilt_deg,
+            "landed": m.landed,
+            "file": config.mission,
+        },
+        "autopilot": {
+            "kind": config.autopilot.kind,
+            "steps": stats.steps if stats else 0,
+            "late": stats.late if stats else 0,
+            "rtt_us": {
+                "p50": rtt.quantile_ns(0.5) / 1000 if rtt else None,
+                "p99": rtt.quantile_ns(0.99) / 1000 if rtt else None,
+                "max": rtt.max_ns / 1000 if rtt else None,
+            },
+            "link": {
+                "tx_bytes": stats.tx_bytes,
+                "rx_bytes": stats.rx_bytes,
+                "bad_crc": stats.bad_crc,
+                "garbage_bytes": stats.garbage_bytes,
+                "lost_frames": stats.lost_frames,
+            }
+            if stats
+            else {},
+        },
+        "sensors": {
+            name: {
+                "samples": sampled[name].samples if name in sampled else 0,
+                "skipped": 0 if name in sampled or scheduler is None else _samples_due(config, name, scheduler.tick),
+                "ms": {
+                    "p50": sampled[name].timing.quantile_ns(0.5) * 1e-6 if name in sampled else 0.0,
+                    "p99": sampled[name].timing.quantile_ns(0.99) * 1e-6 if name in sampled else 0.0,
+                },
+            }
+            for name in config.sensors
+        },
+        "skipped": skipped,
+        "verdict": {
+            "reasons": list(verdict.reasons),
+            "rows": [
+                {"name": r.name, "value": r.value, "limit": r.limit, "unit": r.unit, "ok": r.ok} for r in verdict.rows
+            ],
+        },
+        "timing": {
+            "setup_s": timing_s.get("setup", 0.0),
+            "total_s": timing_s.get("total", 0.0),
+            "paced_ticks_late": scheduler.late if scheduler else 0,
+            "own_us": _quantiles(scheduler.own_ns) if scheduler else None,
+            "step_us": _quantiles(scheduler.step_ns) if scheduler else None,
+            "phase_us": {name: _quantiles(scheduler.phase_ns[name]) for name in PHASES} if scheduler else None,
+        },
+    }
+
+
+def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:
+    return {
+        "mean": histogram.mean_ns / 1000,
+        "p50": histogram.quantile_ns(0.5) / 1000,
+        "p99": histogram.quantile_ns(0.99) / 1000,
+        "max": histogram.max_ns / 1000,
+    }
+
+
+def _samples_due(config: BenchConfig, name: str, ticks: int) -> int:
+    """How often a sensor that was left out would have been sampled."""
+    rate = RateAccumulator(event_mhz=round(config.sensors[name].rate_hz * 1000), tick_mhz=config.tick_hz * 1000)
+    return sum(rate.due() for _ in range(ticks))

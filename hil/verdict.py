@@ -1,0 +1,283 @@
+"""What a flight was worth: measured from ground truth against the plan, whatever the autopilot believes.
+
+Definitions. The plan's legs are straight lines in W; "horizontal" means in the x-y plane.
+
+reached            Waypoints count in order. One is reached when truth comes within its acceptance radius plus
+                   `REACH_MARGIN_M` horizontally and within `REACH_HEIGHT_M` vertically: the autopilot judges by an
+                   estimate, truth needs the margin. A waypoint that is missed stops the count.
+max_cross_track_m  From the first waypoint reached to the last: the greatest horizontal distance from truth to the
+                   nearest point of the leg being flown (the one to the next waypoint not yet reached) and its two
+                   neighbours, which are there because the count changes legs a little before the corner. A mission
+                   of a single waypoint is measured on the leg that leads to it, from the end of the climb.
+altitude_error_m   While cross-track is measured and the leg being flown is level: greatest |z - planned z|. After a
+                   climb or a sloping leg the first `SETTLE_M` of level flight do not count.
+final_error_m      Horizontal distance from the last truth sample to where the plan ends; where the plan ends on the
+                   ground, only if the vehicle landed.
+landing_speed_mps  Greatest downward speed just before the ground was touched, after having been in the air.
+landed_tilt_deg    Greatest angle between the body's z axis and the vertical, from touch-down on.
+
+A limit whose measurement the plan calls for but the flight did not yield fails, and so does NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from hil.config.schema import Limits
+from hil.documents.validate import unit_of
+from hil.missions.path import Leg, LegKind
+from hil.signals.samples import TruthState, Vec3
+
+REACH_MARGIN_M = 1.0
+REACH_HEIGHT_M = 2.0
+SETTLE_M = 5.0
+LEVEL_M = 0.05  # a leg whose ends differ by less is level
+AIRBORNE_M = 0.3  # above where it stood
+REST_SPEED_MPS = 0.3
+REST_CONTACT_NS = 500_000_000  # a vehicle at rest touched the ground within this time
+TIPPED_DEG = 30.0
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """What was measured; None where the flight did not yield it."""
+
+    waypoints: int
+    reached: int
+    completed: bool
+    landed: bool
+    tipped: bool
+    max_cross_track_m: float | None
+    altitude_error_m: float | None
+    final_error_m: float | None
+    landing_speed_mps: float | None
+    landed_tilt_deg: float | None
+    called_for: frozenset[str]  # the names of those above that this plan must yield
+
+
+class FlightMeasurement:
+    """Measures while the flight goes on. Constant memory and time per sample, whatever the length of the plan.
+
+    `legs` are those of `planned_path`; `stride` is how many ticks lie between two samples that are looked at in full
+    (touch-down is watched at every one).
+    """
+
+    def __init__(self, legs: Sequence[Leg], *, stride: int = 10) -> None:
+        self._stride = stride
+        self._fly = [leg for leg in legs if leg.kind is LegKind.FLY]
+        self._settle_m = _settle_distances_m(self._fly)
+        self._last_leg = legs[-1] if legs else None
+        self._waypoint = 0  # the one being flown to
+        self._measuring = False
+        self._cross_track_m: float | None = None
+        self._altitude_m: float | None = None
+        self._landing_speed_mps: float | None = None
+        self._home_up_m: float | None = None
+        self._airborne = False
+        self._touched = False
+        self._contact = True
+        self._contact_ns = 0
+        self._least_upright: float | None = None  # cosine of the greatest tilt since touch-down
+        self._before: TruthState | None = None
+
+    def add(self, truth: TruthState) -> None:
+        """Look at the truth of one tick; call it for every tick, in order."""
+        contact = truth.in_contact
+        if contact:
+            self._contact_ns = truth.t_ns
+            if not self._contact and self._airborne and self._before is not None:
+                # The step that touched has already braked: the speed is that of the tick before.
+                self._landing_speed_mps = _greater(self._landing_speed_mps, -self._before.v_WB_W[2])
+                self._touched = True
+        self._contact = contact
+        self._before = truth
+        if truth.tick % self._stride == 0:
+            self._look(truth)
+
+    def _look(self, truth: TruthState) -> None:
+        up = truth.p_WB[2]
+        if self._home_up_m is None:
+            self._home_up_m = up
+        if not truth.in_contact and up > self._home_up_m + AIRBORNE_M:
+            self._airborne = True
+            if self._touched:  # it took off again, or bounced high
+                self._touched = False
+                self._least_upright = None
+        if self._touched:
+            _, x, y, _ = truth.q_WB
+            upright = 1.0 - 2.0 * (x * x + y * y)
+            if self._least_upright is None or not upright >= self._least_upright:
+                self._least_upright = upright
+        if self._airborne and self._waypoint < len(self._fly):
+            self._follow(truth.p_WB)
+
+    def _follow(self, p_WB: Vec3) -> None:
+        """Count waypoints, and measure against the leg being flown."""
+        fly, target = self._fly, self._waypoint
+        if target == 0 and not self._measuring and len(fly) == 1:
+            self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
+        if target > 0 or self._measuring:
+            near = fly[max(0, target - 1) : target + 2]
+            self._cross_track_m = _greater(self._cross_track_m, min(horizontal_distance_m(p_WB, leg) for leg in near))
+            if self._settled(p_WB):
+                self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
+        leg = fly[target]
+        dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
+        radius_m = leg.acceptance_radius_m + REACH_MARGIN_M
+        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= REACH_HEIGHT_M:
+            self._waypoint += 1
+
+    def _settled(self, p_WB: Vec3) -> bool:
+        """Whether the leg being flown is level and the height of what came before is done with."""
+        settle_m = self._settle_m[self._waypoint]
+        start = self._fly[self._waypoint].start_W
+        dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]
+        return dx * dx + dy * dy >= settle_m * settle_m
+
+    def result(self) -> Measurements:
+        """What has been measured so far; ask at the end of the flight."""
+        last, plan_end = self._before, self._last_leg
+        to_ground = plan_end is not None and plan_end.kind is LegKind.DESCENT
+        landed = False
+        final_error_m = None
+        if last is not None and self._touched:
+            vx, vy, vz = last.v_WB_W
+            still = vx * vx + vy * vy + vz * vz <= REST_SPEED_MPS * REST_SPEED_MPS
+            landed = still and last.t_ns - self._contact_ns <= REST_CONTACT_NS
+        if last is not None and plan_end is not None and self._airborne and (landed or not to_ground):
+            dx, dy = last.p_WB[0] - plan_end.end_W[0], last.p_WB[1] - plan_end.end_W[1]
+            final_error_m = math.sqrt(dx * dx + dy * dy)
+        tilt_deg = None
+        if self._least_upright is not None:
+            tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._least_upright))))
+        all_reached = self._waypoint == len(self._fly)
+        return Measurements(
+            waypoints=len(self._fly),
+            reached=self._waypoint,
+            completed=plan_end is not None and all_reached and self._airborne and (landed or not to_ground),
+            landed=landed,
+            tipped=tilt_deg is not None and not tilt_deg <= TIPPED_DEG,
+            max_cross_track_m=self._cross_track_m,
+            altitude_error_m=self._altitude_m,
+            final_error_m=final_error_m,
+            landing_speed_mps=self._landing_speed_mps,
+            landed_tilt_deg=tilt_deg,
+            called_for=self._called_for(to_ground),
+        )
+
+    def _called_for(self, to_ground: bool) -> frozenset[str]:
+        names: set[str] = set()
+        if self._last_leg is not None:
+            names.add("final_error_m")
+        if to_ground:
+            names |= {"landing_speed_mps", "landed_tilt_deg"}
+        if self._fly:
+            names.add("max_cross_track_m")
+        first = 0 if len(self._fly) == 1 else 1
+        for leg, settle_m in zip(self._fly[first:], self._settle_m[first:], strict=True):
+            # The count leaves a leg this long before its end.
+            if _length_m(leg) - leg.acceptance_radius_m - REACH_MARGIN_M > settle_m:
+                names.add("altitude_error_m")
+        return frozenset(names)
+
+
+def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
+    """Horizontal distance from a point to the nearest point of a leg [m].
+
+    s = clamp((p - a).(b - a) / |b - a|^2, 0, 1), d = |p - a - s (b - a)|, all in x and y.
+    """
+    ax, ay, _ = leg.start_W
+    bx, by = leg.end_W[0] - ax, leg.end_W[1] - ay
+    px, py = p_W[0] - ax, p_W[1] - ay
+    squared = bx * bx + by * by
+    s = min(1.0, max(0.0, (px * bx + py * by) / squared)) if squared > 0.0 else 0.0
+    dx, dy = px - s * bx, py - s * by
+    return math.sqrt(dx * dx + dy * dy)
+
+
+def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
+    """For every leg how far from its start the height begins to count: 0 once level flight has lasted `SETTLE_M`,
+    infinite on a slope. What leads to the first leg is a climb.
+    """
+    distances: list[float] = []
+    flown_level_m = 0.0
+    for leg in fly:
+        if _level(leg):
+            distances.append(max(0.0, SETTLE_M - flown_level_m))
+            flown_level_m += _length_m(leg)
+        else:
+            distances.append(math.inf)
+            flown_level_m = 0.0
+    return distances
+
+
+def _level(leg: Leg) -> bool:
+    return abs(leg.end_W[2] - leg.start_W[2]) < LEVEL_M
+
+
+def _length_m(leg: Leg) -> float:
+    return math.hypot(leg.end_W[0] - leg.start_W[0], leg.end_W[1] - leg.start_W[1])
+
+
+def _greater(so_far: float | None, value: float) -> float:
+    """The greater one; NaN once, NaN for ever."""
+    if so_far is None:
+        return value
+    return value if not value <= so_far and so_far == so_far else so_far
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement beside its limit. `limit` None: not judged."""
+
+    name: str
+    value: float | None
+    limit: float | None
+    unit: str
+    ok: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """PASS, or FAIL with every reason."""
+
+    status: Literal["PASS", "FAIL"]
+    reasons: tuple[str, ...]
+    rows: tuple[Row, ...]
+    measurements: Measurements
+
+
+_WHY_UNSET = {
+    "max_cross_track_m": "the vehicle flew no leg between waypoints",
+    "altitude_error_m": "the vehicle flew no level leg",
+    "final_error_m": "the vehicle did not end on the ground",
+    "landing_speed_mps": "the vehicle did not touch down",
+    "landed_tilt_deg": "the vehicle did not touch down",
+}
+
+
+def judge(measured: Measurements, limits: Limits) -> Verdict:
+    """Hold a flight against its limits."""
+    reasons: list[str] = []
+    if measured.called_for and not measured.completed:
+        if measured.reached < measured.waypoints:
+            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+        elif not measured.landed:
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
+    rows: list[Row] = []
+    for name in Limits.model_fields:
+        value, limit = getattr(measured, name), getattr(limits, name)
+        unit = unit_of(name).strip()
+        ok = True
+        if limit is not None and value is not None:
+            ok = value <= limit  # False for NaN
+            if not ok:
+                reasons.append(f"{name} is {value:.3g} {unit}, more than the {limit:g} {unit} allowed")
+        elif limit is not None and name in measured.called_for:
+            ok = False
+            reasons.append(f"{name} has a limit of {limit:g} {unit} but was never measured: {_WHY_UNSET[name]}")
+        rows.append(Row(name, value, limit, unit, ok))
+    return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)

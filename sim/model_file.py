@@ -1,0 +1,73 @@
+"""Reads a YAML file into a strict pydantic model and reports every problem at once, each with its line."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pydantic
+import yaml
+
+from hil.signals.errors import ConfigError, Problem
+
+Model = TypeVar("Model", bound=pydantic.BaseModel)
+
+
+class StrictModel(pydantic.BaseModel):
+    """Frozen, no unknown keys, no NaN or infinity, no silent conversion between kinds of value."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def load_model(path: Path, model: type[Model]) -> Model:
+    """Parse and validate `path`. Raises ConfigError that carries every problem with file and line."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError([Problem(str(path), f"cannot be read: {error}", "check the path")]) from error
+    try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{path}:{mark.line + 1}" if mark else str(path)
+        raise ConfigError([Problem(where, f"is not valid YAML: {getattr(error, 'problem', error)}")]) from error
+    try:
+        return model.model_validate(data)
+    except pydantic.ValidationError as error:
+        problems = [
+            Problem(
+                f"{path}:{_line(root, item['loc'])}",
+                f"{'.'.join(str(part) for part in item['loc']) or 'file'}: {item['msg']}",
+                _hint(model, item),
+            )
+            for item in error.errors()
+        ]
+        raise ConfigError(problems) from error
+
+
+def _line(node: yaml.Node | None, location: tuple[Any, ...]) -> int:
+    """1-based line of the deepest part of `location` that the file has."""
+    line = 1
+    for part in location:
+        found: yaml.Node | None = None
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                if key.value == part:
+                    line, found = key.start_mark.line + 1, value
+        elif isinstance(node, yaml.SequenceNode) and isinstance(part, int) and part < len(node.value):
+            found = node.value[part]
+            line = found.start_mark.line + 1
+        if found is None:
+            break
+        node = found
+    return line
+
+
+def _hint(model: type[pydantic.BaseModel], item: Any) -> str:
+    """The nearest legal key for an unknown one at the top level, else nothing."""
+    if item["type"] != "extra_forbidden":
+        return ""
+    near = difflib.get_close_matches(str(item["loc"][-1]), list(model.model_fields), n=1)
+    return f"did you mean '{near[0]}'?" if near and len(item["loc"]) == 1 else ""

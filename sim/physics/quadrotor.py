@@ -1,0 +1,235 @@
+"""Flies a multirotor through a scene, one tick at a time.
+
+One tick, from t_{k-1} to t_k, with the commands u held constant:
+
+1. free flight   the native kernel takes the tick (RK4) as if nothing were near.
+2. clearance     if the bounding sphere cannot have reached the scene, that is the answer: MuJoCo is not asked.
+3. collision     otherwise MuJoCo looks for contacts at every sub-step pose. None: the answer of 1 stands.
+4. contact       otherwise back to t_{k-1}, and sub-steps of 1 ms or less: rotor and air wrench from the same kernel,
+                 contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not used: its
+                 quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
+
+Step 2 only ever skips work whose outcome is known, so flights with and without it are the same bits
+(`contact_skipping=False` has the test). It needs the scene only now and then: a clearance once computed stays a lower
+bound until the vehicle has travelled that far.
+
+Limits of the model: speed 200 m/s, body rate 200 rad/s, 50 km from the site, all finite; outside, ModelRangeError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import ModelRangeError
+from hil.signals.samples import TruthState, Vec3
+from hil.signals.time import NS_PER_MS, NS_PER_S
+from sim._kernels import RigidBody, det_cos, det_sin
+from sim.physics.vehicle import Vehicle
+from sim.scene.mjcf import build_model
+from sim.scene.scene import Scene
+
+FREE_SUBSTEP_NS = 2 * NS_PER_MS  # upper bound; 5e-8 m and 2e-8 rad off after 1 s of hard flight, tests/reference
+CONTACT_SUBSTEP_NS = 1 * NS_PER_MS  # upper bound; the contact softness in sim.scene.mjcf is chosen for it
+_SETTLE_NS = 500 * NS_PER_MS
+_LOST_M = 1.0e6  # no vehicle within the speed limit goes so far in a tick; NaN fails the comparison
+
+_P, _Q, _V, _W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
+_LIMITS = {
+    1: ("state", "finite"),
+    2: ("speed_mps", "<= 200 m/s"),
+    3: ("body_rate_radps", "<= 200 rad/s"),
+    4: ("distance_from_site_m", "<= 50000 m"),
+}
+
+
+@dataclass
+class ContactSkips:
+    """Ticks by what they cost."""
+
+    skipped: int = 0  # out of reach: no collision query
+    queried: int = 0  # collision query, nothing touched
+    touching: int = 0  # contact sub-steps
+
+
+class QuadrotorPhysics:
+    """Vehicle state over time. Owns all memory it works in; one instance is one flight.
+
+    Starts level at `initial_yaw_rad` (counter-clockwise from east), rotors stopped, at rest: standing settled on the
+    ground at W's origin, or at `initial_p_WB` if given.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        scene: Scene,
+        tick_ns: int,
+        *,
+        contact_skipping: bool = True,
+        initial_p_WB: Vec3 | None = None,
+        initial_yaw_rad: float = 0.0,
+    ) -> None:
+        if tick_ns <= 0:
+            raise ValueError(f"tick_ns must be above 0, not {tick_ns}")
+        self.vehicle = vehicle
+        self.scene = scene
+        self.tick_ns = tick_ns
+        self.contact_skipping = contact_skipping
+        self.skips = ContactSkips()
+        rotors = len(vehicle.rotors)
+        self._substeps = -(-tick_ns // FREE_SUBSTEP_NS)
+        self._contact_substeps = -(-tick_ns // CONTACT_SUBSTEP_NS)
+        tick_s = tick_ns / NS_PER_S
+        self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
+        c = vehicle.rotor_constants
+        self._body = RigidBody(
+            truth=self._truth,
+            mass_kg=vehicle.mass_kg,
+            inertia_kgm2=vehicle.inertia_kgm2,
+            rotor_position_m=[rotor.position_m for rotor in vehicle.rotors],
+            rotor_spin=[rotor.spin.sign for rotor in vehicle.rotors],
+            thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
+            moment_ratio_m=c.moment_ratio_m,
+            max_speed_radps=c.max_speed_radps,
+            time_constant_up_s=c.time_constant_up_s,
+            time_constant_down_s=c.time_constant_down_s,
+            rotor_inertia_kgm2=c.inertia_kgm2,
+            rotor_drag_kg_per_rad=c.drag_kg_per_rad,
+            body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
+            body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
+            gravity_mps2=scene.gravity_mps2,
+            wind_W_mps=scene.wind_W_mps,
+            tick_s=tick_s,
+            substeps=self._substeps,
+            contact_substeps=self._contact_substeps,
+        )
+        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self._contact_substeps)
+        self._data = mujoco.MjData(self._model)
+        self._body.attach(self._data.qpos, self._data.qvel, self._data.qfrc_applied, self._data.qacc)
+        self._boxes = np.array(
+            [[*box.center_m, *(0.5 * edge for edge in box.size_m)] for box in scene.boxes], dtype=np.float64
+        ).reshape(-1, 6)
+        self._radius_m = vehicle.bounding_radius_m
+        self._remaining_m = 0.0
+        self._rotor_slice = slice(13, 13 + rotors)
+        self._a_slice = slice(13 + rotors, 16 + rotors)
+        self._alpha_slice = slice(16 + rotors, 19 + rotors)
+        self._tick = -1
+
+        state = self.state
+        state[_Q] = (det_cos(0.5 * initial_yaw_rad), 0.0, 0.0, det_sin(0.5 * initial_yaw_rad))
+        self._standing = initial_p_WB is None
+        if initial_p_WB is None:
+            state[2] = vehicle.standing_height_m
+            self._settle()
+        else:
+            state[_P] = initial_p_WB
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """View of p_WB, q_WB, v_WB_W, w_WB_B, rotor speeds (13 + rotors). Write to it only before tick 1."""
+        return self._truth[: self._rotor_slice.stop]
+
+    def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
+        """State at tick `tick`, which must be 0 first and then one more each call.
+
+        `controls`: commands 0..1 (saturated) held since the tick before, in the vehicle's rotor order; more values
+        than rotors are ignored. Tick 0 is the initial state and ignores them.
+        Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
+        """
+        if tick != self._tick + 1:
+            raise ValueError(f"tick {tick} after tick {self._tick}: ticks must come in order")
+        self._tick = tick
+        if tick == 0:
+            return self._truth_state(tick, self._standing)
+        body = self._body
+        bad = body.command(controls)
+        if bad >= 0:
+            raise ModelRangeError(tick, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
+        travelled_m = body.fly()
+        touching = False
+        if travelled_m < self._remaining_m:
+            self._remaining_m -= travelled_m
+            self.skips.skipped += 1
+        else:
+            touching = self._near_scene(travelled_m)
+        violation = body.finish()
+        if violation:
+            raise self._range_error(tick, violation)
+        return self._truth_state(tick, touching)
+
+    def _near_scene(self, travelled_m: float) -> bool:
+        """The clearance of earlier is used up: renew it, or let MuJoCo decide. Returns whether anything touched."""
+        self._remaining_m = 0.0
+        if not travelled_m < _LOST_M:
+            return False  # no longer a flight: the range check of this tick ends the run
+        if self.contact_skipping:
+            clearance_m = self._body.clearance_before(self._radius_m, self._boxes)
+            if travelled_m < clearance_m:
+                self._remaining_m = clearance_m - travelled_m
+                self.skips.skipped += 1
+                return False
+        if not self._touches():
+            self.skips.queried += 1
+            return False
+        self.skips.touching += 1
+        self._body.rewind()
+        return self._contact_steps()
+
+    def _touches(self) -> bool:
+        model, data, body = self._model, self._data, self._body
+        for substep in range(self._substeps):
+            body.pose_after_substep(substep)
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            if data.ncon:
+                return True
+        return False
+
+    def _contact_steps(self) -> bool:
+        model, data, body = self._model, self._data, self._body
+        load, update, forward = body.contact_load, body.contact_update, mujoco.mj_forward
+        touched = False
+        for _ in range(self._contact_substeps):
+            load()
+            forward(model, data)
+            touched = touched or data.ncon > 0
+            update()
+        return touched
+
+    def _settle(self) -> None:
+        """Let the feet find their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
+        self._body.command([0.0] * len(self.vehicle.rotors))
+        for _ in range(-(-_SETTLE_NS // self.tick_ns)):
+            self._contact_steps()
+        self._truth[_V] = 0.0
+        self._truth[_W] = 0.0
+
+    def _truth_state(self, tick: int, in_contact: bool) -> TruthState:
+        s = self._truth.tolist()
+        return TruthState(
+            tick,
+            tick * self.tick_ns,
+            (s[0], s[1], s[2]),
+            (s[3], s[4], s[5], s[6]),
+            (s[7], s[8], s[9]),
+            (s[10], s[11], s[12]),
+            tuple(s[self._a_slice]),
+            tuple(s[self._alpha_slice]),
+            tuple(s[self._rotor_slice]),
+            in_contact,
+        )
+
+    def _range_error(self, tick: int, violation: int) -> ModelRangeError:
+        variable, limit = _LIMITS[violation]
+        values = self._truth.tolist()
+        if violation == 1:
+            index = next(i for i, value in enumerate(values) if not -1e300 < value < 1e300)
+            return ModelRangeError(tick, f"{variable}[{index}]", values[index], limit)
+        start = {2: _V, 3: _W, 4: _P}[violation].start
+        x, y, z = values[start : start + 3]
+        return ModelRangeError(tick, variable, float(np.sqrt(x * x + y * y + z * z)), limit)

@@ -1,0 +1,140 @@
+"""What a multirotor is made of: mass, inertia, rotors, drag, and the spheres that can touch things.
+
+All vectors are in B (FLU, origin at the centre of mass, axes principal), SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import pydantic
+from pydantic import Field
+
+from sim.model_file import StrictModel, load_model
+
+VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
+
+Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
+Point = tuple[Metres, Metres, Metres]
+NonNegative3 = tuple[
+    Annotated[float, Field(ge=0.0, le=100.0)],
+    Annotated[float, Field(ge=0.0, le=100.0)],
+    Annotated[float, Field(ge=0.0, le=100.0)],
+]
+Inertia = Annotated[float, Field(gt=1e-7, le=100.0)]
+
+
+class Spin(StrEnum):
+    """Direction a rotor turns, seen from above."""
+
+    CCW = "ccw"
+    CW = "cw"
+
+    @property
+    def sign(self) -> float:
+        """+1 about the body's up axis for counter-clockwise."""
+        return 1.0 if self is Spin.CCW else -1.0
+
+
+class Rotor(StrictModel):
+    """One rotor; its place in the list is its number in the autopilot's control order."""
+
+    position_m: Point
+    spin: Spin
+
+
+class RotorConstants(StrictModel):
+    """What all rotors of a vehicle share.
+
+    thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v, command c = u O_max,
+    speed follows the command with time constant up or down.
+    """
+
+    thrust_coefficient_n_per_radps2: Annotated[float, Field(gt=0.0, le=1.0)]
+    moment_ratio_m: Annotated[float, Field(ge=0.0, le=1.0)]
+    max_speed_radps: Annotated[float, Field(gt=0.0, le=10_000.0)]
+    time_constant_up_s: Annotated[float, Field(ge=1e-3, le=1.0)]
+    time_constant_down_s: Annotated[float, Field(ge=1e-3, le=1.0)]
+    inertia_kgm2: Annotated[float, Field(ge=0.0, le=1.0)]
+    drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class ContactSphere(StrictModel):
+    """A sphere fixed to the body that can touch the scene: a foot, a motor, the hull."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    position_m: Point
+    radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
+
+
+class Vehicle(StrictModel):
+    """A multirotor."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    description: str
+    mass_kg: Annotated[float, Field(gt=1e-3, le=1000.0)]
+    inertia_kgm2: tuple[Inertia, Inertia, Inertia]
+    rotors: Annotated[tuple[Rotor, ...], Field(min_length=3, max_length=8)]
+    rotor_constants: RotorConstants
+    body_drag_linear_n_per_mps: NonNegative3
+    body_drag_quadratic_n_per_m2ps2: NonNegative3
+    feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
+    hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
+
+    @pydantic.model_validator(mode="after")
+    def _physical(self) -> Vehicle:
+        x, y, z = self.inertia_kgm2
+        if not (x + y >= z and y + z >= x and z + x >= y):
+            raise ValueError(
+                f"inertia_kgm2 {self.inertia_kgm2} breaks the triangle inequality: no body has such moments"
+            )
+        names = [sphere.name for sphere in self.contact_spheres]
+        if len(set(names)) != len(names):
+            raise ValueError(f"contact spheres must have different names, not {names}")
+        if self.hover_control > 0.95:
+            raise ValueError(f"hovers at {self.hover_control:.2f} of full command: raise the thrust or lower the mass")
+        return self
+
+    @property
+    def contact_spheres(self) -> tuple[ContactSphere, ...]:
+        """Feet, then hull."""
+        return self.feet + self.hull
+
+    @property
+    def bounding_radius_m(self) -> float:
+        """Radius of a sphere round the body origin that holds every contact sphere."""
+        reach = 0.0
+        for sphere in self.contact_spheres:
+            x, y, z = sphere.position_m
+            reach = max(reach, math.sqrt(x * x + y * y + z * z) + sphere.radius_m)
+        return reach * (1.0 + 1e-12)
+
+    @property
+    def standing_height_m(self) -> float:
+        """Height of the body origin over level ground when its lowest sphere just touches."""
+        return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
+
+    @property
+    def hover_control(self) -> float:
+        """Command, equal for all rotors, at which thrust equals standard weight."""
+        c = self.rotor_constants
+        full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
+        return math.sqrt(self.mass_kg * 9.80665 / full)
+
+
+def vehicle_names() -> list[str]:
+    """Names that `load_vehicle` takes, sorted."""
+    return sorted(path.stem for path in VEHICLE_DIR.glob("*.yaml"))
+
+
+def load_vehicle(name_or_path: str | Path) -> Vehicle:
+    """A vehicle of `rigs/vehicles` by name, or any file by path. Raises ConfigError."""
+    return load_model(_path(name_or_path), Vehicle)
+
+
+def _path(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    return path if path.suffix else VEHICLE_DIR / f"{path}.yaml"

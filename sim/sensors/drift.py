@@ -1,0 +1,52 @@
+"""Slow sensor errors as first-order processes over a sensor's own sample index."""
+
+from __future__ import annotations
+
+import math
+
+from hil.signals.noise import NoiseStream
+from sim._kernels import det_exp
+
+
+class Drift:
+    """`lanes` independent first-order processes, stepped once a sample:
+
+        x_0     = start * n_0
+        x_{k+1} = phi x_k + step * n_{k+1}
+
+    A value is a function of (seed, name, index) alone. Indices normally rise; going back replays from the start,
+    going forward catches up, so that skipped samples change nothing.
+    """
+
+    def __init__(self, seed: int, name: str, *, lanes: int, start: float, phi: float, step: float) -> None:
+        self._noise = NoiseStream(seed, name, lanes=lanes)
+        self._start, self._phi, self._step = start, phi, step
+        self._index = -1
+        self._value: tuple[float, ...] = (0.0,) * lanes
+
+    def at(self, index: int) -> tuple[float, ...]:
+        """Values at sample `index` (>= 0)."""
+        if index == self._index:
+            return self._value
+        if index < self._index:
+            self._index = -1
+        if self._index < 0:
+            start = self._start
+            self._value = tuple([start * n for n in self._noise.normal(0)])
+            self._index = 0
+        phi, step, normal = self._phi, self._step, self._noise.normal
+        while self._index < index:
+            self._index += 1
+            self._value = tuple([phi * x + step * n for x, n in zip(self._value, normal(self._index), strict=True)])
+        return self._value
+
+
+def gauss_markov(seed: int, name: str, *, lanes: int, sigma: float, time_constant_s: float, period_s: float) -> Drift:
+    """Stationary process of standard deviation `sigma` and correlation e^{-t / time_constant}."""
+    phi = det_exp(-period_s / time_constant_s)
+    return Drift(seed, name, lanes=lanes, start=sigma, phi=phi, step=sigma * math.sqrt(1.0 - phi * phi))
+
+
+def random_walk(seed: int, name: str, *, lanes: int, turn_on_sigma: float, density: float, period_s: float) -> Drift:
+    """Turn-on value of deviation `turn_on_sigma`, then a walk of `density` (unit per second per sqrt(Hz))."""
+    return Drift(seed, name, lanes=lanes, start=turn_on_sigma, phi=1.0, step=density * math.sqrt(period_s))

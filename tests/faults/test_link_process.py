@@ -1,0 +1,196 @@
+"""The autopilot's process dies, hangs, never starts or never reads: one clear error each, and nothing left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.lockstep import LinkCaps, LockstepLink
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.serial import SerialTransport
+from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
+from hil.signals.samples import ImuSample
+
+FAKE_PATH = Path(__file__).parents[1] / "links" / "fake_autopilot.py"
+TICK_NS = 4_000_000
+CAPS = LinkCaps("fake", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=3)
+IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
+
+
+@pytest.fixture
+def make_link():
+    links = []
+
+    def make(*arguments, argv=None, reply_limit_s=0.3, heartbeat_limit_s=10.0, stderr_path=None):
+        transport = PtyTransport()
+
+        def start():
+            command = argv or [sys.executable, str(FAKE_PATH), "--port", transport.far_path, *arguments]
+            return ChildProcess(command, stderr_path=stderr_path)
+
+        link = LockstepLink(
+            transport, CAPS, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=heartbeat_limit_s
+        )
+        links.append(link)
+        return link
+
+    yield make
+    for link in links:
+        link.close()
+
+
+def fly(link, ticks, extra=b""):
+    for tick in range(ticks):
+        link.send(tick, tick * TICK_NS, IMU, None, None, None, extra)
+        link.wait(tick, tick * TICK_NS)
+
+
+def gone(pid):
+    """No such process, not even a zombie of ours."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def test_exit_in_flight_tells_status_and_last_words(make_link, tmp_path):
+    link = make_link("--fault", "exit", stderr_path=tmp_path / "out" / "autopilot.stderr")
+    link.open()
+    with pytest.raises(LinkClosed, match=r"(?s)exit status 7.*estimator diverged"):
+        fly(link, 20)
+    assert "estimator diverged" in (tmp_path / "out" / "autopilot.stderr").read_text()
+    assert link.stats.steps == 8
+
+
+def test_killed_in_flight_tells_the_signal(make_link):
+    link = make_link("--fault", "kill")
+    link.open()
+    with pytest.raises(LinkClosed, match=r"signal SIGKILL.*said nothing"):
+        fly(link, 20)
+
+
+def test_alive_but_hung_is_lost_lockstep_and_is_ended_by_close(make_link):
+    link = make_link("--fault", "hang")
+    link.open()
+    pid = link._process.pid
+    with pytest.raises(LockstepLost, match="said nothing; its process still runs"):
+        fly(link, 20)
+    link.close()
+    assert gone(pid)
+
+
+def test_a_process_that_ignores_being_asked_is_killed():
+    child = ChildProcess(
+        [sys.executable, "-c", "import signal,time; signal.signal(15, signal.SIG_IGN); print(1); time.sleep(60)"]
+    )
+    child.start()
+    pid = child.pid
+    time.sleep(0.2)
+    child.close()
+    assert gone(pid)
+
+
+def test_never_starting_program(make_link):
+    with pytest.raises(PortNotFound, match="no-such-autopilot"):
+        make_link(argv=["/nonexistent/no-such-autopilot"]).open()
+
+
+def test_program_that_ends_at_once(make_link):
+    link = make_link(argv=[sys.executable, "-c", "raise SystemExit('bad parameter file')"])
+    with pytest.raises(LinkClosed, match=r"(?s)before its first heartbeat.*exit status 1.*bad parameter file"):
+        link.open()
+
+
+def test_program_that_says_nothing(make_link):
+    link = make_link("--mute", heartbeat_limit_s=0.6)
+    with pytest.raises(HandshakeError, match="nothing came at all"):
+        link.open()
+    assert link._process is None
+
+
+def test_program_that_talks_something_else(make_link):
+    code = "import sys,time; f=open(sys.argv[1],'wb',0); f.write(b'NuttShell (NSH)\\n'*20); time.sleep(60)"
+    transport = PtyTransport()
+    link = LockstepLink(
+        transport,
+        CAPS,
+        start_process=lambda: ChildProcess([sys.executable, "-c", code, transport.far_path]),
+        heartbeat_limit_s=0.6,
+    )
+    with pytest.raises(HandshakeError, match="none of them a MAVLink message"):
+        link.open()
+
+
+def test_far_side_that_never_reads(make_link):
+    link = make_link("--stop-reading")
+    link.open()
+    link._transport._stream._write_stall_s = 0.1
+    with pytest.raises(LinkClosed, match="not reading"):
+        link.send(0, 0, IMU, None, None, None, bytes(150_000))
+
+
+def test_big_writes_pass_whole(make_link):
+    link = make_link(reply_limit_s=5.0)
+    link.open()
+    fly(link, 6, extra=bytes(30_000))
+    assert link.stats.garbage_bytes == 0
+
+
+def test_recovery_after_every_kind_of_death(make_link):
+    """The same link object flies again after its process was lost."""
+    link = make_link(reply_limit_s=2.0)
+    link.open()
+    fly(link, 10)
+    os.kill(link._process.pid, signal.SIGKILL)
+    with pytest.raises(LinkClosed):
+        fly(link, 10)
+    link.close()
+    link.open()
+    fly(link, 10)
+    assert link.stats.rtt.count == 7
+
+
+def test_child_dies_with_its_parent(tmp_path):
+    code = (
+        "import sys,time; from firmware_bridge.links.child_process import ChildProcess\n"
+        "c = ChildProcess([sys.executable, '-c', 'import time; time.sleep(60)']); c.start()\n"
+        "print(c.pid, flush=True); time.sleep(60)"
+    )
+    root = str(Path(__file__).parents[2])
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": root}
+    ) as parent:
+        pid = int(parent.stdout.readline())
+        assert not gone(pid)
+        parent.kill()
+        parent.wait()
+    deadline = time.monotonic() + 5.0
+    while not orphan_ended(pid) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert orphan_ended(pid)
+
+
+def orphan_ended(pid):
+    """Gone, or a zombie that whoever adopted it has yet to reap."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX"
+    except OSError:
+        return True
+
+
+def test_unplugged_port(make_link):
+    """The bench's serial port loses its far end, as a pulled USB cable does."""
+    near = PtyTransport()
+    near.open()
+    port = SerialTransport(near.far_path)
+    port.open()
+    near.close()
+    with pytest.raises(LinkClosed):
+        port.read(0.5)
+    port.close()

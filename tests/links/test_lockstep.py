@@ -1,0 +1,278 @@
+"""The lockstep link against a scripted autopilot: in memory, over a pty, and over TCP with unknown boot."""
+
+import random
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
+from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.registry import LINKS, make_link, mock_command
+from firmware_bridge.transports.loopback import LoopbackTransport
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.tcp import TcpClient, TcpServer
+from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample
+
+FAKE_PATH = Path(__file__).with_name("fake_autopilot.py")
+TICK_NS = 4_000_000
+BOOT = 3
+CAPS = LinkCaps("fake", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=BOOT)
+IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
+MAG = MagSample(0, 0, 0, (2e-5, 0.0, -4e-5))
+BARO = BaroSample(0, 0, 0, 101_325.0, 0.0, 15.0)
+GPS = GpsSample(0, 0, 0, 47.0, 8.0, 488.0, (0.0, 0.0, 0.0), 0.9, 1.8, 3, 12)
+ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
+
+
+def in_memory(fake, *, reply_limit_s=0.3, **script):
+    return LockstepLink(
+        LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)), CAPS, reply_limit_s=reply_limit_s
+    )
+
+
+def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
+    transport = PtyTransport()
+
+    def start():
+        argv = [sys.executable, str(FAKE_PATH), "--port", transport.far_path, "--boot-sensors", str(BOOT), *arguments]
+        return ChildProcess(argv)
+
+    return LockstepLink(
+        transport, CAPS, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=heartbeat_limit_s
+    )
+
+
+@pytest.fixture(params=["memory", "pty"])
+def scripted(request, fake):
+    """Makes an opened link to an autopilot that misbehaves as told; closes it at the end."""
+    links = []
+
+    def make(fault="", at=5, **limits):
+        if request.param == "memory":
+            link = in_memory(fake, fault=fault, at=at, **limits)
+        else:
+            link = over_pty("--fault", fault, "--at", str(at), **limits)
+        links.append(link)
+        link.open()
+        return link
+
+    yield make
+    for link in links:
+        link.close()
+
+
+def fly(link, ticks, first=0, extra=b""):
+    """Drive `ticks` ticks; (bytes sent, answers, frames) per tick."""
+    log = []
+    for tick in range(first, first + ticks):
+        t_ns = tick * TICK_NS
+        sent = link.send(tick, t_ns, IMU, MAG, BARO, GPS if tick % 25 == 0 else None, extra)
+        answer = link.wait(tick, t_ns)
+        log.append((sent, answer, link.take_frames()))
+    return log
+
+
+def test_one_answer_to_each_sensor_after_boot(scripted):
+    log = fly(link := scripted(), 50)
+    assert [answer is None for _, answer, _ in log] == [True] * BOOT + [False] * (50 - BOOT)
+    for tick, (_, answer, frames) in enumerate(log[BOOT:], BOOT):
+        assert (answer.tick, answer.t_ns) == (tick, tick * TICK_NS)
+        assert answer.controls[0] == pytest.approx((tick - BOOT + 1) / 1000, abs=1e-6)
+        assert answer.armed
+        assert frames[-1].msgid == ACTUATORS
+    stats = link.stats
+    assert (stats.steps, stats.late, stats.bad_crc, stats.garbage_bytes, stats.lost_frames) == (50, 0, 0, 0, 0)
+    assert stats.rtt.count == 50 - BOOT
+    assert stats.tx_bytes == sum(len(sent) for sent, _, _ in log)
+    assert stats.tx_frames == 50 + 2
+
+
+def test_the_greeting_is_kept_for_the_first_tick(scripted):
+    log = fly(scripted(), 1)
+    assert [frame.msgid for frame in log[0][2]] == [MSGID["COMMAND_LONG"], MSGID["HEARTBEAT"]]
+
+
+def test_one_write_holds_extra_then_gps_then_sensor(scripted):
+    link = scripted()
+    sent = link.send(0, 0, IMU, MAG, BARO, GPS, b"extra")
+    assert sent.startswith(b"extra\xfd")
+    assert [f.msgid for f in FrameParser().feed(sent)] == [MSGID["HIL_GPS"], MSGID["HIL_SENSOR"]]
+
+
+def test_memory_and_pty_carry_the_same_bytes(fake):
+    logs = []
+    for link in (in_memory(fake), over_pty()):
+        link.open()
+        try:
+            logs.append([(sent, answer, [f.raw for f in frames]) for sent, answer, frames in fly(link, 60)])
+        finally:
+            link.close()
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize("fault", ["garbage_between", "trailing", "damaged_length"])
+def test_bytes_that_are_no_answer_do_not_end_a_run(scripted, fault):
+    link = scripted(fault)
+    log = fly(link, 30)
+    assert all(answer is not None for _, answer, _ in log[BOOT:])
+    if fault == "trailing":
+        # Behind the answer: belongs to the next tick.
+        assert [f.msgid for f in log[BOOT + 4][2]][-1] == ACTUATORS
+        assert log[BOOT + 5][2][0].msgid == MSGID["HEARTBEAT"]
+    else:
+        assert link.stats.garbage_bytes > 0
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "says"),
+    [
+        ("wrong_time", LockstepLost, "time_usec 28000, it answered about 32000"),
+        ("old_time", LockstepLost, "28000, it answered about 24000"),
+        ("silent", LockstepLost, "it said nothing"),
+        ("telemetry_only", LockstepLost, "telemetry came .1 messages. but no HIL_ACTUATOR_CONTROLS"),
+        ("garbage_only", LockstepLost, "damaged"),
+        ("damaged", LockstepLost, "no answer to time_usec 28000"),
+        ("nan", InvalidControls, "nan"),
+        ("range", InvalidControls, "1.5"),
+    ],
+)
+def test_what_ends_a_run_says_why(scripted, fault, error, says):
+    link = scripted(fault)
+    fly(link, BOOT + 4)
+    with pytest.raises(error, match=says):
+        fly(link, 1, first=BOOT + 4)
+
+
+def test_a_second_answer_ends_the_next_tick(scripted):
+    link = scripted("twice")
+    fly(link, BOOT + 5)
+    with pytest.raises(LockstepLost, match="late, or twice"):
+        fly(link, 1, first=BOOT + 5)
+
+
+def test_boot_length_that_the_rig_has_wrong(fake):
+    early = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, reply_limit_s=0.1)
+    early.open()
+    with pytest.raises(LockstepLost, match="boot_sensors"):
+        fly(early, 10)
+    late = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=9)), CAPS, reply_limit_s=0.1)
+    late.open()
+    with pytest.raises(LockstepLost, match="boot_sensors"):
+        fly(late, 10)
+
+
+def test_a_sample_that_is_no_number_is_never_sent(scripted):
+    link = scripted()
+    with pytest.raises(CodecError, match="accel"):
+        link.send(0, 0, IMU._replace(accel_mps2=(float("nan"), 0.0, 0.0)), MAG, BARO, None, b"")
+    assert link.stats.steps == 0
+
+
+def test_an_open_link_can_be_closed_and_opened_again():
+    link = over_pty()
+    for _ in range(2):
+        link.open()
+        assert fly(link, 10)[-1][1] is not None
+        process = link._process
+        link.close()
+        link.close()
+        assert not process.running()
+
+
+def test_no_heartbeat_in_memory(fake):
+    link = in_memory(fake, greet=False)
+    with pytest.raises(HandshakeError, match="nothing came at all"):
+        link.open()
+
+
+def test_boot_of_unknown_length_over_tcp(fake):
+    server = TcpServer(0)
+    server.open()
+    port = server.port
+    server.close()
+    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=333.0, boot_sensors=None)
+    link = LockstepLink(TcpServer(port), caps, reply_limit_s=2.0, heartbeat_limit_s=5.0)
+    stop = threading.Event()
+
+    def autopilot():
+        peer = fake.FakeAutopilot(boot_sensors=12)
+        wire = TcpClient(port)
+        while not stop.is_set():
+            try:
+                wire.open()
+                break
+            except PortNotFound:
+                continue
+        try:
+            wire.write(peer.feed(b""))
+            while not stop.is_set():
+                out = peer.feed(wire.read(0.05))
+                if out:
+                    wire.write(out)
+        except LinkClosed:
+            pass
+        wire.close()
+
+    thread = threading.Thread(target=autopilot)
+    thread.start()
+    try:
+        link.open()
+        answers = [answer for _, answer, _ in fly(link, 60)]
+    finally:
+        stop.set()
+        link.close()
+        thread.join(5.0)
+    first = next(i for i, answer in enumerate(answers) if answer is not None)
+    # Free-running until the first answer in time, locked from then on.
+    assert first >= 12
+    assert all(answers[i].t_ns == i * TICK_NS for i in range(first, 60))
+
+
+def test_fifty_thousand_packets_of_rubbish_between_answers(fake):
+    """Noise, damaged copies and false headers around every answer: all counted, none fatal, nothing kept."""
+    rng = random.Random(11)
+
+    class Noisy(fake.FakeAutopilot):
+        def sensor(self, time_us):
+            answer = super().sensor(time_us)
+            return b"".join(map(self.rubbish, range(5))) + answer + b"".join(map(self.rubbish, range(5)))
+
+        def rubbish(self, _):
+            damaged = bytearray(self.frame(fake.Attitude(1, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)))
+            damaged[rng.randrange(1, len(damaged))] ^= 1 << rng.randrange(8)
+            return rng.choice(
+                [rng.randbytes(rng.randrange(40)), bytes(damaged), b"\xfd\xff\x00\x00\x07\x01\x01\x1e\0\0"]
+            )
+
+    link = LockstepLink(LoopbackTransport(Noisy(boot_sensors=BOOT)), CAPS, reply_limit_s=1.0)
+    link.open()
+    ticks = 5_000
+    for tick in range(ticks):
+        link.send(tick, tick * TICK_NS, IMU, None, None, None, b"")
+        answer = link.wait(tick, tick * TICK_NS)
+        assert (answer is None) == (tick < BOOT)
+        link.take_frames()
+    stats = link.stats
+    assert stats.rtt.count == ticks - BOOT
+    assert stats.garbage_bytes > 50_000
+    assert link._parser.pending < MAX_FRAME_LENGTH
+    assert link._held == []
+    link.close()
+
+
+def test_registry_makes_every_kind_and_names_them_when_asked_for_another(fake):
+    settings = {"mock_memory": {"peer": fake.FakeAutopilot()}, "mock_serial": {"port": "/dev/ttyX"}}
+    for kind in LINKS:
+        link = make_link(kind, **settings.get(kind, {}))
+        assert link.caps.lockstep
+        link.close()
+    with pytest.raises(LinkError, match="mock_pty"):
+        make_link("carrier_pigeon")
+    assert mock_command("/dev/pts/9", boot_sensors=4)[-2:] == ["--boot-sensors", "4"]

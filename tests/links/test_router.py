@@ -1,0 +1,213 @@
+"""The router with real UDP sockets on loopback."""
+
+import random
+import socket
+import time
+
+import pytest
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, NAME, message_class, pack
+from firmware_bridge.router import HIL_FAMILY, PX4_ENDPOINTS, Endpoint, Router
+from hil.signals.errors import PortBusy, PortNotFound
+
+VEHICLE = FrameEncoder(1, 1)
+CLIENT = FrameEncoder(245, 190)
+
+
+def parsed(encoder, name, *values):
+    m = message_class(name)(*values)
+    (frame,) = FrameParser().feed(encoder.frame(m.MSGID, pack(m)))
+    return frame
+
+
+HEARTBEAT = parsed(VEHICLE, "HEARTBEAT", 2, 12, 0, 0, 0, 3)
+ATTITUDE = parsed(VEHICLE, "ATTITUDE", 1, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
+ACTUATORS = parsed(VEHICLE, "HIL_ACTUATOR_CONTROLS", 1, (0.0,) * 16, 1, 1)
+HELLO = parsed(CLIENT, "HEARTBEAT", 6, 8, 0, 0, 4, 3).raw
+ARM = parsed(CLIENT, "COMMAND_LONG", 1, 1, 400, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).raw
+
+
+class Client:
+    def __init__(self):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.settimeout(1.0)
+        self.address = self.socket.getsockname()
+        self.parser = FrameParser()
+
+    def say(self, data, to):
+        self.socket.sendto(data, to)
+
+    def hear(self):
+        return [frame.msgid for frame in self.parser.feed(self.socket.recv(65536))]
+
+    def hears_nothing(self):
+        self.socket.settimeout(0.02)
+        try:
+            self.socket.recv(65536)
+        except TimeoutError:
+            return True
+        finally:
+            self.socket.settimeout(1.0)
+        return False
+
+
+@pytest.fixture
+def client():
+    client = Client()
+    yield client
+    client.socket.close()
+
+
+@pytest.fixture
+def router(client):
+    router = Router([Endpoint(client.address)])
+    router.open()
+    yield router
+    router.close()
+
+
+def collect(router, count, limit_s=2.0):
+    """Bytes collected until there are `count` of them: datagrams on loopback take a moment."""
+    data = b""
+    deadline = time.monotonic() + limit_s
+    while len(data) < count and time.monotonic() < deadline:
+        data += router.collect()
+    return data
+
+
+def test_only_heartbeats_until_a_client_speaks_then_everything_but_hil(router, client):
+    router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
+    assert client.hear() == [MSGID["HEARTBEAT"]]
+    router.forward([ATTITUDE, ACTUATORS])
+    assert client.hears_nothing()
+    assert not router.received_any
+    client.say(HELLO, router.local_addresses[0])
+    assert collect(router, len(HELLO)) == HELLO
+    assert router.received_any
+    router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
+    assert client.hear() == [MSGID["ATTITUDE"], MSGID["HEARTBEAT"]]
+    assert (router.stats.to_clients, router.stats.from_clients, router.stats.clients) == (3, 1, 1)
+
+
+def test_a_client_from_elsewhere_is_learnt(router, client):
+    other = Client()
+    other.say(ARM, router.local_addresses[0])
+    assert collect(router, len(ARM)) == ARM
+    router.forward([ATTITUDE])
+    assert other.hear() == [MSGID["ATTITUDE"]]
+    assert client.hear() == [MSGID["ATTITUDE"]]
+    other.socket.close()
+
+
+def test_only_whole_valid_frames_go_on(router, client):
+    to = router.local_addresses[0]
+    broken = bytearray(ARM)
+    broken[20] ^= 1
+    client.say(b"GET / HTTP/1.1\r\n\r\n" + bytes(broken) + HELLO + b"\xfd\x09", to)
+    assert collect(router, len(HELLO)) == HELLO
+    assert router.stats.damaged_bytes > 0
+
+
+def test_hil_messages_from_clients_are_refused(router, client):
+    fake_sensor = parsed(CLIENT, "HIL_SENSOR", 0, *[0.0] * 13, 0x1FFF, 0).raw
+    client.say(fake_sensor + ARM, router.local_addresses[0])
+    assert collect(router, len(ARM)) == ARM
+    assert router.stats.rejected == 1
+
+
+def test_the_hil_family():
+    assert {NAME[msgid] for msgid in HIL_FAMILY} >= {
+        "HIL_SENSOR", "HIL_GPS", "HIL_STATE_QUATERNION", "HIL_ACTUATOR_CONTROLS", "HIL_CONTROLS", "HIL_STATE",
+    }  # fmt: skip
+
+
+def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(router, client):
+    other = Client()
+    to = router.local_addresses[0]
+    client.say(HELLO, to)
+    other.say(HELLO, to)
+    assert collect(router, 2 * len(HELLO)) == 2 * HELLO
+    client.say(ARM[:20], to)
+    time.sleep(0.01)
+    router.collect()
+    other.say(ARM[20:], to)
+    time.sleep(0.01)
+    assert router.collect() == b""
+    client.say(ARM[20:], to)
+    assert collect(router, len(ARM)) == ARM
+    other.socket.close()
+
+
+def test_a_flood_is_bounded_per_tick_and_in_memory(router, client):
+    to = router.local_addresses[0]
+    got = []
+    for _ in range(40):
+        for _ in range(30):
+            client.say(ARM * 30, to)
+        got.append(len(router.collect()))
+    assert max(got) <= 2048
+    assert router._queued_bytes <= 65536
+    assert router.stats.dropped > 0
+
+
+def test_rubbish_never_raises(router, client):
+    rng = random.Random(3)
+    to = router.local_addresses[0]
+    for _ in range(500):
+        client.say(rng.randbytes(rng.randrange(200)), to)
+        router.collect()
+    client.say(b"", to)
+    assert router.collect() == b""
+    assert router.stats.clients == 0
+
+
+def test_long_telemetry_is_cut_into_datagrams_of_whole_frames(router, client):
+    client.say(HELLO, router.local_addresses[0])
+    collect(router, len(HELLO))
+    router.forward([ATTITUDE] * 200)
+    sizes = []
+    total = 0
+    while total < 200:
+        data = client.socket.recv(65536)
+        sizes.append(len(data))
+        total += data.count(ATTITUDE.raw)
+    assert max(sizes) <= 1400
+    assert total == 200
+
+
+def test_nobody_there_costs_nothing_and_raises_nothing():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        nobody = probe.getsockname()
+    router = Router([Endpoint(nobody)])
+    router.open()
+    for _ in range(50):
+        router.forward([HEARTBEAT, ATTITUDE])
+        assert router.collect() == b""
+    router.close()
+
+
+def test_busy_and_foreign_addresses_are_named(client):
+    with pytest.raises(PortBusy, match=str(client.address[1])):
+        Router([Endpoint(("127.0.0.1", 1), client.address)]).open()
+    with pytest.raises(PortNotFound):
+        Router([Endpoint(("127.0.0.1", 1), ("203.0.113.1", 0))]).open()
+
+
+def test_close_and_open_again(router, client):
+    client.say(HELLO, router.local_addresses[0])
+    collect(router, len(HELLO))
+    router.close()
+    router.close()
+    assert router.collect() == b""
+    router.forward([HEARTBEAT])
+    router.open()
+    assert not router.received_any
+    assert router.stats.from_clients == 0
+
+
+def test_px4s_addresses_are_on_loopback():
+    assert [e.remote for e in PX4_ENDPOINTS] == [("127.0.0.1", 14550), ("127.0.0.1", 14540)]
+    assert all(e.local[0] == "127.0.0.1" for e in PX4_ENDPOINTS)

@@ -1,0 +1,259 @@
+"""Bytes over every kind of wire: whole, in order, without deadlock, and with a named error at the end."""
+
+import os
+import socket
+import threading
+import time
+
+import pytest
+
+from firmware_bridge.transports.loopback import LoopbackTransport
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.serial import SerialTransport
+from firmware_bridge.transports.tcp import TcpClient, TcpServer
+from firmware_bridge.transports.udp import UdpTransport
+from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+
+EVERY_BYTE = bytes(range(256))
+
+
+@pytest.fixture
+def pty_pair():
+    near = PtyTransport()
+    near.open()
+    far = SerialTransport(near.far_path)
+    far.open()
+    yield near, far
+    far.close()
+    near.close()
+
+
+@pytest.fixture
+def tcp_pair():
+    server = TcpServer(0)
+    server.open()
+    client = TcpClient(server.port)
+    client.open()
+    yield server, client
+    client.close()
+    server.close()
+
+
+def read_exactly(transport, count, limit_s=5.0):
+    data = b""
+    deadline = time.monotonic() + limit_s
+    while len(data) < count and time.monotonic() < deadline:
+        data += transport.read(0.1)
+    return data
+
+
+@pytest.fixture(params=["pty", "tcp"])
+def pair(request):
+    return request.getfixturevalue(f"{request.param}_pair")
+
+
+def test_every_byte_value_both_ways(pair):
+    near, far = pair
+    far.write(EVERY_BYTE)
+    assert read_exactly(near, 256) == EVERY_BYTE
+    near.write(EVERY_BYTE)
+    assert read_exactly(far, 256) == EVERY_BYTE
+    assert near.fileno() is not None
+
+
+def test_nothing_there_is_nothing(pair):
+    near, far = pair
+    far.write(b"x")
+    assert read_exactly(near, 1) == b"x"
+    assert near.read(0.0) == b""
+    assert near.read(0.01) == b""
+
+
+def test_two_long_writers_do_not_deadlock(pair):
+    near, far = pair
+    size = 3_000_000 if isinstance(near, TcpServer) else 200_000
+    if isinstance(near, TcpServer):
+        near.read(0.5)  # lets the client in
+    blob = os.urandom(size)
+    got = {}
+
+    def other():
+        far.write(blob)
+        got["far"] = read_exactly(far, size)
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    near.write(blob)
+    got["near"] = read_exactly(near, size)
+    thread.join(10.0)
+    assert not thread.is_alive()
+    assert got["near"] == got["far"] == blob
+
+
+def test_a_far_side_that_does_not_read_is_named(pty_pair):
+    near, _ = pty_pair
+    near._stream._write_stall_s = 0.05
+    with pytest.raises(LinkClosed, match="taken no byte"):
+        near.write(bytes(1_000_000))
+
+
+def test_hang_up_after_the_last_byte(pair):
+    near, far = pair
+    far.write(b"last words")
+    assert read_exactly(near, 10) == b"last words"
+    far.close()
+    with pytest.raises(LinkClosed):
+        read_exactly(near, 1)
+
+
+def test_near_side_closing_is_seen_by_the_far_side(pair):
+    near, far = pair
+    far.write(b"x")
+    assert read_exactly(near, 1) == b"x"
+    near.close()
+    with pytest.raises(LinkClosed):
+        read_exactly(far, 1)
+
+
+def test_closing_twice_and_using_a_closed_wire(pair):
+    for transport in pair:
+        transport.close()
+        transport.close()
+        assert transport.fileno() is None
+        with pytest.raises(LinkClosed):
+            transport.read(0.0)
+        with pytest.raises(LinkClosed):
+            transport.write(b"x")
+
+
+def test_a_pty_waits_for_a_far_side_that_has_not_come_yet():
+    near = PtyTransport()
+    near.open()
+    try:
+        assert near.read(0.01) == b""
+        assert near.far_path in near.name
+    finally:
+        near.close()
+
+
+def test_missing_port_lists_those_there_are():
+    with pytest.raises(PortNotFound, match=r"/dev/ttyNOPE.*Ports here"):
+        SerialTransport("/dev/ttyNOPE").open()
+
+
+def test_busy_port(pty_pair):
+    near, _ = pty_pair
+    with pytest.raises(PortBusy, match="another program"):
+        SerialTransport(near.far_path).open()
+
+
+def test_what_is_no_serial_port(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    for path in (str(file), str(tmp_path), "/dev/null"):
+        with pytest.raises(LinkError, match="not a serial port"):
+            SerialTransport(path).open()
+
+
+def test_impossible_baud_rate():
+    near = PtyTransport()
+    near.open()
+    try:
+        with pytest.raises(LinkError, match="baud"):
+            SerialTransport(near.far_path, baud=-5).open()
+    finally:
+        near.close()
+
+
+def test_tcp_port_that_is_taken():
+    first = TcpServer(0)
+    first.open()
+    try:
+        with pytest.raises(PortBusy, match=str(first.port)):
+            TcpServer(first.port).open()
+    finally:
+        first.close()
+
+
+def test_tcp_nobody_listens():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(PortNotFound, match="started"):
+        TcpClient(port).open()
+
+
+def test_tcp_server_before_its_client():
+    server = TcpServer(0)
+    server.open()
+    try:
+        assert server.read(0.01) == b""
+        with pytest.raises(LinkClosed, match="no client"):
+            server.write(b"x")
+    finally:
+        server.close()
+
+
+def test_host_that_is_not_this_machine():
+    with pytest.raises(PortNotFound):
+        TcpServer(0, host="203.0.113.1").open()
+    with pytest.raises(PortNotFound):
+        UdpTransport(0, host="203.0.113.1").open()
+
+
+def test_udp_learns_whom_to_answer():
+    server = UdpTransport()
+    server.open()
+    client = UdpTransport(peer=("127.0.0.1", server.port))
+    client.open()
+    try:
+        with pytest.raises(LinkClosed, match="nobody"):
+            server.write(b"x")
+        client.write(b"hello")
+        assert server.read(1.0) == b"hello"
+        server.write(b"you too")
+        assert client.read(1.0) == b"you too"
+        assert client.read(0.0) == b""
+        with pytest.raises(LinkError, match="cannot send"):
+            client.write(bytes(70_000))
+        with pytest.raises(PortBusy):
+            UdpTransport(server.port).open()
+    finally:
+        client.close()
+        server.close()
+    with pytest.raises(LinkClosed):
+        server.read(0.0)
+
+
+def test_udp_takes_nothing_from_strangers():
+    server, stranger = UdpTransport(), UdpTransport()
+    stranger.open()
+    server = UdpTransport(peer=("127.0.0.1", 9))
+    server.open()
+    try:
+        stranger._peer = ("127.0.0.1", server.port)
+        stranger.write(b"x")
+        assert server.read(0.5) == b""
+    finally:
+        server.close()
+        stranger.close()
+
+
+class Echo:
+    def feed(self, data: bytes) -> bytes:
+        return data[::-1] if data else b"hello"
+
+
+def test_loopback():
+    wire = LoopbackTransport(Echo())
+    with pytest.raises(LinkClosed):
+        wire.write(b"x")
+    wire.open()
+    assert wire.read(0.0) == b"hello"
+    wire.write(b"abc")
+    wire.write(b"def")
+    assert wire.read(10.0) == b"cbafed"
+    assert wire.read(10.0) == b""
+    wire.close()
+    with pytest.raises(LinkClosed):
+        wire.read(0.0)

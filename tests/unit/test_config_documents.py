@@ -1,0 +1,129 @@
+"""Strict YAML and JSON: what values mean, on which line they stand, and what is refused where."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.documents.json_lines import parse_json
+from hil.documents.yaml_lines import parse_yaml
+from hil.signals.errors import ConfigError
+
+
+def problems(parse: Any, text: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        parse(text, "f")
+    return [str(problem) for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("on", "on"), ("yes", "yes"), ("No", "No"), ("OFF", "OFF"), ("y", "y"), ("true", True), ("False", False),
+        ("1:30", "1:30"), ("190:20:30", "190:20:30"), ("010", 10), ("0o10", 8), ("0x1F", 31), ("1_000", "1_000"),
+        ("1e3", 1000.0), ("1.5E-3", 0.0015), (".5", 0.5), ("-7", -7), ("+7", 7), ("1.", 1.0), ("~", None),
+        ("null", None), ("2001-12-14", "2001-12-14"), ("-.inf", -math.inf), (".INF", math.inf), ("'1'", "1"),
+        ("1.2.3", "1.2.3"), ("e3", "e3"),
+    ],
+)  # fmt: skip
+def test_scalars_are_those_of_yaml_1_2(text: str, value: Any) -> None:
+    read = parse_yaml(f"a: {text}\n", "f").data["a"]
+    assert read == value
+    assert type(read) is type(value)
+
+
+def test_every_place_knows_its_line() -> None:
+    document = parse_yaml("a: 1\nb:\n  c: [1,\n    2]\n  d:\n  - x: 1\n  -\n    y: 2\n", "f")
+    expected = {("a",): 1, ("b",): 2, ("b", "c"): 3, ("b", "c", 1): 4, ("b", "d", 0, "x"): 6, ("b", "d", 1, "y"): 8}
+    assert {place: document.lines[place] for place in expected} == expected
+    assert document.where(("b", "c", 9, "z")) == "f:3"
+
+
+def test_anchors_and_merges_keep_the_line_of_what_they_bring() -> None:
+    document = parse_yaml("base: &b\n  x: 1\n  y: 2\nother:\n  <<: *b\n  y: 3\n", "f")
+    assert document.data["other"] == {"x": 1, "y": 3}
+    assert document.where(("other", "x")) == "f:2"
+    assert document.where(("other", "y")) == "f:6"
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "words"),
+    [
+        ("a: 1\nb: 2\na: 3\n", "f:3", "a is given twice (the first one is on line 1)"),
+        ("a:\n  b: 1\n  b: 1\n", "f:3", "a.b is given twice"),
+        ("a:\n\tb: 1\n", "f:2", "tab"),
+        ("a: [1,\nb: 2\n", "f:", "not valid YAML"),
+        ("a: 1\n b: 2\n", "f:2", "not valid YAML"),
+        ("1: a\n", "f:1", "a key must be text, not 1"),
+        ("true: a\n", "f:1", "a key must be text"),
+        ("a: &x\n  b: *x\n", "f:1", "contains itself"),
+        ("a: *nobody\n", "f:1", "undefined alias"),
+        ("a: !!python/object/apply:os.getcwd []\n", "f:1", "tag"),
+        ("a: !!int x\n", "f:1", "is not a value of type !!int"),
+        ("a: 1\n---\nb: 2\n", "f:2", "not valid YAML"),
+        ("a: 1\nb: \x07\n", "f:2", "U+0007"),
+    ],
+)
+def test_refused_yaml_names_the_line(text: str, where: str, words: str) -> None:
+    found = problems(parse_yaml, text)
+    assert len(found) == 1, found
+    assert found[0].startswith(where)
+    assert words in found[0]
+
+
+def test_aliases_of_aliases_do_not_eat_the_memory() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    assert "values once unfolded" in problems(parse_yaml, "\n".join(lines))[0]
+
+
+def test_deep_nesting_is_a_problem_and_no_crash() -> None:
+    assert "nested too deeply" in problems(parse_yaml, "[" * 20_000)[0]
+    assert "nested too deeply" in problems(parse_json, "[" * 200_000)[0]
+
+
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
+    max_leaves=20,
+)
+
+
+def places(value: Any, here: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    children = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [here, *(place for key, child in children for place in places(child, (*here, key)))]
+
+
+@given(PLAIN, st.sampled_from([None, 1]))
+def test_json_reads_back_and_every_place_has_a_line(value: Any, indent: int | None) -> None:
+    text = json.dumps(value, indent=indent)
+    document = parse_json(text, "f")
+    assert document.data == value
+    assert sorted(document.lines, key=repr) == sorted(places(value), key=repr)
+    assert set(document.lines.values()) <= set(range(1, text.count("\n") + 2))
+
+
+@given(PLAIN)
+def test_pyyaml_and_this_reader_agree_on_quoted_files(value: Any) -> None:
+    text = yaml.safe_dump({"v": value}, default_style='"', allow_unicode=True)
+    assert parse_yaml(text, "f").data == {"v": yaml.safe_load(text)["v"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "words"),
+    [
+        ("", "f", "is empty"),
+        ('{"a": 1,\n"b": }', "f:2", "not valid JSON"),
+        ('{"a": 1,\n"b": {"a": 1,\n"a": 2}}', "f:3", "'a' is given twice (the first one is on line 2)"),
+    ],
+)
+def test_refused_json_names_the_line(text: str, where: str, words: str) -> None:
+    found = problems(parse_json, text)
+    assert found[0].startswith(where)
+    assert words in found[0]

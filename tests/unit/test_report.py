@@ -1,0 +1,216 @@
+"""run.json, the report page and the progress display."""
+
+from __future__ import annotations
+
+import copy
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.progress import Progress
+from hil.recorder.recorder import Event
+from hil.recorder.track import Track, TrackArrays
+from hil.report.page import Timing, write_report
+from hil.report.run_json import validate_run_json, write_run_json
+from hil.signals.errors import RecordingError
+from tests.unit.recorded_flight import TICK_NS, make_flight
+
+RUN = {
+    "schema": 1,
+    "status": "PASS",
+    "error": None,
+    "digest": "0f" * 32,
+    "deterministic": True,
+    "seed": 1,
+    "rig": "mock",
+    "scene": "city_park",
+    "sim_s": 96.5,
+    "wall_s": 3.5,
+    "realtime_factor": 27.6,
+    "mission": {
+        "completed": True,
+        "waypoints": 4,
+        "reached": 4,
+        "max_cross_track_m": 0.31,
+        "final_error_m": 0.12,
+        "landing_speed_mps": 0.66,
+    },
+    "autopilot": {"kind": "mock", "steps": 24_000, "late": 0, "rtt_us": {"p50": 90.0, "p99": 180.0, "max": 900.0}},
+    "sensors": {"imu": {"samples": 24_000, "skipped": 0, "ms": {"p50": 0.01, "p99": 0.02}}},
+    "skipped": [{"stage": "front", "reason": "nobody reads <front/rgb>"}],
+}
+
+
+@pytest.fixture(scope="module")
+def track() -> TrackArrays:
+    track = Track(TICK_NS)
+    for tick in make_flight(300):
+        track.truth(tick.truth)
+        track.actuators(tick.actuators)
+    return track.arrays()
+
+
+def test_run_json_is_written_whole_with_finite_numbers_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "out" / "run.json"
+    run = copy.deepcopy(RUN)
+    run["mission"]["final_error_m"] = float("nan")
+    run["mission"]["max_cross_track_m"] = float("inf")
+    run["extra"] = {"position": (1.0, np.float64(2.0), np.int64(3))}
+    write_run_json(path, run)
+    read = json.loads(path.read_text(), parse_constant=lambda name: pytest.fail(f"{name} in run.json"))
+    assert read["mission"]["final_error_m"] is None
+    assert read["mission"]["max_cross_track_m"] is None
+    assert read["extra"] == {"position": [1.0, 2.0, 3]}
+    assert list(read) == list(run)
+    assert validate_run_json(read) == []
+    before = path.read_bytes()
+    with pytest.raises(TypeError, match="cannot hold a object"):
+        write_run_json(path, {"x": object()})
+    assert path.read_bytes() == before
+    assert [p.name for p in path.parent.iterdir()] == ["run.json"]
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match=r"run\.json: cannot be written"):
+        write_run_json(tmp_path / "file" / "run.json", RUN)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "complaint"),
+    [
+        ("schema", 2, "schema: must be 1"),
+        ("status", "OK", "status: must be one of"),
+        ("status", "ERROR", "error: must be there"),
+        ("error", {"type": "LinkClosed", "message": "gone"}, "error: must be there"),
+        ("error", {"type": "LinkClosed"}, "error.message: missing"),
+        ("digest", "xyz", "digest: must be lower-case hexadecimal"),
+        ("seed", True, "seed: must be int"),
+        ("seed", 1.0, "seed: must be int"),
+        ("deterministic", 1, "deterministic: must be bool"),
+        ("sim_s", float("nan"), "sim_s: nan is not a finite number"),
+        ("mission.reached", None, "mission.reached: must be int"),
+        ("mission", [], "mission: must be an object"),
+        ("autopilot.rtt_us.p99", "90", "autopilot.rtt_us.p99: must be int or float or null"),
+        ("sensors.imu.ms", {"p50": 1.0}, "sensors.imu.ms.p99: missing"),
+        ("skipped", None, "skipped: must be list"),
+    ],
+)
+def test_validator_names_what_is_wrong(path: str, value: object, complaint: str) -> None:
+    run = copy.deepcopy(RUN)
+    *parents, key = path.split(".")
+    place: dict = run
+    for parent in parents:
+        place = place[parent]
+    place[key] = value
+    assert any(problem.startswith(complaint) for problem in validate_run_json(run))
+
+
+def test_validator_wants_every_key() -> None:
+    assert validate_run_json(RUN) == []
+    for key in RUN:
+        run = {k: v for k, v in RUN.items() if k != key}
+        assert any(problem.startswith(f"{key}:") for problem in validate_run_json(run))
+    assert validate_run_json([]) == ["the file is no JSON object"]
+
+
+def test_page_stands_alone_and_says_it_all(tmp_path: Path, track: TrackArrays) -> None:
+    plan = [(0.0, 0.0, 10.0), (40.0, 0.0, 10.0), (40.0, 25.0, 10.0), (0.0, 25.0, 10.0), (0.0, 0.0, 10.0)]
+    timing = Timing([(90_000.0, 10), (120_000.0, 3)], {"physics": 20.0, "wait": 80.0})
+    events = [Event(1_500_000_000, "statustext", "Ready <b>to</b> fly")]
+    page = write_report(tmp_path, RUN, track, plan, events=events, timing=timing)
+    html = page.read_text()
+    assert len(re.findall("data:image/png;base64,iVBOR", html)) == 3
+    assert not re.search(r"(src|href)='?\"?(https?:|//|[a-z]+\.png)", html)
+    for text in ("PASS", "city_park on rig mock, seed 1", "0.31 m", "4 of 4", "landing speed mps", "0f" * 32):
+        assert text in html
+    assert "Ready &lt;b&gt;to&lt;/b&gt; fly" in html
+    assert "nobody reads &lt;front/rgb&gt;" in html
+    assert "<b>to</b>" not in html
+    for name in ("flight.png", "motion.png", "timing.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_page_of_a_run_that_never_began(tmp_path: Path) -> None:
+    run = copy.deepcopy(RUN) | {
+        "status": "ERROR",
+        "error": {"type": "PortNotFound", "message": "/dev/ttyACM7: no such port"},
+        "realtime_factor": None,
+        "sensors": {},
+        "skipped": [],
+    }
+    page = write_report(tmp_path, run, Track(TICK_NS).arrays(), [])
+    html = page.read_text()
+    assert "PortNotFound" in html
+    assert "/dev/ttyACM7: no such port" in html
+    assert "<img" not in html
+
+
+def test_page_with_nothing_but_one_row_or_no_plan(tmp_path: Path) -> None:
+    track = Track(TICK_NS)
+    track.truth(make_flight(1)[0].truth)
+    write_report(tmp_path, RUN, track.arrays(), [])
+    write_report(tmp_path, RUN, track.arrays(), [(1.0, 2.0, 3.0)])
+    assert (tmp_path / "flight.png").exists()
+
+
+class Clock:
+    """Wall time that moves only when told to."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.reads = 0
+
+    def __call__(self) -> float:
+        self.reads += 1
+        return self.now_s
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def run_progress(stream: io.StringIO, *, ticks: int, tick_wall_s: float, quiet: bool = False) -> tuple[Clock, int]:
+    clock, asked = Clock(), 0
+
+    def status() -> tuple[str, int, int]:
+        nonlocal asked
+        asked += 1
+        return "flying", 2, 4
+
+    with Progress(tick_ns=TICK_NS, status=status, quiet=quiet, stream=stream, clock=clock) as progress:
+        for tick in range(ticks):
+            clock.now_s += tick_wall_s
+            progress.tick(tick)
+    return clock, asked
+
+
+def test_without_a_terminal_a_line_every_ten_simulated_seconds() -> None:
+    stream = io.StringIO()
+    clock, _ = run_progress(stream, ticks=25_000, tick_wall_s=0.0002)  # 100 s at 20 times real time
+    lines = stream.getvalue().splitlines()
+    assert 9 <= len(lines) <= 11
+    assert re.fullmatch(r"t = +\d+\.\d s  20\.0x real time  flying, waypoint 2/4", lines[-1])
+    assert "\x1b" not in stream.getvalue()
+    assert clock.reads < 500
+
+
+def test_a_terminal_is_updated_ten_times_a_second_at_most_and_seldom_looked_at() -> None:
+    stream = Terminal()
+    clock, asked = run_progress(stream, ticks=25_000, tick_wall_s=0.0002)  # 5 s of wall time
+    assert 30 <= asked <= 50
+    assert clock.reads < 500
+    assert "waypoint 2/4" in stream.getvalue()
+
+
+def test_a_slow_run_is_still_shown() -> None:
+    _, asked = run_progress(Terminal(), ticks=50, tick_wall_s=0.5)
+    assert asked >= 25
+
+
+def test_quiet_is_quiet() -> None:
+    stream = Terminal()
+    run_progress(stream, ticks=5_000, tick_wall_s=0.001, quiet=True)
+    assert stream.getvalue() == ""
