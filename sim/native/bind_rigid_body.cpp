@@ -14,6 +14,8 @@
 #include <vector>
 
 #include "clearance.hpp"
+#include "detmath.hpp"
+#include "free_flight.hpp"
 #include "rigid_body.hpp"
 
 namespace nb = nanobind;
@@ -42,6 +44,8 @@ void unpack(nb::tuple source, double *out, const char *what) {
     for (int i = 0; i < N; ++i) out[i] = as_double(PyTuple_GET_ITEM(source.ptr(), i));
 }
 
+constexpr int kContactKinds = 2;  // ordinary, hard landing
+
 class RigidBody {
   public:
     RigidBody(Vector truth, double mass_kg, Vec3 inertia_kgm2, std::vector<Vec3> rotor_position_m,
@@ -49,8 +53,10 @@ class RigidBody {
               double max_speed_radps, double time_constant_up_s, double time_constant_down_s,
               double rotor_inertia_kgm2, double rotor_drag_kg_per_rad, Vec3 body_drag_linear_n_per_mps,
               Vec3 body_drag_quadratic_n_per_m2ps2, double gravity_mps2, Vec3 wind_W_mps, double tick_s, int substeps,
-              int contact_substeps)
-        : truth_(truth), substeps_(substeps), contact_substeps_(contact_substeps), tick_s_(tick_s) {
+              int contact_substeps, int hard_contact_substeps, double thrust_model_factor, double rotor_radius_m,
+              double ground_thrust_ratio, double descent_loss, double rotor_axial_kg_per_rad,
+              double air_density_kgpm3)
+        : truth_(truth), tick_s_(tick_s), contact_substeps_{contact_substeps, hard_contact_substeps} {
         const std::size_t n = rotor_position_m.size();
         if (n < 1 || n > kMaxRotors || rotor_spin.size() != n) {
             throw std::invalid_argument("a rigid body needs 1 to 8 rotors, each with a position and a spin");
@@ -58,7 +64,7 @@ class RigidBody {
         if (truth.shape(0) != kPoseVelocity + n + 6) {
             throw std::invalid_argument("truth must hold 13 + rotors + 6 values");
         }
-        if (!(tick_s > 0.0) || substeps < 1 || contact_substeps < 1) {
+        if (!(tick_s > 0.0) || substeps < 1 || contact_substeps < 1 || hard_contact_substeps < 1) {
             throw std::invalid_argument("tick and sub-step counts must be above zero");
         }
         params_.mass_kg = mass_kg;
@@ -66,26 +72,63 @@ class RigidBody {
         for (std::size_t i = 0; i < n; ++i) {
             params_.rotor_spin[i] = rotor_spin[i];
             for (int j = 0; j < 3; ++j) params_.rotor_position_m[i][j] = rotor_position_m[i][j];
+            set_rotor(static_cast<int>(i), 1.0, -1.0, 0.0);
         }
         params_.thrust_coefficient_n_per_radps2 = thrust_coefficient_n_per_radps2;
         params_.moment_ratio_m = moment_ratio_m;
         params_.max_speed_radps = max_speed_radps;
+        params_.thrust_model_factor = thrust_model_factor;
         params_.time_constant_up_s = time_constant_up_s;
         params_.time_constant_down_s = time_constant_down_s;
         params_.rotor_inertia_kgm2 = rotor_inertia_kgm2;
         params_.rotor_drag_kg_per_rad = rotor_drag_kg_per_rad;
+        params_.gravity_mps2 = gravity_mps2;
+        const double disc_m2 = hil::det::kPi * rotor_radius_m * rotor_radius_m;
+        params_.air = {thrust_coefficient_n_per_radps2 / (2.0 * air_density_kgpm3 * disc_m2), rotor_radius_m,
+                       ground_thrust_ratio > 1.0 ? ground_thrust_ratio / (ground_thrust_ratio - 1.0) : 0.0,
+                       descent_loss, rotor_axial_kg_per_rad};
         for (int j = 0; j < 3; ++j) {
             params_.inertia_kgm2[j] = inertia_kgm2[j];
             params_.body_drag_linear_n_per_mps[j] = body_drag_linear_n_per_mps[j];
             params_.body_drag_quadratic_n_per_m2ps2[j] = body_drag_quadratic_n_per_m2ps2[j];
-            params_.wind_W_mps[j] = wind_W_mps[j];
         }
-        params_.gravity_mps2 = gravity_mps2;
-        half_substep_ = hil::sim::rotor_decay(params_, 0.5 * tick_s / substeps);
-        contact_substep_ = hil::sim::rotor_decay(params_, tick_s / contact_substeps);
-        path_.resize(7 * static_cast<std::size_t>(substeps));
+        set_wind(wind_W_mps, wind_W_mps);
+        plan_ = hil::sim::make_tick_plan(params_, tick_s, substeps);
+        for (int kind = 0; kind < kContactKinds; ++kind) {
+            contact_decay_[kind] = hil::sim::rotor_decay(params_, tick_s / contact_substeps_[kind]);
+        }
+        tick_decay_ = hil::sim::rotor_decay(params_, tick_s);
+        path_.resize(7 * (static_cast<std::size_t>(substeps) << (hil::sim::kLevels - 1)));
         before_.resize(kPoseVelocity + n);
         remember();
+    }
+
+    void fit_battery(Vector battery, double cells, double capacity_c, double resistance_ohm, double efficiency,
+                     double auxiliary_w, double nominal_voltage_v) {
+        if (battery.shape(0) != 3) throw std::invalid_argument("battery must hold 3 values");
+        battery_ = battery;
+        params_.battery = {true, cells, capacity_c, resistance_ohm, efficiency, auxiliary_w, nominal_voltage_v};
+        battery_.data()[1] = hil::sim::loaded_v(params_.battery, battery_.data()[0], 0.0);
+    }
+
+    void set_wind(Vec3 start_W_mps, Vec3 end_W_mps) {
+        wind_.changes = false;
+        for (int j = 0; j < 3; ++j) {
+            wind_.start_W[j] = start_W_mps[j];
+            wind_.slope_W[j] = (end_W_mps[j] - start_W_mps[j]) / tick_s_;
+            wind_.changes = wind_.changes || wind_.slope_W[j] != 0.0;
+        }
+    }
+
+    void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm) {
+        if (rotor < 0 || rotor >= params_.rotor_count) throw nb::index_error("no such rotor");
+        params_.thrust_left[rotor] = thrust_left;
+        params_.forced_speed_radps[rotor] = forced_speed_radps;
+        params_.imbalance_kgm[rotor] = imbalance_kgm;
+        params_.imbalanced = false;
+        for (int i = 0; i < params_.rotor_count; ++i) {
+            params_.imbalanced = params_.imbalanced || params_.imbalance_kgm[i] > 0.0;
+        }
     }
 
     // Latches this tick's commands. Returns -1, or the index of the first value that is not finite.
@@ -96,28 +139,38 @@ class RigidBody {
         if (PySequence_Fast_GET_SIZE(fast) < params_.rotor_count) {
             throw std::invalid_argument("fewer controls than rotors");
         }
+        double scale = 1.0;
+        if (params_.battery.fitted) {
+            double *battery = battery_.data();
+            battery[1] = hil::sim::loaded_v(params_.battery, battery[0],
+                                            hil::sim::shaft_power_w(params_, state() + kPoseVelocity));
+            scale = battery[1] / params_.battery.nominal_voltage_v;
+        }
         for (int i = 0; i < params_.rotor_count; ++i) {
-            control_[i] = as_double(PySequence_Fast_GET_ITEM(fast, i));
-            if (!std::isfinite(control_[i])) return i;
+            const double control = as_double(PySequence_Fast_GET_ITEM(fast, i));
+            if (!std::isfinite(control)) return i;
+            command_[i] = hil::sim::commanded_speed(params_, i, control, scale);
         }
         return -1;
     }
 
     double fly() {
         remember();
-        return hil::sim::free_flight_tick(params_, half_substep_, tick_s_ / substeps_, substeps_, control_, state(),
-                                          path_.data());
+        return hil::sim::free_flight_tick(params_, plan_, wind_, command_, state(), phase_, path_.data(), steps_);
     }
+
+    int steps() const { return steps_; }
 
     void rewind() {
         for (std::size_t k = 0; k < before_.size(); ++k) state()[k] = before_[k];
     }
 
-    // Mean accelerations over the tick; returns the range code.
+    // Mean accelerations over the tick, charge drawn; returns the range code.
     int finish() {
         double *mean = state() + before_.size();
         const double *s = state();
         for (int j = 0; j < 6; ++j) mean[j] = (s[7 + j] - before_[7 + j]) / tick_s_;
+        if (params_.battery.fitted) draw();
         return range_violation();
     }
 
@@ -136,35 +189,60 @@ class RigidBody {
     }
 
     void pose_after_substep(int substep) {
-        if (substep < 0 || substep >= substeps_) throw nb::index_error("no such sub-step");
+        if (substep < 0 || substep >= steps_) throw nb::index_error("no such sub-step");
         for (int k = 0; k < 7; ++k) qpos_.data()[k] = path_[7 * static_cast<std::size_t>(substep) + k];
     }
 
-    void contact_load() {
+    // `substep` of the tick, 0 first: it says where in the tick the wind is taken.
+    void contact_load(int substep, bool hard) {
         const double *s = state();
+        const double h = tick_s_ / contact_substeps_[hard];
+        double wind[3];
+        for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + substep * h * wind_.slope_W[j];
         for (int k = 0; k < 7; ++k) qpos_.data()[k] = s[k];
         for (int k = 0; k < 6; ++k) qvel_.data()[k] = s[7 + k];
-        const auto wrench = hil::sim::contact_wrench(params_, contact_substep_, contact_substep_s(), control_, s);
+        const auto wrench = hil::sim::contact_wrench(params_, contact_decay_[hard], h, command_, wind, s);
         hil::sim::rotate_into_world(s + 3, wrench.force_B, qfrc_applied_.data());
         for (int k = 0; k < 3; ++k) qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
     }
 
-    void contact_update() {
-        hil::sim::contact_update(params_, contact_substep_, contact_substep_s(), control_, qacc_.data(), state());
+    void contact_update(bool hard) {
+        hil::sim::contact_update(params_, contact_decay_[hard], tick_s_ / contact_substeps_[hard], command_,
+                                 qacc_.data(), state());
     }
 
   private:
     double *state() { return truth_.data(); }
     const double *state() const { return truth_.data(); }
-    double contact_substep_s() const { return tick_s_ / contact_substeps_; }
     void remember() {
         for (std::size_t k = 0; k < before_.size(); ++k) before_[k] = state()[k];
     }
 
-    // 0 in range; else which limit: 1 not finite, 2 speed, 3 body rate, 4 position.
+    void draw() {
+        double cubed = 0.0;
+        for (int i = 0; i < params_.rotor_count; ++i) {
+            const double lag = before_[kPoseVelocity + i] - command_[i];
+            const bool up = lag < 0.0;
+            const double tau = up ? params_.time_constant_up_s : params_.time_constant_down_s;
+            const double decay = up ? tick_decay_.up : tick_decay_.down;
+            cubed += params_.thrust_left[i] * hil::sim::cubed_speed_integral(command_[i], lag, tau, tick_s_, decay);
+        }
+        const double shaft_j = params_.moment_ratio_m * params_.thrust_coefficient_n_per_radps2 * cubed;
+        double *battery = battery_.data();
+        const double drawn_c =
+            (shaft_j / params_.battery.efficiency + params_.battery.auxiliary_w * tick_s_) / battery[1];
+        battery[0] += drawn_c;
+        battery[2] = drawn_c / tick_s_;
+    }
+
+    // 0 in range; else which limit: 1 not finite, 2 speed, 3 body rate, 4 position, 5 no voltage left, 6 battery empty.
     int range_violation() const {
         const double *s = state();
         const std::size_t n = before_.size() + 6;
+        if (params_.battery.fitted) {
+            if (!(battery_.data()[1] > 0.0)) return 5;
+            if (!(battery_.data()[0] <= params_.battery.capacity_c)) return 6;
+        }
         for (std::size_t k = 0; k < n; ++k) {
             if (!std::isfinite(s[k])) return 1;
         }
@@ -174,13 +252,16 @@ class RigidBody {
         return 0;
     }
 
-    hil::sim::RigidBodyParams params_{};
-    Vector truth_, qpos_, qvel_, qfrc_applied_, qacc_;
+    Vector truth_, battery_, qpos_, qvel_, qfrc_applied_, qacc_;
     std::vector<double> path_, before_;
-    double control_[kMaxRotors] = {};
-    hil::sim::RotorDecay half_substep_{}, contact_substep_{};
-    int substeps_, contact_substeps_;
+    double command_[kMaxRotors] = {}, phase_[kMaxRotors] = {};
+    hil::sim::RigidBodyParams params_{};
+    hil::sim::TickPlan plan_{};
+    hil::sim::TickWind wind_{};
+    hil::sim::RotorDecay contact_decay_[kContactKinds]{}, tick_decay_{};
     double tick_s_;
+    int contact_substeps_[kContactKinds];
+    int steps_ = 0;
 };
 
 }  // namespace
@@ -191,25 +272,38 @@ void bind_rigid_body(nb::module_ &m) {
                           "v_WB_W[3], w_WB_B[3], rotor speed[n], then mean acceleration in W[3] and mean angular "
                           "acceleration in B[3] over the last tick. SI, ENU/FLU. See rigid_body.hpp.")
         .def(nb::init<Vector, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
-                      double, double, double, Vec3, Vec3, double, Vec3, double, int, int>(),
+                      double, double, double, Vec3, Vec3, double, Vec3, double, int, int, int, double, double, double,
+                      double, double, double>(),
              nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "rotor_position_m"_a, "rotor_spin"_a,
              "thrust_coefficient_n_per_radps2"_a, "moment_ratio_m"_a, "max_speed_radps"_a, "time_constant_up_s"_a,
              "time_constant_down_s"_a, "rotor_inertia_kgm2"_a, "rotor_drag_kg_per_rad"_a,
              "body_drag_linear_n_per_mps"_a, "body_drag_quadratic_n_per_m2ps2"_a, "gravity_mps2"_a, "wind_W_mps"_a,
-             "tick_s"_a, "substeps"_a, "contact_substeps"_a)
+             "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
+             "thrust_model_factor"_a = 1.0, "rotor_radius_m"_a = 0.1, "ground_thrust_ratio"_a = 1.0,
+             "descent_loss"_a = 0.0, "rotor_axial_kg_per_rad"_a = 0.0, "air_density_kgpm3"_a = 1.225)
+        .def("fit_battery", &RigidBody::fit_battery, nb::kw_only(), "battery"_a.noconvert(), "cells"_a, "capacity_c"_a,
+             "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
+             "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
+             "over the tick [A]. See battery.hpp.")
+        .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Wind over the coming tick, linear.")
+        .def("set_rotor", &RigidBody::set_rotor, "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a,
+             "imbalance_kgm"_a, "What is left of a rotor from the next tick on; forced speed < 0: follows its command.")
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Returns -1, or the first index not finite.")
         .def("fly", &RigidBody::fly, "One tick of free flight. Returns the distance travelled [m].")
+        .def("steps", &RigidBody::steps, "Integration steps of the last fly().")
         .def("rewind", &RigidBody::rewind, "Back to the state before the last fly().")
         .def("finish", &RigidBody::finish,
-             "Write mean accelerations of the tick. Returns 0, or 1 not finite, 2 speed, 3 body rate, 4 position.")
+             "Write mean accelerations and charge drawn. Returns 0, or 1 not finite, 2 speed, 3 body rate, 4 position, "
+             "5 no voltage left, 6 battery empty.")
         .def("clearance_before", &RigidBody::clearance_before, "radius_m"_a, "boxes"_a.noconvert(),
              "Lower bound of the gap to the scene at the state before the last fly() [m].")
         .def("attach", &RigidBody::attach, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "qfrc_applied"_a.noconvert(),
              "qacc"_a.noconvert(), "MuJoCo's arrays, for contact.")
         .def("pose_after_substep", &RigidBody::pose_after_substep, "substep"_a, "Write that pose of fly() into qpos.")
-        .def("contact_load", &RigidBody::contact_load, "State into qpos, qvel; rotor and air wrench into qfrc_applied.")
-        .def("contact_update", &RigidBody::contact_update, "One semi-implicit Euler step with qacc.");
+        .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
+             "State into qpos, qvel; rotor and air wrench into qfrc_applied.")
+        .def("contact_update", &RigidBody::contact_update, "hard"_a, "One contact sub-step with qacc.");
 
     m.def(
         "rotate_into_body",

@@ -8,13 +8,6 @@ namespace hil::sim {
 
 namespace {
 
-constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
-
-void normalise_quaternion(double *q) {
-    const double s = 1.0 / std::sqrt((q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3]));
-    for (int i = 0; i < 4; ++i) q[i] *= s;
-}
-
 // R(q / |q|), row major. RK stages leave the unit sphere by O(h^2); dividing by |q|^2 keeps R a rotation there.
 void rotation(const double *q, double R[9]) {
     const double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -37,40 +30,68 @@ void multiply_quaternion(const double *a, const double *b, double *c) {
     c[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
 }
 
-double rotor_command(const RigidBodyParams &params, double control) {
-    const double u = control < 0.0 ? 0.0 : (control > 1.0 ? 1.0 : control);
-    return u * params.max_speed_radps;
+void quaternion_rate(const double *q, const double *w, double *dq) {
+    dq[0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]);
+    dq[1] = 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]);
+    dq[2] = 0.5 * (q[0] * w[1] - q[1] * w[2] + q[3] * w[0]);
+    dq[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
 }
 
-void wrench_in(const RigidBodyParams &params, const double R[9], const double *v_W, const double *w,
-               const double *rotor_speed, const double *rotor_accel, Wrench &out) {
-    const double dv[3] = {v_W[0] - params.wind_W_mps[0], v_W[1] - params.wind_W_mps[1],
-                          v_W[2] - params.wind_W_mps[2]};
+// dw/dt of Euler's equations under `torque` (all zero: torque-free).
+void rate_of_spin(const double *I, const double *w, const double *torque, double *dw) {
+    dw[0] = (torque[0] - (I[2] - I[1]) * w[1] * w[2]) / I[0];
+    dw[1] = (torque[1] - (I[0] - I[2]) * w[2] * w[0]) / I[1];
+    dw[2] = (torque[2] - (I[1] - I[0]) * w[0] * w[1]) / I[2];
+}
+
+void wrench_in(const RigidBodyParams &params, const double R[9], const double *s, const RotorStage &rotors,
+               const double *wind_W, Wrench &out) {
+    const double *w = s + kW;
+    const double dv[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
     const double air[3] = {R[0] * dv[0] + R[3] * dv[1] + R[6] * dv[2], R[1] * dv[0] + R[4] * dv[1] + R[7] * dv[2],
                            R[2] * dv[0] + R[5] * dv[1] + R[8] * dv[2]};
+    const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
     double force[3], torque[3] = {0.0, 0.0, 0.0};
     for (int j = 0; j < 3; ++j) {
-        force[j] = -(params.body_drag_linear_n_per_mps[j] +
-                     params.body_drag_quadratic_n_per_m2ps2[j] * std::fabs(air[j])) *
-                   air[j];
+        force[j] =
+            -(params.body_drag_linear_n_per_mps[j] + params.body_drag_quadratic_n_per_m2ps2[j] * airspeed) * air[j];
     }
+    const RotorAir &effects = params.air;
+    const bool near_ground = effects.ground_floor > 0.0, descends = effects.descent_loss > 0.0;
     double spin_momentum = 0.0, spin_momentum_rate = 0.0;
     for (int i = 0; i < params.rotor_count; ++i) {
         const double *r = params.rotor_position_m[i];
-        const double speed = rotor_speed[i];
-        const double thrust = params.thrust_coefficient_n_per_radps2 * speed * speed;
+        const double speed = rotors.speed[i];
+        const double speed2 = speed * speed;
+        const double static_thrust = params.thrust_coefficient_n_per_radps2 * params.thrust_left[i] * speed2;
         const double drag = params.rotor_drag_kg_per_rad * speed;
         const double hub_x = air[0] + (w[1] * r[2] - w[2] * r[1]);
         const double hub_y = air[1] + (w[2] * r[0] - w[0] * r[2]);
-        const double fx = -drag * hub_x, fy = -drag * hub_y;
+        const double hub_z = air[2] + (w[0] * r[1] - w[1] * r[0]);
+        double thrust = static_thrust;
+        if (near_ground || descends) {
+            const double induced2 = effects.kappa_m2 * speed2;
+            const double across2 = hub_x * hub_x + hub_y * hub_y;
+            if (near_ground) {
+                const double height = s[kP + 2] + ((R[6] * r[0] + R[7] * r[1]) + R[8] * r[2]);
+                thrust *= ground_ratio(effects, height, R[8], induced2, across2);
+            }
+            if (descends) thrust *= descent_ratio(effects, hub_z, induced2, across2);
+        }
+        thrust -= effects.axial_kg_per_rad * speed * hub_z;
+        double fx = -drag * hub_x, fy = -drag * hub_y;
+        if (params.imbalanced) {
+            fx += rotors.push_x[i];
+            fy += rotors.push_y[i];
+        }
         force[0] += fx;
         force[1] += fy;
         force[2] += thrust;
         torque[0] += r[1] * thrust - r[2] * fy;
         torque[1] += r[2] * fx - r[0] * thrust;
-        torque[2] += (r[0] * fy - r[1] * fx) - params.rotor_spin[i] * params.moment_ratio_m * thrust;
+        torque[2] += (r[0] * fy - r[1] * fx) - params.rotor_spin[i] * params.moment_ratio_m * static_thrust;
         spin_momentum += params.rotor_spin[i] * params.rotor_inertia_kgm2 * speed;
-        spin_momentum_rate += params.rotor_spin[i] * params.rotor_inertia_kgm2 * rotor_accel[i];
+        spin_momentum_rate += params.rotor_spin[i] * params.rotor_inertia_kgm2 * rotors.accel[i];
     }
     torque[0] -= w[1] * spin_momentum;
     torque[1] += w[0] * spin_momentum;
@@ -81,129 +102,106 @@ void wrench_in(const RigidBodyParams &params, const double R[9], const double *v
     }
 }
 
-// d/dt of (p, q, v, w).
-void derivative(const RigidBodyParams &params, const double *s, const double *rotor_speed, const double *rotor_accel,
-                double *ds) {
-    double R[9];
-    rotation(s + kQ, R);
-    const double *q = s + kQ, *v = s + kV, *w = s + kW;
-    Wrench wrench;
-    wrench_in(params, R, v, w, rotor_speed, rotor_accel, wrench);
-    const double *f = wrench.force_B;
-    const double inv_mass = 1.0 / params.mass_kg;
-    for (int j = 0; j < 3; ++j) {
-        ds[kP + j] = v[j];
-        ds[kV + j] = inv_mass * (R[3 * j] * f[0] + R[3 * j + 1] * f[1] + R[3 * j + 2] * f[2]);
+// (q, w) without torque for h: one RK4 step.
+void turn_freely(const double *I, double h, double *q, double *w) {
+    static constexpr double kFree[3] = {0.0, 0.0, 0.0};
+    double y[7], k[4][7], mid[7];
+    for (int j = 0; j < 4; ++j) y[j] = q[j];
+    for (int j = 0; j < 3; ++j) y[4 + j] = w[j];
+    for (int stage = 0; stage < 4; ++stage) {
+        const double reach = stage == 0 ? 0.0 : (stage == 3 ? h : 0.5 * h);
+        for (int j = 0; j < 7; ++j) mid[j] = stage == 0 ? y[j] : y[j] + reach * k[stage - 1][j];
+        quaternion_rate(mid, mid + 4, k[stage]);
+        rate_of_spin(I, mid + 4, kFree, k[stage] + 4);
     }
-    ds[kV + 2] -= params.gravity_mps2;
-    ds[kQ + 0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]);
-    ds[kQ + 1] = 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]);
-    ds[kQ + 2] = 0.5 * (q[0] * w[1] - q[1] * w[2] + q[3] * w[0]);
-    ds[kQ + 3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
-    const double *I = params.inertia_kgm2;
-    ds[kW + 0] = (wrench.torque_B[0] - (I[2] - I[1]) * w[1] * w[2]) / I[0];
-    ds[kW + 1] = (wrench.torque_B[1] - (I[0] - I[2]) * w[2] * w[0]) / I[1];
-    ds[kW + 2] = (wrench.torque_B[2] - (I[1] - I[0]) * w[0] * w[1]) / I[2];
+    for (int j = 0; j < 7; ++j) y[j] += h / 6.0 * ((k[0][j] + k[3][j]) + 2.0 * (k[1][j] + k[2][j]));
+    normalise_quaternion(y);
+    for (int j = 0; j < 4; ++j) q[j] = y[j];
+    for (int j = 0; j < 3; ++j) w[j] = y[4 + j];
 }
 
 }  // namespace
+
+void normalise_quaternion(double *q) {
+    const double s = 1.0 / std::sqrt((q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3]));
+    for (int i = 0; i < 4; ++i) q[i] *= s;
+}
 
 RotorDecay rotor_decay(const RigidBodyParams &params, double dt_s) {
     return {det::exp(-dt_s / params.time_constant_up_s), det::exp(-dt_s / params.time_constant_down_s)};
 }
 
-Wrench rotor_and_air_wrench(const RigidBodyParams &params, const double *pose_velocity, const double *rotor_speed,
-                            const double *rotor_accel) {
+double commanded_speed(const RigidBodyParams &params, int i, double control, double scale) {
+    if (params.forced_speed_radps[i] >= 0.0) return params.forced_speed_radps[i];
+    const double u = control < 0.0 ? 0.0 : (control > 1.0 ? 1.0 : control);
+    const double f = params.thrust_model_factor;
+    const double relative = f == 1.0 ? u : std::sqrt(f * (u * u) + (1.0 - f) * u);
+    return relative * params.max_speed_radps * scale;
+}
+
+void rotor_and_air_wrench(const RigidBodyParams &params, const double *s, const RotorStage &rotors,
+                          const double *wind_W, Wrench &out) {
     double R[9];
-    rotation(pose_velocity + kQ, R);
+    rotation(s + kQ, R);
+    wrench_in(params, R, s, rotors, wind_W, out);
+}
+
+void derivative(const RigidBodyParams &params, const double *s, const RotorStage &rotors, const double *wind_W,
+                double *ds) {
+    double R[9];
+    rotation(s + kQ, R);
+    Wrench wrench;
+    wrench_in(params, R, s, rotors, wind_W, wrench);
+    const double *f = wrench.force_B;
+    const double inv_mass = 1.0 / params.mass_kg;
+    for (int j = 0; j < 3; ++j) {
+        ds[kP + j] = s[kV + j];
+        ds[kV + j] = inv_mass * (R[3 * j] * f[0] + R[3 * j + 1] * f[1] + R[3 * j + 2] * f[2]);
+    }
+    ds[kV + 2] -= params.gravity_mps2;
+    quaternion_rate(s + kQ, s + kW, ds + kQ);
+    rate_of_spin(params.inertia_kgm2, s + kW, wrench.torque_B, ds + kW);
+}
+
+double shaft_power_w(const RigidBodyParams &params, const double *rotor_speed) {
+    double power = 0.0;
+    for (int i = 0; i < params.rotor_count; ++i) {
+        const double speed = rotor_speed[i];
+        power += params.thrust_left[i] * (speed * speed * speed);
+    }
+    return params.moment_ratio_m * params.thrust_coefficient_n_per_radps2 * power;
+}
+
+Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
+                      const double *wind_W, const double *state) {
+    RotorStage rotors;
+    for (int i = 0; i < params.rotor_count; ++i) {
+        const double lag = state[kPoseVelocity + i] - command[i];
+        rotors.speed[i] = state[kPoseVelocity + i];
+        rotors.accel[i] = lag * ((lag < 0.0 ? substep.up : substep.down) - 1.0) / substep_s;
+        // The whirl of a broken rotor averages out over a contact sub-step, and the feet hold the vehicle.
+        rotors.push_x[i] = rotors.push_y[i] = 0.0;
+    }
     Wrench out;
-    wrench_in(params, R, pose_velocity + kV, pose_velocity + kW, rotor_speed, rotor_accel, out);
+    rotor_and_air_wrench(params, state, rotors, wind_W, out);
     return out;
 }
 
-double free_flight_tick(const RigidBodyParams &params, RotorDecay half_substep, double substep_s, int substeps,
-                        const double *control, double *state, double *path) {
-    const int n = params.rotor_count;
-    double *rotor = state + kPoseVelocity;
-    // A constant command makes each rotor's speed monotone over the tick: up or down is decided once.
-    double command[kMaxRotors], decay[kMaxRotors], rate[kMaxRotors], lag[kMaxRotors];
-    for (int i = 0; i < n; ++i) {
-        command[i] = rotor_command(params, control[i]);
-        lag[i] = rotor[i] - command[i];
-        const bool up = lag[i] < 0.0;
-        decay[i] = up ? half_substep.up : half_substep.down;
-        rate[i] = -1.0 / (up ? params.time_constant_up_s : params.time_constant_down_s);
-    }
-    double speed[3][kMaxRotors], accel[3][kMaxRotors];
-    double travelled = 0.0;
-    const double h = substep_s, half = 0.5 * substep_s;
-    double s[kPoseVelocity];
-    for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
-    for (int step = 0; step < substeps; ++step) {
-        for (int i = 0; i < n; ++i) {
-            for (int stage = 0; stage < 3; ++stage) {
-                speed[stage][i] = command[i] + lag[i];
-                accel[stage][i] = rate[i] * lag[i];
-                if (stage < 2) lag[i] *= decay[i];
-            }
-        }
-        double k1[kPoseVelocity], k2[kPoseVelocity], k3[kPoseVelocity], k4[kPoseVelocity], mid[kPoseVelocity];
-        derivative(params, s, speed[0], accel[0], k1);
-        for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + half * k1[k];
-        derivative(params, mid, speed[1], accel[1], k2);
-        for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + half * k2[k];
-        derivative(params, mid, speed[1], accel[1], k3);
-        for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + h * k3[k];
-        derivative(params, mid, speed[2], accel[2], k4);
-        const double sixth = h / 6.0;
-        double moved[3];
-        for (int k = 0; k < kPoseVelocity; ++k) {
-            const double next = s[k] + sixth * ((k1[k] + k4[k]) + 2.0 * (k2[k] + k3[k]));
-            if (k < 3) moved[k] = next - s[k];
-            s[k] = next;
-        }
-        normalise_quaternion(s + kQ);
-        travelled += std::sqrt(moved[0] * moved[0] + moved[1] * moved[1] + moved[2] * moved[2]);
-        for (int k = 0; k < 7; ++k) path[7 * step + k] = s[k];
-    }
-    for (int k = 0; k < kPoseVelocity; ++k) state[k] = s[k];
-    for (int i = 0; i < n; ++i) rotor[i] = command[i] + lag[i];
-    return travelled;
-}
-
-Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *control,
-                      const double *state) {
-    double accel[kMaxRotors];
-    for (int i = 0; i < params.rotor_count; ++i) {
-        const double lag = state[kPoseVelocity + i] - rotor_command(params, control[i]);
-        accel[i] = lag * ((lag < 0.0 ? substep.up : substep.down) - 1.0) / substep_s;
-    }
-    return rotor_and_air_wrench(params, state, state + kPoseVelocity, accel);
-}
-
-void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *control,
+void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
                     const double *accel, double *state) {
+    static constexpr double kFree[3] = {0.0, 0.0, 0.0};
     const double h = substep_s;
+    double gyroscopic[3];
+    rate_of_spin(params.inertia_kgm2, state + kW, kFree, gyroscopic);
     for (int j = 0; j < 3; ++j) {
         state[kV + j] += h * accel[j];
-        state[kW + j] += h * accel[3 + j];
         state[kP + j] += h * state[kV + j];
+        state[kW + j] += h * (accel[3 + j] - gyroscopic[j]);
     }
-    const double *w = state + kW;
-    const double speed = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
-    if (speed > 0.0) {
-        const double half_angle = 0.5 * h * speed;
-        const double s = det::sin(half_angle) / speed;
-        const double turn[4] = {det::cos(half_angle), s * w[0], s * w[1], s * w[2]};
-        double q[4];
-        multiply_quaternion(state + kQ, turn, q);
-        normalise_quaternion(q);
-        for (int k = 0; k < 4; ++k) state[kQ + k] = q[k];
-    }
+    turn_freely(params.inertia_kgm2, h, state + kQ, state + kW);
     for (int i = 0; i < params.rotor_count; ++i) {
-        const double command = rotor_command(params, control[i]);
-        const double lag = state[kPoseVelocity + i] - command;
-        state[kPoseVelocity + i] = command + lag * (lag < 0.0 ? substep.up : substep.down);
+        const double lag = state[kPoseVelocity + i] - command[i];
+        state[kPoseVelocity + i] = command[i] + lag * (lag < 0.0 ? substep.up : substep.down);
     }
 }
 

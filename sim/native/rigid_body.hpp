@@ -1,4 +1,4 @@
-// Multirotor rigid body: free flight by RK4 and the pieces of a contact step.
+// Multirotor rigid body: the equations of motion and the pieces of a contact step. Free flight: free_flight.hpp.
 //
 // Frames: W world ENU, B body FLU with its origin at the centre of mass and its axes the principal axes.
 // Units SI. Quaternions w-x-y-z, rotating B into W.
@@ -6,28 +6,37 @@
 // State, float64, contiguous, 13 + n values:   p_WB[3]  q_WB[4]  v_WB_W[3]  w_WB_B[3]  rotor_speed[n] (>= 0)
 //
 // Equations (R = R(q_WB), e_z the body's up axis, spin s_i = +1 for a rotor turning counter-clockwise seen from
-// above, u_i = R^T (v - wind) + w x r_i the air velocity at hub i in B):
-//   rotor        dO_i/dt = (c_i - O_i) / tau,  tau = tau_up if c_i > O_i else tau_down, c_i = clamp(u, 0, 1) O_max
-//   thrust       T_i = k O_i^2 e_z
+// above, a = R^T (v - wind) the body's velocity through the air in B, u_i = a + w x r_i that of hub i):
+//   command      c_i = O_max (V / V_nominal) sqrt(f u^2 + (1 - f) u),  u clamped to 0..1
+//                f = 1: speed in proportion to the command, thrust quadratic in it;  f = 0: thrust in proportion.
+//                (f is PX4's THR_MDL_FAC.) V / V_nominal is 1 without a battery: battery.hpp
+//   rotor        dO_i/dt = (c_i - O_i) / tau,  tau = tau_up if c_i > O_i else tau_down
+//   thrust       T_i = k_i O_i^2 G_i V_i - k_z O_i u_iz          (rotor_air.hpp), along e_z
 //   rotor drag   H_i = -k_d O_i (u_ix, u_iy, 0)
-//   body drag    D_j = -(d1_j + d2_j |a_j|) a_j,  a = R^T (v - wind)
-//   m dv/dt  = R (sum T_i + sum H_i + D) - m g z_W
-//   I dw/dt  = sum r_i x (T_i + H_i) - sum s_i m_ratio T_i e_z - w x (I w + h e_z) - dh/dt e_z,  h = sum s_i J O_i
+//   imbalance    U_i = b_i O_i^2 (cos phi_i, sin phi_i, 0),  dphi_i/dt = s_i O_i            (a rotor with a lost blade)
+//   body drag    D_j = -(d1_j + d2_j |a|) a_j
+//   m dv/dt  = R (sum T_i + sum H_i + sum U_i + D) - m g z_W
+//   I dw/dt  = sum r_i x (T_i + H_i + U_i) - sum s_i m_i O_i^2 e_z - w x (I w + h e_z) - dh/dt e_z,  h = sum s_i J O_i
 //   dq/dt    = q (0, w) / 2
-// A rotor's reaction on the body is opposite to its own spin: counter-clockwise rotors turn the body clockwise.
+// A rotor's reaction on the body is opposite to its own spin: counter-clockwise rotors turn the body clockwise. Its
+// torque m_i O_i^2 is that of its speed alone: nearness of the ground changes what thrust a speed gives, not the power
+// it takes.
 //
-// Integration: the rotor equation is linear with a constant command over one tick, so it is solved in closed form
-// and evaluated at the RK stages; (p, q, v, w) go by classical RK4 with q renormalised after every sub-step.
-// Measured order 4 (tests/reference/test_sim_integration.py).
+// Drag in the magnitude of the whole velocity, and not axis by axis, keeps the force smooth where a component changes
+// sign.
 //
 // Determinism: + - * / sqrt and detmath.hpp only, fixed order. No allocation, no global state, not thread-safe on
 // the same state. Arguments must not alias unless said otherwise.
 #pragma once
 
+#include "battery.hpp"
+#include "rotor_air.hpp"
+
 namespace hil::sim {
 
 inline constexpr int kMaxRotors = 8;
 inline constexpr int kPoseVelocity = 13;  // p, q, v, w
+inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 
 struct RigidBodyParams {
     double mass_kg;
@@ -38,6 +47,7 @@ struct RigidBodyParams {
     double thrust_coefficient_n_per_radps2;
     double moment_ratio_m;
     double max_speed_radps;
+    double thrust_model_factor;  // f
     double time_constant_up_s;
     double time_constant_down_s;
     double rotor_inertia_kgm2;
@@ -45,39 +55,61 @@ struct RigidBodyParams {
     double body_drag_linear_n_per_mps[3];
     double body_drag_quadratic_n_per_m2ps2[3];
     double gravity_mps2;
-    double wind_W_mps[3];
+    RotorAir air;
+    BatteryParams battery;
+    // What is left of each rotor; faults change it between ticks.
+    double thrust_left[kMaxRotors];       // k_i = thrust_left k, m_i = thrust_left m_ratio k
+    double forced_speed_radps[kMaxRotors];  // < 0: follows its command
+    double imbalance_kgm[kMaxRotors];     // b_i
+    bool imbalanced;                      // any b_i > 0
 };
 
-// Decay over half a free-flight sub-step and over a contact sub-step, e^{-dt/tau}, for spin-up and spin-down.
+// Rotors at one instant.
+struct RotorStage {
+    double speed[kMaxRotors];
+    double accel[kMaxRotors];
+    double push_x[kMaxRotors], push_y[kMaxRotors];  // U_i in B; read only if imbalanced
+};
+
+// e^{-dt/tau} for spin-up and spin-down.
 struct RotorDecay {
     double up;
     double down;
 };
 RotorDecay rotor_decay(const RigidBodyParams &params, double dt_s);
 
+// Speed that rotor `i` tends to at command `control`, `scale` = V / V_nominal.
+double commanded_speed(const RigidBodyParams &params, int i, double control, double scale);
+
 struct Wrench {
     double force_B[3];
     double torque_B[3];  // about the centre of mass; holds the rotors' gyroscopic terms, not w x (I w)
 };
 
-// Everything that acts on the body but gravity and contact.
-Wrench rotor_and_air_wrench(const RigidBodyParams &params, const double *pose_velocity, const double *rotor_speed,
-                            const double *rotor_accel);
+// Everything that acts on the body but gravity and contact. `s`: p, q, v, w.
+void rotor_and_air_wrench(const RigidBodyParams &params, const double *s, const RotorStage &rotors,
+                          const double *wind_W, Wrench &out);
 
-// One tick without contact: `substeps` RK4 steps of `substep_s`. `state` in and out. `control` holds rotor_count
-// finite values. `path` receives p and q after each sub-step, [substeps][7]. Returns the length of the polygon
-// through the sub-step positions [m].
-double free_flight_tick(const RigidBodyParams &params, RotorDecay half_substep, double substep_s, int substeps,
-                        const double *control, double *state, double *path);
+// d/dt of (p, q, v, w).
+void derivative(const RigidBodyParams &params, const double *s, const RotorStage &rotors, const double *wind_W,
+                double *ds);
 
-// Wrench at `state` for a contact sub-step with the mean rotor acceleration over it.
-Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *control,
-                      const double *state);
+// Shaft power of all rotors [W].
+double shaft_power_w(const RigidBodyParams &params, const double *rotor_speed);
 
-// Semi-implicit Euler: v += h a, w += h alpha, then p += h v, q = q exp(h w), rotors in closed form.
-// `accel` is dv/dt in W and dw/dt in B (MuJoCo's qacc of a free joint).
-void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *control,
+// Wrench at `state` for a contact sub-step with the mean rotor acceleration over it. `command`: speeds tended to.
+Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
+                      const double *wind_W, const double *state);
+
+// A contact sub-step with the accelerations that MuJoCo found: dv/dt in W, dw/dt in B (qacc of a free joint).
+//   v += h dv/dt, then p += h v                                   semi-implicit Euler, loses energy in free fall
+//   w += h (dw/dt + I^-1 w x I w), then (q, w) turn freely for h    the gyroscopic part by RK4: an explicit step of
+//                                                                 it would feed energy into a tumbling vehicle
+// Rotors in closed form.
+void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
                     const double *accel, double *state);
+
+void normalise_quaternion(double *q);
 
 // v_B = R(q)^T v_W and v_W = R(q) v_B for a unit quaternion.
 void rotate_into_body(const double *q_WB, const double *v_W, double *v_B);

@@ -2,24 +2,31 @@
 
 One tick, from t_{k-1} to t_k, with the commands u held constant:
 
-1. free flight   the native kernel takes the tick (RK4) as if nothing were near.
+1. free flight   the native kernel takes the tick (sim/native/free_flight.hpp) as if nothing were near.
 2. clearance     if the bounding sphere cannot have reached the scene, that is the answer: MuJoCo is not asked.
 3. collision     otherwise MuJoCo looks for contacts at every sub-step pose. None: the answer of 1 stands.
 4. contact       otherwise back to t_{k-1}, and sub-steps of 1 ms or less: rotor and air wrench from the same kernel,
                  contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not used: its
                  quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
+                 What touches down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until it is in the
+                 air again: depth is about v T / e for a contact of time constant T (sim.scene.mjcf).
 
 Step 2 only ever skips work whose outcome is known, so flights with and without it are the same bits
 (`contact_skipping=False` has the test). It needs the scene only now and then: a clearance once computed stays a lower
 bound until the vehicle has travelled that far.
 
-Limits of the model: speed 200 m/s, body rate 200 rad/s, 50 km from the site, all finite; outside, ModelRangeError.
+Faults and gusts take hold at ticks; what happened is told by `take_events`.
+
+Limits of the model: speed 200 m/s, body rate 200 rad/s, 50 km from the site, all finite, a battery that is not empty
+and can deliver; outside, ModelRangeError.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -29,12 +36,18 @@ from hil.signals.errors import ModelRangeError
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_MS, NS_PER_S
 from sim._kernels import RigidBody, det_cos, det_sin
+from sim.physics.battery import BatteryState
+from sim.physics.effects import Effects
+from sim.physics.faults import RotorFault, check_faults
 from sim.physics.vehicle import Vehicle
-from sim.scene.mjcf import build_model
+from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
+from sim.scene.wind import Wind, WindAtVehicle
 
-FREE_SUBSTEP_NS = 2 * NS_PER_MS  # upper bound; 5e-8 m and 2e-8 rad off after 1 s of hard flight, tests/reference
-CONTACT_SUBSTEP_NS = 1 * NS_PER_MS  # upper bound; the contact softness in sim.scene.mjcf is chosen for it
+FREE_STEP_NS = 2 * NS_PER_MS  # upper bound; the error it leaves: `hil bench physics`
+CONTACT_STEP_NS = 1 * NS_PER_MS  # upper bound
+HARD_CONTACT_STEP_NS = NS_PER_MS // 5  # upper bound, after a hard touch-down
+HARD_LANDING_MPS = 2.5
 _SETTLE_NS = 500 * NS_PER_MS
 _LOST_M = 1.0e6  # no vehicle within the speed limit goes so far in a tick; NaN fails the comparison
 
@@ -44,7 +57,17 @@ _LIMITS = {
     2: ("speed_mps", "<= 200 m/s"),
     3: ("body_rate_radps", "<= 200 rad/s"),
     4: ("distance_from_site_m", "<= 50000 m"),
+    5: ("battery_voltage_v", "above 0: the pack cannot deliver what the rotors draw"),
+    6: ("battery_charge", ">= 0: the pack is empty"),
 }
+
+
+class PhysicsEvent(NamedTuple):
+    """Something that the flight was told to undergo."""
+
+    t_ns: int
+    kind: str  # "fault" or "gust"
+    text: str
 
 
 @dataclass
@@ -61,6 +84,10 @@ class QuadrotorPhysics:
 
     Starts level at `initial_yaw_rad` (counter-clockwise from east), rotors stopped, at rest: standing settled on the
     ground at W's origin, or at `initial_p_WB` if given.
+
+    `wind`: default the scene's steady wind; `seed` is that of its turbulence. `step_ns`: upper bound of a free-flight
+    step, which must divide the tick; default 2 ms or the next shorter that divides. Raises ValueError where a step
+    does not divide, a fault names a rotor that is not there, or the battery is asked for and there is none.
     """
 
     def __init__(
@@ -72,18 +99,31 @@ class QuadrotorPhysics:
         contact_skipping: bool = True,
         initial_p_WB: Vec3 | None = None,
         initial_yaw_rad: float = 0.0,
+        effects: Effects = Effects(),  # noqa: B008 (frozen)
+        faults: Sequence[RotorFault] = (),
+        wind: Wind | None = None,
+        seed: int = 1,
+        step_ns: int | None = None,
     ) -> None:
         if tick_ns <= 0:
             raise ValueError(f"tick_ns must be above 0, not {tick_ns}")
+        if step_ns is not None and (step_ns <= 0 or tick_ns % step_ns):
+            raise ValueError(f"step_ns {step_ns} does not divide the tick of {tick_ns} ns")
+        if effects.battery and vehicle.battery is None:
+            raise ValueError(f"effects.battery is on, but the vehicle {vehicle.name!r} has no battery")
+        check_faults(faults, len(vehicle.rotors))
         self.vehicle = vehicle
         self.scene = scene
         self.tick_ns = tick_ns
         self.contact_skipping = contact_skipping
         self.skips = ContactSkips()
         rotors = len(vehicle.rotors)
-        self._substeps = -(-tick_ns // FREE_SUBSTEP_NS)
-        self._contact_substeps = -(-tick_ns // CONTACT_SUBSTEP_NS)
-        tick_s = tick_ns / NS_PER_S
+        self._contact_substeps = (-(-tick_ns // CONTACT_STEP_NS), -(-tick_ns // HARD_CONTACT_STEP_NS))
+        self._hard = False  # contact since a hard touch-down
+        tick_s = self._tick_s = tick_ns / NS_PER_S
+        self._wind = WindAtVehicle(
+            wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps), seed=seed, tick_ns=tick_ns
+        )
         self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
         c = vehicle.rotor_constants
         self._body = RigidBody(
@@ -102,12 +142,33 @@ class QuadrotorPhysics:
             body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
             body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
             gravity_mps2=scene.gravity_mps2,
-            wind_W_mps=scene.wind_W_mps,
+            wind_W_mps=self._wind.wind.steady_W_mps,
             tick_s=tick_s,
-            substeps=self._substeps,
-            contact_substeps=self._contact_substeps,
+            substeps=tick_ns // step_ns if step_ns is not None else -(-tick_ns // FREE_STEP_NS),
+            contact_substeps=self._contact_substeps[False],
+            hard_contact_substeps=self._contact_substeps[True],
+            thrust_model_factor=c.thrust_model_factor,
+            rotor_radius_m=c.radius_m,
+            ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
+            descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+            rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
         )
-        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self._contact_substeps)
+        self._battery: NDArray[np.float64] | None = None
+        if effects.battery and vehicle.battery is not None:
+            b = vehicle.battery
+            self._battery_capacity_c = 3600.0 * b.capacity_ah
+            self._battery_start_c = (1.0 - b.initial_charge) * self._battery_capacity_c
+            self._battery = np.array([self._battery_start_c, 0.0, 0.0])
+            self._body.fit_battery(
+                battery=self._battery,
+                cells=float(b.cells),
+                capacity_c=self._battery_capacity_c,
+                resistance_ohm=b.resistance_ohm,
+                efficiency=b.efficiency,
+                auxiliary_w=b.auxiliary_w,
+                nominal_voltage_v=b.nominal_voltage_v,
+            )
+        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self._contact_substeps[False])
         self._data = mujoco.MjData(self._model)
         self._body.attach(self._data.qpos, self._data.qvel, self._data.qfrc_applied, self._data.qacc)
         self._boxes = np.array(
@@ -128,6 +189,11 @@ class QuadrotorPhysics:
             self._settle()
         else:
             state[_P] = initial_p_WB
+        self._was_touching = self._standing
+        self._wind_W: Vec3 = self._wind.wind.steady_W_mps
+        self._events: list[PhysicsEvent] = []
+        self._to_come = self._schedule(faults)
+        self._next_change = self._to_come[-1][0] if self._to_come else -1
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -145,8 +211,14 @@ class QuadrotorPhysics:
             raise ValueError(f"tick {tick} after tick {self._tick}: ticks must come in order")
         self._tick = tick
         if tick == 0:
+            if not self._wind.constant:
+                self._wind_W = self._wind.start(float(self._truth[2]))
+            if self._next_change == 0:
+                self._take_hold(0)
             return self._truth_state(tick, self._standing)
         body = self._body
+        if not self._wind.constant:
+            self._blow(tick)
         bad = body.command(controls)
         if bad >= 0:
             raise ModelRangeError(tick, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
@@ -157,10 +229,55 @@ class QuadrotorPhysics:
             self.skips.skipped += 1
         else:
             touching = self._near_scene(travelled_m)
+        self._was_touching = touching
         violation = body.finish()
         if violation:
             raise self._range_error(tick, violation)
+        if tick == self._next_change:
+            self._take_hold(tick)
         return self._truth_state(tick, touching)
+
+    @property
+    def battery(self) -> BatteryState | None:
+        """The battery now; None without one."""
+        if self._battery is None:
+            return None
+        drawn_c, voltage_v, current_a = self._battery.tolist()
+        return BatteryState(1.0 - drawn_c / self._battery_capacity_c, voltage_v, current_a)
+
+    @property
+    def wind_W_mps(self) -> Vec3:
+        """The wind at the vehicle at this tick [m/s in W]."""
+        return self._wind_W
+
+    def take_events(self) -> list[PhysicsEvent]:
+        """Faults and gusts that began or ended since the last call, in order."""
+        events, self._events = self._events, []
+        return events
+
+    def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
+        """(tick, kind, text, fault) of everything that will happen, the next one last."""
+        coming: list[tuple[int, str, str, RotorFault | None]] = [
+            (fault.start_tick(self.tick_ns), "fault", fault.text, fault) for fault in faults
+        ]
+        coming += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
+        return sorted(coming, key=lambda item: item[0])[::-1]  # of one tick, the one given first comes last
+
+    def _take_hold(self, tick: int) -> None:
+        now = []
+        while self._to_come and self._to_come[-1][0] == tick:
+            now.append(self._to_come.pop())
+        for _, kind, text, fault in now:
+            self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
+            if fault is not None:
+                self._body.set_rotor(fault.rotor, *fault.rotor_left)
+        self._next_change = self._to_come[-1][0] if self._to_come else -1
+
+    def _blow(self, tick: int) -> None:
+        before = self._wind_W
+        s = self._truth[2:10].tolist()
+        self._wind_W = self._wind.at(tick, s[0], (s[5], s[6], s[7]))
+        self._body.set_wind(before, self._wind_W)
 
     def _near_scene(self, travelled_m: float) -> bool:
         """The clearance of earlier is used up: renew it, or let MuJoCo decide. Returns whether anything touched."""
@@ -178,11 +295,23 @@ class QuadrotorPhysics:
             return False
         self.skips.touching += 1
         self._body.rewind()
+        if not self._was_touching:
+            self._touch_down()
         return self._contact_steps()
+
+    def _touch_down(self) -> None:
+        """Choose how stiff the contact is that begins now."""
+        s = self._truth[7:13].tolist()
+        speed = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
+        speed += self._radius_m * math.sqrt(s[3] * s[3] + s[4] * s[4] + s[5] * s[5])
+        hard = speed > HARD_LANDING_MPS
+        if hard != self._hard:
+            self._hard = hard
+            soften_contact(self._model, self._tick_s / self._contact_substeps[hard])
 
     def _touches(self) -> bool:
         model, data, body = self._model, self._data, self._body
-        for substep in range(self._substeps):
+        for substep in range(body.steps()):
             body.pose_after_substep(substep)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
@@ -193,12 +322,12 @@ class QuadrotorPhysics:
     def _contact_steps(self) -> bool:
         model, data, body = self._model, self._data, self._body
         load, update, forward = body.contact_load, body.contact_update, mujoco.mj_forward
-        touched = False
-        for _ in range(self._contact_substeps):
-            load()
+        touched, hard = False, self._hard
+        for substep in range(self._contact_substeps[hard]):
+            load(substep, hard)
             forward(model, data)
             touched = touched or data.ncon > 0
-            update()
+            update(hard)
         return touched
 
     def _settle(self) -> None:
@@ -227,6 +356,9 @@ class QuadrotorPhysics:
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:
         variable, limit = _LIMITS[violation]
         values = self._truth.tolist()
+        battery = self.battery
+        if battery is not None and violation in (5, 6):
+            return ModelRangeError(tick, variable, battery.voltage_v if violation == 5 else battery.charge, limit)
         if violation == 1:
             index = next(i for i, value in enumerate(values) if not -1e300 < value < 1e300)
             return ModelRangeError(tick, f"{variable}[{index}]", values[index], limit)

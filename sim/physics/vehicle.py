@@ -14,6 +14,7 @@ import pydantic
 from pydantic import Field
 
 from sim.model_file import StrictModel, load_model
+from sim.physics.battery import Battery
 
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
 
@@ -49,8 +50,10 @@ class Rotor(StrictModel):
 class RotorConstants(StrictModel):
     """What all rotors of a vehicle share.
 
-    thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v, command c = u O_max,
-    speed follows the command with time constant up or down.
+    thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v, speed follows the command
+    with time constant up or down. Command u to speed: O_max sqrt(f u^2 + (1 - f) u) with f the thrust model factor
+    (PX4's THR_MDL_FAC): 1 is thrust quadratic in the command, 0 thrust linear in it. The equations of the rest are in
+    sim/native/rotor_air.hpp.
     """
 
     thrust_coefficient_n_per_radps2: Annotated[float, Field(gt=0.0, le=1.0)]
@@ -60,6 +63,11 @@ class RotorConstants(StrictModel):
     time_constant_down_s: Annotated[float, Field(ge=1e-3, le=1.0)]
     inertia_kgm2: Annotated[float, Field(ge=0.0, le=1.0)]
     drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
+    radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
+    thrust_model_factor: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # thrust lost per O and climb through the air
+    ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
+    descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # share of the thrust lost at worst when descending
 
 
 class ContactSphere(StrictModel):
@@ -83,6 +91,7 @@ class Vehicle(StrictModel):
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
+    battery: Battery | None = None
 
     @pydantic.model_validator(mode="after")
     def _physical(self) -> Vehicle:
@@ -119,10 +128,19 @@ class Vehicle(StrictModel):
 
     @property
     def hover_control(self) -> float:
-        """Command, equal for all rotors, at which thrust equals standard weight."""
+        """Command, equal for all rotors, at which thrust away from the ground equals standard weight, at nominal voltage."""
         c = self.rotor_constants
         full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
-        return math.sqrt(self.mass_kg * 9.80665 / full)
+        share, f = self.mass_kg * 9.80665 / full, c.thrust_model_factor
+        if f == 0.0:
+            return share
+        return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)
+
+    def speed_radps(self, control: float) -> float:
+        """Speed that a rotor tends to at a command 0..1, at nominal voltage."""
+        c = self.rotor_constants
+        f = c.thrust_model_factor
+        return c.max_speed_radps * math.sqrt(f * control * control + (1.0 - f) * control)
 
 
 def vehicle_names() -> list[str]:

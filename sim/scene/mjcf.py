@@ -2,10 +2,10 @@
 
 Only spheres, boxes and a plane, and no orientation in the model is given by angles: their collision functions and
 compilation use no sin, cos or pow, whose last bit depends on the CPU. For the same reason solimp keeps its power
-of 2. Contact softness is chosen for steps of 1 ms or less:
+of 2. Contact softness follows the step:
 
-* solref 3 ms, critically damped: a foot that lands at speed v sinks v * 3 ms / e at most (3.5 mm after a drop from
-  0.5 m); below two steps (2 ms) MuJoCo would clamp it.
+* solref 3 steps, critically damped: a foot that lands at speed v sinks v * 3 steps / e at most (3.5 mm after a drop
+  from 0.5 m at 1 ms); below two steps MuJoCo would clamp it.
 * elliptic friction cones with impratio 10: friction is 10 times stiffer than the normal, so standing feet don't creep.
 """
 
@@ -21,6 +21,7 @@ from sim.scene.scene import Scene
 
 # Bits that pair vehicle with scene, and neither with itself.
 _SCENE_BIT, _VEHICLE_BIT = 1, 2
+_CONTACT_STEPS = 3.0  # time constant of a contact, in steps
 
 
 def _numbers(values: Iterable[float]) -> str:
@@ -46,7 +47,7 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
     ET.SubElement(
         default,
         "geom",
-        solref="0.003 1",
+        solref=_numbers((_CONTACT_STEPS * contact_step_s, 1.0)),
         solimp="0.9 0.99 0.001 0.5 2",
         condim="3",
         friction=_numbers((scene.ground_friction, 0.005, 0.0001)),
@@ -81,3 +82,9 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
 def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
     """The compiled model: nq 7, nv 6."""
     return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+
+
+def soften_contact(model: mujoco.MjModel, contact_step_s: float) -> None:
+    """Set step and contact softness of a compiled model anew."""
+    model.opt.timestep = contact_step_s
+    model.geom_solref[:, 0] = _CONTACT_STEPS * contact_step_s

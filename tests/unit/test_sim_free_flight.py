@@ -39,7 +39,7 @@ def airless(vehicle: Vehicle) -> Vehicle:
 
 def spin_rotors(physics: QuadrotorPhysics, control: float) -> None:
     """Start with the rotors already at the speed of `control`."""
-    physics.state[13:] = control * physics.vehicle.rotor_constants.max_speed_radps
+    physics.state[13:] = physics.vehicle.speed_radps(control)
 
 
 def fly(physics: QuadrotorPhysics, controls: tuple[float, ...], ticks: int) -> TruthState:

@@ -1,0 +1,240 @@
+#include "free_flight.hpp"
+
+#include <cmath>
+
+#include "detmath.hpp"
+#include "dormand_prince.hpp"
+
+namespace hil::sim {
+
+namespace {
+
+static_assert(kStages8 == dp8::kStages);
+
+constexpr double kSpinForOrder8 = 8.0;  // rad/s
+
+double largest(const double *v) {
+    double most = v[0];
+    if (v[1] > most) most = v[1];
+    if (v[2] > most) most = v[2];
+    return most;
+}
+
+// The rotors over a tick. A constant command makes each one's speed monotone: up or down is decided once.
+struct Rotors {
+    int count;
+    bool whirling;
+    bool up[kMaxRotors];
+    double command[kMaxRotors];
+    double lag[kMaxRotors];    // at the start of the step
+    double rate[kMaxRotors];   // -1 / tau
+    double phase[kMaxRotors];  // at the start of the step
+
+    double decay(int i, RotorDecay d) const { return up[i] ? d.up : d.down; }
+
+    // At `t` after the start of the step, `d` = decay over t.
+    void at(const RigidBodyParams &params, double t, RotorDecay d, RotorStage &out) const {
+        for (int i = 0; i < count; ++i) {
+            const double lag_now = lag[i] * decay(i, d);
+            out.speed[i] = command[i] + lag_now;
+            out.accel[i] = rate[i] * lag_now;
+            if (whirling) push(params, i, t, lag_now, out);
+        }
+    }
+
+    void push(const RigidBodyParams &params, int i, double t, double lag_now, RotorStage &out) const {
+        const double b = params.imbalance_kgm[i];
+        out.push_x[i] = out.push_y[i] = 0.0;
+        if (!(b > 0.0)) return;
+        const double pull = b * (out.speed[i] * out.speed[i]);
+        const double angle = phase_at(params, i, t, lag_now);
+        out.push_x[i] = pull * det::cos(angle);
+        out.push_y[i] = pull * det::sin(angle);
+    }
+
+    // phi + s int O dt,  int O dt = c t + tau (l(0) - l(t))
+    double phase_at(const RigidBodyParams &params, int i, double t, double lag_now) const {
+        return phase[i] + params.rotor_spin[i] * (command[i] * t - (lag[i] - lag_now) / rate[i]);
+    }
+
+    void advance(const RigidBodyParams &params, double h, RotorDecay d) {
+        for (int i = 0; i < count; ++i) {
+            const double lag_now = lag[i] * decay(i, d);
+            if (whirling) {
+                const double angle = phase_at(params, i, h, lag_now);
+                phase[i] = angle - 2.0 * det::kPi * std::floor(angle / (2.0 * det::kPi));
+            }
+            lag[i] = lag_now;
+        }
+    }
+};
+
+void wind_at(const TickWind &wind, double t, double *out) {
+    for (int j = 0; j < 3; ++j) out[j] = wind.start_W[j] + t * wind.slope_W[j];
+}
+
+// Sets s to `next` with q normalised; returns how far it moved.
+double finish_step(double *s, double *next, double *path) {
+    const double dx = next[0] - s[0], dy = next[1] - s[1], dz = next[2] - s[2];
+    for (int k = 0; k < kPoseVelocity; ++k) s[k] = next[k];
+    normalise_quaternion(s + kQ);
+    for (int k = 0; k < 7; ++k) path[k] = s[k];
+    return std::sqrt(dx * dx + dy * dy + dz * dz);
+}
+
+double classical_step(const RigidBodyParams &params, double t, double h, RotorDecay half, const TickWind &wind,
+                      Rotors &rotors, double *s, double *path) {
+    RotorStage r0, r1, r2;
+    const RotorDecay whole{half.up * half.up, half.down * half.down};
+    rotors.at(params, 0.0, {1.0, 1.0}, r0);
+    rotors.at(params, 0.5 * h, half, r1);
+    rotors.at(params, h, whole, r2);
+    double w0[3], w1[3], w2[3];
+    const double *a0 = wind.start_W, *a1 = wind.start_W, *a2 = wind.start_W;
+    if (wind.changes) {
+        wind_at(wind, t, w0);
+        wind_at(wind, t + 0.5 * h, w1);
+        wind_at(wind, t + h, w2);
+        a0 = w0;
+        a1 = w1;
+        a2 = w2;
+    }
+    double k1[kPoseVelocity], k2[kPoseVelocity], k3[kPoseVelocity], k4[kPoseVelocity], mid[kPoseVelocity];
+    const double reach = 0.5 * h;
+    derivative(params, s, r0, a0, k1);
+    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + reach * k1[k];
+    derivative(params, mid, r1, a1, k2);
+    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + reach * k2[k];
+    derivative(params, mid, r1, a1, k3);
+    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + h * k3[k];
+    derivative(params, mid, r2, a2, k4);
+    const double sixth = h / 6.0;
+    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + sixth * ((k1[k] + k4[k]) + 2.0 * (k2[k] + k3[k]));
+    rotors.advance(params, h, whole);
+    return finish_step(s, mid, path);
+}
+
+double order8_step(const RigidBodyParams &params, double t, double h, const RotorDecay *node, const TickWind &wind,
+                   Rotors &rotors, double *s, double *path) {
+    double k[dp8::kStages][kPoseVelocity], y[kPoseVelocity];
+    for (int stage = 0; stage < dp8::kStages; ++stage) {
+        for (int j = 0; j < kPoseVelocity; ++j) {
+            double sum = 0.0;
+            for (int earlier = 0; earlier < stage; ++earlier) sum += dp8::kA[stage][earlier] * k[earlier][j];
+            y[j] = s[j] + h * sum;
+        }
+        const double reach = dp8::kC[stage] * h;
+        RotorStage now;
+        rotors.at(params, reach, node[stage], now);
+        double moved[3];
+        const double *wind_now = wind.start_W;
+        if (wind.changes) {
+            wind_at(wind, t + reach, moved);
+            wind_now = moved;
+        }
+        derivative(params, y, now, wind_now, k[stage]);
+    }
+    for (int j = 0; j < kPoseVelocity; ++j) {
+        double sum = 0.0;
+        for (int stage = 0; stage < dp8::kStages; ++stage) sum += dp8::kB[stage] * k[stage][j];
+        y[j] = s[j] + h * sum;
+    }
+    rotors.advance(params, h, node[dp8::kStages]);
+    return finish_step(s, y, path);
+}
+
+int level_for(double steps_wanted, int base) {
+    int level = 0;
+    while (level < kLevels - 1 && steps_wanted > static_cast<double>(base << level)) ++level;
+    return level;
+}
+
+}  // namespace
+
+TickPlan make_tick_plan(const RigidBodyParams &params, double tick_s, int substeps) {
+    TickPlan plan{};
+    plan.tick_s = tick_s;
+    plan.substeps = substeps;
+    for (int level = 0; level < kLevels; ++level) {
+        plan.half[level] = rotor_decay(params, 0.5 * tick_s / (substeps << level));
+        const double h = tick_s / (1 << level);
+        for (int stage = 0; stage < kStages8; ++stage) {
+            plan.node[level][stage] = rotor_decay(params, dp8::kC[stage] * h);
+        }
+        plan.node[level][kStages8] = rotor_decay(params, h);
+    }
+    const double *I = params.inertia_kgm2;
+    double least = I[0] < I[1] ? I[0] : I[1];
+    if (I[2] < least) least = I[2];
+    double reach2 = 0.0;
+    for (int i = 0; i < params.rotor_count; ++i) {
+        const double *r = params.rotor_position_m[i];
+        reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+    }
+    const double n = params.rotor_count;
+    const double drag = params.rotor_drag_kg_per_rad + params.air.axial_kg_per_rad;
+    plan.static_rate_per_s = largest(params.body_drag_linear_n_per_mps) / params.mass_kg +
+                             drag * params.max_speed_radps * (n / params.mass_kg + reach2 / least) +
+                             n * params.rotor_inertia_kgm2 * params.max_speed_radps / least;
+    return plan;
+}
+
+double free_flight_tick(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind,
+                        const double *command, double *state, double *phase, double *path, int &steps) {
+    const int n = params.rotor_count;
+    double *rotor = state + kPoseVelocity;
+    Rotors rotors;
+    rotors.count = n;
+    rotors.whirling = params.imbalanced;
+    double fastest = 0.0;
+    for (int i = 0; i < n; ++i) {
+        rotors.command[i] = command[i];
+        rotors.lag[i] = rotor[i] - command[i];
+        rotors.up[i] = rotors.lag[i] < 0.0;
+        rotors.rate[i] = -1.0 / (rotors.up[i] ? params.time_constant_up_s : params.time_constant_down_s);
+        rotors.phase[i] = phase[i];
+        if (params.imbalanced && params.imbalance_kgm[i] > 0.0) {
+            const double most = rotors.up[i] ? command[i] : rotor[i];
+            if (most > fastest) fastest = most;
+        }
+    }
+    double s[kPoseVelocity];
+    for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
+
+    const double T = plan.tick_s;
+    double wind2 = 0.0;
+    for (int j = 0; j < 3; ++j) {
+        const double through = s[kV + j] - wind.start_W[j];
+        wind2 += through * through;
+    }
+    const double lambda = plan.static_rate_per_s +
+                          2.0 * largest(params.body_drag_quadratic_n_per_m2ps2) * std::sqrt(wind2) / params.mass_kg;
+    const double spin = std::sqrt((s[kW] * s[kW] + s[kW + 1] * s[kW + 1]) + s[kW + 2] * s[kW + 2]);
+    double travelled = 0.0;
+    if (spin > kSpinForOrder8 || params.imbalanced) {
+        double wanted = 10.0 * spin * T;
+        if (0.5 * lambda * T > wanted) wanted = 0.5 * lambda * T;
+        if (fastest * T > wanted) wanted = fastest * T;
+        const int level = level_for(wanted, 1);
+        steps = 1 << level;
+        const double h = T / steps;
+        for (int step = 0; step < steps; ++step) {
+            travelled += order8_step(params, step * h, h, plan.node[level], wind, rotors, s, path + 7 * step);
+        }
+    } else {
+        const int level = level_for(lambda * T, plan.substeps);
+        steps = plan.substeps << level;
+        const double h = T / steps;
+        for (int step = 0; step < steps; ++step) {
+            travelled += classical_step(params, step * h, h, plan.half[level], wind, rotors, s, path + 7 * step);
+        }
+    }
+    for (int k = 0; k < kPoseVelocity; ++k) state[k] = s[k];
+    for (int i = 0; i < n; ++i) {
+        rotor[i] = command[i] + rotors.lag[i];
+        phase[i] = rotors.phase[i];
+    }
+    return travelled;
+}
+
+}  // namespace hil::sim

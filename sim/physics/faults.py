@@ -1,0 +1,88 @@
+"""Faults of rotors at a simulated time, as data.
+
+    - {kind: efficiency, rotor: 1, at_s: 12.0, factor: 0.7}     thrust and torque fall to 70 %
+    - {kind: stuck, rotor: 0, at_s: 12.0, speed_radps: 0}       runs to that speed and stays, whatever is commanded
+    - {kind: lost_blade, rotor: 2, at_s: 12.0, imbalance_gcm: 30}   half the thrust of a two-blade rotor, and a whirl
+
+A fault takes hold at the first tick at or after `at_s` and lasts. A later fault of the same rotor replaces the earlier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import pydantic
+from pydantic import Field
+
+from hil.signals.time import NS_PER_S
+from sim.model_file import StrictModel
+
+_ALLOWED = {"efficiency": {"factor"}, "stuck": {"speed_radps"}, "lost_blade": {"blades", "imbalance_gcm"}}
+_OPTIONS = ("factor", "speed_radps", "blades", "imbalance_gcm")
+_KGM_PER_GCM = 1e-5
+
+
+class RotorFault(StrictModel):
+    """One rotor, from one instant on."""
+
+    kind: Literal["efficiency", "stuck", "lost_blade"]
+    rotor: Annotated[int, Field(ge=0, le=7)]  # number in the autopilot's control order, 0 first
+    at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
+    factor: Annotated[float, Field(ge=0.0, le=1.0)] | None = None  # efficiency: what is left of thrust and torque
+    speed_radps: Annotated[float, Field(ge=0.0, le=10_000.0)] | None = None  # stuck: default 0
+    blades: Annotated[int, Field(ge=2, le=8)] | None = None  # lost_blade: how many there were, default 2
+    imbalance_gcm: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None  # lost_blade: mass times arm, default 0
+
+    @pydantic.model_validator(mode="after")
+    def _belongs(self) -> RotorFault:
+        for name in _OPTIONS:
+            if getattr(self, name) is not None and name not in _ALLOWED[self.kind]:
+                raise ValueError(f"{name} has no meaning for the kind {self.kind!r}")
+        if self.kind == "efficiency" and self.factor is None:
+            raise ValueError("the kind 'efficiency' needs factor, 0 to 1")
+        return self
+
+    def start_tick(self, tick_ns: int) -> int:
+        """First tick at or after `at_s`."""
+        return -(-round(self.at_s * NS_PER_S) // tick_ns)
+
+    @property
+    def rotor_left(self) -> tuple[float, float, float]:
+        """(thrust left 0..1, forced speed [rad/s] or -1, imbalance [kg m])."""
+        if self.kind == "efficiency":
+            assert self.factor is not None
+            return (self.factor, -1.0, 0.0)
+        if self.kind == "stuck":
+            return (1.0, self.speed_radps or 0.0, 0.0)
+        blades = self.blades or 2
+        return ((blades - 1) / blades, -1.0, (self.imbalance_gcm or 0.0) * _KGM_PER_GCM)
+
+    @property
+    def text(self) -> str:
+        """What the recording's event says."""
+        left, speed, imbalance = self.rotor_left
+        if self.kind == "efficiency":
+            return f"rotor {self.rotor}: efficiency falls to {100 * left:g} %"
+        if self.kind == "stuck":
+            return f"rotor {self.rotor}: stuck at {speed:g} rad/s"
+        return f"rotor {self.rotor}: a blade is lost, {100 * left:g} % of the thrust left, imbalance {imbalance:g} kg m"
+
+
+def misfits(faults: Sequence[RotorFault], rotors: int) -> list[tuple[int, str]]:
+    """(index, what is wrong) of faults that name a rotor which a vehicle of `rotors` rotors has not."""
+    return [
+        (index, f"names rotor {fault.rotor}, but the vehicle has rotors 0 to {rotors - 1}")
+        for index, fault in enumerate(faults)
+        if fault.rotor >= rotors
+    ]
+
+
+def _refuse(problems: list[Any]) -> None:
+    if problems:
+        raise ValueError("; ".join(f"faults[{index}] {message}" for index, message in problems))
+
+
+def check_faults(faults: Sequence[RotorFault], rotors: int) -> None:
+    """ValueError that names every fault of a rotor which is not there."""
+    _refuse(misfits(faults, rotors))

@@ -1,0 +1,166 @@
+"""Wind: steady, Dryden turbulence, and gusts at a simulated time.
+
+    wind(t) at the vehicle = steady + turbulence + sum of gusts           [m/s in W; the direction it blows to]
+
+It is evaluated at the ticks and linear in between, so that an integrator of any order sees a smooth wind within a tick.
+
+Turbulence is MIL-F-8785C's low-altitude Dryden model (sim/native/dryden.hpp), felt as at one point: no rotation of
+the air over the vehicle's span. Its longitudinal axis lies along the steady wind (east if there is none). The filters
+run with the vehicle's speed through the steady air, at least 1 m/s: a hovering vehicle in calm air still meets what
+drifts by. Gusts are the same everywhere; a front that passes is a gust with its rise time.
+
+The noise comes from the stream named "wind": no other source's numbers change when turbulence is added.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import pydantic
+from pydantic import Field
+
+from hil.signals.noise import NoiseStream
+from hil.signals.samples import Vec3
+from hil.signals.time import NS_PER_S
+from sim._kernels import Dryden, det_cos
+from sim.model_file import StrictModel
+
+Speed = Annotated[float, Field(ge=-50.0, le=50.0)]
+Velocity = tuple[Speed, Speed, Speed]
+
+# Mean wind at 20 ft that MIL-F-8785C 3.7.3.1 calls so: 15, 30 and 45 knots.
+_LEVELS_MPS = {"light": 7.717, "moderate": 15.433, "severe": 23.15}
+_LANES = 5
+_LEAST_AIRSPEED_MPS = 1.0
+_PI = 3.14159265358979311600
+
+
+class Turbulence(StrictModel):
+    """How rough the air is: by the mean wind at 20 ft (6.1 m), or by the standard's word for it."""
+
+    level: Literal["light", "moderate", "severe"] | None = None
+    wind_20ft_mps: Annotated[float, Field(ge=0.0, le=50.0)] | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _one(self) -> Turbulence:
+        if (self.level is None) == (self.wind_20ft_mps is None):
+            raise ValueError("turbulence needs either level or wind_20ft_mps")
+        return self
+
+    @property
+    def strength_mps(self) -> float:
+        """Mean wind at 20 ft."""
+        if self.level is not None:
+            return _LEVELS_MPS[self.level]
+        assert self.wind_20ft_mps is not None
+        return self.wind_20ft_mps
+
+
+class GustEvent(StrictModel):
+    """A gust in MIL-F-8785C's 1-cosine shape: rises over `rise_s`, holds, and falls over `fall_s`; without `fall_s`
+    it stays (a wind front)."""
+
+    at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
+    velocity_W_mps: Velocity  # at full strength, added to the rest
+    rise_s: Annotated[float, Field(gt=0.0, le=3600.0)]
+    hold_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = 0.0
+    fall_s: Annotated[float, Field(gt=0.0, le=3600.0)] | None = None
+
+    def strength(self, t_ns: int) -> float:
+        """0..1 at an instant."""
+        t = (t_ns - round(self.at_s * NS_PER_S)) / NS_PER_S
+        if t <= 0.0:
+            return 0.0
+        if t < self.rise_s:
+            return 0.5 * (1.0 - det_cos(_PI * t / self.rise_s))
+        t -= self.rise_s + self.hold_s
+        if t <= 0.0 or self.fall_s is None:
+            return 1.0
+        return 0.5 * (1.0 + det_cos(_PI * t / self.fall_s)) if t < self.fall_s else 0.0
+
+    @property
+    def end_s(self) -> float | None:
+        """When it is over; None: never."""
+        return None if self.fall_s is None else self.at_s + self.rise_s + self.hold_s + self.fall_s
+
+    @property
+    def text(self) -> str:
+        """What the recording's event says."""
+        x, y, z = self.velocity_W_mps
+        over = "stays" if self.fall_s is None else f"over at {self.end_s:g} s"
+        return f"gust of ({x:g}, {y:g}, {z:g}) m/s (east, north, up) rises for {self.rise_s:g} s, {over}"
+
+
+class Wind(StrictModel):
+    """The air over a scene."""
+
+    steady_W_mps: Velocity = (0.0, 0.0, 0.0)
+    turbulence: Turbulence | None = None
+    gusts: tuple[GustEvent, ...] = ()
+
+
+class WindEvent(NamedTuple):
+    """A gust begins or ends."""
+
+    tick: int
+    text: str
+
+
+class WindAtVehicle:
+    """The wind that one vehicle meets, tick by tick. One instance is one flight."""
+
+    def __init__(self, wind: Wind, *, seed: int, tick_ns: int) -> None:
+        self.wind = wind
+        self.constant = wind.turbulence is None and not wind.gusts
+        self._tick_ns = tick_ns
+        self._dryden: Dryden | None = None
+        x, y, _ = wind.steady_W_mps
+        along = math.sqrt(x * x + y * y)
+        self._east, self._north = (x / along, y / along) if along > 0.0 else (1.0, 0.0)
+        if wind.turbulence is not None:
+            self._noise = NoiseStream(seed, "wind", lanes=_LANES)
+            self._dryden = Dryden(
+                normals=self._noise.normal(0), wind_20ft_mps=wind.turbulence.strength_mps, dt_s=tick_ns / NS_PER_S
+            )
+
+    def start(self, height_m: float) -> Vec3:
+        """Wind at tick 0 [m/s in W]."""
+        return self._sum(0, self._dryden.sample(height_m) if self._dryden is not None else None)
+
+    def at(self, tick: int, height_m: float, v_WB_W: Vec3) -> Vec3:
+        """Wind at tick `tick`, one more each call from 1 on, for a vehicle at that height and velocity [m/s in W]."""
+        rough: Vec3 | None = None
+        if self._dryden is not None:
+            sx, sy, sz = self.wind.steady_W_mps
+            x, y, z = v_WB_W[0] - sx, v_WB_W[1] - sy, v_WB_W[2] - sz
+            airspeed = math.sqrt(x * x + y * y + z * z)
+            # Written so that a NaN speed ends as the floor: the state's own range check speaks up for it.
+            airspeed = airspeed if airspeed > _LEAST_AIRSPEED_MPS else _LEAST_AIRSPEED_MPS
+            rough = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
+        return self._sum(tick, rough)
+
+    def events(self) -> list[WindEvent]:
+        """What the gusts do, by tick."""
+        found = []
+        for gust in self.wind.gusts:
+            found.append(WindEvent(self._tick_of(gust.at_s), gust.text))
+            if gust.end_s is not None:
+                found.append(WindEvent(self._tick_of(gust.end_s), "gust is over"))
+        return found
+
+    def _tick_of(self, at_s: float) -> int:
+        return -(-round(at_s * NS_PER_S) // self._tick_ns)
+
+    def _sum(self, tick: int, rough: Vec3 | None) -> Vec3:
+        x, y, z = self.wind.steady_W_mps
+        for gust in self.wind.gusts:
+            share = gust.strength(tick * self._tick_ns)
+            gx, gy, gz = gust.velocity_W_mps
+            x, y, z = x + share * gx, y + share * gy, z + share * gz
+        if rough is not None:
+            along, left, up = rough
+            x += along * self._east - left * self._north
+            y += along * self._north + left * self._east
+            z += up
+        return (x, y, z)
