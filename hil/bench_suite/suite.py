@@ -16,6 +16,8 @@ from hil.signals.errors import RecordingError
 # name -> (module with a function `measure(*, quick, say) -> BenchmarkResult`, title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
+    "physics": ("hil.bench_suite.physics", "Flight physics: error against wall time"),
+    "stability": ("hil.bench_suite.stability", "Stability: worst error against wall time"),
 }
 
 Say = Callable[[str], None]

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -55,7 +56,7 @@ class RigidBody {
               Vec3 body_drag_quadratic_n_per_m2ps2, double gravity_mps2, Vec3 wind_W_mps, double tick_s, int substeps,
               int contact_substeps, int hard_contact_substeps, double thrust_model_factor, double rotor_radius_m,
               double ground_thrust_ratio, double descent_loss, double rotor_axial_kg_per_rad,
-              double air_density_kgpm3)
+              double air_density_kgpm3, bool classical)
         : truth_(truth), tick_s_(tick_s), contact_substeps_{contact_substeps, hard_contact_substeps} {
         const std::size_t n = rotor_position_m.size();
         if (n < 1 || n > kMaxRotors || rotor_spin.size() != n) {
@@ -93,7 +94,7 @@ class RigidBody {
             params_.body_drag_quadratic_n_per_m2ps2[j] = body_drag_quadratic_n_per_m2ps2[j];
         }
         set_wind(wind_W_mps, wind_W_mps);
-        plan_ = hil::sim::make_tick_plan(params_, tick_s, substeps);
+        plan_ = hil::sim::make_tick_plan(params_, tick_s, substeps, classical);
         for (int kind = 0; kind < kContactKinds; ++kind) {
             contact_decay_[kind] = hil::sim::rotor_decay(params_, tick_s / contact_substeps_[kind]);
         }
@@ -211,7 +212,41 @@ class RigidBody {
                                  qacc_.data(), state());
     }
 
+    // For comparison only: rotor and air forces of this vehicle as MuJoCo's control callback, with the rotors' speeds as
+    // MuJoCo's activations. One vehicle at a time in a process.
+    void serve_mujoco(Vector qpos, Vector qvel, Vector act, Vector qfrc_applied) {
+        if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 ||
+            act.shape(0) != static_cast<std::size_t>(params_.rotor_count)) {
+            throw std::invalid_argument("the MuJoCo model must have one free joint and an activation for each rotor");
+        }
+        qpos_ = qpos;
+        qvel_ = qvel;
+        act_ = act;
+        qfrc_applied_ = qfrc_applied;
+        served_ = this;
+    }
+
+    static std::uintptr_t mujoco_callback() { return reinterpret_cast<std::uintptr_t>(&RigidBody::on_mujoco_control); }
+
   private:
+    static void on_mujoco_control(const void *, void *) {
+        RigidBody &body = *served_;
+        double s[kPoseVelocity];
+        for (int k = 0; k < 7; ++k) s[k] = body.qpos_.data()[k];
+        for (int k = 0; k < 6; ++k) s[7 + k] = body.qvel_.data()[k];
+        hil::sim::RotorStage rotors{};
+        for (int i = 0; i < body.params_.rotor_count; ++i) {
+            rotors.speed[i] = body.act_.data()[i];
+            const double lag = rotors.speed[i] - body.command_[i];
+            rotors.accel[i] =
+                -lag / (lag < 0.0 ? body.params_.time_constant_up_s : body.params_.time_constant_down_s);
+        }
+        hil::sim::Wrench wrench;
+        hil::sim::rotor_and_air_wrench(body.params_, s, rotors, body.wind_.start_W, wrench);
+        hil::sim::rotate_into_world(s + 3, wrench.force_B, body.qfrc_applied_.data());
+        for (int k = 0; k < 3; ++k) body.qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
+    }
+
     double *state() { return truth_.data(); }
     const double *state() const { return truth_.data(); }
     void remember() {
@@ -252,7 +287,8 @@ class RigidBody {
         return 0;
     }
 
-    Vector truth_, battery_, qpos_, qvel_, qfrc_applied_, qacc_;
+    inline static RigidBody *served_ = nullptr;
+    Vector truth_, battery_, qpos_, qvel_, act_, qfrc_applied_, qacc_;
     std::vector<double> path_, before_;
     double command_[kMaxRotors] = {}, phase_[kMaxRotors] = {};
     hil::sim::RigidBodyParams params_{};
@@ -273,14 +309,15 @@ void bind_rigid_body(nb::module_ &m) {
                           "acceleration in B[3] over the last tick. SI, ENU/FLU. See rigid_body.hpp.")
         .def(nb::init<Vector, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
                       double, double, double, Vec3, Vec3, double, Vec3, double, int, int, int, double, double, double,
-                      double, double, double>(),
+                      double, double, double, bool>(),
              nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "rotor_position_m"_a, "rotor_spin"_a,
              "thrust_coefficient_n_per_radps2"_a, "moment_ratio_m"_a, "max_speed_radps"_a, "time_constant_up_s"_a,
              "time_constant_down_s"_a, "rotor_inertia_kgm2"_a, "rotor_drag_kg_per_rad"_a,
              "body_drag_linear_n_per_mps"_a, "body_drag_quadratic_n_per_m2ps2"_a, "gravity_mps2"_a, "wind_W_mps"_a,
              "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
              "thrust_model_factor"_a = 1.0, "rotor_radius_m"_a = 0.1, "ground_thrust_ratio"_a = 1.0,
-             "descent_loss"_a = 0.0, "rotor_axial_kg_per_rad"_a = 0.0, "air_density_kgpm3"_a = 1.225)
+             "descent_loss"_a = 0.0, "rotor_axial_kg_per_rad"_a = 0.0, "air_density_kgpm3"_a = 1.225,
+             "classical"_a = false)
         .def("fit_battery", &RigidBody::fit_battery, nb::kw_only(), "battery"_a.noconvert(), "cells"_a, "capacity_c"_a,
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
@@ -303,6 +340,9 @@ void bind_rigid_body(nb::module_ &m) {
         .def("pose_after_substep", &RigidBody::pose_after_substep, "substep"_a, "Write that pose of fly() into qpos.")
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
              "State into qpos, qvel; rotor and air wrench into qfrc_applied.")
+        .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),
+             "qfrc_applied"_a.noconvert(), "Make this vehicle the one that mujoco_callback() computes.")
+        .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Address of a MuJoCo control callback.")
         .def("contact_update", &RigidBody::contact_update, "hard"_a, "One contact sub-step with qacc.");
 
     m.def(

@@ -11,7 +11,10 @@ namespace {
 
 static_assert(kStages8 == dp8::kStages);
 
-constexpr double kSpinForOrder8 = 8.0;  // rad/s
+constexpr double kTurnPerStep = 0.1;   // rad
+constexpr double kWayPerStep = 0.06;   // m
+constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
+constexpr double kWhirlPerStep = 1.0;  // rad of a rotor out of balance
 
 double largest(const double *v) {
     double most = v[0];
@@ -19,6 +22,8 @@ double largest(const double *v) {
     if (v[2] > most) most = v[2];
     return most;
 }
+
+double length(const double *v) { return std::sqrt((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]); }
 
 // The rotors over a tick. A constant command makes each one's speed monotone: up or down is decided once.
 struct Rotors {
@@ -143,21 +148,39 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
-int level_for(double steps_wanted, int base) {
+// How often to halve the steps; `fastest` = greatest speed of a rotor out of balance.
+int level_for(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind, double fastest,
+              const double *s) {
+    double air2 = 0.0;
+    for (int j = 0; j < 3; ++j) {
+        const double through = s[kV + j] - wind.start_W[j];
+        air2 += through * through;
+    }
+    const double lambda = plan.static_rate_per_s +
+                          2.0 * largest(params.body_drag_quadratic_n_per_m2ps2) * std::sqrt(air2) / params.mass_kg;
+    const double turn = length(s + kW) / kTurnPerStep;
+    const double way = length(s + kV) / kWayPerStep;
+    const double whirl = fastest / kWhirlPerStep;
+    double rate = lambda / (plan.classical ? kDampingPerClassicalStep : kDampingPerStep);
+    if (!plan.classical && turn > rate) rate = turn;
+    if (!plan.classical && way > rate) rate = way;
+    if (whirl > rate) rate = whirl;
+    const double wanted = rate * plan.tick_s;
     int level = 0;
-    while (level < kLevels - 1 && steps_wanted > static_cast<double>(base << level)) ++level;
+    while (level < kLevels - 1 && wanted > static_cast<double>(plan.base << level)) ++level;
     return level;
 }
 
 }  // namespace
 
-TickPlan make_tick_plan(const RigidBodyParams &params, double tick_s, int substeps) {
+TickPlan make_tick_plan(const RigidBodyParams &params, double tick_s, int base, bool classical) {
     TickPlan plan{};
     plan.tick_s = tick_s;
-    plan.substeps = substeps;
+    plan.base = base;
+    plan.classical = classical;
     for (int level = 0; level < kLevels; ++level) {
-        plan.half[level] = rotor_decay(params, 0.5 * tick_s / (substeps << level));
-        const double h = tick_s / (1 << level);
+        const double h = tick_s / (base << level);
+        plan.half[level] = rotor_decay(params, 0.5 * h);
         for (int stage = 0; stage < kStages8; ++stage) {
             plan.node[level][stage] = rotor_decay(params, dp8::kC[stage] * h);
         }
@@ -201,33 +224,14 @@ double free_flight_tick(const RigidBodyParams &params, const TickPlan &plan, con
     double s[kPoseVelocity];
     for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
 
-    const double T = plan.tick_s;
-    double wind2 = 0.0;
-    for (int j = 0; j < 3; ++j) {
-        const double through = s[kV + j] - wind.start_W[j];
-        wind2 += through * through;
-    }
-    const double lambda = plan.static_rate_per_s +
-                          2.0 * largest(params.body_drag_quadratic_n_per_m2ps2) * std::sqrt(wind2) / params.mass_kg;
-    const double spin = std::sqrt((s[kW] * s[kW] + s[kW + 1] * s[kW + 1]) + s[kW + 2] * s[kW + 2]);
+    const int level = level_for(params, plan, wind, fastest, s);
+    steps = plan.base << level;
+    const double h = plan.tick_s / steps;
     double travelled = 0.0;
-    if (spin > kSpinForOrder8 || params.imbalanced) {
-        double wanted = 10.0 * spin * T;
-        if (0.5 * lambda * T > wanted) wanted = 0.5 * lambda * T;
-        if (fastest * T > wanted) wanted = fastest * T;
-        const int level = level_for(wanted, 1);
-        steps = 1 << level;
-        const double h = T / steps;
-        for (int step = 0; step < steps; ++step) {
-            travelled += order8_step(params, step * h, h, plan.node[level], wind, rotors, s, path + 7 * step);
-        }
-    } else {
-        const int level = level_for(lambda * T, plan.substeps);
-        steps = plan.substeps << level;
-        const double h = T / steps;
-        for (int step = 0; step < steps; ++step) {
-            travelled += classical_step(params, step * h, h, plan.half[level], wind, rotors, s, path + 7 * step);
-        }
+    for (int step = 0; step < steps; ++step) {
+        travelled += plan.classical
+                         ? classical_step(params, step * h, h, plan.half[level], wind, rotors, s, path + 7 * step)
+                         : order8_step(params, step * h, h, plan.node[level], wind, rotors, s, path + 7 * step);
     }
     for (int k = 0; k < kPoseVelocity; ++k) state[k] = s[k];
     for (int i = 0; i < n; ++i) {

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -44,7 +44,8 @@ from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
 from sim.scene.wind import Wind, WindAtVehicle
 
-FREE_STEP_NS = 2 * NS_PER_MS  # upper bound; the error it leaves: `hil bench physics`
+# Upper bounds of a free-flight step; the error they leave: `hil bench physics`.
+FREE_STEP_NS = {"order8": 4 * NS_PER_MS, "classical": 1 * NS_PER_MS}
 CONTACT_STEP_NS = 1 * NS_PER_MS  # upper bound
 HARD_CONTACT_STEP_NS = NS_PER_MS // 5  # upper bound, after a hard touch-down
 HARD_LANDING_MPS = 2.5
@@ -70,6 +71,50 @@ class PhysicsEvent(NamedTuple):
     text: str
 
 
+def rigid_body(
+    vehicle: Vehicle,
+    truth: NDArray[np.float64],
+    *,
+    effects: Effects,
+    gravity_mps2: float,
+    wind_W_mps: Vec3,
+    tick_s: float,
+    substeps: int,
+    classical: bool = False,
+    contact_substeps: tuple[int, int] = (1, 1),
+) -> RigidBody:
+    """The kernel for a vehicle, on the caller's `truth` [13 + rotors + 6]. `contact_substeps`: ordinary, hard."""
+    c = vehicle.rotor_constants
+    return RigidBody(
+        truth=truth,
+        mass_kg=vehicle.mass_kg,
+        inertia_kgm2=vehicle.inertia_kgm2,
+        rotor_position_m=[rotor.position_m for rotor in vehicle.rotors],
+        rotor_spin=[rotor.spin.sign for rotor in vehicle.rotors],
+        thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
+        moment_ratio_m=c.moment_ratio_m,
+        max_speed_radps=c.max_speed_radps,
+        time_constant_up_s=c.time_constant_up_s,
+        time_constant_down_s=c.time_constant_down_s,
+        rotor_inertia_kgm2=c.inertia_kgm2,
+        rotor_drag_kg_per_rad=c.drag_kg_per_rad,
+        body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
+        body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
+        gravity_mps2=gravity_mps2,
+        wind_W_mps=wind_W_mps,
+        tick_s=tick_s,
+        substeps=substeps,
+        contact_substeps=contact_substeps[False],
+        hard_contact_substeps=contact_substeps[True],
+        thrust_model_factor=c.thrust_model_factor,
+        rotor_radius_m=c.radius_m,
+        ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
+        descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+        rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
+        classical=classical,
+    )
+
+
 @dataclass
 class ContactSkips:
     """Ticks by what they cost."""
@@ -85,8 +130,9 @@ class QuadrotorPhysics:
     Starts level at `initial_yaw_rad` (counter-clockwise from east), rotors stopped, at rest: standing settled on the
     ground at W's origin, or at `initial_p_WB` if given.
 
-    `wind`: default the scene's steady wind; `seed` is that of its turbulence. `step_ns`: upper bound of a free-flight
-    step, which must divide the tick; default 2 ms or the next shorter that divides. Raises ValueError where a step
+    `wind`: default the scene's steady wind; `seed` is that of its turbulence. `method`: Runge-Kutta of
+    order 8, or the classical one of order 4. `step_ns`: upper bound of a free-flight step, which must divide the tick;
+    default 4 ms (classical: 1 ms) or the next shorter that divides. Raises ValueError where a step
     does not divide, a fault names a rotor that is not there, or the battery is asked for and there is none.
     """
 
@@ -103,6 +149,7 @@ class QuadrotorPhysics:
         faults: Sequence[RotorFault] = (),
         wind: Wind | None = None,
         seed: int = 1,
+        method: Literal["order8", "classical"] = "order8",
         step_ns: int | None = None,
     ) -> None:
         if tick_ns <= 0:
@@ -125,33 +172,16 @@ class QuadrotorPhysics:
             wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps), seed=seed, tick_ns=tick_ns
         )
         self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
-        c = vehicle.rotor_constants
-        self._body = RigidBody(
-            truth=self._truth,
-            mass_kg=vehicle.mass_kg,
-            inertia_kgm2=vehicle.inertia_kgm2,
-            rotor_position_m=[rotor.position_m for rotor in vehicle.rotors],
-            rotor_spin=[rotor.spin.sign for rotor in vehicle.rotors],
-            thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
-            moment_ratio_m=c.moment_ratio_m,
-            max_speed_radps=c.max_speed_radps,
-            time_constant_up_s=c.time_constant_up_s,
-            time_constant_down_s=c.time_constant_down_s,
-            rotor_inertia_kgm2=c.inertia_kgm2,
-            rotor_drag_kg_per_rad=c.drag_kg_per_rad,
-            body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
-            body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
+        self._body = rigid_body(
+            vehicle,
+            self._truth,
+            effects=effects,
             gravity_mps2=scene.gravity_mps2,
             wind_W_mps=self._wind.wind.steady_W_mps,
             tick_s=tick_s,
-            substeps=tick_ns // step_ns if step_ns is not None else -(-tick_ns // FREE_STEP_NS),
-            contact_substeps=self._contact_substeps[False],
-            hard_contact_substeps=self._contact_substeps[True],
-            thrust_model_factor=c.thrust_model_factor,
-            rotor_radius_m=c.radius_m,
-            ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
-            descent_loss=c.descent_loss if effects.descent_loss else 0.0,
-            rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
+            substeps=tick_ns // step_ns if step_ns is not None else -(-tick_ns // FREE_STEP_NS[method]),
+            classical=method == "classical",
+            contact_substeps=self._contact_substeps,
         )
         self._battery: NDArray[np.float64] | None = None
         if effects.battery and vehicle.battery is not None:

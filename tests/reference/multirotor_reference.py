@@ -1,4 +1,4 @@
-"""The multirotor's equations a second time, in CasADi, solved by CVODES with tolerances of 1e-12.
+"""The multirotor's equations a second time, in CasADi, solved by CVODES with tolerances of 1e-14.
 
 Written independently of the kernel and in another form: attitude as a 3x3 matrix, angular momentum of body and rotors
 in the world frame with dL/dt = R tau (no gyroscopic terms), forces and their moments by cross products over the rotors,
@@ -19,7 +19,7 @@ from sim.physics.vehicle import Vehicle
 
 Float64 = NDArray[np.float64]
 AIR_DENSITY = 1.225
-TOLERANCE = 1e-12
+TOLERANCE = 1e-14
 
 
 @dataclass

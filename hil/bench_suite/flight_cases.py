@@ -1,0 +1,328 @@
+"""The flights that the physics benchmarks compare methods on, and the methods: this project, MuJoCo, RotorPy.
+
+One vehicle for all: the x500 with a motor lag of 50 ms both ways and without rotor inertia, ground effect and descent
+loss, which the others do not have. Its rotor and air forces are the same native function for this project and for
+MuJoCo, where it is installed as the control callback and so costs no Python.
+
+MuJoCo carries the rotors' speeds as activations. With dyntype `filterexact` MuJoCo solves the lag in closed form over a
+step, the best for Euler and implicitfast; its RK4 then holds the activation over the stages and falls to first order,
+so RK4 is shown with plain `filter` too, which it integrates with the stages.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import HilError
+from hil.signals.samples import Vec3
+from sim.physics.effects import Effects
+from sim.physics.quadrotor import QuadrotorPhysics, rigid_body
+from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.scene.mjcf import mjcf_text
+from sim.scene.scene import Scene, load_scene
+from sim.scene.wind import Wind
+
+Float64 = NDArray[np.float64]
+TICK_NS = 4_000_000
+TICK_S = 0.004
+PLAIN = Effects(ground_effect=False, descent_loss=False)
+_LAG_S = 0.05
+_REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "reference" / "multirotor_reference.py"
+_SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # rotor: roll, pitch, yaw
+
+
+def bench_vehicle(**changes: Any) -> Vehicle:
+    """The x500 with what all methods have in common; `changes` to its rotor constants."""
+    vehicle = load_vehicle("x500")
+    common = {"time_constant_up_s": _LAG_S, "time_constant_down_s": _LAG_S, "inertia_kgm2": 0.0}
+    return vehicle.model_copy(
+        update={"rotor_constants": vehicle.rotor_constants.model_copy(update=common | changes), "battery": None}
+    )
+
+
+def torque_free(vehicle: Vehicle) -> Vehicle:
+    """The vehicle without air and without rotors to speak of."""
+    bare = {"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0, "inertia_kgm2": 0.0}
+    return vehicle.model_copy(
+        update={
+            "rotor_constants": vehicle.rotor_constants.model_copy(update=bare),
+            "body_drag_linear_n_per_mps": (0.0, 0.0, 0.0),
+            "body_drag_quadratic_n_per_m2ps2": (0.0, 0.0, 0.0),
+            "inertia_kgm2": (0.0239, 0.0300, 0.0440),
+        }
+    )
+
+
+def load_reference() -> ModuleType:
+    """The CasADi model of tests/reference. HilError where the installation has no tests."""
+    spec = importlib.util.spec_from_file_location("multirotor_reference", _REFERENCE)
+    if spec is None or spec.loader is None or not _REFERENCE.exists():
+        raise HilError(f"{_REFERENCE} is missing: this benchmark runs from a checkout, not from a wheel")
+    import sys
+
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A start and the commands from there, [ticks, rotors]."""
+
+    vehicle: Vehicle
+    scene: Scene
+    start: Float64  # p, q, v, w, rotor speeds
+    commands: Float64
+    wind_W_mps: Vec3 = (0.0, 0.0, 0.0)
+    tick_ns: int = TICK_NS
+
+    @property
+    def duration_s(self) -> float:
+        return len(self.commands) * self.tick_ns / 1e9
+
+
+class Method(Protocol):
+    """Something that flies a `Flight`."""
+
+    name: str
+
+    def fly(self, flight: Flight, *, record: bool) -> Float64:
+        """States (p, q, v, w) at every tick if `record`, else only the last, [n, 13]."""
+
+
+def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle | None = None) -> Flight:
+    """Climbs, rolls, pitches and yaws at about 1 Hz to 10 rad/s, 24 m/s and beyond knife edge."""
+    vehicle = vehicle or bench_vehicle()
+    hover = vehicle.hover_control
+    t = np.arange(round(seconds * 1e9 / tick_ns)) * (tick_ns / 1e9)
+    axes = np.stack(
+        [
+            0.035 * np.sin(2 * np.pi * 1.1 * t),
+            0.030 * np.sin(2 * np.pi * 1.3 * t + 1),
+            0.050 * np.sin(2 * np.pi * 0.4 * t),
+        ],
+        axis=1,
+    )
+    commands = hover * (1 + 0.12 * np.sin(2 * np.pi * 0.9 * t)[:, None] + axes @ _SIGNS.T)
+    return Flight(vehicle, load_scene("airfield"), start_state(vehicle), np.clip(commands, 0.0, 1.0), tick_ns=tick_ns)
+
+
+def hover(seconds: float = 5.0) -> Flight:
+    """Hover commands with a small lasting difference between the rotors."""
+    vehicle = bench_vehicle()
+    commands = np.tile(vehicle.hover_control * np.array([1.0, 1.0002, 1.0001, 1.0]), (round(seconds / TICK_S), 1))
+    return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands)
+
+
+def gust(seconds: float = 3.0) -> Flight:
+    """Hovering, hit by a wind front of 12 m/s from one instant to the next."""
+    vehicle = bench_vehicle()
+    commands = np.full((round(seconds / TICK_S), 4), vehicle.hover_control)
+    return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
+
+
+def tumble(seconds: float, spin_radps: float = 20.0) -> Flight:
+    """No torque, spinning near no axis of symmetry."""
+    vehicle = torque_free(bench_vehicle())
+    state = start_state(vehicle)
+    direction = np.array([1.0, 0.7, 0.4])
+    state[10:13] = spin_radps * direction / np.linalg.norm(direction)
+    state[13:] = 0.0
+    scene = load_scene("airfield").model_copy(update={"gravity_mps2": 0.0})
+    return Flight(vehicle, scene, state, np.zeros((round(seconds / TICK_S), 4)))
+
+
+def landing(height_m: float = 0.25, seconds: float = 2.0) -> Flight:
+    """Motors off, a fall onto the feet with a little sideways speed."""
+    vehicle = bench_vehicle()
+    state = start_state(vehicle)
+    state[:3] = (0.0, 0.0, vehicle.standing_height_m + height_m)
+    state[7:10] = (0.3, -0.2, 0.0)
+    state[13:] = 0.0
+    return Flight(vehicle, load_scene("airfield"), state, np.zeros((round(seconds / TICK_S), 4)))
+
+
+def start_state(vehicle: Vehicle) -> Float64:
+    """Level and at rest 300 m up, rotors at hover speed."""
+    speed = vehicle.speed_radps(vehicle.hover_control)
+    return np.array([0, 0, 300.0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, *([speed] * len(vehicle.rotors))])
+
+
+class ThisProject:
+    """QuadrotorPhysics as the bench runs it, Python included."""
+
+    def __init__(self, step_ms: float, *, method: Any = "order8") -> None:
+        self.step_ns = round(step_ms * 1e6)
+        self.method = method
+        self.name = f"this project, {'order 8' if method == 'order8' else 'classical RK4'} @ {step_ms:g} ms"
+
+    def fly(self, flight: Flight, *, record: bool) -> Float64:
+        physics = QuadrotorPhysics(
+            flight.vehicle,
+            flight.scene,
+            flight.tick_ns,
+            initial_p_WB=tuple(flight.start[:3].tolist()),
+            effects=PLAIN,
+            wind=Wind(steady_W_mps=flight.wind_W_mps),
+            method=self.method,
+            step_ns=self.step_ns,
+        )
+        physics.state[:] = flight.start
+        commands = flight.commands.tolist()
+        advance = physics.advance
+        advance(0, commands[0])
+        if not record:
+            for tick, controls in enumerate(commands, start=1):
+                advance(tick, controls)
+            return physics.state[None, :13].copy()
+        states = [flight.start[:13]]
+        for tick, controls in enumerate(commands, start=1):
+            advance(tick, controls)
+            states.append(physics.state[:13].copy())
+        return np.array(states)
+
+
+class PlainMujoco:
+    """mj_step with one of MuJoCo's integrators; forces by native callback."""
+
+    def __init__(self, integrator: str, step_ms: float, *, lag: str = "filterexact") -> None:
+        self.integrator, self.step_s, self.lag = integrator, step_ms / 1e3, lag
+        shown = integrator if lag == "filterexact" else f"{integrator} {lag}"
+        self.name = f"MuJoCo {shown} @ {step_ms:g} ms"
+
+    def fly(self, flight: Flight, *, record: bool) -> Float64:
+        vehicle = flight.vehicle
+        model = mujoco.MjModel.from_xml_string(self._mjcf(flight))
+        data = mujoco.MjData(model)
+        truth = np.concatenate([flight.start, np.zeros(6)])
+        body = rigid_body(
+            vehicle,
+            truth,
+            effects=PLAIN,
+            gravity_mps2=flight.scene.gravity_mps2,
+            wind_W_mps=flight.wind_W_mps,
+            tick_s=flight.tick_ns / 1e9,
+            substeps=1,
+        )
+        data.qpos[:], data.qvel[:], data.act[:] = flight.start[:7], flight.start[7:13], flight.start[13:]
+        body.serve_mujoco(data.qpos, data.qvel, data.act, data.qfrc_applied)
+        signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+        steps = round(flight.tick_ns / 1e9 / self.step_s)
+        if steps == 0:
+            raise ValueError("a step must not be longer than the tick")
+        commands = flight.commands.tolist()
+        targets = [[vehicle.speed_radps(min(1.0, max(0.0, u))) for u in row] for row in commands]
+        mujoco.set_mjcb_control(signature(body.mujoco_callback()))
+        states = [flight.start[:13].copy()]
+        try:
+            for controls, target in zip(commands, targets, strict=True):
+                body.command(controls)
+                data.ctrl[:] = target
+                mujoco.mj_step(model, data, steps)
+                if record:
+                    states.append(np.concatenate([data.qpos, data.qvel]))
+        finally:
+            mujoco.set_mjcb_control(None)
+        return np.array(states) if record else np.concatenate([data.qpos, data.qvel])[None]
+
+    def _mjcf(self, flight: Flight) -> str:
+        text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
+        text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
+        one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
+        return text.replace("</mujoco>", f"<actuator>{one * len(flight.vehicle.rotors)}</actuator></mujoco>")
+
+
+def _lag(vehicle: Vehicle) -> float:
+    return vehicle.rotor_constants.time_constant_up_s
+
+
+class RotorPy:
+    """RotorPy's Multirotor (PyPI `rotorpy`), its own integrator (scipy's RK45) at its default or given tolerance."""
+
+    def __init__(self, rtol: float | None = None) -> None:
+        from rotorpy.vehicles.multirotor import Multirotor
+
+        self._make = Multirotor
+        self.rtol = rtol
+        self.name = "RotorPy RK45 @ default" if rtol is None else f"RotorPy RK45 @ rtol {rtol:g}"
+
+    def fly(self, flight: Flight, *, record: bool) -> Float64:
+        vehicle, c = flight.vehicle, flight.vehicle.rotor_constants
+        inertia = dict(zip(("Ixx", "Iyy", "Izz"), vehicle.inertia_kgm2, strict=True))
+        drag = dict(zip(("c_Dx", "c_Dy", "c_Dz"), vehicle.body_drag_quadratic_n_per_m2ps2, strict=True))
+        parameters = {
+            "mass": vehicle.mass_kg,
+            **inertia,
+            "Ixy": 0.0,
+            "Ixz": 0.0,
+            "Iyz": 0.0,
+            **drag,
+            "num_rotors": len(vehicle.rotors),
+            "rotor_pos": {f"r{i}": np.array(r.position_m) for i, r in enumerate(vehicle.rotors)},
+            "rotor_directions": np.array([-r.spin.sign for r in vehicle.rotors]),
+            "rotor_speed_min": 0.0,
+            "rotor_speed_max": c.max_speed_radps,
+            "k_eta": c.thrust_coefficient_n_per_radps2,
+            "k_m": c.moment_ratio_m * c.thrust_coefficient_n_per_radps2,
+            "k_d": c.drag_kg_per_rad,
+            "tau_m": _lag(vehicle),
+        }
+        options = None if self.rtol is None else {"method": "RK45", "rtol": self.rtol, "atol": self.rtol}
+        s = flight.start
+        state: dict[str, Any] = {
+            "x": s[:3].copy(),
+            "v": s[7:10].copy(),
+            "q": s[[4, 5, 6, 3]],
+            "w": s[10:13].copy(),
+            "wind": np.array(flight.wind_W_mps),
+            "rotor_speeds": s[13:].copy(),
+        }
+        craft = self._make(parameters, initial_state=state, integrator_kwargs=options)
+        craft.g = flight.scene.gravity_mps2
+        craft.weight = np.array([0, 0, -craft.mass * craft.g])
+        speeds = [np.array([vehicle.speed_radps(u) for u in row]) for row in flight.commands.tolist()]
+        states = [s[:13].copy()]
+        for target in speeds:
+            state = craft.step(state, {"cmd_motor_speeds": target}, flight.tick_ns / 1e9)
+            if record:
+                states.append(_joined(state))
+        return np.array(states) if record else _joined(state)[None]
+
+
+def _joined(state: dict[str, Any]) -> Float64:
+    q = state["q"]
+    return np.concatenate([state["x"], [q[3], q[0], q[1], q[2]], state["v"], state["w"]])
+
+
+def spin_drift(flight: Flight, end: Float64) -> dict[str, float]:
+    """How far energy, angular momentum and the quaternion's norm moved from the start to `end`, relative."""
+    inertia = np.array(flight.vehicle.inertia_kgm2)
+
+    def parts(s: Float64) -> tuple[float, Float64]:
+        w, x, y, z = s[3:7]
+        R = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+        return 0.5 * float(np.sum(inertia * s[10:13] ** 2)), R @ (inertia * s[10:13])
+
+    (e0, l0), (e1, l1) = parts(flight.start), parts(end)
+    return {
+        "energy": abs(e1 / e0 - 1.0),
+        "momentum": float(np.linalg.norm(l1 - l0) / np.linalg.norm(l0)),
+        "norm": abs(math.sqrt(float(np.sum(end[3:7] ** 2))) - 1.0),
+    }

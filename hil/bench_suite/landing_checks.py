@@ -1,0 +1,104 @@
+"""What contact must keep to: rest, depth, energy, and flights that do not notice the skipping of contact work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.bench_suite.flight_cases import Float64
+from hil.bench_suite.result import Check
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.scene.scene import load_scene
+
+_OFF = (0.0, 0.0, 0.0, 0.0)
+_STILL = 1e-3  # m/s and rad/s
+_G = 9.80665
+
+
+@dataclass
+class Landed:
+    """What a fall onto the ground did."""
+
+    rest_s: float  # from the first touch to rest; infinite if it never came to rest
+    depth_m: float  # of any contact sphere
+    gain_j: float  # greatest energy after a touch less that before it
+    finite: bool
+
+
+def drop(
+    vehicle: Vehicle, height_m: float, *, tick_ns: int, seconds: float = 4.0, v_W: tuple[float, float, float] = (0, 0, 0)
+) -> Landed:
+    """Let a vehicle fall with its motors off."""
+    physics = QuadrotorPhysics(
+        vehicle, load_scene("airfield"), tick_ns, initial_p_WB=(0.0, 0.0, vehicle.standing_height_m + height_m)
+    )
+    physics.state[7:10] = v_W
+    inertia = np.array(vehicle.inertia_kgm2)
+    sites = np.array([sphere.position_m for sphere in vehicle.contact_spheres])
+    radii = np.array([sphere.radius_m for sphere in vehicle.contact_spheres])
+
+    def energy(s: Float64) -> float:
+        motion = vehicle.mass_kg * float(s[7:10] @ s[7:10]) + float(np.sum(inertia * s[10:13] ** 2))
+        return vehicle.mass_kg * _G * float(s[2]) + 0.5 * motion
+
+    physics.advance(0, _OFF)
+    free = before = energy(physics.state)
+    touched_at = rest_at = None
+    depth, gain, flying = 0.0, -np.inf, True
+    for tick in range(1, round(seconds * 1e9 / tick_ns) + 1):
+        truth = physics.advance(tick, _OFF)
+        s = physics.state
+        if truth.in_contact:
+            if flying:
+                before = free  # energy of the last tick in the air
+            touched_at = touched_at or tick * tick_ns / 1e9
+        else:
+            free = energy(s)
+        flying = not truth.in_contact
+        if touched_at is not None:
+            gain = max(gain, energy(s) - before)
+        w, x, y, z = s[3:7]
+        up_row = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        depth = max(depth, float(np.max(radii - (s[2] + sites @ up_row))))
+        if max(abs(value) for value in truth.v_WB_W + truth.w_WB_B) > _STILL:
+            rest_at = None
+        elif rest_at is None and touched_at is not None:
+            rest_at = tick * tick_ns / 1e9
+    rest_s = rest_at - touched_at if rest_at is not None and touched_at is not None else np.inf
+    return Landed(rest_s, depth, float(gain), bool(np.isfinite(physics.state).all()))
+
+
+def skipping_difference_m() -> float:
+    """Greatest position difference of a flight from ground to ground with contact skipping on and off."""
+    tracks = []
+    for skipping in (True, False):
+        physics = QuadrotorPhysics(load_vehicle("x500"), load_scene("airfield"), 4_000_000, contact_skipping=skipping)
+        h = physics.vehicle.hover_control
+        plan = [(25, 0.0), (220, 1.04), (20, 1.0), (100, 0.97), (250, 0.95), (200, 0.0)]
+        track, tick = [physics.advance(0, _OFF).p_WB], 0
+        for ticks, level in plan:
+            controls = (level * h, level * h, level * h * 1.0001, level * h)
+            for _ in range(ticks):
+                tick += 1
+                track.append(physics.advance(tick, controls).p_WB)
+        tracks.append(np.array(track))
+    return float(np.max(np.linalg.norm(tracks[0] - tracks[1], axis=1)))
+
+
+def landing_checks(say: Callable[[str], None]) -> list[Check]:
+    """Falls from 0.1 and 0.5 m, straight and sideways, of every vehicle, with ticks of 1, 2 and 4 ms."""
+    landings = []
+    for name in vehicle_names():
+        for tick_ns in (1_000_000, 2_000_000, 4_000_000):
+            say(f"landing: {name}, tick {tick_ns / 1e6:g} ms")
+            for height_m, v_W in ((0.1, (0.0, 0.0, 0.0)), (0.5, (0.0, 0.0, 0.0)), (0.3, (0.5, -0.3, -0.5))):
+                landings.append(drop(load_vehicle(name), height_m, tick_ns=tick_ns, seconds=2.0, v_W=v_W))
+    return [
+        Check("landing: longest time from touch to rest", max(one.rest_s for one in landings), "<=", 1.0, "s"),
+        Check("landing: deepest penetration", max(one.depth_m for one in landings), "<=", 5e-3, "m"),
+        Check("landing: greatest energy gain through a contact", max(one.gain_j for one in landings), "<=", 0.0, "J"),
+        Check("flight changed by contact skipping", skipping_difference_m(), "<=", 1e-9, "m"),
+    ]
