@@ -14,6 +14,8 @@ from __future__ import annotations
 import ctypes
 import importlib.util
 import math
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -68,8 +70,6 @@ def load_reference() -> ModuleType:
     spec = importlib.util.spec_from_file_location("multirotor_reference", _REFERENCE)
     if spec is None or spec.loader is None or not _REFERENCE.exists():
         raise HilError(f"{_REFERENCE} is missing: this benchmark runs from a checkout, not from a wheel")
-    import sys
-
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # its dataclasses look their module up
     spec.loader.exec_module(module)
@@ -159,6 +159,31 @@ def start_state(vehicle: Vehicle) -> Float64:
     return np.array([0, 0, 300.0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, *([speed] * len(vehicle.rotors))])
 
 
+class Stepper(Protocol):
+    """A flight under way."""
+
+    state: Float64  # p, q, v, w and, maybe, more
+
+    def advance(self, controls: Sequence[float]) -> None:
+        """One tick with these commands."""
+
+    def close(self) -> None:
+        """No more ticks."""
+
+
+def _fly(stepper: Stepper, flight: Flight, *, record: bool) -> Float64:
+    commands, advance = flight.commands.tolist(), stepper.advance
+    states = [flight.start[:13].copy()]
+    try:
+        for controls in commands:
+            advance(controls)
+            if record:
+                states.append(stepper.state[:13].copy())
+        return np.array(states) if record else stepper.state[None, :13].copy()
+    finally:
+        stepper.close()
+
+
 class ThisProject:
     """QuadrotorPhysics as the bench runs it, Python included."""
 
@@ -167,30 +192,37 @@ class ThisProject:
         self.method = method
         self.name = f"this project, {'order 8' if method == 'order8' else 'classical RK4'} @ {step_ms:g} ms"
 
+    def begin(self, flight: Flight) -> Stepper:
+        """A flight to be flown tick by tick."""
+        return _OwnStepper(flight, self.method, self.step_ns)
+
     def fly(self, flight: Flight, *, record: bool) -> Float64:
-        physics = QuadrotorPhysics(
+        return _fly(self.begin(flight), flight, record=record)
+
+
+class _OwnStepper:
+    def __init__(self, flight: Flight, method: Any, step_ns: int) -> None:
+        physics = self.physics = QuadrotorPhysics(
             flight.vehicle,
             flight.scene,
             flight.tick_ns,
             initial_p_WB=tuple(flight.start[:3].tolist()),
             effects=PLAIN,
             wind=Wind(steady_W_mps=flight.wind_W_mps),
-            method=self.method,
-            step_ns=self.step_ns,
+            method=method,
+            step_ns=step_ns,
         )
         physics.state[:] = flight.start
-        commands = flight.commands.tolist()
-        advance = physics.advance
-        advance(0, commands[0])
-        if not record:
-            for tick, controls in enumerate(commands, start=1):
-                advance(tick, controls)
-            return physics.state[None, :13].copy()
-        states = [flight.start[:13]]
-        for tick, controls in enumerate(commands, start=1):
-            advance(tick, controls)
-            states.append(physics.state[:13].copy())
-        return np.array(states)
+        self.state: Float64 = physics.state
+        physics.advance(0, (0.0,) * len(flight.vehicle.rotors))
+        self._tick = 0
+
+    def advance(self, controls: Sequence[float]) -> None:
+        self._tick += 1
+        self.physics.advance(self._tick, controls)
+
+    def close(self) -> None:
+        pass
 
 
 class PlainMujoco:
@@ -201,46 +233,54 @@ class PlainMujoco:
         shown = integrator if lag == "filterexact" else f"{integrator} {lag}"
         self.name = f"MuJoCo {shown} @ {step_ms:g} ms"
 
+    def begin(self, flight: Flight) -> Stepper:
+        """A flight to be flown tick by tick; one at a time."""
+        text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
+        text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
+        one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
+        text = text.replace("</mujoco>", f"<actuator>{one * len(flight.vehicle.rotors)}</actuator></mujoco>")
+        return _MujocoStepper(flight, mujoco.MjModel.from_xml_string(text), self.step_s)
+
     def fly(self, flight: Flight, *, record: bool) -> Float64:
-        vehicle = flight.vehicle
-        model = mujoco.MjModel.from_xml_string(self._mjcf(flight))
-        data = mujoco.MjData(model)
-        truth = np.concatenate([flight.start, np.zeros(6)])
-        body = rigid_body(
-            vehicle,
-            truth,
+        return _fly(self.begin(flight), flight, record=record)
+
+
+class _MujocoStepper:
+    def __init__(self, flight: Flight, model: mujoco.MjModel, step_s: float) -> None:
+        self._vehicle = flight.vehicle
+        self._model, self._data = model, mujoco.MjData(model)
+        # What blows up stays blown up, and is not set back to the start.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        self._steps = round(flight.tick_ns / 1e9 / step_s)
+        if self._steps < 1:
+            raise ValueError("a step must not be longer than the tick")
+        self._body = rigid_body(
+            flight.vehicle,
+            np.concatenate([flight.start, np.zeros(6)]),
             effects=PLAIN,
             gravity_mps2=flight.scene.gravity_mps2,
             wind_W_mps=flight.wind_W_mps,
             tick_s=flight.tick_ns / 1e9,
             substeps=1,
         )
+        data = self._data
         data.qpos[:], data.qvel[:], data.act[:] = flight.start[:7], flight.start[7:13], flight.start[13:]
-        body.serve_mujoco(data.qpos, data.qvel, data.act, data.qfrc_applied)
+        self._body.serve_mujoco(data.qpos, data.qvel, data.act, data.qfrc_applied)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-        steps = round(flight.tick_ns / 1e9 / self.step_s)
-        if steps == 0:
-            raise ValueError("a step must not be longer than the tick")
-        commands = flight.commands.tolist()
-        targets = [[vehicle.speed_radps(min(1.0, max(0.0, u))) for u in row] for row in commands]
-        mujoco.set_mjcb_control(signature(body.mujoco_callback()))
-        states = [flight.start[:13].copy()]
-        try:
-            for controls, target in zip(commands, targets, strict=True):
-                body.command(controls)
-                data.ctrl[:] = target
-                mujoco.mj_step(model, data, steps)
-                if record:
-                    states.append(np.concatenate([data.qpos, data.qvel]))
-        finally:
-            mujoco.set_mjcb_control(None)
-        return np.array(states) if record else np.concatenate([data.qpos, data.qvel])[None]
+        mujoco.set_mjcb_control(signature(self._body.mujoco_callback()))
+        self._speed = flight.vehicle.speed_radps
 
-    def _mjcf(self, flight: Flight) -> str:
-        text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
-        text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
-        one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
-        return text.replace("</mujoco>", f"<actuator>{one * len(flight.vehicle.rotors)}</actuator></mujoco>")
+    @property
+    def state(self) -> Float64:
+        return np.concatenate([self._data.qpos, self._data.qvel])
+
+    def advance(self, controls: Sequence[float]) -> None:
+        self._body.command(controls)
+        self._data.ctrl[:] = [self._speed(min(1.0, max(0.0, u))) for u in controls]
+        mujoco.mj_step(self._model, self._data, self._steps)
+
+    def close(self) -> None:
+        mujoco.set_mjcb_control(None)
 
 
 def _lag(vehicle: Vehicle) -> float:

@@ -1,0 +1,57 @@
+"""A small flight controller for the stability sweeps: attitude by PD at the tick's rate, position by PD above it.
+
+Not a model of any autopilot: it closes a loop with one gain to turn, the same for every method under test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sim.physics.vehicle import Vehicle
+
+_G = 9.80665
+_FREQUENCY_RADPS, _DAMPING = 8.0, 0.8  # of the attitude at nominal gain
+_PULL_PER_S2, _BRAKE_PER_S = 1.0, 1.8  # acceleration asked per metre and per m/s off station
+_MOST_TILT_RAD = 0.3
+
+
+class AttitudeLoop:
+    """Commands of a quadrotor in X order from its state, without memory."""
+
+    def __init__(self, vehicle: Vehicle, *, gain: float, station_m: tuple[float, float, float] | None = None) -> None:
+        self.hover = vehicle.hover_control
+        self.station_m = station_m
+        c = vehicle.rotor_constants
+        speed = vehicle.speed_radps(self.hover)
+        # dT/du at hover for thrust quadratic in the command.
+        slope = 2.0 * c.thrust_coefficient_n_per_radps2 * speed * speed / self.hover
+        x, y = abs(vehicle.rotors[0].position_m[0]), abs(vehicle.rotors[0].position_m[1])
+        ix, iy, iz = vehicle.inertia_kgm2
+        arms = (4.0 * y * slope, 4.0 * x * slope, 4.0 * c.moment_ratio_m * slope)
+        stiff = gain * _FREQUENCY_RADPS * _FREQUENCY_RADPS
+        damp = gain * 2.0 * _DAMPING * _FREQUENCY_RADPS
+        self._kp = (stiff * ix / arms[0], stiff * iy / arms[1], 0.1 * stiff * iz / arms[2])
+        self._kd = (damp * ix / arms[0], damp * iy / arms[1], 0.3 * damp * iz / arms[2])
+        self._lift = vehicle.mass_kg / (4.0 * slope)
+
+    def commands(self, s: Sequence[float]) -> tuple[float, float, float, float]:
+        """From (p, q, v, w)."""
+        roll_wanted = pitch_wanted = lift = 0.0
+        w, x, y, z = s[3:7]
+        if w < 0.0:
+            w, x, y, z = -w, -x, -y, -z
+        if self.station_m is not None:
+            ax = -_PULL_PER_S2 * (s[0] - self.station_m[0]) - _BRAKE_PER_S * s[7]
+            ay = -_PULL_PER_S2 * (s[1] - self.station_m[1]) - _BRAKE_PER_S * s[8]
+            lift = -_PULL_PER_S2 * (s[2] - self.station_m[2]) - _BRAKE_PER_S * s[9]
+            # Heading stays near east: x forward, y left.
+            pitch_wanted, roll_wanted = _limited(ax / _G), _limited(-ay / _G)
+        roll = self._kp[0] * (roll_wanted - 2.0 * w * x) - self._kd[0] * s[10]
+        pitch = self._kp[1] * (pitch_wanted - 2.0 * w * y) - self._kd[1] * s[11]
+        yaw = -self._kp[2] * 2.0 * w * z - self._kd[2] * s[12]
+        base = self.hover + self._lift * lift
+        return (base - roll - pitch - yaw, base + roll + pitch - yaw, base + roll - pitch + yaw, base - roll + pitch + yaw)
+
+
+def _limited(tilt_rad: float) -> float:
+    return max(-_MOST_TILT_RAD, min(_MOST_TILT_RAD, tilt_rad))
