@@ -5,7 +5,9 @@ Not a model of any autopilot: it closes a loop with one gain to turn, the same f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from sim.physics.vehicle import Vehicle
 
@@ -15,12 +17,28 @@ _PULL_PER_S2, _BRAKE_PER_S = 1.0, 1.8  # acceleration asked per metre and per m/
 _MOST_TILT_RAD = 0.3
 
 
-class AttitudeLoop:
-    """Commands of a quadrotor in X order from its state, without memory."""
+@dataclass(frozen=True)
+class Circle:
+    """A level circle to follow, counter-clockwise from its easternmost point."""
 
-    def __init__(self, vehicle: Vehicle, *, gain: float, station_m: tuple[float, float, float] | None = None) -> None:
+    center_m: tuple[float, float, float]
+    radius_m: float
+    round_ticks: int
+
+    def points(self) -> list[tuple[float, float, float]]:
+        """Where to be at each tick of a round."""
+        x, y, z = self.center_m
+        angles = [2.0 * math.pi * tick / self.round_ticks for tick in range(self.round_ticks)]
+        return [(x + self.radius_m * math.cos(a), y + self.radius_m * math.sin(a), z) for a in angles]
+
+
+class AttitudeLoop:
+    """Commands of a quadrotor in X order from its state; without a circle it only levels the vehicle."""
+
+    def __init__(self, vehicle: Vehicle, *, gain: float, circle: Circle | None = None) -> None:
         self.hover = vehicle.hover_control
-        self.station_m = station_m
+        self._points = circle.points() if circle is not None else []
+        self._tick = 0
         c = vehicle.rotor_constants
         speed = vehicle.speed_radps(self.hover)
         # dT/du at hover for thrust quadratic in the command.
@@ -35,15 +53,17 @@ class AttitudeLoop:
         self._lift = vehicle.mass_kg / (4.0 * slope)
 
     def commands(self, s: Sequence[float]) -> tuple[float, float, float, float]:
-        """From (p, q, v, w)."""
+        """From (p, q, v, w); one call a tick."""
         roll_wanted = pitch_wanted = lift = 0.0
         w, x, y, z = s[3:7]
         if w < 0.0:
             w, x, y, z = -w, -x, -y, -z
-        if self.station_m is not None:
-            ax = -_PULL_PER_S2 * (s[0] - self.station_m[0]) - _BRAKE_PER_S * s[7]
-            ay = -_PULL_PER_S2 * (s[1] - self.station_m[1]) - _BRAKE_PER_S * s[8]
-            lift = -_PULL_PER_S2 * (s[2] - self.station_m[2]) - _BRAKE_PER_S * s[9]
+        if self._points:
+            east, north, up = self._points[self._tick % len(self._points)]
+            self._tick += 1
+            ax = -_PULL_PER_S2 * (s[0] - east) - _BRAKE_PER_S * s[7]
+            ay = -_PULL_PER_S2 * (s[1] - north) - _BRAKE_PER_S * s[8]
+            lift = -_PULL_PER_S2 * (s[2] - up) - _BRAKE_PER_S * s[9]
             # Heading stays near east: x forward, y left.
             pitch_wanted, roll_wanted = _limited(ax / _G), _limited(-ay / _G)
         roll = self._kp[0] * (roll_wanted - 2.0 * w * x) - self._kd[0] * s[10]

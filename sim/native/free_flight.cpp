@@ -14,6 +14,7 @@ static_assert(kStages8 == dp8::kStages);
 constexpr double kTurnPerStep = 0.1;   // rad
 constexpr double kWayPerStep = 0.06;   // m
 constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
+constexpr double kLagsPerStep = 2.0;   // motor time constants
 constexpr double kWhirlPerStep = 1.0;  // rad of a rotor out of balance
 
 double largest(const double *v) {
@@ -162,6 +163,7 @@ int level_for(const RigidBodyParams &params, const TickPlan &plan, const TickWin
     const double way = length(s + kV) / kWayPerStep;
     const double whirl = fastest / kWhirlPerStep;
     double rate = lambda / (plan.classical ? kDampingPerClassicalStep : kDampingPerStep);
+    if (!plan.classical && plan.lag_rate_per_s > rate) rate = plan.lag_rate_per_s;
     if (!plan.classical && turn > rate) rate = turn;
     if (!plan.classical && way > rate) rate = way;
     if (whirl > rate) rate = whirl;
@@ -194,6 +196,9 @@ TickPlan make_tick_plan(const RigidBodyParams &params, double tick_s, int base, 
         const double *r = params.rotor_position_m[i];
         reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
     }
+    const double tau =
+        params.time_constant_up_s < params.time_constant_down_s ? params.time_constant_up_s : params.time_constant_down_s;
+    plan.lag_rate_per_s = 1.0 / (kLagsPerStep * tau);
     const double n = params.rotor_count;
     const double drag = params.rotor_drag_kg_per_rad + params.air.axial_kg_per_rad;
     plan.static_rate_per_s = largest(params.body_drag_linear_n_per_mps) / params.mass_kg +

@@ -17,6 +17,7 @@
 //   lambda h <= 2         the fastest damping and the gyroscopic rate, so that a light vehicle in a gale stays stable:
 //                         lambda = 2 d2 |a| / m + d1 / m + (k_d + k_z) O_max (n / m + sum |r|^2 / I_min)
 //                                  + n J O_max / I_min                                     (classical: lambda h <= 1)
+//   h <= 2 tau            thrust that changes much within a step                   (not the classical)
 //   O h <= 1              a rotor out of balance
 // The choice is a function of the state alone: same bits everywhere, and with contact skipping on or off.
 //
@@ -35,6 +36,7 @@ struct TickPlan {
     bool classical;
     int base;                                // steps of a tick, before any halving
     double static_rate_per_s;                // the part of lambda that the state does not change
+    double lag_rate_per_s;                   // 1 / (2 tau)
     RotorDecay half[kLevels];                // over half a step
     RotorDecay node[kLevels][kStages8 + 1];  // at the stages of a step; last: over the step
 };

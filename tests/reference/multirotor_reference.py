@@ -140,7 +140,7 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
         R @ force / vehicle.mass_kg - g * up,
         R @ torque,
         (target - speed) / lag,
-        spins * speed if whirling else ca.SX.zeros(n),
+        spins * speed * (whirl > 0) if whirling else ca.SX.zeros(n),  # counted from the fault
     ]
     state = ca.vertcat(p, ca.vec(R), v, L, speed, angle)
     return {

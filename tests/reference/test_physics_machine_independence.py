@@ -1,0 +1,61 @@
+"""The same bits with CPU features masked: gusts, turbulence, battery, faults, hard landings."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from numpy._core import _multiarray_umath as numpy_cpu
+
+ROOT = Path(__file__).resolve().parents[2]
+
+FLIGHT = """
+import hashlib
+from sim.physics.effects import Effects
+from sim.physics.faults import RotorFault
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+from sim.scene.wind import GustEvent, Turbulence, Wind
+
+wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="moderate"),
+            gusts=(GustEvent(at_s=0.5, velocity_W_mps=(5.0, -3.0, 0.5), rise_s=0.3),))
+faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=15.0),
+          RotorFault(kind="stuck", rotor=2, at_s=1.2, speed_radps=100.0)]
+digest = hashlib.sha256()
+for name in ("x500", "racer"):
+    physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, effects=Effects(battery=True),
+                               faults=faults, wind=wind, seed=3, initial_yaw_rad=0.4)
+    h = physics.vehicle.hover_control
+    for tick in range(800):
+        truth = physics.advance(tick, (1.15 * h,) * 4 if tick < 400 else (0.0,) * 4)
+        digest.update(repr((truth, physics.wind_W_mps, physics.battery)).encode())
+    assert physics.skips.skipped > 50 and physics.skips.touching > 5, physics.skips
+print(digest.hexdigest())
+"""
+
+
+def digest(**environment: str) -> str:
+    result = subprocess.run(
+        [sys.executable, "-c", FLIGHT],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+def test_masked_cpu_features_change_no_bit() -> None:
+    # Only features that numpy can switch and this CPU has may be named.
+    switchable = [f for f in numpy_cpu.__cpu_dispatch__ if numpy_cpu.__cpu_features__.get(f)]
+    masked = digest(
+        GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX512VL,-AVX,-FMA4,-SSE4_2,-ERMS",
+        NPY_DISABLE_CPU_FEATURES=" ".join(switchable),
+    )
+    assert digest() == masked

@@ -1,0 +1,223 @@
+"""Free flight against the CasADi model solved by CVODES: the size of the error, its order, every effect at work."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim.physics.effects import Effects
+from sim.physics.faults import RotorFault
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.scene.scene import load_scene
+from sim.scene.wind import GustEvent, Turbulence, Wind
+from tests.reference.multirotor_reference import Inputs, attitude_error_rad, fly
+
+Float64 = NDArray[np.float64]
+TICK_NS = 4_000_000
+ON = {"ground_effect": True, "descent_loss": True}
+SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
+
+
+def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> Float64:
+    """Climbs, rolls, pitches and yaws at about 1 Hz."""
+    t = np.arange(round(seconds * 1e9 / tick_ns)) * (tick_ns / 1e9)
+    axes = np.stack(
+        [0.035 * np.sin(6.9 * t), 0.03 * np.sin(8.2 * t + 1), 0.05 * np.sin(2.5 * t)],
+        axis=1,
+    )
+    return vehicle.hover_control * (1 + 0.12 * np.sin(5.7 * t)[:, None] + axes @ SIGNS.T)
+
+
+def slow_motors(vehicle: Vehicle) -> Vehicle:
+    """With a motor lag of 50 ms, for which no step up to 100 ms is shortened."""
+    lags = {"time_constant_up_s": 0.05, "time_constant_down_s": 0.05}
+    return vehicle.model_copy(update={"rotor_constants": vehicle.rotor_constants.model_copy(update=lags)})
+
+
+class Flown:
+    """A flight of the kernel, with what the reference needs to repeat it."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        commands: Float64,
+        *,
+        tick_ns: int = TICK_NS,
+        start: dict[int, float] | None = None,
+        height_m: float = 300.0,
+        **options: Any,
+    ) -> None:
+        scene = load_scene("airfield")
+        physics = QuadrotorPhysics(vehicle, scene, tick_ns, initial_p_WB=(0.0, 0.0, height_m), **options)
+        physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+        for place, value in (start or {}).items():
+            physics.state[place] = value
+        physics.advance(0, commands[0].tolist())
+        states, winds, scales = [physics.state.copy()], [physics.wind_W_mps], []
+        for tick, controls in enumerate(commands.tolist(), start=1):
+            truth = physics.advance(tick, controls)
+            assert not truth.in_contact
+            states.append(physics.state.copy())
+            winds.append(physics.wind_W_mps)
+            if physics.battery is not None and vehicle.battery is not None:
+                scales.append(physics.battery.voltage_v / vehicle.battery.nominal_voltage_v)
+        self.vehicle, self.commands, self.tick_ns = vehicle, commands, tick_ns
+        self.states, self.wind = np.array(states), np.array(winds)
+        self.scale = np.array(scales) if scales else None
+
+    def errors(self, *, effects: dict[str, bool] | None = None, **inputs: Any) -> tuple[float, float, float]:
+        """Greatest position [m], attitude [rad] and relative rotor speed error."""
+        given = Inputs(
+            self.commands,
+            wind_W=self.wind,
+            speed_scale=self.scale,
+            effects=ON if effects is None else effects,
+            **inputs,
+        )
+        exact = fly(self.vehicle, self.states[0], given, tick_s=self.tick_ns / 1e9)
+        position = float(np.max(np.linalg.norm(self.states[:, :3] - exact[:, :3], axis=1)))
+        attitude = max(attitude_error_rad(a, b) for a, b in zip(self.states[:, 3:7], exact[:, 3:7], strict=True))
+        return position, attitude, float(np.max(np.abs(self.states[:, 13:] / exact[:, 13:] - 1.0)))
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_five_hard_seconds_stay_a_thousandth_of_the_limit(name: str) -> None:
+    """The limit is 1e-6 m and 1e-6 rad."""
+    vehicle = load_vehicle(name)
+    position, attitude, rotors = Flown(vehicle, hard_commands(vehicle, 5.0)).errors()
+    assert position < 2e-9
+    assert attitude < 2e-9
+    assert rotors < 1e-11
+
+
+def test_classical_method_is_of_order_four() -> None:
+    vehicle = load_vehicle("x500")
+    commands = hard_commands(vehicle, 2.0, 8_000_000)
+    errors = []
+    for step_ms in (8, 4, 2, 1):
+        flown = Flown(vehicle, commands, tick_ns=8_000_000, method="classical", step_ns=step_ms * 1_000_000)
+        errors.append(flown.errors()[0])
+    slope = np.polyfit(np.log([8, 4, 2, 1]), np.log(errors), 1)[0]
+    assert slope == pytest.approx(4.0, abs=0.2), errors
+
+
+def test_default_method_is_of_order_eight() -> None:
+    """Measured far above its ordinary step of 4 ms, where its error drowns in that of the reference."""
+    vehicle = slow_motors(load_vehicle("x500"))
+    commands = hard_commands(vehicle, 0.128, 64_000_000)
+    errors = []
+    for step_ms in (64, 32):
+        errors.append(Flown(vehicle, commands, tick_ns=64_000_000, step_ns=step_ms * 1_000_000).errors()[0])
+    coarse, fine = errors
+    assert math.log2(coarse / fine) > 7.0, errors
+    assert fine < 1e-6
+
+
+def test_ground_effect_near_the_ground() -> None:
+    vehicle = load_vehicle("x500")
+    commands = np.tile(vehicle.hover_control * np.array([0.992, 0.990, 0.991, 0.991]), (100, 1))
+    # The feet are 0.23 m below.
+    flown = Flown(vehicle, commands, height_m=0.3)
+    assert flown.states[:, 2].max() < 0.31
+    position, attitude, _ = flown.errors()
+    assert position < 1e-10
+    assert attitude < 1e-10
+    without, _, _ = flown.errors(effects={"descent_loss": True})
+    assert without > 1e-3  # the effect is there
+
+
+def test_descent_through_the_vortex_ring_state() -> None:
+    vehicle = load_vehicle("x500")
+    commands = np.full((250, 4), 0.8 * vehicle.hover_control)
+    flown = Flown(vehicle, commands, start={9: -5.0, 7: 1.0})
+    position, _, _ = flown.errors()
+    assert position < 1e-9
+    without, _, _ = flown.errors(effects={"ground_effect": True})
+    assert without > 0.3
+
+
+def test_wind_that_changes_within_the_tick() -> None:
+    vehicle = load_vehicle("iris")
+    wind = Wind(
+        steady_W_mps=(3.0, -2.0, 0.3),
+        turbulence=Turbulence(level="moderate"),
+        gusts=(GustEvent(at_s=0.3, velocity_W_mps=(6.0, 4.0, -1.0), rise_s=0.5, hold_s=0.2, fall_s=0.3),),
+    )
+    flown = Flown(vehicle, hard_commands(vehicle, 2.0), wind=wind, seed=4)
+    assert np.ptp(flown.wind, axis=0).min() > 0.5
+    position, attitude, _ = flown.errors()
+    assert position < 1e-9
+    assert attitude < 1e-9
+
+
+def test_sagging_battery() -> None:
+    vehicle = load_vehicle("x500")
+    flown = Flown(vehicle, hard_commands(vehicle, 2.0), effects=Effects(battery=True))
+    assert flown.scale is not None
+    assert np.ptp(flown.scale) > 0.02
+    position, _, rotors = flown.errors()
+    assert position < 1e-9
+    assert rotors < 1e-11
+
+
+def test_rotor_faults() -> None:
+    vehicle = load_vehicle("x500")
+    commands = hard_commands(vehicle, 0.6)
+    faults = [
+        RotorFault(kind="efficiency", rotor=1, at_s=0.1, factor=0.8),
+        RotorFault(kind="lost_blade", rotor=2, at_s=0.3, imbalance_gcm=20.0),
+    ]
+    flown = Flown(vehicle, commands, faults=faults)
+    left, whirl = np.ones((150, 4)), np.zeros((150, 4))
+    left[25:, 1], left[75:, 2], whirl[75:, 2] = 0.8, 0.5, 20e-5
+    position, attitude, _ = flown.errors(thrust_left=left, imbalance_kgm=whirl)
+    assert position < 1e-8
+    assert attitude < 1e-7
+    still, _, _ = flown.errors(thrust_left=left)
+    assert still > 1e-5  # the whirl is there
+
+
+def test_every_part_of_the_equations_matters() -> None:
+    """A vehicle with linear, quadratic, axial and rotor drag, spin-up unlike spin-down, thrust part linear."""
+    vehicle = load_vehicle("x500")
+    constants = vehicle.rotor_constants.model_copy(
+        update={"axial_drag_kg_per_rad": 2e-4, "thrust_model_factor": 0.4, "inertia_kgm2": 1e-4}
+    )
+    vehicle = vehicle.model_copy(
+        update={"rotor_constants": constants, "body_drag_linear_n_per_mps": (0.1, 0.12, 0.15)}
+    )
+    flown = Flown(vehicle, hard_commands(vehicle, 1.0), start={7: 9.0, 8: 4.0, 9: -3.0, 10: 2.5, 11: -1.5, 12: 1.0})
+    position, attitude, _ = flown.errors()
+    assert position < 1e-10
+    assert attitude < 1e-10
+
+
+@pytest.mark.parametrize("spin", [20.0, 60.0])
+def test_an_hour_of_tumbling_keeps_energy_and_momentum(spin: float) -> None:
+    """60 rad/s for a quarter of an hour: the same number of radians."""
+    from hil.bench_suite.flight_cases import ThisProject, spin_drift, tumble
+
+    flight = tumble(3600.0 if spin == 20.0 else 300.0, spin)
+    drift = spin_drift(flight, ThisProject(4.0).fly(flight, record=False)[-1])
+    assert drift["norm"] < 1e-14
+    assert drift["energy"] < 1e-11
+    assert drift["momentum"] < 1e-11
+
+
+def test_stiff_vehicles_stay_exact() -> None:
+    """2 g in a gale and a motor lag of 1 ms: the step rule shortens the steps by itself."""
+    vehicle = load_vehicle("x500").model_copy(update={"mass_kg": 0.002})
+    for wind in itertools.product((0.0, 25.0), (0.0, -25.0)):
+        flown = Flown(
+            vehicle,
+            np.zeros((100, 4)),
+            start={13: 300.0, 14: 300.0, 15: 300.0, 16: 300.0},
+            wind=Wind(steady_W_mps=(*wind, 0.0)),
+        )
+        assert flown.errors()[0] < 1e-6
