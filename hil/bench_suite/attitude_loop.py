@@ -70,7 +70,12 @@ class AttitudeLoop:
         pitch = self._kp[1] * (pitch_wanted - 2.0 * w * y) - self._kd[1] * s[11]
         yaw = -self._kp[2] * 2.0 * w * z - self._kd[2] * s[12]
         base = self.hover + self._lift * lift
-        return (base - roll - pitch - yaw, base + roll + pitch - yaw, base + roll - pitch + yaw, base - roll + pitch + yaw)
+        return (
+            base - roll - pitch - yaw,
+            base + roll + pitch - yaw,
+            base + roll - pitch + yaw,
+            base - roll + pitch + yaw,
+        )
 
 
 def _limited(tilt_rad: float) -> float:

@@ -162,7 +162,9 @@ def start_state(vehicle: Vehicle) -> Float64:
 class Stepper(Protocol):
     """A flight under way."""
 
-    state: Float64  # p, q, v, w and, maybe, more
+    @property
+    def state(self) -> Float64:
+        """p, q, v, w and, maybe, more."""
 
     def advance(self, controls: Sequence[float]) -> None:
         """One tick with these commands."""
@@ -291,7 +293,7 @@ class RotorPy:
     """RotorPy's Multirotor (PyPI `rotorpy`), its own integrator (scipy's RK45) at its default or given tolerance."""
 
     def __init__(self, rtol: float | None = None) -> None:
-        from rotorpy.vehicles.multirotor import Multirotor
+        from rotorpy.vehicles.multirotor import Multirotor  # type: ignore[import-not-found]  # optional
 
         self._make = Multirotor
         self.rtol = rtol

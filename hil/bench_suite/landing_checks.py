@@ -29,7 +29,12 @@ class Landed:
 
 
 def drop(
-    vehicle: Vehicle, height_m: float, *, tick_ns: int, seconds: float = 4.0, v_W: tuple[float, float, float] = (0, 0, 0)
+    vehicle: Vehicle,
+    height_m: float,
+    *,
+    tick_ns: int,
+    seconds: float = 4.0,
+    v_W: tuple[float, float, float] = (0, 0, 0),
 ) -> Landed:
     """Let a vehicle fall with its motors off."""
     physics = QuadrotorPhysics(

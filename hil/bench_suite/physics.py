@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from types import ModuleType
 
 import numpy as np
@@ -84,10 +85,8 @@ def _methods() -> list[Method]:
     methods += [ThisProject(step, method="classical") for step in _STEPS_MS]
     methods += [PlainMujoco(integrator, step) for integrator in ("Euler", "implicitfast", "RK4") for step in _STEPS_MS]
     methods += [PlainMujoco("RK4", step, lag="filter") for step in _STEPS_MS]
-    try:
+    with suppress(ImportError):  # an optional rival; the caller says that it is left out
         methods += [RotorPy(), RotorPy(1e-9)]
-    except ImportError:
-        pass  # an optional rival; the caller says that it is left out
     return methods
 
 

@@ -21,6 +21,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -143,9 +144,9 @@ def _cells() -> list[Cell]:
         flight = vigorous(3.0, vehicle=bench_vehicle(time_constant_up_s=lag, time_constant_down_s=lag))
         cells.append(_against_fine("lag", 1e3 * lag, "ms", flight, "position"))
     for gain in (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0):
-        cells.append(Cell("gain", gain, "x", 0.01, "rad", lambda method, gain=gain: _gain_error(method, gain)))
+        cells.append(Cell("gain", gain, "x", 0.01, "rad", partial(_gain_error, gain)))
     for spin in (1.0, 5.0, 10.0, 20.0, 40.0, 60.0):
-        cells.append(Cell("spin", spin, "rad/s", 1e-6, "1", lambda method, spin=spin: _spin_error(method, spin)))
+        cells.append(Cell("spin", spin, "rad/s", 1e-6, "1", partial(_spin_error, spin)))
     for wind in (0.0, 5.0, 10.0, 15.0, 20.0, 25.0):
         flight = replace(hover(3.0), wind_W_mps=(0.8 * wind, -0.6 * wind, 0.0))
         cells.append(_against_fine("wind", wind, "m/s", flight, "position"))
@@ -161,11 +162,11 @@ def _cells() -> list[Cell]:
         flight = replace(tumble(3.0), vehicle=vehicle)
         cells.append(_against_fine("inertia", ratio, "of largest", flight, "attitude"))
     for height in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 20.0):
-        cells.append(Cell("drop", height, "m", 5e-3, "m", lambda method, h=height: _drop_error(method, h)))
+        cells.append(Cell("drop", height, "m", 5e-3, "m", partial(_drop_error, height)))
     for speed in (0.5, 1.0, 2.0, 5.0, 10.0):
-        cells.append(Cell("slide", speed, "m/s", 0.0, "J", lambda method, v=speed: _slide_error(method, v)))
+        cells.append(Cell("slide", speed, "m/s", 0.0, "J", partial(_slide_error, speed)))
     for speed in (1.0, 2.0, 5.0, 10.0, 20.0):
-        cells.append(Cell("wall", speed, "m/s", 0.0, "J", lambda method, v=speed: _wall_error(method, v)))
+        cells.append(Cell("wall", speed, "m/s", 0.0, "J", partial(_wall_error, speed)))
     return cells
 
 
@@ -193,7 +194,7 @@ def _attitude_error(flown: Float64, exact: Float64) -> float:
     return float(np.max(2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(vector, axis=1)))))
 
 
-def _spin_error(method: Rival, spin_radps: float) -> float:
+def _spin_error(spin_radps: float, method: Rival) -> float:
     flight = tumble(10.0, spin_radps)
     end = method.fly(flight, record=False)[-1]
     drift = spin_drift(flight, end)
@@ -201,7 +202,7 @@ def _spin_error(method: Rival, spin_radps: float) -> float:
     return worst if np.isfinite(end).all() and np.isfinite(worst) else float("inf")
 
 
-def _gain_error(method: Rival, gain: float) -> float:
+def _gain_error(gain: float, method: Rival) -> float:
     tracks = []
     for one in (_FINE, method):
         vehicle = load_vehicle("x500").model_copy(update={"rotor_constants": _own_lag()})
@@ -233,7 +234,7 @@ def _closed_loop(method: Rival, flight: Flight, loop: AttitudeLoop, *, ticks: in
     return np.array(states)
 
 
-def _drop_error(method: Rival, height_m: float) -> float:
+def _drop_error(height_m: float, method: Rival) -> float:
     flight = landing(height_m, seconds=(2.0 * height_m / _G) ** 0.5 + 2.0)
     flight.start[7:10] = 0.0
     flown = method.fly(flight, record=True)
@@ -243,13 +244,13 @@ def _drop_error(method: Rival, height_m: float) -> float:
     return max(0.0, flight.vehicle.standing_height_m - float(flown[:, 2].min())) if still else 1.0
 
 
-def _slide_error(method: Rival, speed_mps: float) -> float:
+def _slide_error(speed_mps: float, method: Rival) -> float:
     flight = landing(0.02, seconds=4.0)
     flight.start[7:10] = (speed_mps, 0.0, 0.0)
     return _energy_gain(method, flight, must_rest=True)
 
 
-def _wall_error(method: Rival, speed_mps: float) -> float:
+def _wall_error(speed_mps: float, method: Rival) -> float:
     flight = landing(4.0, seconds=2.0)
     wall = Box(name="wall", center_m=(3.0, 0.0, 5.0), size_m=(0.5, 40.0, 10.0))
     flight = replace(flight, scene=flight.scene.model_copy(update={"boxes": (wall,)}))
@@ -257,9 +258,7 @@ def _wall_error(method: Rival, speed_mps: float) -> float:
     return _energy_gain(method, flight, wall_x_m=2.75)
 
 
-def _energy_gain(
-    method: Rival, flight: Flight, *, must_rest: bool = False, wall_x_m: float | None = None
-) -> float:
+def _energy_gain(method: Rival, flight: Flight, *, must_rest: bool = False, wall_x_m: float | None = None) -> float:
     """Greatest energy above that of the start [J]; 1 kJ where the vehicle did not rest or went through the wall."""
     flown = method.fly(flight, record=True)
     if not np.isfinite(flown).all():

@@ -93,13 +93,16 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     battery: Battery | None = None
 
+    @pydantic.field_validator("inertia_kgm2")
+    @classmethod
+    def _of_a_body(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = inertia
+        if not (x + y >= z and y + z >= x and z + x >= y):
+            raise ValueError(f"{inertia} breaks the triangle inequality: no body has such moments")
+        return inertia
+
     @pydantic.model_validator(mode="after")
     def _physical(self) -> Vehicle:
-        x, y, z = self.inertia_kgm2
-        if not (x + y >= z and y + z >= x and z + x >= y):
-            raise ValueError(
-                f"inertia_kgm2 {self.inertia_kgm2} breaks the triangle inequality: no body has such moments"
-            )
         names = [sphere.name for sphere in self.contact_spheres]
         if len(set(names)) != len(names):
             raise ValueError(f"contact spheres must have different names, not {names}")
@@ -128,7 +131,7 @@ class Vehicle(StrictModel):
 
     @property
     def hover_control(self) -> float:
-        """Command, equal for all rotors, at which thrust away from the ground equals standard weight, at nominal voltage."""
+        """Command, equal for all rotors, at which thrust aloft equals standard weight, at nominal voltage."""
         c = self.rotor_constants
         full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
         share, f = self.mass_kg * 9.80665 / full, c.thrust_model_factor

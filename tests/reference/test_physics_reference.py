@@ -189,9 +189,7 @@ def test_every_part_of_the_equations_matters() -> None:
     constants = vehicle.rotor_constants.model_copy(
         update={"axial_drag_kg_per_rad": 2e-4, "thrust_model_factor": 0.4, "inertia_kgm2": 1e-4}
     )
-    vehicle = vehicle.model_copy(
-        update={"rotor_constants": constants, "body_drag_linear_n_per_mps": (0.1, 0.12, 0.15)}
-    )
+    vehicle = vehicle.model_copy(update={"rotor_constants": constants, "body_drag_linear_n_per_mps": (0.1, 0.12, 0.15)})
     flown = Flown(vehicle, hard_commands(vehicle, 1.0), start={7: 9.0, 8: 4.0, 9: -3.0, 10: 2.5, 11: -1.5, 12: 1.0})
     position, attitude, _ = flown.errors()
     assert position < 1e-10

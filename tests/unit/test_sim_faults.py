@@ -1,0 +1,148 @@
+"""Rotor faults: what each does, when it takes hold, what it tells, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pydantic
+import pytest
+
+from hil.signals.errors import ConfigError
+from hil.signals.samples import TruthState
+from sim.physics.faults import RotorFault, misfits
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
+from sim.scene.scene import load_scene
+
+TICK_NS = 4_000_000
+
+
+def hovering(*faults: RotorFault, tick_ns: int = TICK_NS) -> QuadrotorPhysics:
+    vehicle = load_vehicle("x500")
+    physics = QuadrotorPhysics(vehicle, load_scene("airfield"), tick_ns, initial_p_WB=(0.0, 0.0, 500.0), faults=faults)
+    physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+    return physics
+
+
+def fly(physics: QuadrotorPhysics, ticks: int) -> list[TruthState]:
+    controls = (physics.vehicle.hover_control,) * 4
+    return [physics.advance(tick, controls) for tick in range(ticks + 1)]
+
+
+def test_efficiency_takes_thrust_and_torque_at_its_tick() -> None:
+    physics = hovering(RotorFault(kind="efficiency", rotor=0, at_s=0.0401, factor=0.6))
+    track = fly(physics, 13)
+    # 40.1 ms: tick 11 is the first at or after it, so tick 12 is the first to feel it.
+    for truth in track[1:12]:
+        assert truth.a_WB_W[2] == pytest.approx(0.0, abs=1e-9)
+    assert track[12].a_WB_W[2] == pytest.approx(-0.1 * 9.80665, rel=1e-3)
+    vehicle = physics.vehicle
+    lost = 0.4 * vehicle.mass_kg * 9.80665 / 4
+    # Front right, counter-clockwise: its reaction was clockwise, so less of it turns the body counter-clockwise.
+    x, y, _ = vehicle.rotors[0].position_m
+    expected = [
+        -y * lost / vehicle.inertia_kgm2[0],
+        x * lost / vehicle.inertia_kgm2[1],
+        vehicle.rotor_constants.moment_ratio_m * lost / vehicle.inertia_kgm2[2],
+    ]
+    assert track[12].alpha_WB_B == pytest.approx(expected, rel=0.02)
+    assert track[13].rotor_speed_radps[0] == pytest.approx(track[0].rotor_speed_radps[0])
+
+
+def test_stuck_rotor_ignores_commands() -> None:
+    physics = hovering(RotorFault(kind="stuck", rotor=3, at_s=0.0, speed_radps=200.0))
+    track = fly(physics, 25)
+    start = track[0].rotor_speed_radps[3]
+    tau = physics.vehicle.rotor_constants.time_constant_down_s
+    assert track[25].rotor_speed_radps[3] == pytest.approx(200.0 + (start - 200.0) * math.exp(-0.1 / tau), rel=1e-9)
+    assert track[25].rotor_speed_radps[0] == pytest.approx(start)
+
+
+def test_lost_blade_halves_the_thrust_and_whirls() -> None:
+    whirl = RotorFault(kind="lost_blade", rotor=1, at_s=0.0, imbalance_gcm=30.0)
+    smooth = RotorFault(kind="lost_blade", rotor=1, at_s=0.0)
+    # Ticks of 0.2 ms show the force turning at 122 Hz.
+    shaken = fly(hovering(whirl, tick_ns=200_000), 200)
+    still = fly(hovering(smooth, tick_ns=200_000), 200)
+    extra = np.array([np.array(a.a_WB_W) - np.array(b.a_WB_W) for a, b in zip(shaken[1:], still[1:], strict=True)])
+    speed, mass = shaken[0].rotor_speed_radps[1], 2.064307692307692
+    push = 30e-5 * speed**2 / mass
+    strength = np.linalg.norm(extra[:50, :2], axis=1)
+    assert strength == pytest.approx(push, rel=0.02)
+    angle = np.unwrap(np.arctan2(extra[:50, 1], extra[:50, 0]))
+    assert np.diff(angle) == pytest.approx(speed * 2e-4, rel=0.02)  # counter-clockwise, at the rotor's speed
+    assert still[1].a_WB_W[2] == pytest.approx(-9.80665 / 8, rel=1e-3)
+
+
+def test_a_later_fault_replaces_the_earlier_and_all_are_told() -> None:
+    physics = hovering(
+        RotorFault(kind="stuck", rotor=2, at_s=0.02, speed_radps=0.0),
+        RotorFault(kind="efficiency", rotor=2, at_s=0.01, factor=0.5),
+        RotorFault(kind="efficiency", rotor=0, at_s=0.02, factor=0.9),
+    )
+    told = []
+    for tick in range(10):
+        physics.advance(tick, (physics.vehicle.hover_control,) * 4)
+        told += [(tick, event) for event in physics.take_events()]
+    assert [(tick, event.t_ns, event.kind) for tick, event in told] == [
+        (3, 12_000_000, "fault"),
+        (5, 20_000_000, "fault"),
+        (5, 20_000_000, "fault"),
+    ]
+    assert [event.text for _, event in told] == [
+        "rotor 2: efficiency falls to 50 %",
+        "rotor 2: stuck at 0 rad/s",
+        "rotor 0: efficiency falls to 90 %",
+    ]
+    assert physics.take_events() == []
+
+
+def test_no_fault_no_change() -> None:
+    assert fly(hovering(), 30) == fly(hovering(RotorFault(kind="stuck", rotor=0, at_s=60.0)), 30)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"kind": "jammed", "rotor": 0, "at_s": 1.0}, "efficiency"),
+        ({"kind": "efficiency", "rotor": 0, "at_s": 1.0}, "needs factor"),
+        ({"kind": "efficiency", "rotor": 0, "at_s": 1.0, "factor": 1.5}, "less than or equal to 1"),
+        ({"kind": "stuck", "rotor": 0, "at_s": 1.0, "factor": 0.5}, "factor has no meaning for the kind 'stuck'"),
+        ({"kind": "stuck", "rotor": 9, "at_s": 1.0}, "rotor"),
+        ({"kind": "stuck", "rotor": 0, "at_s": -1.0}, "at_s"),
+        ({"kind": "stuck", "rotor": 0, "at_s": 1.0, "speed": 3.0}, "speed"),
+    ],
+)
+def test_wrong_faults_are_refused_by_name(data: dict[str, object], said: str) -> None:
+    with pytest.raises(pydantic.ValidationError, match=said):
+        RotorFault.model_validate(data)
+
+
+def test_a_rotor_that_is_not_there() -> None:
+    fault = RotorFault(kind="stuck", rotor=5, at_s=1.0)
+    assert misfits([fault], 4) == [(0, "names rotor 5, but the vehicle has rotors 0 to 3")]
+    with pytest.raises(ValueError, match="names rotor 5"):
+        hovering(fault)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ("mass_kg: 2.064307692307692", "mass_kg: -2.0", "mass_kg: Input should be greater than"),
+        ("inertia_kgm2: [0.023891, 0.023891, 0.044000]", "inertia_kgm2: [0.01, 0.01, 0.044]", "triangle inequality"),
+        ("time_constant_up_s: 0.0125 ", "time_constant_up_s: 0.0 ", "time_constant_up_s: Input should be greater than"),
+        ("cells: 4", "cells: 0", "cells: Input should be greater than"),
+        ("radius_m: 0.127 ", "radius_m: 0.0 ", "radius_m: Input should be greater than"),
+    ],
+)
+def test_an_impossible_vehicle_is_refused_with_its_line(tmp_path: Path, good: str, bad: str, said: str) -> None:
+    text = (VEHICLE_DIR / "x500.yaml").read_text()
+    assert text.count(good) == 1
+    path = tmp_path / "odd.yaml"
+    path.write_text(text.replace(good, bad))
+    with pytest.raises(ConfigError, match=said) as caught:
+        load_vehicle(path)
+    line = text[: text.index(good)].count("\n") + 1
+    assert f"odd.yaml:{line}:" in str(caught.value)
