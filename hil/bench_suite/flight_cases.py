@@ -270,6 +270,8 @@ class _MujocoStepper:
         self._body.serve_mujoco(data.qpos, data.qvel, data.act, data.qfrc_applied)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
         mujoco.set_mjcb_control(signature(self._body.mujoco_callback()))
+        # What MuJoCo thinks of a state goes to a log file in the working directory otherwise; the rows say it better.
+        mujoco.set_mju_user_warning(lambda _text: None)
         self._speed = flight.vehicle.speed_radps
 
     @property
@@ -283,6 +285,7 @@ class _MujocoStepper:
 
     def close(self) -> None:
         mujoco.set_mjcb_control(None)
+        mujoco.set_mju_user_warning(None)
 
 
 def _lag(vehicle: Vehicle) -> float:

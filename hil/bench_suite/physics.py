@@ -43,6 +43,7 @@ from sim.physics.vehicle import load_vehicle
 Say = Callable[[str], None]
 _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"
+_DIVERGED = 1e6  # shown for a drift beyond all bounds: neither JSON nor the plot has infinity
 _OURS = "this project, order 8 @ 4 ms"
 
 
@@ -119,9 +120,11 @@ def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say) -
         began = time.perf_counter()
         end = method.fly(flight, record=False)[-1]
         took = (time.perf_counter() - began) / flight.duration_s
-        drift = spin_drift(flight, end)
-        error = max(drift["energy"], drift["momentum"])
-        result.rows.append(Row("tumble", method.name, error, "1", took, {"simulated_s": flight.duration_s, **drift}))
+        finite = bool(np.isfinite(end).all())
+        drift = spin_drift(flight, end) if finite else dict.fromkeys(("energy", "momentum", "norm"), _DIVERGED)
+        error = min(_DIVERGED, max(drift["energy"], drift["momentum"]))
+        details = {"simulated_s": flight.duration_s, "finite": finite, **drift}
+        result.rows.append(Row("tumble", method.name, error, "1", took, details))
 
 
 def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say, *, repeats: int) -> None:
