@@ -6,17 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from hil.config.schema import BenchConfig
+from hil.config import Bench, BenchConfig
 from hil.scheduler import PHASES, Scheduler, SensorSlot
+from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Skipped
-from hil.signals.latency import LatencyHistogram
 from hil.verdict import Verdict
 from sim.physics.quadrotor import QuadrotorPhysics
 
 
 def summarise(
-    config: BenchConfig,
+    bench: Bench,
     verdict: Verdict,
     *,
     status: str,
@@ -31,7 +31,7 @@ def summarise(
     timing_s: Mapping[str, float],
 ) -> dict[str, Any]:
     """The content of run.json. Parts that a failed run never built are None."""
-    m = verdict.measurements
+    config, m = bench.config, verdict.measurements
     sim_s = (scheduler.tick * config.tick_ns if scheduler else 0) / NS_PER_S
     wall_s = timing_s.get("flight", 0.0)
     stats = link.stats if link else None
@@ -56,7 +56,7 @@ def summarise(
         "deterministic": bool(link is not None and link.caps.deterministic and not outside_input),
         "seed": config.seed,
         "rig": config.rig,
-        "scene": config.scene,
+        "scene": bench.scene.name,
         "sim_s": sim_s,
         "wall_s": wall_s,
         "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,

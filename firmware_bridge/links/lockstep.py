@@ -1,5 +1,4 @@
-"""MAVLink lockstep: one HIL_SENSOR out, one HIL_ACTUATOR_CONTROLS of the same time back. The mock and PX4
-SITL.
+"""MAVLink lockstep: one HIL_SENSOR out, one HIL_ACTUATOR_CONTROLS of the same time back. The mock, PX4 SITL.
 
 Order of a tick, which is what makes runs repeatable:
 

@@ -91,7 +91,7 @@ class MockPixhawk:
 
         self.params = ParamTable(_native_params())
         self.params.load_airframe(airframe)
-        self.params.load_assignments([*params, f"MAV_SYS_ID={sysid}"])
+        self.params.load([*params, f"MAV_SYS_ID={sysid}"])
         names = list(_native.PARAM_NAMES)
         self._native_index = {name: index for index, name in enumerate(names)}
         self._core = _native.FlightCore(np.array([float(self.params[name]) for name in names]))
@@ -113,7 +113,7 @@ class MockPixhawk:
             project=self._estimate.ned,
             reached=self._on_reached,
             info=lambda text: self.say(Severity.INFO, text),
-            set_home=lambda place: self.commander.set_home(place),
+            set_home=self._set_home,
         )
         self.commander = Commander(
             vehicle,
@@ -243,7 +243,7 @@ class MockPixhawk:
         if self.vehicle.armed:
             # PX4's outputs have steps of 1/1000.
             controls = [round(u * 1000.0) / 1000.0 for u in self._controls.tolist()[: self._rotors]]
-            controls.extend(self._unused)
+            controls += self._unused
             mode = _MODE_ARMED
         else:
             controls = [0.0] * _CHANNELS
@@ -307,6 +307,10 @@ class MockPixhawk:
     def _on_reached(self, seq: int) -> None:
         self._send(_Reached(seq))
         self.send_once(MSGID["MISSION_CURRENT"], max(self._last_us, 0))
+
+    def _set_home(self, place: tuple[float, float, float] | None) -> None:
+        if not self.commander.set_home(place):
+            self._warn("Home not set: no position")
 
     def _set_current(self, seq: int, now_us: int) -> None:
         if self.navigator.set_current(seq):

@@ -165,10 +165,8 @@ class Navigator:
     def _point(self, item: MissionItem, otherwise: Point) -> Point:
         """Local NED of a navigation item; `otherwise` gives north and east where the item leaves them open."""
         home = self._vehicle.home
-        if item.frame in RELATIVE_FRAMES and home is not None:
-            alt = home.alt_m + item.alt_m
-        else:
-            alt = item.alt_m
+        relative = item.frame in RELATIVE_FRAMES and home is not None
+        alt = home.alt_m + item.alt_m if relative and home is not None else item.alt_m
         if place_is_open(item):
             _, _, d = self._project(0.0, 0.0, alt)
             return (otherwise[0], otherwise[1], d)
@@ -180,7 +178,7 @@ class Navigator:
         if command in NAVIGATION and command != Cmd.NAV_LAND and self._vehicle.landed:
             return self._begin_climb(item)
         if command in NAVIGATION:
-            return self._begin_run(now_us)
+            return self._begin_run()
         if command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
             return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
         if command == Cmd.CONDITION_YAW:
@@ -189,8 +187,8 @@ class Navigator:
             self._next_mode = Mode.RTL
             self.complete = True
             self._done(item.seq)
-            return lambda now: True
-        return lambda now: self._instant(item)
+            return lambda _now: True
+        return lambda _now: self._instant(item)
 
     def _instant(self, item: MissionItem) -> bool:
         """Items that take no time."""
@@ -269,7 +267,7 @@ class Navigator:
         # The item itself goes on as an ordinary waypoint once the vehicle is up.
         return self._climb.step
 
-    def _begin_run(self, now_us: int) -> Callable[[int], bool]:
+    def _begin_run(self) -> Callable[[int], bool]:
         """Lay a trajectory through the items from `index` on that can be flown without a stop."""
         guidance, items = self._guidance, self.items
         points = [guidance.setpoint_position()]

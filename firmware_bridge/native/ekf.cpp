@@ -554,8 +554,9 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
     const double var = square(params_[EKF_HEAD_NOISE]);
 
     const auto take_heading = [&] {
-        // Turn about NED down. The error along body-down is replaced by the heading's: P <- T P T^T + var d d^T,
-        // T = I - d d^T on the attitude rows.
+        // Turn about NED down, so that the innovation is zero. The error along body-down becomes unknown,
+        // P <- T P T^T + (1 rad)^2 d d^T with T = I - d d^T on the attitude rows, and the heading is then fused as a
+        // measurement: a dipping field ties the yaw error to the tilt error, and fusing keeps that correlation.
         const Quat q_next = normalized(Quat{det::cos(0.5 * innovation), 0.0, 0.0, det::sin(0.5 * innovation)} * q_NF());
         x_[0] = q_next.w, x_[1] = q_next.x, x_[2] = q_next.y, x_[3] = q_next.z;
         const Vec3 down = rotate(conjugate(q_next), Vec3{0.0, 0.0, 1.0});
@@ -566,10 +567,18 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
         for (int i = 0; i < 3; ++i) {
             for (int j = i; j < kErrors; ++j) {
                 double value = P_[i][j] - d[i] * along[j];
-                if (j < 3) value += -along[i] * d[j] + d[i] * d[j] * (both + var);
+                if (j < 3) value += -along[i] * d[j] + d[i] * d[j] * (both + 1.0);
                 P_[i][j] = P_[j][i] = value;
             }
         }
+        const double turned[4] = {x_[0], x_[1], x_[2], x_[3]};
+        const double *const turned_arg[2] = {turned, field};
+        generated::ekf_heading(turned_arg, res);
+        Row heading{};
+        for (int k = 0; k < 3; ++k) heading.h[kTheta + k] = h[k];
+        heading.noise_variance = var;
+        double dx[kErrors] = {};
+        fuse_row(heading, dx);
         yaw_aligned_ = true;
         last_mag_ok_us_ = t_us_;
         bound_covariance();

@@ -22,7 +22,7 @@ from typing import Any
 
 from hil.bench import run_bench
 from hil.bench_suite.result import BenchmarkResult, Check, Row
-from hil.config.load import load_bench
+from hil.config import load_bench
 from hil.signals.errors import HilError
 from hil.signals.latency import LatencyHistogram
 
