@@ -52,9 +52,10 @@ _BOOT_SENSORS_LIMIT = 2500
 
 
 class LockstepLink:
-    """Lockstep over `transport`. If `start_process` is given, `open` calls it once the transport is open
-    and starts the process it returns; `close` ends that process.
+    """Lockstep over `transport`.
 
+    If `start_process` is given, `open` calls it once the transport is open and starts the process it returns; `close`
+    ends that process.
     `reply_limit_s` and `heartbeat_limit_s` are wall-clock limits.
     """
 

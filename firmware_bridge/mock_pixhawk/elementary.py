@@ -76,11 +76,13 @@ def _reduce(x: float) -> tuple[float, float, int]:
         r = t - w
         w = n * _P2T - ((t - r) - w)
         head = r - w
-        t = r
-        w = n * _P3
-        r = t - w
-        w = n * _P3T - ((t - r) - w)
-        head = r - w
+        # Only where the second step cancelled too: elsewhere it would drop that step's rounding error.
+        if fabs(head) < 1.7763568394002505e-15 * fabs(x):  # 2**-49
+            t = r
+            w = n * _P3
+            r = t - w
+            w = n * _P3T - ((t - r) - w)
+            head = r - w
     return head, (r - head) - w, int(n) & 3
 
 

@@ -29,7 +29,8 @@ Point = tuple[float, float, float]
 _STRAIGHT = 1.0 - 1e-7  # cosine of a turn that needs no arc: less than 0.03 degrees
 _REVERSAL = -0.95  # sharper than this the arc would be too small: turn on the spot
 _CORNER_STOP_MPS = 0.15  # speed over a corner without arc; not 0, or the corner would never be reached
-_SNAP_M = 0.005  # nearer to the end than this is the end
+_SNAP_M = 0.002  # nearer to the end than this is the end
+_CREEP_MPS = 0.5
 _SPEED_GAIN = 4.0  # 1/s: how fast the speed approaches its target when jerk and acceleration leave room
 
 
@@ -56,12 +57,20 @@ class Piece(NamedTuple):
     speed: float
 
 
-def max_speed_mps(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
-    """Highest speed from which one can brake to `speed_then_mps` within `distance_m` >= 0."""
+def _braking_speed(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
     b = 4.0 * accel_mps2 * accel_mps2 / jerk_mps3
     c = 2.0 * accel_mps2 * distance_m + speed_then_mps * speed_then_mps
+    return 0.5 * (sqrt(b * b + 4.0 * c) - b)
+
+
+def max_speed_mps(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
+    """Highest speed from which one can brake to `speed_then_mps` within `distance_m` >= 0."""
+    v = _braking_speed(distance_m, speed_then_mps, accel_mps2, jerk_mps3)
+    if v < _CREEP_MPS:
+        # The form above creeps towards the end (v = 0.7/s * d). Slow as this is, twice the jerk is not used up.
+        v = max(v, min(_braking_speed(distance_m, speed_then_mps, accel_mps2, 2.0 * jerk_mps3), _CREEP_MPS))
     # For d near 0 the root is less than v1, because of the time the jerk takes.
-    return max(0.5 * (sqrt(b * b + 4.0 * c) - b), speed_then_mps)
+    return max(v, speed_then_mps)
 
 
 def _leg_speed(u: Point, speed: float, limits: Limits) -> float:
@@ -204,7 +213,7 @@ class Trajectory:
         self.a += min(max(wanted - self.a, -step), step)
         self.v = max(self.v + self.a * dt_s, 0.0)
         self.s += self.v * dt_s
-        if self.length - self.s < _SNAP_M and self.v < 0.2:
+        if self.length - self.s < _SNAP_M and self.v < 0.1:
             self.s = self.length
         self.s = min(self.s, self.length)
         self._place()

@@ -15,6 +15,7 @@ constexpr double kDeg = det::kPi / 180.0;
 // Beyond these a sample is a wire fault, not motion: 4000 deg/s, 80 g, 1 km/s, 2 gauss.
 constexpr double kMaxRate = 70.0, kMaxForce = 800.0, kMaxSpeed = 1000.0, kMaxField = 2.0, kMinField = 0.05;
 constexpr double kLongestStep = 0.1;  // s; a longer gap is propagated as this and the rest left to the noise
+constexpr double kFieldGain = 0.005;  // per sample: the field's mean over some seconds
 constexpr int kYawSamples = 5;        // field samples averaged into the first yaw
 
 // Bounds of the variances: floors keep gains alive, ceilings keep a long outage from overflowing.
@@ -43,7 +44,7 @@ void Ekf::restart() {
     last_gps_ok_us_ = last_gps_v_ok_us_ = last_baro_ok_us_ = last_mag_ok_us_ = last_hold_us_ = 0;
     bad_imu_run_ = 0;
     last_baro_m_ = 0.0;
-    rest_gyro_ = rest_force_ = mag_sum_ = Vec3{};
+    rest_gyro_ = rest_force_ = mag_sum_ = field_N_ = Vec3{};
     rest_count_ = mag_count_ = 0;
 }
 
@@ -541,17 +542,28 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
         if (++mag_count_ < kYawSamples) return;
         field_F = (1.0 / mag_count_) * mag_sum_;
     }
-    const double q[4] = {x_[0], x_[1], x_[2], x_[3]}, field[3] = {field_F.x, field_F.y, field_F.z};
-    double level[2], h[3];
-    const double *const arg[2] = {q, field};
-    double *const res[2] = {level, h};
-    generated::ekf_heading(arg, res);
-    if (level[0] * level[0] + level[1] * level[1] < square(0.05 * norm(field_F))) {
+    const Vec3 seen_N = rotate(q_NF(), field_F);
+    if (square(seen_N.x) + square(seen_N.y) < square(0.05 * norm(field_F))) {
         ++rejections_.mag;  // the field points along gravity: no heading in it
         return;
     }
-    const double innovation = wrap_pi(params_[EKF_MAG_DECL] * kDeg - det::atan2(level[1], level[0]));
+    const double innovation = wrap_pi(params_[EKF_MAG_DECL] * kDeg - det::atan2(seen_N.y, seen_N.x));
     const double var = square(params_[EKF_HEAD_NOISE]);
+    // The Jacobian is taken at the smoothed field, not at this sample: a row that jitters with the sample's own noise
+    // pretends to see the tilt, which a dipping field couples to heading, and biases it within seconds.
+    const auto heading_row = [&](double value) {
+        const Vec3 smooth_F = rotate(conjugate(q_NF()), field_N_);
+        const double q[4] = {x_[0], x_[1], x_[2], x_[3]}, field[3] = {smooth_F.x, smooth_F.y, smooth_F.z};
+        double h[3];
+        const double *const arg[2] = {q, field};
+        double *const res[1] = {h};
+        generated::ekf_heading(arg, res);
+        Row row{};
+        for (int k = 0; k < 3; ++k) row.h[kTheta + k] = h[k];
+        row.innovation = value;
+        row.noise_variance = var;
+        return row;
+    };
 
     const auto take_heading = [&] {
         // Turn about NED down, so that the innovation is zero. The error along body-down becomes unknown,
@@ -571,12 +583,8 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
                 P_[i][j] = P_[j][i] = value;
             }
         }
-        const double turned[4] = {x_[0], x_[1], x_[2], x_[3]};
-        const double *const turned_arg[2] = {turned, field};
-        generated::ekf_heading(turned_arg, res);
-        Row heading{};
-        for (int k = 0; k < 3; ++k) heading.h[kTheta + k] = h[k];
-        heading.noise_variance = var;
+        field_N_ = rotate(q_next, field_F);
+        const Row heading = heading_row(0.0);
         double dx[kErrors] = {};
         fuse_row(heading, dx);
         yaw_aligned_ = true;
@@ -587,10 +595,7 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
         take_heading();
         return;
     }
-    Row row{};
-    for (int k = 0; k < 3; ++k) row.h[kTheta + k] = h[k];
-    row.innovation = innovation;
-    row.noise_variance = var;
+    const Row row = heading_row(innovation);
     ratio_mag = ratio_of(row, params_[EKF_HEAD_GATE]);
     if (ratio_mag > 1.0) {
         ++rejections_.mag;
@@ -605,6 +610,7 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
     double dx[kErrors] = {};
     fuse_row(row, dx);
     inject(dx);
+    field_N_ = field_N_ + kFieldGain * (rotate(q_NF(), field_F) - field_N_);
     check_finite();
 }
 

@@ -129,7 +129,7 @@ class Ekf {
     std::int64_t last_mag_us_, last_mag_ok_us_, last_hold_us_;
     int bad_imu_run_;
     double last_baro_m_;
-    Vec3 rest_gyro_, rest_force_, mag_sum_;
+    Vec3 rest_gyro_, rest_force_, mag_sum_, field_N_;
     int rest_count_, mag_count_;
     int resets_ = 0;
     Rejections rejections_;
