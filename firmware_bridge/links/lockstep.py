@@ -308,17 +308,20 @@ class LockstepLink:
     def _silence(self, want_us: int) -> str:
         parser = self._parser
         frames_before, bytes_before = self._heard_before
-        telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames[frames_before:])
+        telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames)
+        damaged = parser.garbage_bytes + parser.pending
         what = f"no answer to time_usec {want_us} within {self._reply_limit_s:g} s of wall clock"
+        facts = []
         if telemetry:
-            said = f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
-        elif self._stats.rx_bytes > bytes_before:
-            said = (
-                f"what came was damaged ({parser.garbage_bytes + parser.pending} bytes that are no message, "
+            facts.append(
+                f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
+            )
+        if damaged:
+            facts.append(
+                f"some of what came was damaged ({damaged} bytes that are no message, "
                 f"{parser.bad_crc} bad checksums so far)"
             )
-        else:
-            said = "it said nothing"
+        said = "; ".join(facts) or "it said nothing"
         if self._process is not None:
             said += "; its process still runs"
         if not self._stats.rtt.count and self._caps.boot_sensors is not None:

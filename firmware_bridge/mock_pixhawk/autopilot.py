@@ -82,6 +82,7 @@ class MockPixhawk:
         self._encoder = FrameEncoder(sysid, COMPONENT_AUTOPILOT)
         self._out: list[bytes] = []
         self._boot_left = boot_sensors
+        self._answering = False  # the first HIL_ACTUATOR_CONTROLS has been made
         self._silent = False
         self._last_us = -1
         self._text_id = 0
@@ -193,7 +194,7 @@ class MockPixhawk:
                     self._sensors.take_gps(frame[4], self._last_us)
             else:
                 self._on_other(frame)
-        if self._boot_left or not self._out or self._silent:
+        if not self._out or self._silent or not self._answering:
             return b""
         out = b"".join(self._out)
         self._out.clear()
@@ -258,6 +259,7 @@ class MockPixhawk:
             frame = self._misbehaviour.output(now_us, b"".join(self._out), frame)
             self._out.clear()
         self._out.append(frame)
+        self._answering = True
 
     # -- what the parts need of the whole -----------------------------------------------------------------------
 

@@ -138,9 +138,7 @@ def functions() -> list[ca.Function]:
     q_true = quaternion_product(q, normalized(ca.vertcat(1, dtheta / 2)))
     m_N = rotation_matrix(q_true) @ field
     heading_row = ca.substitute(ca.jacobian(ca.atan2(m_N[1], m_N[0]), dtheta), dtheta, ca.SX.zeros(3))
-    heading = ca.Function(
-        "ekf_heading", [q, field], [ca.densify(ca.vec(heading_row.T))], ["q", "field"], ["h_theta"]
-    )
+    heading = ca.Function("ekf_heading", [q, field], [ca.densify(ca.vec(heading_row.T))], ["q", "field"], ["h_theta"])
 
     # A measurement of velocity and position tau ago, as a function of the error now: the mean specific force
     # over the interval, force_N, is carried back with the attitude and accelerometer-bias errors of now.

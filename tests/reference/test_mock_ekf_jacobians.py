@@ -121,7 +121,9 @@ def test_measurement_rows_against_finite_differences():
         q, field = random_inputs("ekf_heading", rng)
         row = np.array(_native.ekf_generated("ekf_heading", [q.tolist(), field.tolist()])[0])
         force, tau = 10.0 * rng.normal(size=3), 0.1
-        rows = [np.reshape(b, (3, 3)) for b in _native.ekf_generated("ekf_delayed", [q.tolist(), force.tolist(), [tau]])]
+        rows = [
+            np.reshape(b, (3, 3)) for b in _native.ekf_generated("ekf_delayed", [q.tolist(), force.tolist(), [tau]])
+        ]
         body_force = matrix(q).T @ force
 
         def acceleration(e: np.ndarray, q=q, body_force=body_force) -> np.ndarray:

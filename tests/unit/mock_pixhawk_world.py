@@ -123,8 +123,14 @@ def messages(frames: list[Frame], name: str) -> list[Any]:
 
 
 def texts(frames: list[Frame]) -> list[str]:
-    """All STATUSTEXTs, chunks as they came."""
-    return [m.text for m in messages(frames, "STATUSTEXT")]
+    """All STATUSTEXTs, chunks joined."""
+    found: list[str] = []
+    for m in messages(frames, "STATUSTEXT"):
+        if m.id and m.chunk_seq:
+            found[-1] += m.text
+        else:
+            found.append(m.text)
+    return found
 
 
 def results(frames: list[Frame]) -> list[tuple[int, int]]:
