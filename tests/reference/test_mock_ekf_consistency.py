@@ -12,6 +12,7 @@ import random
 import numpy as np
 import pytest
 
+from firmware_bridge import _native
 from tests.reference.ekf_reference import OFF, POSITION, TICK_US, Flight, SensorNoise, parameters, smooth_legs
 
 RUNS = 6
@@ -174,6 +175,54 @@ def test_gps_delay_is_compensated(told_ms):
     assert error == pytest.approx(4.0 * (told_ms - 100.0) * 1e-3, abs=0.06 + 0.15 * (told_ms != 100.0))
     if told_ms == 100.0:
         assert abs(error) < 0.03
+
+
+def after_an_outage() -> tuple[Flight, tuple[float, ...]]:
+    """Hovering, 15 s without GPS: position and velocity uncertain, and a fix (200 ms later) to end it."""
+    flight = Flight()
+    flight.ready()
+    flight.take_off()
+    flight.gps_on = False
+    flight.run(15.0)
+    assert flight.get("std_v")[0] > 0.1
+    lat, lon, alt = flight.plane.geodetic(*flight.p)
+    return flight, (lat, lon, alt, *flight.v, 0.05, 0.05)
+
+
+def test_delayed_fusion_is_the_textbook_update():
+    """Six scalars one after another equal the batch update P - K S K^T with the rows carried back by tau."""
+    flight, fix = after_an_outage()
+    core, tau = flight.core, 0.1
+    before = covariance(flight)
+    q = flight.get("q_NF")
+    # Hovering: the mean specific force of the last 100 ms is gravity's, within a per cent.
+    blocks = _native.ekf_generated("ekf_delayed", [list(q), [0.0, 0.0, -9.81], [tau]])
+    v_theta, v_ba, p_theta, p_ba = (np.reshape(b, (3, 3)) for b in blocks)
+    H = np.zeros((6, 16))
+    H[:3, 0:3], H[:3, 3:6], H[:3, 12:15] = v_theta, np.eye(3), v_ba
+    H[3:, 0:3], H[3:, 3:6], H[3:, 6:9], H[3:, 12:15] = p_theta, -tau * np.eye(3), np.eye(3), p_ba
+    R = np.diag([0.1**2] * 3 + [0.05**2] * 3)
+    S = H @ before @ H.T + R
+    expected = before - before @ H.T @ np.linalg.solve(S, H @ before)
+    core.set_param(_native.PARAM_NAMES.index("EKF_GPS_T_NOISE"), 0.0)
+    core.update_gps(int(flight.state[0]), *fix)
+    scale = np.sqrt(np.outer(np.diag(before), np.diag(before)))
+    assert np.abs((covariance(flight) - expected) / scale).max() < 2e-3
+    assert flight.get("rejected")[1] == 0.0
+
+
+def test_the_past_is_corrected_with_the_present():
+    """The same fix again finds nothing left to correct but noise: the ring has moved with the state."""
+    flight, fix = after_an_outage()
+    p_before = flight.get("p_NF")
+    flight.core.update_gps(int(flight.state[0]), *fix)
+    first = flight.get("nis_gps")
+    assert math.dist(p_before, flight.get("p_NF")) > 0.2
+    flight.core.update_gps(int(flight.state[0]) + 1, *fix)
+    second = flight.get("nis_gps")
+    assert first[0] > 0.3
+    assert second[0] < 0.05 * first[0]
+    assert second[1] < 0.3
 
 
 def test_fix_older_than_the_ring_is_rejected():

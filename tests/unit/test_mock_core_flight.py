@@ -147,6 +147,19 @@ def test_position_step_without_overshoot():
     assert max(flight.log.tilt) < math.radians(36.0)
 
 
+def test_level_dash_keeps_altitude():
+    """Thrust follows the body axis that is, not the one that is wanted: tilting in does not shoot up."""
+    flight = in_the_air()
+    yaw = flight.get("euler")[2]
+    start = len(flight.log.p)
+    for x in (6.0, 0.0, 6.0):
+        flight.set(POSITION, x=x, y=0.0, z=-ALTITUDE_M, yaw=yaw)
+        flight.run(2.0)
+    height = np.array(flight.log.p[start:])[:, 2] + flight.offset()[2] + ALTITUDE_M
+    print("altitude error of a dash", np.abs(height).max())
+    assert np.abs(height).max() < 0.1
+
+
 def test_yaw_turns_the_short_way_and_holds_position():
     flight = in_the_air()
     start = flight.get("euler")[2]

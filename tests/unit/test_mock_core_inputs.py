@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -39,7 +40,7 @@ def test_parameter_table_is_usable():
 def test_state_fields_tile_the_state():
     spans = sorted(_native.STATE_FIELDS.values())
     assert spans[0][0] == 0
-    for (offset, size), (following, _) in zip(spans[:-1], spans[1:], strict=True):
+    for (offset, size), (following, _) in itertools.pairwise(spans):
         assert offset + size == following
     assert sum(spans[-1]) == 64
 
@@ -137,15 +138,15 @@ def test_lasting_imu_failure_is_told(hovering):
 def test_setpoints_without_sense_are_refused(hovering):
     core = hovering.core
     bad = [
-        dict(kind=POSITION, x=INF),
-        dict(kind=POSITION, z=1e9),
-        dict(kind=POSITION, vx=-INF),
-        dict(kind=POSITION, yaw=INF),
-        dict(kind=RATE, x=0.0, y=0.0, z=0.0),  # no thrust
-        dict(kind=ATTITUDE, x=0.0, y=0.0),  # no thrust
-        dict(kind=ATTITUDE, x=0.0, y=2.0, z=0.5),
-        dict(kind=6),
-        dict(kind=-1),
+        {"kind": POSITION, "x": INF},
+        {"kind": POSITION, "z": 1e9},
+        {"kind": POSITION, "vx": -INF},
+        {"kind": POSITION, "yaw": INF},
+        {"kind": RATE, "x": 0.0, "y": 0.0, "z": 0.0},  # no thrust
+        {"kind": ATTITUDE, "x": 0.0, "y": 0.0},  # no thrust
+        {"kind": ATTITUDE, "x": 0.0, "y": 2.0, "z": 0.5},
+        {"kind": 6},
+        {"kind": -1},
     ]
     for setpoint in bad:
         assert core.set_setpoint(**setpoint) is False, setpoint

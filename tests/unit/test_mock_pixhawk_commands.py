@@ -96,7 +96,7 @@ def test_arm_and_disarm():
     assert results(frames) == [(400, ACCEPTED)]
     assert world.autopilot.vehicle.armed
     assert max(world.controls) > 0.0
-    assert all(u == round(u, 3) for u in world.controls)
+    assert all(abs(u - round(u, 3)) < 1e-7 for u in world.controls)  # steps of 1/1000, as float32
     assert results(answer(world, 400, 0)) == [(400, ACCEPTED)]
     assert world.controls == (0.0,) * 16
     assert results(answer(world, 400, 0.5)) == [(400, DENIED)]
@@ -225,7 +225,10 @@ def test_home_can_be_asked_for_and_set():
     assert results(answer(world, 410)) == [(410, ACCEPTED)]
     assert results(answer(world, 179, 0, 0, 0, 0, 47.4, 8.55, 500.0)) == [(179, ACCEPTED)]
     (home,) = messages(answer(world, 512, MSGID["HOME_POSITION"]), "HOME_POSITION")
-    assert (home.latitude, home.longitude, home.altitude) == (474_000_000, 85_500_000, 500_000)
+    # COMMAND_LONG carries degrees as float32.
+    assert home.latitude == pytest.approx(474_000_000, abs=30)
+    assert home.longitude == pytest.approx(85_500_000, abs=10)
+    assert home.altitude == 500_000
 
 
 def test_commands_with_integer_places():
