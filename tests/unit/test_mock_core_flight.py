@@ -156,8 +156,7 @@ def test_level_dash_keeps_altitude():
         flight.set(POSITION, x=x, y=0.0, z=-ALTITUDE_M, yaw=yaw)
         flight.run(2.0)
     height = np.array(flight.log.p[start:])[:, 2] + flight.offset()[2] + ALTITUDE_M
-    print("altitude error of a dash", np.abs(height).max())
-    assert np.abs(height).max() < 0.1
+    assert np.abs(height).max() < 0.07
 
 
 def test_yaw_turns_the_short_way_and_holds_position():
