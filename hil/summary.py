@@ -36,15 +36,20 @@ def summarise(
     wall_s = timing_s.get("flight", 0.0)
     stats = link.stats if link else None
     rtt = stats.rtt if stats else None
-    skipped: list[dict[str, Any]] = [{"what": s.stage, "why": s.reason} for s in left_out]
+    ticks = scheduler.tick if scheduler else 0
+    skipped: list[dict[str, Any]] = [
+        {"what": s.stage, "why": s.reason, "saved": f"{_samples_due(config, s.stage, ticks)} samples"} for s in left_out
+    ]
     if physics is not None:
+        skips = physics.skips
         skipped.append(
             {
                 "what": "contact",
                 "why": "nothing within reach",
-                "ticks_skipped": physics.skips.skipped,
-                "ticks_queried": physics.skips.queried,
-                "ticks_touching": physics.skips.touching,
+                "saved": f"{skips.skipped} of {skips.skipped + skips.queried + skips.touching} collision queries",
+                "ticks_skipped": skips.skipped,
+                "ticks_queried": skips.queried,
+                "ticks_touching": skips.touching,
             }
         )
     sampled = {slot.port: slot for slot in slots}
@@ -94,7 +99,7 @@ def summarise(
         "sensors": {
             name: {
                 "samples": sampled[name].samples if name in sampled else 0,
-                "skipped": 0 if name in sampled or scheduler is None else _samples_due(config, name, scheduler.tick),
+                "skipped": 0 if name in sampled else _samples_due(config, name, ticks),
                 "ms": {
                     "p50": sampled[name].timing.quantile_ns(0.5) * 1e-6 if name in sampled else 0.0,
                     "p99": sampled[name].timing.quantile_ns(0.99) * 1e-6 if name in sampled else 0.0,

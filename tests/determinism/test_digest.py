@@ -100,4 +100,4 @@ def test_skipping_is_free_of_consequences(reference: str, tmp_path: Path) -> Non
     )
     assert outcome.run["digest"] == reference
     assert outcome.run["sensors"]["gps2"] == {"samples": 0, "skipped": 120, "ms": {"p50": 0.0, "p99": 0.0}}
-    assert {"what": "gps2", "why": "nobody consumes gps2"} in outcome.run["skipped"]
+    assert {"what": "gps2", "why": "nobody consumes gps2", "saved": "120 samples"} in outcome.run["skipped"]

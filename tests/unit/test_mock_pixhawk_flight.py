@@ -167,8 +167,8 @@ def test_offboard_position_then_velocity_then_loss():
     frames = world.run(1.2)
     assert "Failsafe activated: no offboard signal" in texts(frames)
     assert world.autopilot.vehicle.mode is Mode.LOITER
-    world.run(4.0)
-    assert speed(world) < 0.1
+    world.run(6.0)
+    assert speed(world) < 0.2
 
 
 def test_offboard_attitude():
@@ -184,7 +184,6 @@ def test_offboard_attitude():
         "body_pitch_rate": 0.0,
         "body_yaw_rate": 0.0,
         "thrust": 0.6,
-        "thrust_body": (0.0, 0.0, 0.0),
     }
     for k in range(20):
         world.send("SET_ATTITUDE_TARGET", **fields)
