@@ -85,7 +85,7 @@ class LockstepLink:
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
         self._sent_at_ns = 0
-        self._heard_before = (0, 0)  # frames and bytes when the wait began, for the error message
+        self._heard_before = (0, 0)  # frames and damaged bytes when the wait began, for the error message
         self._boot_due_ns = 0
 
     @property
@@ -193,7 +193,7 @@ class LockstepLink:
                 return None
             self._booting = False
         want_us = t_ns // 1000
-        self._heard_before = (len(self._frames), self._stats.rx_bytes)
+        self._heard_before = (len(self._frames), self._parser.garbage_bytes)
         frames = self._held
         if frames:
             self._held = []
@@ -307,9 +307,9 @@ class LockstepLink:
 
     def _silence(self, want_us: int) -> str:
         parser = self._parser
-        frames_before, bytes_before = self._heard_before
-        telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames)
-        damaged = parser.garbage_bytes + parser.pending
+        frames_before, damaged_before = self._heard_before
+        telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames[frames_before:])
+        damaged = parser.garbage_bytes + parser.pending - damaged_before
         what = f"no answer to time_usec {want_us} within {self._reply_limit_s:g} s of wall clock"
         facts = []
         if telemetry:

@@ -13,7 +13,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import serial
 
@@ -27,13 +27,24 @@ _PARENT_CHECK_MS = 1000  # how often a silent line is taken as a reason to look 
 _HANG_UP = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 
+def _whole_number(least: int, most: int) -> Callable[[str], int]:
+    """Type of an argument from `least` to `most`."""
+
+    def parse(text: str) -> int:
+        if not text.isdecimal() or not least <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from {least} to {most}")
+        return int(text)
+
+    return parse
+
+
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m firmware_bridge.mock_pixhawk", description="Mock Pixhawk.")
     parser.add_argument("--port", required=True, help="serial device to talk on, such as /dev/pts/7")
-    parser.add_argument("--baud", type=int, default=921600, help="of a real serial line (default 921600)")
+    parser.add_argument("--baud", type=_whole_number(1200, 12_000_000), default=921600, help="of a real serial line (default 921600)")
     parser.add_argument("--airframe", default="x500", help=f"one of {', '.join(airframes())} (default x500)")
-    parser.add_argument("--boot-sensors", type=int, default=20, help="HIL_SENSORs before the first answer")
-    parser.add_argument("--sysid", type=int, default=1, help="MAVLink system id (default 1)")
+    parser.add_argument("--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first answer")
+    parser.add_argument("--sysid", type=_whole_number(1, 250), default=1, help="MAVLink system id (default 1)")
     parser.add_argument(
         "--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter; repeatable"
     )

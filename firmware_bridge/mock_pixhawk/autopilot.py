@@ -24,6 +24,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParse
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.mock_pixhawk.commander import Commander
 from firmware_bridge.mock_pixhawk.commands import Commands
+from firmware_bridge.mock_pixhawk.declination import declination_deg
 from firmware_bridge.mock_pixhawk.estimate import Estimate
 from firmware_bridge.mock_pixhawk.failsafe import Failsafe
 from firmware_bridge.mock_pixhawk.faults import Fault, Misbehaviour
@@ -83,6 +84,7 @@ class MockPixhawk:
         self._out: list[bytes] = []
         self._boot_left = boot_sensors
         self._answering = False  # the first HIL_ACTUATOR_CONTROLS has been made
+        self._origin_known = False
         self._silent = False
         self._last_us = -1
         self._text_id = 0
@@ -286,7 +288,16 @@ class MockPixhawk:
 
     def _guide(self, now_us: int) -> None:
         self._estimate.publish(now_us)
+        if not self._origin_known and self._estimate.has_origin:
+            self._on_origin()
         self.commander.step(now_us)
+
+    def _on_origin(self) -> None:
+        """The first fix says where on Earth this is, and with that where magnetic north is."""
+        self._origin_known = True
+        if self.params["EKF_MAG_DECL"] == 0.0:
+            lat_deg, lon_deg, _ = self._estimate.geodetic(0.0, 0.0, 0.0)
+            self.params.set("EKF_MAG_DECL", declination_deg(lat_deg, lon_deg))
 
     def _on_param(self, name: str, value: float) -> str | None:
         index = self._native_index.get(name)

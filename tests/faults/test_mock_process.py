@@ -157,7 +157,7 @@ def test_it_ends_with_its_parent():
         (["--port", "x", "--param", "MPC_XY_CRUSE=3"], 2, "did you mean MPC_XY_CRUISE"),
         (["--port", "x", "--param", "MPC_XY_CRUISE"], 2, "not NAME=NUMBER"),
         (["--port", "x", "--fault", "explode@3"], 2, "KIND@SECONDS"),
-        (["--port", "x", "--sysid", "300"], 2, "MAV_SYS_ID"),
+        (["--port", "x", "--sysid", "300"], 2, "--sysid"),
         (["--port", "x", "--boot-sensors", "-1"], 2, "--boot-sensors"),
         ([], 2, "--port"),
     ],

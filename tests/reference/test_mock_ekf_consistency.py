@@ -222,6 +222,7 @@ def test_the_past_is_corrected_with_the_present():
     first, second = (math.dist(a, b) for a, b in itertools.pairwise(positions))
     assert first > 0.2
     assert second < 0.05 * first
+    assert flight.get("rejected")[1] == 0.0
 
 
 def test_fix_older_than_the_ring_is_rejected():

@@ -21,11 +21,11 @@ GCS, GCS_COMPONENT = 255, 190
 
 
 class World:
-    """The X500 on the airfield with the default sensors; `autopilot` flies it."""
+    """A vehicle on the airfield with the default sensors; `autopilot` flies it."""
 
-    def __init__(self, *, seed: int = 1, gps: bool = True, **autopilot: Any) -> None:
+    def __init__(self, *, seed: int = 1, gps: bool = True, vehicle: str = "x500", **autopilot: Any) -> None:
         scene = load_scene("airfield")
-        self.physics = QuadrotorPhysics(load_vehicle("x500"), scene, TICK_NS)
+        self.physics = QuadrotorPhysics(load_vehicle(vehicle), scene, TICK_NS)
 
         def sensor(name: str, preset: str, rate_hz: float) -> Any:
             return make_sensor(name, preset=preset, rate_hz=rate_hz, seed=seed, scene=scene, step_ns=TICK_NS)
@@ -38,7 +38,7 @@ class World:
         self._seq = [0, 0, 0]
         self._waiting: list[list[Any]] = [[], [], []]
         self.gps_on = gps
-        self.autopilot = MockPixhawk(**autopilot)
+        self.autopilot = MockPixhawk(airframe=vehicle, **autopilot)
         self._bench = FrameEncoder(GCS, 200)
         self._gcs = FrameEncoder(GCS, GCS_COMPONENT)
         self._parser = FrameParser()

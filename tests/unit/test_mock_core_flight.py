@@ -148,7 +148,7 @@ def test_position_step_without_overshoot():
 
 
 def test_level_dash_keeps_altitude():
-    """Thrust follows the body axis that is, not the one that is wanted: tilting in does not shoot up."""
+    """Tilting 30 degrees in and out again costs no height, with a hover thrust to weight of 1.7."""
     flight = in_the_air()
     yaw = flight.get("euler")[2]
     start = len(flight.log.p)
