@@ -41,9 +41,13 @@ def _whole_number(least: int, most: int) -> Callable[[str], int]:
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m firmware_bridge.mock_pixhawk", description="Mock Pixhawk.")
     parser.add_argument("--port", required=True, help="serial device to talk on, such as /dev/pts/7")
-    parser.add_argument("--baud", type=_whole_number(1200, 12_000_000), default=921600, help="of a real serial line (default 921600)")
+    parser.add_argument(
+        "--baud", type=_whole_number(1200, 12_000_000), default=921600, help="of a real serial line (default 921600)"
+    )
     parser.add_argument("--airframe", default="x500", help=f"one of {', '.join(airframes())} (default x500)")
-    parser.add_argument("--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first answer")
+    parser.add_argument(
+        "--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first answer"
+    )
     parser.add_argument("--sysid", type=_whole_number(1, 250), default=1, help="MAVLink system id (default 1)")
     parser.add_argument(
         "--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter; repeatable"

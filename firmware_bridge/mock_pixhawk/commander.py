@@ -97,8 +97,8 @@ class Commander:
             return "no valid position"
         if traits.needs_manual_control and not self._failsafe.manual_control_ok(now_us):
             return "no manual control input"
-        if mode is Mode.MISSION and not self._navigator.items:
-            return "no valid mission"
+        if mode is Mode.MISSION:
+            return self._navigator.infeasible()
         if mode is Mode.OFFBOARD and not self._offboard.fresh(now_us):
             return "no offboard setpoints"
         return None

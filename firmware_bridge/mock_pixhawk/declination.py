@@ -1,7 +1,7 @@
 """Magnetic declination by place, from a coarse table, as PX4's `geo_mag_declination` has one.
 
-Within 0.7 degrees of the World Magnetic Model between 55 degrees south and north (`tests/unit`); towards the poles the
-table's edge is used.
+Within 0.7 degrees of the World Magnetic Model from 49 degrees south to 55 north, 1.5 degrees down to 55 south
+(`tests/unit`); towards the poles the table's edge is used.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import floor
 from pathlib import Path
 
-_STEP_DEG, _SOUTH_DEG, _WEST_DEG = 10, -60, -180
+_STEP_DEG, _SOUTH_DEG, _WEST_DEG = 5, -60, -180
 
 
 def _table() -> list[list[int]]:

@@ -30,11 +30,6 @@ def wrap_pi(angle_rad: float) -> float:
 def euler_from_quaternion(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Roll, pitch, yaw (z-y'-x'' sequence) of the unit quaternion q_NF: body FRD to NED."""
     roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = asin(2.0 * (w * y - z * x))
+    pitch = asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))  # rounding may leave the range
     yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return roll, pitch, yaw
-
-
-def yaw_from_quaternion(w: float, x: float, y: float, z: float) -> float:
-    """Heading of the unit quaternion q_NF, in (-pi, pi], 0 = north, positive clockwise seen from above."""
-    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

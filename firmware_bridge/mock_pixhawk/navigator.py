@@ -8,6 +8,7 @@ own (speed, camera) take effect when the waypoint before them is passed.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import sqrt
 from typing import NamedTuple
 
 from firmware_bridge.mock_pixhawk import elementary as el
@@ -113,6 +114,20 @@ class Navigator:
         """MISSION_CURRENT.seq."""
         return max(min(self.index, len(self.items) - 1), 0)
 
+    def infeasible(self) -> str | None:
+        """Why the mission cannot be flown from home, or None."""
+        if not self.items:
+            return "no valid mission"
+        home, limit = self._vehicle.home, self._params["MIS_DIST_1WP"]
+        first = next((i for i in self.items if i.command in NAVIGATION and not place_is_open(i)), None)
+        if first is None or home is None or limit <= 0.0:
+            return None
+        n, e, _ = self._point(first, (home.n_m, home.e_m, home.d_m))
+        distance = sqrt((n - home.n_m) * (n - home.n_m) + (e - home.e_m) * (e - home.e_m))
+        if distance > limit:
+            return f"first waypoint is {distance / 1e3:.1f} km away, MIS_DIST_1WP is {limit / 1e3:g} km"
+        return None
+
     # -- as a flight mode ---------------------------------------------------------------------------------------
 
     def start(self, now_us: int) -> None:  # noqa: ARG002
@@ -214,13 +229,15 @@ class Navigator:
 
     def change_speed(self, speed_mps: float) -> bool:
         """Horizontal speed of the legs to come; -1 changes nothing, -2 is the default again. False if it is neither."""
-        if speed_mps > 0.0:
-            self._speed = speed_mps
-        elif speed_mps == -2.0:
-            self._speed = None
-        else:
-            return speed_mps == -1.0
-        return True
+        self._speed, known = self._speed_after(self._speed, speed_mps)
+        return known
+
+    @staticmethod
+    def _speed_after(now: float | None, asked_mps: float) -> tuple[float | None, bool]:
+        """Speed (None: default) after DO_CHANGE_SPEED asked for `asked_mps`, and whether that means anything."""
+        if asked_mps > 0.0:
+            return asked_mps, True
+        return (None, True) if asked_mps == -2.0 else (now, asked_mps == -1.0)
 
     def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
         until = now_us + int(min(seconds, 1e6) * _US_PER_S)
@@ -273,19 +290,20 @@ class Navigator:
         points = [guidance.setpoint_position()]
         speeds: list[float] = []
         found: list[tuple[MissionItem, int]] = []  # item, index into points
+        speed = self._speed
         for item in items[self.index :]:
             if item.command in NAVIGATION:
                 point = self._point(item, points[-1])
                 if item.command == Cmd.NAV_LAND:
                     point = (point[0], point[1], points[-1][2])
                 if found or self._far(point, points[0]):
-                    speeds.append(self._speed if self._speed is not None else guidance.cruise_mps)
+                    speeds.append(speed if speed is not None else guidance.cruise_mps)
                     points.append(point)
                 found.append((item, len(points) - 1))
                 if self._stops(item):
                     break
             elif item.command == Cmd.DO_CHANGE_SPEED:
-                self.change_speed(item.param2)
+                speed, _ = self._speed_after(speed, item.param2)
                 found.append((item, len(points) - 1))
             elif item.command in PAYLOAD:
                 found.append((item, len(points) - 1))
@@ -358,6 +376,8 @@ class Navigator:
                 return False
             if final:
                 return True
+            if self.items[gate.seq].command == Cmd.DO_CHANGE_SPEED:
+                self.change_speed(self.items[gate.seq].param2)
             self._done(gate.seq)
             self._gates.pop(0)
             guidance.yaw_target = self._gates[0].yaw

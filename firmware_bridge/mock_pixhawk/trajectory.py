@@ -110,23 +110,24 @@ class Trajectory:
     def _lay(self, points: list[Point], speeds: list[float]) -> None:
         """Lay straights and arcs through `points`."""
         limits = self._limits
-        # Legs between distinct points: (start index, unit vector, length, speed).
-        legs: list[tuple[int, Point, float, float]] = []
+        # Legs between distinct points: (start index, unit vector, length, speed, its horizontal limit).
+        legs: list[tuple[int, Point, float, float, float]] = []
         for i in range(len(points) - 1):
             a, b = points[i], points[i + 1]
             dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
             length = sqrt(dx * dx + dy * dy + dz * dz)
             if length > 1e-3:
                 u = (dx / length, dy / length, dz / length)
-                legs.append((i, u, length, _leg_speed(u, speeds[i], limits)))
+                legs.append((i, u, length, _leg_speed(u, speeds[i], limits), speeds[i]))
         passed = [0.0] * len(points)
         s = 0.0
         cut_before = 0.0
-        for k, (i, u, length, speed) in enumerate(legs):
+        for k, (i, u, length, speed, level) in enumerate(legs):
             next_leg = legs[k + 1] if k + 1 < len(legs) else None
             cut, arc = 0.0, None
             if next_leg is not None:
-                cut, arc = self._corner(u, length, next_leg[1], next_leg[2], min(speed, next_leg[3]))
+                most = min(speed, next_leg[3], level, next_leg[4])
+                cut, arc = self._corner(u, length, next_leg[1], next_leg[2], most)
             a = points[i]
             start = (a[0] + cut_before * u[0], a[1] + cut_before * u[1], a[2] + cut_before * u[2])
             straight = length - cut_before - cut
@@ -171,16 +172,16 @@ class Trajectory:
         )
         cut = radius * tan_half
         arc_speed = min(speed, sqrt(self._limits.accel_lateral_mps2 * radius))
+        # On the way round, cos(phi) u1 + sin(phi) n may be steeper than both legs.
+        steepest = sqrt(u1[2] * u1[2] + n[2] * n[2])
+        if steepest > 1e-3:
+            arc_speed = min(arc_speed, min(self._limits.speed_up_mps, self._limits.speed_down_mps) / steepest)
         return cut, (n, radius, radius * el.atan2(sine, c), arc_speed)
 
     @property
     def done(self) -> bool:
         """The setpoint has come to rest at the end of the path."""
         return self.s >= self.length
-
-    def remaining_m(self) -> float:
-        """Path length still ahead of the setpoint."""
-        return self.length - self.s
 
     def _allowed_speed(self) -> float:
         limits = self._limits

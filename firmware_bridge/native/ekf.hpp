@@ -94,6 +94,8 @@ class Ekf {
         Vec3 v, p;
     };
     static constexpr int kRing = 64;
+    // First index of each part of the error state.
+    static constexpr int kTheta = 0, kVel = 3, kPos = 6, kGyroBias = 9, kAccelBias = 12, kBaro = 15;
 
     struct Row {
         double h[kErrors];

@@ -19,8 +19,6 @@ def world():
     return world
 
 
-
-
 def ready_world(**autopilot):
     world = World(**autopilot)
     world.run(5.0)
@@ -212,9 +210,7 @@ def test_timesync_and_ping(world):
 def test_file_transfer_is_refused_cleanly(world, opcode, reply, code):
     request = bytearray(251)
     request[0:4] = bytes((41, 0, 9, opcode))
-    world.send(
-        "FILE_TRANSFER_PROTOCOL", target_network=0, target_system=1, target_component=1, payload=tuple(request)
-    )
+    world.send("FILE_TRANSFER_PROTOCOL", target_network=0, target_system=1, target_component=1, payload=tuple(request))
     (got,) = messages(world.run(0.01), "FILE_TRANSFER_PROTOCOL")
     assert got.payload[0:6] == (42, 0, 9, reply, 1 if code else 0, opcode)
     assert got.payload[12] == code

@@ -25,7 +25,7 @@ def set_mode(world, mode):
     world.command(176, 1, mode.value.main, mode.value.sub)
 
 
-def airborne(altitude=5.0, **autopilot):
+def airborne(altitude=5.0, ground_m=GROUND_M, **autopilot):
     """A vehicle that has taken off and holds at `altitude` metres above home."""
     world = World(params=[f"MIS_TAKEOFF_ALT={altitude}", *autopilot.pop("params", ())], **autopilot)
     world.run(5.0)
@@ -34,7 +34,7 @@ def airborne(altitude=5.0, **autopilot):
     world.command(400, 1)
     world.run_until(lambda w: w.autopilot.vehicle.mode is Mode.LOITER, 20.0)
     world.run(2.0)
-    assert world.truth.p_WB[2] - GROUND_M == pytest.approx(altitude, abs=0.3)
+    assert world.truth.p_WB[2] - ground_m == pytest.approx(altitude, abs=0.3)
     return world
 
 
@@ -81,6 +81,19 @@ def test_the_rectangle():
     assert world.truth.p_WB[2] == pytest.approx(GROUND_M, abs=0.01)  # on its feet
     heading_up = 1.0 - 2.0 * (world.truth.q_WB[1] ** 2 + world.truth.q_WB[2] ** 2)
     assert heading_up > 0.999
+
+
+def test_another_airframe():
+    world = airborne(vehicle="iris", ground_m=0.11)
+    place = east_north(world)
+    world.run(5.0)
+    assert math.dist(place, east_north(world)) < 0.2
+    world.command(192, 4, 1, 0, 0.0, 47.397742 + 20 / 111_174, 8.545594, NAN)
+    world.run(10.0)
+    assert east_north(world)[1] == pytest.approx(20.0, abs=0.4)
+    assert abs(world.autopilot._estimate.euler[2]) < 0.1  # told to look north
+    set_mode(world, Mode.LAND)
+    world.run_until(landed_and_disarmed, 30.0)
 
 
 def test_takeoff_holds_and_landing_disarms():
@@ -361,3 +374,36 @@ def test_a_flight_is_repeatable_to_the_byte():
         return b"".join(out)
 
     assert flight() == flight()
+
+
+def test_a_mission_that_begins_too_far_away_does_not_start():
+    items = [mission_item(0, 22), mission_item(1, 16, north=11_000.0)]
+    world = World()
+    world.extra = GroundStation(items, fly=False).step
+    world.run(5.0)
+    world.autopilot.navigator.load([items[1]])
+    world.command(300)
+    frames = world.run(0.1)
+    assert results(frames) == [(300, 1)]
+    assert "Preflight Fail: first waypoint is 11.0 km away, MIS_DIST_1WP is 10 km" in texts(frames)
+
+
+def test_a_mission_resumed_keeps_the_speed_of_the_leg():
+    items = [
+        mission_item(0, 22),
+        mission_item(1, 178, frame=2, params=(1.0, 3.0, -1.0, 0.0)),
+        mission_item(2, 16, east=40.0),
+        mission_item(3, 178, frame=2, params=(1.0, 8.0, -1.0, 0.0)),
+        mission_item(4, 16, east=100.0),
+    ]
+    world = World()
+    world.extra = GroundStation(items).step
+    world.run_until(lambda w: east_north(w)[0] > 5.0, 60.0)
+    world.extra = lambda t_ns, frames: b""
+    set_mode(world, Mode.LOITER)
+    world.run(3.0)
+    set_mode(world, Mode.MISSION)
+    world.run(6.0)
+    assert speed(world) == pytest.approx(3.0, abs=0.3)
+    world.run_until(lambda w: east_north(w)[0] > 75.0, 60.0)
+    assert speed(world) == pytest.approx(8.0, abs=0.5)

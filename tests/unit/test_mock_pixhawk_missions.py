@@ -82,7 +82,14 @@ def test_upload_then_download_gives_the_same_items(world):
     for i in items:
         world.send("MISSION_REQUEST_INT", target_system=1, target_component=1, seq=i["seq"], mission_type=0)
         (got,) = messages(world.run(0.01), "MISSION_ITEM_INT")
-        assert (got.seq, got.command, got.x, got.y, got.z, got.frame) == (i["seq"], i["command"], i["x"], i["y"], 10.0, 6)
+        assert (got.seq, got.command, got.x, got.y, got.z, got.frame) == (
+            i["seq"],
+            i["command"],
+            i["x"],
+            i["y"],
+            10.0,
+            6,
+        )
         assert math.isnan(got.param4)
     world.send("MISSION_ACK", target_system=1, target_component=1, type=0, mission_type=0)
     world.run(0.1)

@@ -21,9 +21,7 @@ LIMITS = Limits(
 DT = 0.02
 RECTANGLE = [(0.0, 0.0, -10.0), (40.0, 0.0, -10.0), (40.0, 25.0, -10.0), (0.0, 25.0, -10.0), (0.0, 0.0, -10.0)]
 
-_points = st.lists(
-    st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-30, -1)), min_size=2, max_size=7
-)
+_points = st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-30, -1)), min_size=2, max_size=7)
 
 
 def flown(trajectory, *, stretch=1.0, limit_s=600.0):
@@ -68,7 +66,7 @@ def test_every_waypoint_is_passed_in_order_within_the_deviation():
     assert all(d is not None and d < 0.25 for d in at.values())
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40, derandomize=True)
 @given(_points, st.floats(0.5, 12.0))
 def test_limits_hold_on_any_path(points, speed):
     trajectory = Trajectory(points, [speed] * (len(points) - 1), LIMITS)
@@ -82,12 +80,12 @@ def test_limits_hold_on_any_path(points, speed):
     vertical = rows[:, 5]
     assert np.min(vertical) >= -LIMITS.speed_up_mps - 0.05
     assert np.max(vertical) <= LIMITS.speed_down_mps + 0.05
-    assert np.max(np.hypot(rows[:, 3], rows[:, 4])) <= speed * 1.02 + 0.05
+    assert np.max(np.hypot(rows[:, 3], rows[:, 4])) <= speed * 1.02 + 0.01
     assert v[-1] < 0.25
     assert np.allclose(rows[-1, :3], points[-1], atol=1e-2)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40, derandomize=True)
 @given(_points)
 def test_the_path_never_leaves_the_legs_by_more_than_the_deviation(points):
     rows = flown(Trajectory(points, [5.0] * (len(points) - 1), LIMITS), limit_s=3000.0)
