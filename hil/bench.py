@@ -213,7 +213,7 @@ class _Run:
         if self.bench.mission is not None:
             x, y, z = self.physics.state[:3].tolist()
             self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
-        self.measurement = FlightMeasurement(self.legs)
+        self.measurement = FlightMeasurement(self.legs, config.limits)
         self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         self.recorder = Recorder(
             self.out,

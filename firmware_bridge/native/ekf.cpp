@@ -180,9 +180,16 @@ void Ekf::predict(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F, bool may_rest) {
     P_[kBaro][kBaro] += square(params_[EKF_BARO_DRIFT]) * dt;
     bound_covariance();
 
-    ring_head_ = (ring_head_ + 1) % kRing;
-    ring_[static_cast<std::size_t>(ring_head_)] = {t_us_, v_N(), p_N()};
-    ring_count_ = std::min(ring_count_ + 1, kRing);
+    // At IMU rates above 250 Hz the newest entry is overwritten until it is a spacing ahead of the one before, so that
+    // the ring reaches equally far into the past at any rate.
+    const auto entry = [this](int back) -> Past & {
+        return ring_[static_cast<std::size_t>((ring_head_ - back + kRing) % kRing)];
+    };
+    if (ring_count_ < 2 || entry(0).t_us - entry(1).t_us >= kRingSpacing_us) {
+        ring_head_ = (ring_head_ + 1) % kRing;
+        ring_count_ = std::min(ring_count_ + 1, kRing);
+    }
+    entry(0) = {t_us_, v_N(), p_N()};
 
     const bool no_gps = !has_origin_ || t_us_ - last_gps_ok_us_ > 500000;
     if (may_rest && no_gps && t_us_ - last_hold_us_ >= 100000) hold_still();

@@ -94,6 +94,7 @@ class Ekf {
         Vec3 v, p;
     };
     static constexpr int kRing = 64;
+    static constexpr std::int64_t kRingSpacing_us = 3500;  // least distance of entries: 64 of 4 ms are 256 ms
     // First index of each part of the error state.
     static constexpr int kTheta = 0, kVel = 3, kPos = 6, kGyroBias = 9, kAccelBias = 12, kBaro = 15;
 

@@ -112,6 +112,8 @@ def test_ten_seeds_of_ten(seed: int, tmp_path: Path) -> None:
         (["vehicle=iris", "autopilot.airframe=iris"], 3),
         (["mission=rigs/missions/square.waypoints"], 4),
         (["mission=rigs/missions/survey.plan"], 5),
+        (["tick_hz=100"], 6),
+        (["tick_hz=1000", "duration_s=200"], 7),
     ],
 )
 def test_other_vehicles_and_missions(settings: list[str], seed: int, tmp_path: Path) -> None:
