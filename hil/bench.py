@@ -18,11 +18,11 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.links.registry import make_link
+from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, make_link
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.faults import parse_fault
 from firmware_bridge.router import Endpoint, Router
-from hil.config.load import Bench, save_bench
-from hil.config.schema import BenchConfig, SensorConfig
+from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.missions.path import Leg, planned_path
 from hil.progress import Progress
 from hil.recorder.recorder import Recorder
@@ -101,20 +101,25 @@ def stage_specs(config: BenchConfig) -> list[StageSpec]:
 
 def _make_autopilot_link(config: BenchConfig, out: Path) -> AutopilotLink:
     autopilot = config.autopilot
-    faults = {name: t_s for name, t_s in autopilot.faults.model_dump().items() if t_s is not None}
-    common: dict[str, Any] = {"reply_limit_s": autopilot.reply_timeout_s}
-    if autopilot.boot_sensors is not None:
-        common["boot_sensors"] = autopilot.boot_sensors
-    if autopilot.port is not None and not autopilot.start:
+    # Unknown (null) cannot be for the mock: it is told the number.
+    boot_sensors = MOCK_BOOT_SENSORS if autopilot.boot_sensors is None else autopilot.boot_sensors
+    common: dict[str, Any] = {"boot_sensors": boot_sensors, "reply_limit_s": autopilot.reply_timeout_s}
+    params = [f"{name}={value!r}" for name, value in autopilot.params.items()]
+    if autopilot.port is not None:
         return make_link("mock_serial", port=autopilot.port, **common)
     if autopilot.transport == "loopback":
-        peer = MockPixhawk(airframe=autopilot.airframe, params=autopilot.params, **common)
+        peer = MockPixhawk(
+            airframe=autopilot.airframe,
+            boot_sensors=boot_sensors,
+            params=params,
+            faults=[parse_fault(text) for text in autopilot.faults.texts()],
+        )
         return make_link("mock_memory", peer=peer, **common)
     arguments = ["--airframe", autopilot.airframe]
-    for name, value in autopilot.params.items():
-        arguments += ["--param", f"{name}={value!r}"]
-    for name, t_s in faults.items():
-        arguments += ["--fault", f"{name}@{t_s!r}"]
+    for text in params:
+        arguments += ["--param", text]
+    for text in autopilot.faults.texts():
+        arguments += ["--fault", text]
     return make_link("mock_pty", arguments=arguments, stderr_path=out / "autopilot.log", **common)
 
 
@@ -153,7 +158,7 @@ class _Run:
             status = "ERROR" if self.error else status
         self.timing_s["total"] = time.monotonic() - began_s
         run = summarise(
-            self.config,
+            self.bench,
             verdict,
             status=status,
             error=self.error,
@@ -190,9 +195,6 @@ class _Run:
         began_s = time.monotonic()
         saved = save_bench(self.bench, self.out)
         self.attachments = {saved.name: saved.read_bytes()}
-        if self.bench.mission is not None:
-            self.legs = planned_path(self.bench.mission, self.bench.scene)
-        self.measurement = FlightMeasurement(self.legs)
         with ExitStack() as stack:
             self._build(stack)
             self.timing_s["setup"] = time.monotonic() - began_s
@@ -208,13 +210,17 @@ class _Run:
             config.tick_ns,
             contact_skipping=config.physics.contact_skipping,
         )
+        if self.bench.mission is not None:
+            x, y, z = self.physics.state[:3].tolist()
+            self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
+        self.measurement = FlightMeasurement(self.legs, config.limits)
         self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         self.recorder = Recorder(
             self.out,
             mcap=config.record.mcap,
             tlog=config.record.tlog,
             tick_ns=config.tick_ns,
-            metadata={"rig": config.rig, "scene": config.scene, "seed": str(config.seed)},
+            metadata={"rig": config.rig, "scene": self.bench.scene.name, "seed": str(config.seed)},
             attachments=self.attachments,
         )
         commands: list[CommandSource] = []

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hil.config.load import Bench, load_bench
+from hil.config import Bench, load_bench
 from hil.report.run_json import write_run_json
 from hil.signals.errors import ConfigError, HilError
 

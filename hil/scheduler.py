@@ -30,6 +30,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.recorder.recorder import Recorder
 from hil.release_queue import ReleaseQueue
+from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import (
     ActuatorFrame,
     BaroSample,
@@ -40,7 +41,6 @@ from hil.signals.samples import (
     TruthState,
 )
 from hil.signals.time import RateAccumulator
-from hil.signals.latency import LatencyHistogram
 
 PHASES = ("physics", "sensors", "commands", "send", "record", "wait")
 

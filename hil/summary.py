@@ -6,17 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from hil.config.schema import BenchConfig
+from hil.config import Bench, BenchConfig
 from hil.scheduler import PHASES, Scheduler, SensorSlot
+from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Skipped
-from hil.signals.latency import LatencyHistogram
 from hil.verdict import Verdict
 from sim.physics.quadrotor import QuadrotorPhysics
 
 
 def summarise(
-    config: BenchConfig,
+    bench: Bench,
     verdict: Verdict,
     *,
     status: str,
@@ -31,20 +31,25 @@ def summarise(
     timing_s: Mapping[str, float],
 ) -> dict[str, Any]:
     """The content of run.json. Parts that a failed run never built are None."""
-    m = verdict.measurements
+    config, m = bench.config, verdict.measurements
     sim_s = (scheduler.tick * config.tick_ns if scheduler else 0) / NS_PER_S
     wall_s = timing_s.get("flight", 0.0)
     stats = link.stats if link else None
     rtt = stats.rtt if stats else None
-    skipped: list[dict[str, Any]] = [{"what": s.stage, "why": s.reason} for s in left_out]
+    ticks = scheduler.tick if scheduler else 0
+    skipped: list[dict[str, Any]] = [
+        {"what": s.stage, "why": s.reason, "saved": f"{_samples_due(config, s.stage, ticks)} samples"} for s in left_out
+    ]
     if physics is not None:
+        skips = physics.skips
         skipped.append(
             {
                 "what": "contact",
                 "why": "nothing within reach",
-                "ticks_skipped": physics.skips.skipped,
-                "ticks_queried": physics.skips.queried,
-                "ticks_touching": physics.skips.touching,
+                "saved": f"{skips.skipped} of {skips.skipped + skips.queried + skips.touching} collision queries",
+                "ticks_skipped": skips.skipped,
+                "ticks_queried": skips.queried,
+                "ticks_touching": skips.touching,
             }
         )
     sampled = {slot.port: slot for slot in slots}
@@ -56,7 +61,7 @@ def summarise(
         "deterministic": bool(link is not None and link.caps.deterministic and not outside_input),
         "seed": config.seed,
         "rig": config.rig,
-        "scene": config.scene,
+        "scene": bench.scene.name,
         "sim_s": sim_s,
         "wall_s": wall_s,
         "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
@@ -94,7 +99,7 @@ def summarise(
         "sensors": {
             name: {
                 "samples": sampled[name].samples if name in sampled else 0,
-                "skipped": 0 if name in sampled or scheduler is None else _samples_due(config, name, scheduler.tick),
+                "skipped": 0 if name in sampled else _samples_due(config, name, ticks),
                 "ms": {
                     "p50": sampled[name].timing.quantile_ns(0.5) * 1e-6 if name in sampled else 0.0,
                     "p99": sampled[name].timing.quantile_ns(0.99) * 1e-6 if name in sampled else 0.0,

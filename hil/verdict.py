@@ -2,9 +2,12 @@
 
 Definitions. The plan's legs are straight lines in W; "horizontal" means in the x-y plane.
 
-reached            Waypoints count in order. One is reached when truth comes within its acceptance radius plus
-                   `REACH_MARGIN_M` horizontally and within `REACH_HEIGHT_M` vertically: the autopilot judges by an
-                   estimate, truth needs the margin. A waypoint that is missed stops the count.
+reached            Waypoints count in order. One is reached when truth comes within its acceptance radius plus a
+                   margin horizontally, and within a height vertically: the autopilot judges by an estimate, truth
+                   needs the margin. Margin and height are the flight's own limits of cross-track and altitude
+                   error, but at least `REACH_MARGIN_M` and `REACH_HEIGHT_M` (`UNJUDGED_M` where a limit is null): a
+                   flight that may be 3 m off its leg may be 3 m off its corner. A waypoint that is missed stops the
+                   count.
 max_cross_track_m  From the first waypoint reached to the last: the greatest horizontal distance from truth to the
                    nearest point of the leg being flown (the one to the next waypoint not yet reached) and its two
                    neighbours, which are there because the count changes legs a little before the corner. A mission
@@ -33,6 +36,7 @@ from hil.signals.samples import TruthState, Vec3
 
 REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
+UNJUDGED_M = 10.0
 SETTLE_M = 5.0
 LEVEL_M = 0.05  # a leg whose ends differ by less is level
 AIRBORNE_M = 0.3  # above where it stood
@@ -65,8 +69,11 @@ class FlightMeasurement:
     (touch-down is watched at every one).
     """
 
-    def __init__(self, legs: Sequence[Leg], *, stride: int = 10) -> None:
+    def __init__(self, legs: Sequence[Leg], limits: Limits | None = None, *, stride: int = 10) -> None:
+        limits = limits or Limits()
         self._stride = stride
+        self._margin_m = max(REACH_MARGIN_M, _or(limits.max_cross_track_m, UNJUDGED_M))
+        self._height_m = max(REACH_HEIGHT_M, _or(limits.altitude_error_m, UNJUDGED_M))
         self._fly = [leg for leg in legs if leg.kind is LegKind.FLY]
         self._settle_m = _settle_distances_m(self._fly)
         self._last_leg = legs[-1] if legs else None
@@ -126,8 +133,8 @@ class FlightMeasurement:
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
         leg = fly[target]
         dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
-        radius_m = leg.acceptance_radius_m + REACH_MARGIN_M
-        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= REACH_HEIGHT_M:
+        radius_m = leg.acceptance_radius_m + self._margin_m
+        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= self._height_m:
             self._waypoint += 1
 
     def _settled(self, p_WB: Vec3) -> bool:
@@ -179,7 +186,7 @@ class FlightMeasurement:
         first = 0 if len(self._fly) == 1 else 1
         for leg, settle_m in zip(self._fly[first:], self._settle_m[first:], strict=True):
             # The count leaves a leg this long before its end.
-            if _length_m(leg) - leg.acceptance_radius_m - REACH_MARGIN_M > settle_m:
+            if _length_m(leg) - leg.acceptance_radius_m - self._margin_m > settle_m:
                 names.add("altitude_error_m")
         return frozenset(names)
 
@@ -212,6 +219,10 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
             distances.append(math.inf)
             flown_level_m = 0.0
     return distances
+
+
+def _or(limit: float | None, otherwise: float) -> float:
+    return otherwise if limit is None else limit
 
 
 def _level(leg: Leg) -> bool:

@@ -17,9 +17,7 @@ NAME: dict[int, str] = {msgid: name for name, msgid in MSGID.items()}
 
 
 class MessageShape(NamedTuple):
-    """What framing needs to know of a message: lengths in bytes without and with extension fields, and
-    crc_extra.
-    """
+    """What framing needs to know of a message: lengths in bytes without and with extension fields, and crc_extra."""
 
     crc_extra: int
     base_length: int

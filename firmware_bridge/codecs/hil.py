@@ -130,8 +130,7 @@ _MG = UNITS["HIL_STATE_QUATERNION"]["xacc"].scale
 
 
 def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> bytes:
-    """Payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of those samples that are
-    given.
+    """Payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of the samples given.
 
     Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressure Pa -> hPa.
     """

@@ -2,8 +2,7 @@
 
 The one field table is pymavlink's dialect (field names, types, wire order, array lengths, extensions,
 crc_extra). From it each message gets, on first use, a precompiled `struct.Struct` and a named tuple class.
-No pymavlink object is ever made: a named tuple packs and unpacks about ten times as fast, and compares and
-hashes by value.
+No pymavlink object is ever made: a named tuple is two to three times as fast, and compares and hashes by value.
 
 Values are MAVLink's own: NED/FRD and scaled integers, exactly as on the wire. Fields stand in the order of
 the dialect (not of the wire). `char[]` fields are `str`, arrays are tuples of their full length. Extension

@@ -16,9 +16,10 @@ _SAFETY_ARMED = 0x80
 
 
 class Heartbeats:
-    """Says that a ground station is there, once a second of simulated time (PX4 starts its data-link
-    failsafe when
-    it stops), and keeps the vehicle's latest heartbeat."""
+    """Says once a simulated second that a ground station is there, and keeps the vehicle's latest heartbeat.
+
+    PX4 starts its data-link failsafe when the ground station's heartbeats stop.
+    """
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire

@@ -1,6 +1,4 @@
-"""The mission protocol's upload (https://mavlink.io/en/services/mission.html): the vehicle pulls item by
-item.
-"""
+"""The mission protocol's upload (https://mavlink.io/en/services/mission.html): the vehicle pulls item by item."""
 
 from __future__ import annotations
 

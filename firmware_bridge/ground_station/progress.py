@@ -83,9 +83,7 @@ class Progress:
             self.flown = True
 
     def on_landed(self) -> None:
-        """The flight is over: a landing that was being flown has been reached, even if the vehicle did not
-        say so
-        before it disarmed."""
+        """The flight is over: a landing being flown has been reached, even if the vehicle did not say so."""
         last = self._final_landing
         if last is not None and self.current == last and self.reached == self.waypoints - 1:
             self._reached[last] = None

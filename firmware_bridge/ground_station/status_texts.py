@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 _LIMIT = 1000  # a vehicle that complains without end must not fill the memory
-_ERROR = 3  # MAV_SEVERITY_ERROR and below are worse
 
 
 class StatusTexts:
@@ -25,6 +24,6 @@ class StatusTexts:
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
 
     def last(self, count: int = 3) -> str:
-        """The latest texts, warnings and worse, for an error message; "" if there are none."""
-        bad = [text for _, severity, text in self.texts if severity <= _ERROR + 1]
-        return f"; it last said: {' | '.join(bad[-count:])}" if bad else ""
+        """The latest texts, for an error message; "" if there are none."""
+        latest = [text for _, _, text in self.texts[-count:]]
+        return f"; it last said: {' | '.join(latest)}" if latest else ""

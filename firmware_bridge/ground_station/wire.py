@@ -27,8 +27,10 @@ class Wire:
         self._out.append(self._encoder.frame(message.MSGID, pack(message)))
 
     def for_us(self, message: Any) -> bool:
-        """Is an answer meant for this ground station? SDKs on the same vehicle get answers of their own; a zero is
-        an autopilot that does not say whom it answers."""
+        """Is an answer meant for this ground station, and not for an SDK on the same vehicle?
+
+        A zero is an autopilot that does not say whom it answers.
+        """
         return message.target_system in (0, GCS_SYSID) and message.target_component in (0, GCS_COMPID)
 
     def take(self) -> bytes:

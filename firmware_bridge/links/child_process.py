@@ -31,8 +31,7 @@ def _die_with_parent() -> None:
 
 
 class ChildProcess:
-    """`argv`, run with its standard error in a file (`stderr_path`, or a temporary one) and no standard
-    input.
+    """`argv`, run without standard input, its standard error in `stderr_path` (or a temporary file).
 
     Its working directory is the bench's; the bench's own packages are importable in it.
     """

@@ -1,5 +1,4 @@
-"""MAVLink lockstep: one HIL_SENSOR out, one HIL_ACTUATOR_CONTROLS of the same time back. The mock and PX4
-SITL.
+"""MAVLink lockstep: one HIL_SENSOR out, one HIL_ACTUATOR_CONTROLS of the same time back. The mock, PX4 SITL.
 
 Order of a tick, which is what makes runs repeatable:
 
@@ -53,9 +52,10 @@ _BOOT_SENSORS_LIMIT = 2500
 
 
 class LockstepLink:
-    """Lockstep over `transport`. If `start_process` is given, `open` calls it once the transport is open
-    and starts the process it returns; `close` ends that process.
+    """Lockstep over `transport`.
 
+    If `start_process` is given, `open` calls it once the transport is open and starts the process it returns; `close`
+    ends that process.
     `reply_limit_s` and `heartbeat_limit_s` are wall-clock limits.
     """
 
@@ -85,7 +85,7 @@ class LockstepLink:
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
         self._sent_at_ns = 0
-        self._heard_before = (0, 0)  # frames and bytes when the wait began, for the error message
+        self._heard_before = (0, 0)  # frames and damaged bytes when the wait began, for the error message
         self._boot_due_ns = 0
 
     @property
@@ -193,7 +193,7 @@ class LockstepLink:
                 return None
             self._booting = False
         want_us = t_ns // 1000
-        self._heard_before = (len(self._frames), self._stats.rx_bytes)
+        self._heard_before = (len(self._frames), self._parser.garbage_bytes)
         frames = self._held
         if frames:
             self._held = []
@@ -307,18 +307,21 @@ class LockstepLink:
 
     def _silence(self, want_us: int) -> str:
         parser = self._parser
-        frames_before, bytes_before = self._heard_before
+        frames_before, damaged_before = self._heard_before
         telemetry = sum(frame.msgid != HIL_ACTUATOR_CONTROLS for frame in self._frames[frames_before:])
+        damaged = parser.garbage_bytes + parser.pending - damaged_before
         what = f"no answer to time_usec {want_us} within {self._reply_limit_s:g} s of wall clock"
+        facts = []
         if telemetry:
-            said = f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
-        elif self._stats.rx_bytes > bytes_before:
-            said = (
-                f"what came was damaged ({parser.garbage_bytes + parser.pending} bytes that are no message, "
+            facts.append(
+                f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
+            )
+        if damaged:
+            facts.append(
+                f"some of what came was damaged ({damaged} bytes that are no message, "
                 f"{parser.bad_crc} bad checksums so far)"
             )
-        else:
-            said = "it said nothing"
+        said = "; ".join(facts) or "it said nothing"
         if self._process is not None:
             said += "; its process still runs"
         if not self._stats.rtt.count and self._caps.boot_sensors is not None:

@@ -13,6 +13,7 @@ from typing import Any
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.mock_pixhawk.faults import Died
 from firmware_bridge.transports.loopback import LoopbackTransport, Peer
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
@@ -69,7 +70,7 @@ def mock_in_memory(
 ) -> AutopilotLink:
     """The mock (`peer`) in this process: the same bytes without a kernel between."""
     return LockstepLink(
-        LoopbackTransport(peer),
+        LoopbackTransport(peer, deaths=(Died,)),
         LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
         reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
@@ -84,9 +85,7 @@ def mock_over_serial(
     reply_limit_s: float = 10.0,
     heartbeat_limit_s: float = 20.0,
 ) -> AutopilotLink:
-    """A mock, or another lockstep autopilot of known boot, that somebody else started on serial port
-    `port`.
-    """
+    """A mock, or another lockstep autopilot of known boot, that somebody else started on serial port `port`."""
     return LockstepLink(
         SerialTransport(port, baud=baud),
         LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),

@@ -24,6 +24,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParse
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.mock_pixhawk.commander import Commander
 from firmware_bridge.mock_pixhawk.commands import Commands
+from firmware_bridge.mock_pixhawk.declination import declination_deg
 from firmware_bridge.mock_pixhawk.estimate import Estimate
 from firmware_bridge.mock_pixhawk.failsafe import Failsafe
 from firmware_bridge.mock_pixhawk.faults import Fault, Misbehaviour
@@ -82,6 +83,8 @@ class MockPixhawk:
         self._encoder = FrameEncoder(sysid, COMPONENT_AUTOPILOT)
         self._out: list[bytes] = []
         self._boot_left = boot_sensors
+        self._answering = False  # the first HIL_ACTUATOR_CONTROLS has been made
+        self._origin_known = False
         self._silent = False
         self._last_us = -1
         self._text_id = 0
@@ -91,7 +94,7 @@ class MockPixhawk:
 
         self.params = ParamTable(_native_params())
         self.params.load_airframe(airframe)
-        self.params.load_assignments([*params, f"MAV_SYS_ID={sysid}"])
+        self.params.load([*params, f"MAV_SYS_ID={sysid}"])
         names = list(_native.PARAM_NAMES)
         self._native_index = {name: index for index, name in enumerate(names)}
         self._core = _native.FlightCore(np.array([float(self.params[name]) for name in names]))
@@ -113,7 +116,7 @@ class MockPixhawk:
             project=self._estimate.ned,
             reached=self._on_reached,
             info=lambda text: self.say(Severity.INFO, text),
-            set_home=lambda place: self.commander.set_home(place),
+            set_home=self._set_home,
         )
         self.commander = Commander(
             vehicle,
@@ -193,7 +196,7 @@ class MockPixhawk:
                     self._sensors.take_gps(frame[4], self._last_us)
             else:
                 self._on_other(frame)
-        if self._boot_left or not self._out or self._silent:
+        if not self._out or self._silent or not self._answering:
             return b""
         out = b"".join(self._out)
         self._out.clear()
@@ -243,7 +246,7 @@ class MockPixhawk:
         if self.vehicle.armed:
             # PX4's outputs have steps of 1/1000.
             controls = [round(u * 1000.0) / 1000.0 for u in self._controls.tolist()[: self._rotors]]
-            controls.extend(self._unused)
+            controls += self._unused
             mode = _MODE_ARMED
         else:
             controls = [0.0] * _CHANNELS
@@ -258,6 +261,7 @@ class MockPixhawk:
             frame = self._misbehaviour.output(now_us, b"".join(self._out), frame)
             self._out.clear()
         self._out.append(frame)
+        self._answering = True
 
     # -- what the parts need of the whole -----------------------------------------------------------------------
 
@@ -284,7 +288,16 @@ class MockPixhawk:
 
     def _guide(self, now_us: int) -> None:
         self._estimate.publish(now_us)
+        if not self._origin_known and self._estimate.has_origin:
+            self._on_origin()
         self.commander.step(now_us)
+
+    def _on_origin(self) -> None:
+        """The first fix says where on Earth this is, and with that where magnetic north is."""
+        self._origin_known = True
+        if self.params["EKF_MAG_DECL"] == 0.0:
+            lat_deg, lon_deg, _ = self._estimate.geodetic(0.0, 0.0, 0.0)
+            self.params.set("EKF_MAG_DECL", declination_deg(lat_deg, lon_deg))
 
     def _on_param(self, name: str, value: float) -> str | None:
         index = self._native_index.get(name)
@@ -307,6 +320,10 @@ class MockPixhawk:
     def _on_reached(self, seq: int) -> None:
         self._send(_Reached(seq))
         self.send_once(MSGID["MISSION_CURRENT"], max(self._last_us, 0))
+
+    def _set_home(self, place: tuple[float, float, float] | None) -> None:
+        if not self.commander.set_home(place):
+            self._warn("Home not set: no position")
 
     def _set_current(self, seq: int, now_us: int) -> None:
         if self.navigator.set_current(seq):

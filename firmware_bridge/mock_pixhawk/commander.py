@@ -7,6 +7,7 @@ able to run. Refusals are said as STATUSTEXT.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import nan
 
 from firmware_bridge.mock_pixhawk.estimate import Estimate
 from firmware_bridge.mock_pixhawk.failsafe import Action, Failsafe
@@ -96,8 +97,8 @@ class Commander:
             return "no valid position"
         if traits.needs_manual_control and not self._failsafe.manual_control_ok(now_us):
             return "no manual control input"
-        if mode is Mode.MISSION and not self._navigator.items:
-            return "no valid mission"
+        if mode is Mode.MISSION:
+            return self._navigator.infeasible()
         if mode is Mode.OFFBOARD and not self._offboard.fresh(now_us):
             return "no offboard setpoints"
         return None
@@ -252,12 +253,12 @@ class Commander:
             self._enter(mode, now_us)
 
     def _descend_blind(self) -> None:
-        """Without position: level, and down by estimated vertical speed."""
+        """Without position: down at landing speed; without velocity too the flight core keeps the vehicle level."""
         guidance = self._guidance
         if self._vehicle.landed:
             guidance.idle()
         else:
-            guidance.attitude(0.0, 0.0, guidance.climb_thrust(self._params["MPC_LAND_SPEED"]), 0.0)
+            guidance.velocity(nan, nan, nan, 0.0, 0.0, self._params["MPC_LAND_SPEED"], 0.0)
 
     def _auto_disarm(self, now_us: int) -> None:
         vehicle = self._vehicle

@@ -56,8 +56,8 @@ class Commands:
             Cmd.COMPONENT_ARM_DISARM: self._arm_disarm,
             Cmd.DO_SET_MODE: self._set_mode,
             Cmd.NAV_TAKEOFF: self._takeoff,
-            Cmd.NAV_LAND: lambda c, now: commander.set_mode(Mode.LAND, now),
-            Cmd.NAV_RETURN_TO_LAUNCH: lambda c, now: commander.set_mode(Mode.RTL, now),
+            Cmd.NAV_LAND: lambda _, now: commander.set_mode(Mode.LAND, now),
+            Cmd.NAV_RETURN_TO_LAUNCH: lambda _, now: commander.set_mode(Mode.RTL, now),
             Cmd.DO_REPOSITION: self._reposition,
             Cmd.DO_CHANGE_SPEED: self._change_speed,
             Cmd.DO_SET_HOME: self._set_home,
@@ -68,7 +68,6 @@ class Commands:
             Cmd.SET_MESSAGE_INTERVAL: self._set_interval,
             Cmd.REQUEST_MESSAGE: self._request_message,
             Cmd.REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
-            Cmd.REQUEST_PROTOCOL_VERSION: lambda c, now: Result.UNSUPPORTED,
         }
 
     def run(self, command: Command, now_us: int) -> Result:

@@ -133,20 +133,12 @@ def functions() -> list[ca.Function]:
         list(blocks),
     )
 
-    # Heading of the magnetic field seen in NED, psi = atan2(m_E, m_N): only its derivative is generated, which is
-    # rational. The two horizontal components are outputs so that the caller forms the innovation itself.
+    # Heading of the magnetic field seen in NED, psi = atan2(m_E, m_N): its derivative is rational.
     dtheta = ca.SX.sym("dtheta", 3)
     q_true = quaternion_product(q, normalized(ca.vertcat(1, dtheta / 2)))
     m_N = rotation_matrix(q_true) @ field
     heading_row = ca.substitute(ca.jacobian(ca.atan2(m_N[1], m_N[0]), dtheta), dtheta, ca.SX.zeros(3))
-    m_level = ca.substitute(m_N[0:2], dtheta, ca.SX.zeros(3))
-    heading = ca.Function(
-        "ekf_heading",
-        [q, field],
-        [m_level, ca.densify(ca.vec(heading_row.T))],
-        ["q", "field"],
-        ["m_level", "h_theta"],
-    )
+    heading = ca.Function("ekf_heading", [q, field], [ca.densify(ca.vec(heading_row.T))], ["q", "field"], ["h_theta"])
 
     # A measurement of velocity and position tau ago, as a function of the error now: the mean specific force
     # over the interval, force_N, is carried back with the attitude and accelerometer-bias errors of now.

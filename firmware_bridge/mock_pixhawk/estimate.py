@@ -51,7 +51,6 @@ class Estimate:
         v.yaw = s[_YAW]
         # Cosine of the tilt: body z against the vertical.
         v.tilt_cos = 1.0 - 2.0 * (s[_QX] * s[_QX] + s[_QY] * s[_QY])
-        v.position_valid = s[_POSITION_OK] != 0.0
         landed = s[_LANDED] != 0.0
         if landed and not v.landed:
             v.landed_since_us = now_us

@@ -19,7 +19,7 @@ _FRAME_STARTS = bytes((0xFD, 0xFE))
 _LENGTH = 40
 
 
-class Died(Exception):  # noqa: N818 - an event, not an error of this program
+class Died(Exception):
     """The `die` fault: the process that runs the mock ends with `EXIT_STATUS_DIED`."""
 
 

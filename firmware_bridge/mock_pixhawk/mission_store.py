@@ -12,7 +12,6 @@ from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
 from firmware_bridge.mock_pixhawk.ids import (
-    COMPONENT_AUTOPILOT,
     MISSION_TYPE_ALL,
     MISSION_TYPE_FENCE,
     MISSION_TYPE_MISSION,
@@ -89,12 +88,10 @@ class MissionStore:
         if kind != MISSION_TYPE_MISSION:
             self._ack(sender, MissionResult.UNSUPPORTED, kind)
             return
-        if self._incoming is not None and (sender != self._partner or self._incoming):
-            if sender != self._partner:
-                # Somebody else's upload is under way.
-                self._ack(sender, MissionResult.ERROR)
-                return
-            # The same sender starts over.
+        if self._incoming is not None and sender != self._partner:
+            # Somebody else's upload is under way. The same sender may start over.
+            self._ack(sender, MissionResult.ERROR)
+            return
         if message.count > MAX_ITEMS:
             self._warn(f"Mission rejected: {message.count} items, room for {MAX_ITEMS}")
             self._incoming = None
@@ -207,8 +204,3 @@ class MissionStore:
             self._replace([])
         known = (MISSION_TYPE_MISSION, MISSION_TYPE_FENCE, MISSION_TYPE_RALLY, MISSION_TYPE_ALL)
         self._ack(sender, MissionResult.ACCEPTED if kind in known else MissionResult.UNSUPPORTED, kind)
-
-
-def addressed_to(target_system: int, target_component: int, sysid: int) -> bool:
-    """Whether a mission message with this target is for the autopilot `sysid`."""
-    return target_system in (0, sysid) and target_component in (0, COMPONENT_AUTOPILOT)

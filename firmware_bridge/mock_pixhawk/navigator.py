@@ -8,6 +8,7 @@ own (speed, camera) take effect when the waypoint before them is passed.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import sqrt
 from typing import NamedTuple
 
 from firmware_bridge.mock_pixhawk import elementary as el
@@ -113,6 +114,20 @@ class Navigator:
         """MISSION_CURRENT.seq."""
         return max(min(self.index, len(self.items) - 1), 0)
 
+    def infeasible(self) -> str | None:
+        """Why the mission cannot be flown from home, or None."""
+        if not self.items:
+            return "no valid mission"
+        home, limit = self._vehicle.home, self._params["MIS_DIST_1WP"]
+        first = next((i for i in self.items if i.command in NAVIGATION and not place_is_open(i)), None)
+        if first is None or home is None or limit <= 0.0:
+            return None
+        n, e, _ = self._point(first, (home.n_m, home.e_m, home.d_m))
+        distance = sqrt((n - home.n_m) * (n - home.n_m) + (e - home.e_m) * (e - home.e_m))
+        if distance > limit:
+            return f"first waypoint is {distance / 1e3:.1f} km away, MIS_DIST_1WP is {limit / 1e3:g} km"
+        return None
+
     # -- as a flight mode ---------------------------------------------------------------------------------------
 
     def start(self, now_us: int) -> None:  # noqa: ARG002
@@ -165,10 +180,8 @@ class Navigator:
     def _point(self, item: MissionItem, otherwise: Point) -> Point:
         """Local NED of a navigation item; `otherwise` gives north and east where the item leaves them open."""
         home = self._vehicle.home
-        if item.frame in RELATIVE_FRAMES and home is not None:
-            alt = home.alt_m + item.alt_m
-        else:
-            alt = item.alt_m
+        relative = item.frame in RELATIVE_FRAMES and home is not None
+        alt = home.alt_m + item.alt_m if relative and home is not None else item.alt_m
         if place_is_open(item):
             _, _, d = self._project(0.0, 0.0, alt)
             return (otherwise[0], otherwise[1], d)
@@ -180,7 +193,7 @@ class Navigator:
         if command in NAVIGATION and command != Cmd.NAV_LAND and self._vehicle.landed:
             return self._begin_climb(item)
         if command in NAVIGATION:
-            return self._begin_run(now_us)
+            return self._begin_run()
         if command in (Cmd.NAV_DELAY, Cmd.CONDITION_DELAY):
             return self._wait(item.seq, now_us, value_or(item.param1, 0.0))
         if command == Cmd.CONDITION_YAW:
@@ -189,8 +202,8 @@ class Navigator:
             self._next_mode = Mode.RTL
             self.complete = True
             self._done(item.seq)
-            return lambda now: True
-        return lambda now: self._instant(item)
+            return lambda _now: True
+        return lambda _now: self._instant(item)
 
     def _instant(self, item: MissionItem) -> bool:
         """Items that take no time."""
@@ -216,13 +229,15 @@ class Navigator:
 
     def change_speed(self, speed_mps: float) -> bool:
         """Horizontal speed of the legs to come; -1 changes nothing, -2 is the default again. False if it is neither."""
-        if speed_mps > 0.0:
-            self._speed = speed_mps
-        elif speed_mps == -2.0:
-            self._speed = None
-        else:
-            return speed_mps == -1.0
-        return True
+        self._speed, known = self._speed_after(self._speed, speed_mps)
+        return known
+
+    @staticmethod
+    def _speed_after(now: float | None, asked_mps: float) -> tuple[float | None, bool]:
+        """Speed (None: default) after DO_CHANGE_SPEED asked for `asked_mps`, and whether that means anything."""
+        if asked_mps > 0.0:
+            return asked_mps, True
+        return (None, True) if asked_mps == -2.0 else (now, asked_mps == -1.0)
 
     def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
         until = now_us + int(min(seconds, 1e6) * _US_PER_S)
@@ -269,25 +284,26 @@ class Navigator:
         # The item itself goes on as an ordinary waypoint once the vehicle is up.
         return self._climb.step
 
-    def _begin_run(self, now_us: int) -> Callable[[int], bool]:
+    def _begin_run(self) -> Callable[[int], bool]:
         """Lay a trajectory through the items from `index` on that can be flown without a stop."""
         guidance, items = self._guidance, self.items
         points = [guidance.setpoint_position()]
         speeds: list[float] = []
         found: list[tuple[MissionItem, int]] = []  # item, index into points
+        speed = self._speed
         for item in items[self.index :]:
             if item.command in NAVIGATION:
                 point = self._point(item, points[-1])
                 if item.command == Cmd.NAV_LAND:
                     point = (point[0], point[1], points[-1][2])
                 if found or self._far(point, points[0]):
-                    speeds.append(self._speed if self._speed is not None else guidance.cruise_mps)
+                    speeds.append(speed if speed is not None else guidance.cruise_mps)
                     points.append(point)
                 found.append((item, len(points) - 1))
                 if self._stops(item):
                     break
             elif item.command == Cmd.DO_CHANGE_SPEED:
-                self.change_speed(item.param2)
+                speed, _ = self._speed_after(speed, item.param2)
                 found.append((item, len(points) - 1))
             elif item.command in PAYLOAD:
                 found.append((item, len(points) - 1))
@@ -360,6 +376,8 @@ class Navigator:
                 return False
             if final:
                 return True
+            if self.items[gate.seq].command == Cmd.DO_CHANGE_SPEED:
+                self.change_speed(self.items[gate.seq].param2)
             self._done(gate.seq)
             self._gates.pop(0)
             guidance.yaw_target = self._gates[0].yaw

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 from hil.signals.errors import ConfigError, Problem
@@ -142,31 +143,32 @@ class ParamTable:
             raise ConfigError([Problem("--airframe", f"no airframe {name!r}", f"there are: {known}")])
         problems = []
         for number, words in _lines(path):
-            refusal = self._set_words(words)
+            refusal = self.set(words[0], float(words[1]))
             if refusal:
-                problems.append(Problem(f"{path.name}:{number}", refusal))
+                problems.append(Problem(f"{path.name}:{number}", f"{words[0]}: {refusal}"))
         if problems:
             raise ConfigError(problems)
 
-    def load_assignments(self, assignments: Iterable[str]) -> None:
-        """Apply `NAME=VALUE` strings. ConfigError lists everything wrong with them."""
+    def load(self, assignments: Iterable[str]) -> None:
+        """Apply `NAME=VALUE` strings. ConfigError lists every one that is wrong."""
         problems = []
         for text in assignments:
-            refusal = self._set_words([word.strip() for word in text.split("=")])
+            name, _, value = text.partition("=")
+            try:
+                refusal = self.set(name.strip(), float(value))
+            except ValueError:
+                refusal = "not NAME=NUMBER"
             if refusal:
-                problems.append(Problem(f"--param {text}", refusal, "write --param NAME=VALUE"))
+                problems.append(Problem(f"parameter {text}", refusal, self._hint(name)))
         if problems:
             raise ConfigError(problems)
 
-    def _set_words(self, words: list[str]) -> str | None:
-        if len(words) != 2:
-            return "expected a name and a value"
-        try:
-            value = float(words[1])
-        except ValueError:
-            return f"{words[1]!r} is not a number"
-        refusal = self.set(words[0], value)
-        return f"{words[0]}: {refusal}" if refusal else None
+    def _hint(self, name: str) -> str:
+        """The nearest legal names, for one that does not exist."""
+        if name in self._by_name:
+            return ""
+        near = get_close_matches(name, self._by_name, n=3)
+        return f"did you mean {', '.join(near)}?" if near else "names are PX4's, in capitals"
 
     def value_payload(self, param: Param) -> bytes:
         """Payload of PARAM_VALUE (bytewise encoding)."""

@@ -52,7 +52,7 @@ class Preflight:
                 failures.append("no GPS")
             elif not gps.usable:
                 failures.append(
-                    f"GPS fix too low: fix {gps.fix_type}, {gps.satellites} satellites, eph {gps.eph} cm, epv {gps.epv} cm"
+                    f"GPS quality: fix {gps.fix_type}, {gps.satellites} satellites, eph {gps.eph} cm, epv {gps.epv} cm"
                 )
             elif not estimate.position_ok:
                 failures.append("No valid position estimate")

@@ -8,13 +8,11 @@ STALE (noise-free data is no data). Units here: m/s2, rad/s, gauss, hPa, NED/FRD
 from __future__ import annotations
 
 import struct
-from typing import Protocol
+from typing import Any, Protocol
 
 from firmware_bridge.mock_pixhawk import elementary as el
 
 IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
-_ACCEL_BITS, _GYRO_BITS = 0x7, 0x38
-_KNOWN_BITS = 0x1FFF
 
 ACCEL, GYRO, MAG, BARO, GPS = range(5)
 LABELS = ("ACCEL", "GYRO", "MAG", "BARO", "GPS")
@@ -25,10 +23,12 @@ TIMEOUT_US = (100_000, 100_000, 1_000_000, 1_000_000, 2_000_000)  # without a sa
 # The estimator's drivers run at these periods at most; a sensor that comes with every IMU sample is thinned out.
 _MAG_PERIOD_US, _BARO_PERIOD_US = 10_000, 20_000
 
-_ACCEL_LSB = 9.80665 / 2048.0
-_ACCEL_STEPS = 32767
-_GYRO_LSB = 0.061 * el.RAD_FROM_DEG
-_GYRO_STEPS = 32767
+_A_LSB = 9.80665 / 2048.0
+_A_PER_LSB = 1.0 / _A_LSB
+_A_MAX, _A_MIN = 32767.0 * _A_LSB, -32767.0 * _A_LSB
+_G_LSB = 2000.0 / 32768.0 * el.RAD_FROM_DEG
+_G_PER_LSB = 1.0 / _G_LSB
+_G_MAX, _G_MIN = 32767.0 * _G_LSB, -32767.0 * _G_LSB
 
 _HIL_GPS = struct.Struct("<QiiiHHHhhhHBBBH").unpack
 UNKNOWN_ACCURACY = 65535
@@ -86,8 +86,8 @@ def pressure_altitude_m(pressure_hpa: float) -> float:
     return (_T0 / _LAPSE) * (1.0 - el.exp(_EXPONENT * el.log(pressure_hpa / _P0_HPA)))
 
 
-def _quantised(x: float, lsb: float, steps: int) -> float:
-    return min(max(round(x / lsb), -steps), steps) * lsb
+def _clipped(x: float, most: float) -> float:
+    return min(max(x, -most), most)
 
 
 class SensorIntake:
@@ -128,7 +128,7 @@ class SensorIntake:
             self._same[sensor] = 0
         self.last_us[sensor] = t_us
 
-    def take(self, t_us: int, values: tuple[float, ...], payload: bytes) -> bool:
+    def take(self, t_us: int, values: tuple[Any, ...], payload: bytes) -> bool:
         """One HIL_SENSOR (`values`: all its fields, `payload`: its bytes). True if the estimator made a step."""
         (_, ax, ay, az, gx, gy, gz, mx, my, mz, pressure, _, _, _, fields, _) = values
         stepped = False
@@ -144,17 +144,20 @@ class SensorIntake:
                 self._last[GYRO] = payload[20:32]
                 self._same[GYRO] = 0
             self.last_us[ACCEL] = self.last_us[GYRO] = t_us
+            if not (_A_MIN < ax < _A_MAX and _A_MIN < ay < _A_MAX and _A_MIN < az < _A_MAX):
+                ax, ay, az = _clipped(ax, _A_MAX), _clipped(ay, _A_MAX), _clipped(az, _A_MAX)
+            if not (_G_MIN < gx < _G_MAX and _G_MIN < gy < _G_MAX and _G_MIN < gz < _G_MAX):
+                gx, gy, gz = _clipped(gx, _G_MAX), _clipped(gy, _G_MAX), _clipped(gz, _G_MAX)
             total = ax + ay + az + gx + gy + gz
-            if total - total == 0.0:  # finite
-                q = _quantised
+            if total == total:
                 self._estimator.step(
                     t_us,
-                    q(gx, _GYRO_LSB, _GYRO_STEPS),
-                    q(gy, _GYRO_LSB, _GYRO_STEPS),
-                    q(gz, _GYRO_LSB, _GYRO_STEPS),
-                    q(ax, _ACCEL_LSB, _ACCEL_STEPS),
-                    q(ay, _ACCEL_LSB, _ACCEL_STEPS),
-                    q(az, _ACCEL_LSB, _ACCEL_STEPS),
+                    round(gx * _G_PER_LSB) * _G_LSB,
+                    round(gy * _G_PER_LSB) * _G_LSB,
+                    round(gz * _G_PER_LSB) * _G_LSB,
+                    round(ax * _A_PER_LSB) * _A_LSB,
+                    round(ay * _A_PER_LSB) * _A_LSB,
+                    round(az * _A_PER_LSB) * _A_LSB,
                 )
                 stepped = True
             else:

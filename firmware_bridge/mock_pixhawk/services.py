@@ -63,19 +63,19 @@ class Services:
             "COMMAND_INT": self._command_int,
             "SET_MODE": self._set_mode,
             "MANUAL_CONTROL": self._manual_control,
-            "SET_POSITION_TARGET_LOCAL_NED": lambda m, s, now: offboard.on_local(m, now),
-            "SET_POSITION_TARGET_GLOBAL_INT": lambda m, s, now: offboard.on_global(m, now),
-            "SET_ATTITUDE_TARGET": lambda m, s, now: offboard.on_attitude(m, now),
-            "PARAM_REQUEST_LIST": lambda m, s, now: params.request_list(),
+            "SET_POSITION_TARGET_LOCAL_NED": lambda m, _sender, now: offboard.on_local(m, now),
+            "SET_POSITION_TARGET_GLOBAL_INT": lambda m, _sender, now: offboard.on_global(m, now),
+            "SET_ATTITUDE_TARGET": lambda m, _sender, now: offboard.on_attitude(m, now),
+            "PARAM_REQUEST_LIST": lambda _m, _sender, _now: params.request_list(),
             "MISSION_COUNT": missions.on_count,
             "MISSION_ITEM_INT": missions.on_item_int,
             "MISSION_ITEM": missions.on_item,
-            "MISSION_REQUEST_LIST": lambda m, s, now: missions.on_request_list(m, s),
-            "MISSION_REQUEST_INT": lambda m, s, now: missions.on_request(m, s, as_int=True),
-            "MISSION_REQUEST": lambda m, s, now: missions.on_request(m, s, as_int=False),
-            "MISSION_ACK": lambda m, s, now: missions.on_ack(s),
-            "MISSION_CLEAR_ALL": lambda m, s, now: missions.on_clear(m, s),
-            "MISSION_SET_CURRENT": lambda m, s, now: self._set_current(m.seq, now),
+            "MISSION_REQUEST_LIST": lambda m, s, _now: missions.on_request_list(m, s),
+            "MISSION_REQUEST_INT": lambda m, s, _now: missions.on_request(m, s, as_int=True),
+            "MISSION_REQUEST": lambda m, s, _now: missions.on_request(m, s, as_int=False),
+            "MISSION_ACK": lambda _m, s, _now: missions.on_ack(s),
+            "MISSION_CLEAR_ALL": lambda m, s, _now: missions.on_clear(m, s),
+            "MISSION_SET_CURRENT": lambda m, _sender, now: self._set_current(m.seq, now),
             "PING": self._ping,
             "FILE_TRANSFER_PROTOCOL": self._ftp,
         }
@@ -85,8 +85,8 @@ class Services:
         self.handlers[MSGID["HEARTBEAT"]] = self._heartbeat
         self.handlers[MSGID["TIMESYNC"]] = self._timesync
         # Parameters travel as raw bits: their payloads are read undecoded.
-        self.handlers[MSGID["PARAM_REQUEST_READ"]] = lambda frame, now: self._raw_param(frame, 2, params.request_read)
-        self.handlers[MSGID["PARAM_SET"]] = lambda frame, now: self._raw_param(frame, 4, params.set)
+        self.handlers[MSGID["PARAM_REQUEST_READ"]] = lambda frame, _now: self._raw_param(frame, 2, params.request_read)
+        self.handlers[MSGID["PARAM_SET"]] = lambda frame, _now: self._raw_param(frame, 4, params.set)
 
     def _mine(self, system: int, component: int) -> bool:
         if system in (0, self._sysid) and component in (0, COMPONENT_AUTOPILOT):

@@ -5,7 +5,8 @@ Default rates are modest; a ground station raises them with SET_MESSAGE_INTERVAL
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import nan, sqrt
 from typing import Any
 
@@ -105,9 +106,8 @@ class Telemetry:
         self.makers: dict[int, Callable[[int], Any]] = {}
         for name in DEFAULT_PERIOD_US:
             cls = message_class(name)
-            maker = getattr(self, f"_{name.lower()}")
-            self.makers[cls.MSGID] = lambda now_us, maker=maker, cls=cls: maker(cls, now_us)
-        self.controls: tuple[float, ...] = (0.0,) * 16
+            self.makers[cls.MSGID] = partial(getattr(self, f"_{name.lower()}"), cls)
+        self.controls: Sequence[float] = (0.0,) * 16
 
     def _heartbeat(self, cls: Any, now_us: int) -> Any:  # noqa: ARG002
         v = self._v

@@ -29,7 +29,8 @@ Point = tuple[float, float, float]
 _STRAIGHT = 1.0 - 1e-7  # cosine of a turn that needs no arc: less than 0.03 degrees
 _REVERSAL = -0.95  # sharper than this the arc would be too small: turn on the spot
 _CORNER_STOP_MPS = 0.15  # speed over a corner without arc; not 0, or the corner would never be reached
-_SNAP_M = 0.005  # nearer to the end than this is the end
+_SNAP_M = 0.002  # nearer to the end than this is the end
+_CREEP_MPS = 0.5
 _SPEED_GAIN = 4.0  # 1/s: how fast the speed approaches its target when jerk and acceleration leave room
 
 
@@ -56,12 +57,20 @@ class Piece(NamedTuple):
     speed: float
 
 
-def max_speed_mps(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
-    """Highest speed from which one can brake to `speed_then_mps` within `distance_m` >= 0."""
+def _braking_speed(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
     b = 4.0 * accel_mps2 * accel_mps2 / jerk_mps3
     c = 2.0 * accel_mps2 * distance_m + speed_then_mps * speed_then_mps
+    return 0.5 * (sqrt(b * b + 4.0 * c) - b)
+
+
+def max_speed_mps(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
+    """Highest speed from which one can brake to `speed_then_mps` within `distance_m` >= 0."""
+    v = _braking_speed(distance_m, speed_then_mps, accel_mps2, jerk_mps3)
+    if v < _CREEP_MPS:
+        # The form above creeps towards the end (v = 0.7/s * d). Slow as this is, twice the jerk is not used up.
+        v = max(v, min(_braking_speed(distance_m, speed_then_mps, accel_mps2, 2.0 * jerk_mps3), _CREEP_MPS))
     # For d near 0 the root is less than v1, because of the time the jerk takes.
-    return max(0.5 * (sqrt(b * b + 4.0 * c) - b), speed_then_mps)
+    return max(v, speed_then_mps)
 
 
 def _leg_speed(u: Point, speed: float, limits: Limits) -> float:
@@ -101,23 +110,24 @@ class Trajectory:
     def _lay(self, points: list[Point], speeds: list[float]) -> None:
         """Lay straights and arcs through `points`."""
         limits = self._limits
-        # Legs between distinct points: (start index, unit vector, length, speed).
-        legs: list[tuple[int, Point, float, float]] = []
+        # Legs between distinct points: (start index, unit vector, length, speed, its horizontal limit).
+        legs: list[tuple[int, Point, float, float, float]] = []
         for i in range(len(points) - 1):
             a, b = points[i], points[i + 1]
             dx, dy, dz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
             length = sqrt(dx * dx + dy * dy + dz * dz)
             if length > 1e-3:
                 u = (dx / length, dy / length, dz / length)
-                legs.append((i, u, length, _leg_speed(u, speeds[i], limits)))
+                legs.append((i, u, length, _leg_speed(u, speeds[i], limits), speeds[i]))
         passed = [0.0] * len(points)
         s = 0.0
         cut_before = 0.0
-        for k, (i, u, length, speed) in enumerate(legs):
+        for k, (i, u, length, speed, level) in enumerate(legs):
             next_leg = legs[k + 1] if k + 1 < len(legs) else None
             cut, arc = 0.0, None
             if next_leg is not None:
-                cut, arc = self._corner(u, length, next_leg[1], next_leg[2], min(speed, next_leg[3]))
+                most = min(speed, next_leg[3], level, next_leg[4])
+                cut, arc = self._corner(u, length, next_leg[1], next_leg[2], most)
             a = points[i]
             start = (a[0] + cut_before * u[0], a[1] + cut_before * u[1], a[2] + cut_before * u[2])
             straight = length - cut_before - cut
@@ -162,16 +172,16 @@ class Trajectory:
         )
         cut = radius * tan_half
         arc_speed = min(speed, sqrt(self._limits.accel_lateral_mps2 * radius))
+        # On the way round, cos(phi) u1 + sin(phi) n may be steeper than both legs.
+        steepest = sqrt(u1[2] * u1[2] + n[2] * n[2])
+        if steepest > 1e-3:
+            arc_speed = min(arc_speed, min(self._limits.speed_up_mps, self._limits.speed_down_mps) / steepest)
         return cut, (n, radius, radius * el.atan2(sine, c), arc_speed)
 
     @property
     def done(self) -> bool:
         """The setpoint has come to rest at the end of the path."""
         return self.s >= self.length
-
-    def remaining_m(self) -> float:
-        """Path length still ahead of the setpoint."""
-        return self.length - self.s
 
     def _allowed_speed(self) -> float:
         limits = self._limits
@@ -204,7 +214,7 @@ class Trajectory:
         self.a += min(max(wanted - self.a, -step), step)
         self.v = max(self.v + self.a * dt_s, 0.0)
         self.s += self.v * dt_s
-        if self.length - self.s < _SNAP_M and self.v < 0.2:
+        if self.length - self.s < _SNAP_M and self.v < 0.1:
             self.s = self.length
         self.s = min(self.s, self.length)
         self._place()

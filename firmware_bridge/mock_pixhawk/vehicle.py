@@ -46,7 +46,6 @@ class Vehicle:
         "pos_d",
         "pos_e",
         "pos_n",
-        "position_valid",
         "ready",
         "terminated",
         "tilt_cos",
@@ -67,7 +66,6 @@ class Vehicle:
         self.terminated = False
         self.failsafe = False  # a failsafe has taken over
         self.ready = False  # pre-flight checks pass
-        self.position_valid = False
         self.home: Home | None = None
         self.manual: ManualControl | None = None
         self.battery_remaining = 1.0

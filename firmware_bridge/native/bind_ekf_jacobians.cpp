@@ -27,7 +27,7 @@ Rows evaluate(const std::string &name, const Rows &inputs) {
     static const Entry kEntries[] = {
         {"ekf_predict", g::ekf_predict, {16, 6, 1, 1}, {16, 3}},
         {"ekf_transition", g::ekf_transition, {16, 6, 1}, {9, 9, 9, 9, 9, 9, 9, 9}},
-        {"ekf_heading", g::ekf_heading, {4, 3}, {2, 3}},
+        {"ekf_heading", g::ekf_heading, {4, 3}, {3}},
         {"ekf_delayed", g::ekf_delayed, {4, 3, 1}, {9, 9, 9, 9}},
     };
     for (const Entry &e : kEntries) {

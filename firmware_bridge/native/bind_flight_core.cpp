@@ -88,7 +88,7 @@ void bind_flight_core(nb::module_ &m) {
                            "sample; `state` and `controls` are read-only views rewritten in place. Not thread-safe.")
         .def(
             "__init__", [](FlightCore *self, const ParamArray &params) { new (self) FlightCore(checked(params)); },
-            "params"_a, "params: float64[len(PARAM_NAMES)]. ValueError names the entry that is out of range.")
+            "params"_a.noconvert(), "params: float64[len(PARAM_NAMES)]. ValueError names the entry that is out of range.")
         .def("set_param", &set_param, "index"_a, "value"_a, "IndexError or ValueError, and nothing changed, if refused.")
         .def(
             "get_param",

@@ -85,7 +85,9 @@ Vec3 Controller::velocity_loop(const Setpoint &sp, const Motion &m, Vec3 v_targe
     a_sp_ = a_sp_ + limit_norm(want - before_jerk, params_[MPC_JERK_MAX] * dt);
 
     const double most = params_[MPC_THR_MAX], margin = params_[MPC_THR_XY_MARG];
-    Vec3 thrust = (hover / g) * Vec3{a_sp_.x, a_sp_.y, a_sp_.z - g};
+    // What the vertical integrator has learned about the hover thrust serves the horizontal axes too.
+    const double learned = clamp(1.0 - integral_.z / g, 0.6, 1.6);
+    Vec3 thrust = (hover / g) * Vec3{learned * a_sp_.x, learned * a_sp_.y, a_sp_.z - g};
     const double up_most = std::sqrt(std::max(0.0, most * most - margin * margin));
     const double up = clamp(-thrust.z, params_[MPC_THR_MIN], up_most);
     const bool z_saturated_up = -thrust.z > up || saturation_.thrust_excess > 1.0e-6;

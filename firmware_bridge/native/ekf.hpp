@@ -94,6 +94,9 @@ class Ekf {
         Vec3 v, p;
     };
     static constexpr int kRing = 64;
+    static constexpr std::int64_t kRingSpacing_us = 3500;  // least distance of entries: 64 of 4 ms are 256 ms
+    // First index of each part of the error state.
+    static constexpr int kTheta = 0, kVel = 3, kPos = 6, kGyroBias = 9, kAccelBias = 12, kBaro = 15;
 
     struct Row {
         double h[kErrors];
@@ -129,7 +132,7 @@ class Ekf {
     std::int64_t last_mag_us_, last_mag_ok_us_, last_hold_us_;
     int bad_imu_run_;
     double last_baro_m_;
-    Vec3 rest_gyro_, rest_force_, mag_sum_;
+    Vec3 rest_gyro_, rest_force_, mag_sum_, field_N_;
     int rest_count_, mag_count_;
     int resets_ = 0;
     Rejections rejections_;

@@ -36,10 +36,10 @@ namespace hil::flight {
     X(EKF_REJECT_T, 5.0, 0.5, 60.0, "s", "rejection of a sensor after which the state is reset to it")              \
     X(EKF_NOAID_T, 5.0, 0.5, 60.0, "s", "time without GPS after which position is no longer valid")                 \
     X(EKF_GRAVITY, 9.80665, 9.7, 9.9, "m/s^2", "local gravity")                                                     \
-    X(MPC_XY_P, 1.2, 0.1, 5.0, "1/s", "horizontal position gain")                                                   \
+    X(MPC_XY_P, 1.3, 0.1, 5.0, "1/s", "horizontal position gain")                                                   \
     X(MPC_Z_P, 1.2, 0.1, 5.0, "1/s", "vertical position gain")                                                      \
-    X(MPC_XY_VEL_P_ACC, 2.6, 0.1, 10.0, "1/s", "horizontal velocity gain")                                          \
-    X(MPC_XY_VEL_I_ACC, 0.6, 0.0, 10.0, "1/s^2", "horizontal velocity integral gain")                               \
+    X(MPC_XY_VEL_P_ACC, 3.0, 0.1, 10.0, "1/s", "horizontal velocity gain")                                          \
+    X(MPC_XY_VEL_I_ACC, 1.0, 0.0, 10.0, "1/s^2", "horizontal velocity integral gain")                               \
     X(MPC_XY_VEL_D_ACC, 0.1, 0.0, 2.0, "1", "horizontal acceleration damping")                                      \
     X(MPC_Z_VEL_P_ACC, 4.0, 0.1, 15.0, "1/s", "vertical velocity gain")                                             \
     X(MPC_Z_VEL_I_ACC, 2.0, 0.0, 10.0, "1/s^2", "vertical velocity integral gain")                                  \

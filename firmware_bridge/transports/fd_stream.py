@@ -50,9 +50,7 @@ class FdStream:
             self._write_slowly(memoryview(data)[sent:])
 
     def _write_slowly(self, rest: memoryview) -> None:
-        """The line is full: wait for room, and meanwhile take in what comes, so that two writers never
-        deadlock.
-        """
+        """The line is full: wait for room, and meanwhile take in what comes, so that two writers never deadlock."""
         poll = select.poll()
         poll.register(self._fd, select.POLLIN | select.POLLOUT)
         deadline = time.monotonic() + self._write_stall_s

@@ -10,24 +10,26 @@ from hil.signals.errors import LinkClosed
 class Peer(Protocol):
     """The far side of a loopback."""
 
-    def feed(self, data: bytes) -> bytes:
-        """Take `data` and return all that it makes the far side say.
+    def boot(self) -> bytes:
+        """What the far side says before it has heard anything. Called once per `open`."""
+        ...
 
-        `feed(b"")` fetches what it says unasked.
-        """
+    def feed(self, data: bytes) -> bytes:
+        """Take `data` and return all that it makes the far side say."""
         ...
 
 
 class LoopbackTransport:
-    """Carries bytes to `peer` and back without threads, sockets or waiting: the same bytes as over any
-    other wire.
+    """Carries bytes to `peer` and back without threads, sockets or waiting: the same bytes as over any other wire.
 
-    Nothing can arrive while nobody writes, so `read` with nothing there returns at once whatever the time-
-    out.
+    Nothing can arrive while nobody writes, so `read` with nothing there returns at once, whatever its limit.
+    An exception of one of the classes in `deaths`, raised by the peer, is its way to die: `LinkClosed` here.
     """
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Peer, *, deaths: tuple[type[Exception], ...] = ()) -> None:
         self._peer = peer
+        self._deaths = deaths
+        self._dead: str | None = None
         self._inbox = b""
         self._open = False
 
@@ -37,7 +39,8 @@ class LoopbackTransport:
 
     def open(self) -> None:
         self._open = True
-        self._inbox = self._peer.feed(b"")
+        self._dead = None
+        self._inbox = self._peer.boot()
 
     def close(self) -> None:
         self._open = False
@@ -46,12 +49,19 @@ class LoopbackTransport:
     def write(self, data: bytes) -> None:
         if not self._open:
             raise LinkClosed(self.name, "the loopback is not open")
-        self._inbox += self._peer.feed(data)
+        if self._dead is None:
+            try:
+                self._inbox += self._peer.feed(data)
+            except self._deaths as death:
+                # As on a real wire, the writer does not notice: whoever reads does.
+                self._dead = f"the far side died ({type(death).__name__}: {death})"
 
     def read(self, timeout_s: float) -> bytes:  # noqa: ARG002 (nothing to wait for)
         if not self._open:
             raise LinkClosed(self.name, "the loopback is not open")
         data, self._inbox = self._inbox, b""
+        if not data and self._dead is not None:
+            raise LinkClosed(self.name, self._dead)
         return data
 
     def fileno(self) -> int | None:

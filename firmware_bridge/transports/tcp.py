@@ -56,8 +56,7 @@ class TcpClient:
 
 
 class TcpServer:
-    """Listens on `host`:`port` from `open` on and serves the first client that comes; port 0 picks a free
-    one.
+    """Listens on `host`:`port` from `open` on and serves the first client that comes (0: any free port).
 
     The client may come at any time: `read` waits for it first. PX4 SITL is such a client, and connects only
     once, so a connection that has ended is not followed by another.

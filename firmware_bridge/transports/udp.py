@@ -13,8 +13,7 @@ _DATAGRAM_SIZE = 65536
 
 
 class UdpTransport:
-    """Binds `host`:`port` (0 picks a free one). The peer is the one given, or whoever sent the latest
-    datagram.
+    """Binds `host`:`port` (0: any free one). The peer is the one given, or whoever sent the latest datagram.
 
     There is no far side that could be seen to close: silence is all that a vanished peer looks like.
     """

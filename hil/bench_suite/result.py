@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -49,6 +49,7 @@ class BenchmarkResult:
     checks: list[Check] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     time_label: str = "wall time [s]"
+    panels: list[Callable[[Any], None]] = field(default_factory=list)  # each draws on one more matplotlib Axes
 
     def as_json(self, name: str) -> dict[str, Any]:
         """The JSON form fixed by the command-line contract."""
@@ -99,11 +100,14 @@ def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None
     from matplotlib.figure import Figure  # slow to import, and only needed here
 
     cases = list(dict.fromkeys(row.case for row in result.rows))
-    columns = min(3, max(1, len(cases)))
-    lines = -(-len(cases) // columns)
+    count = len(cases) + len(result.panels)
+    columns = min(3, max(1, count))
+    lines = -(-count // columns)
     figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False)
-    for ax in list(axes.flat)[len(cases) :]:
+    for ax, draw in zip(list(axes.flat)[len(cases) :], result.panels, strict=False):
+        draw(ax)
+    for ax in list(axes.flat)[count:]:
         ax.set_visible(False)
     for ax, case in zip(axes.flat, cases, strict=False):
         rows = [row for row in result.rows if row.case == case]

@@ -21,13 +21,22 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+FaultTime = Annotated[float, Field(ge=0)] | None
+
+
 class MockFaults(Section):
     """Ways in which the mock Pixhawk misbehaves on purpose, each from a given simulated time on."""
 
-    die_at_s: Annotated[float, Field(ge=0)] | None = None  # its process ends
-    silent_at_s: Annotated[float, Field(ge=0)] | None = None  # it stops answering
-    wrong_time_at_s: Annotated[float, Field(ge=0)] | None = None  # it answers with the time of another tick
-    garbage_at_s: Annotated[float, Field(ge=0)] | None = None  # it sends bytes that are no MAVLink
+    die_at_s: FaultTime = None  # its process ends
+    stall_at_s: FaultTime = None  # it stops answering
+    wrong_time_at_s: FaultTime = None  # it answers with the time of another tick
+    garbage_at_s: FaultTime = None  # random bytes in place of each answer
+    noise_at_s: FaultTime = None  # random bytes between the frames, which survive
+
+    def texts(self) -> tuple[str, ...]:
+        """The faults as the mock's command line takes them: 'die@12.5'."""
+        times = {name.removesuffix("_at_s"): getattr(self, name) for name in type(self).model_fields}
+        return tuple(f"{kind}@{t_s!r}" for kind, t_s in times.items() if t_s is not None)
 
 
 class Autopilot(Section):
@@ -40,7 +49,7 @@ class Autopilot(Section):
     boot_sensors: Annotated[int, Field(ge=0, le=10_000)] | None = 20
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
     start: bool = True  # false: the user starts it, and `port` says where it is
-    port: str | None = None  # serial device, e.g. /dev/ttyACM0
+    port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
     binary: str | None = None  # the user's own firmware build, for rigs that need one
     params: dict[str, float] = Field(default_factory=dict)  # flight-controller parameters by name
     faults: MockFaults = MockFaults()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from hil.recorder.track import TrackArrays
@@ -192,8 +192,9 @@ def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[st
         edges = np.geomspace(low, high, 36)  # wider than the 3 % bins that come in, so that none falls empty
         trips.hist(middle_us, bins=edges.tolist(), weights=counts, color=_BLUE)
         trips.set_xscale("log")
-        for axis_format in (trips.xaxis.set_major_formatter, trips.xaxis.set_minor_formatter):
-            axis_format(lambda value, _: f"{value:.3g}")
+        trips.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        trips.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        trips.xaxis.set_minor_formatter(NullFormatter())
         trips.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=5))
     names, values = list(phase_us), [float(v) for v in phase_us.values()]
     bars = phases.barh(names, values, color=[_MOTORS[i % len(_MOTORS)] for i in range(len(names))], height=0.62)

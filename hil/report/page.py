@@ -107,7 +107,8 @@ def _page(run: Mapping[str, Any], events: Sequence[Event], pictures: list[tuple[
 {message}
 {figures}
 <div class="columns"><section><h2>Figures</h2>{_table(_headline_rows(run))}</section>
-<section><h2>Sensors</h2>{_sensors(run)}<h2>Not computed</h2>{_skipped(run)}</section></div>
+<section><h2>Verdict</h2>{_verdict(run)}<h2>Sensors</h2>{_sensors(run)}
+<h2>Not computed</h2>{_skipped(run)}</section></div>
 <section><h2>Events</h2>{_events(events)}</section>
 <footer>digest <code>{escape(str(run.get("digest", "")))}</code><br>
 The recording run.mcap opens in Foxglove and with ros2 bag, flight.tlog in QGroundControl.</footer>
@@ -119,11 +120,9 @@ def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
     mission = run.get("mission") or {}
     autopilot = run.get("autopilot") or {}
     rtt = autopilot.get("rtt_us") or {}
-    rows = [
+    return [
         ("Mission completed", _text(mission.get("completed"))),
         ("Waypoints reached", f"{_text(mission.get('reached'))} of {_text(mission.get('waypoints'))}"),
-        ("Largest cross-track error", _text(mission.get("max_cross_track_m"), "m")),
-        ("Final error", _text(mission.get("final_error_m"), "m")),
         ("Simulated time", _text(run.get("sim_s"), "s")),
         ("Wall time", _text(run.get("wall_s"), "s")),
         ("Times real time", _text(run.get("realtime_factor"))),
@@ -135,9 +134,21 @@ def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Round trip p99", _text(rtt.get("p99"), "\N{MICRO SIGN}s")),
         ("Round trip max", _text(rtt.get("max"), "\N{MICRO SIGN}s")),
     ]
-    known = {"completed", "waypoints", "reached", "max_cross_track_m", "final_error_m"}
-    extra = [(k, v) for k, v in mission.items() if k not in known and isinstance(v, (int, float, str))]
-    return rows[:4] + [(k.replace("_", " "), _text(v)) for k, v in extra] + rows[4:]
+
+
+def _verdict(run: Mapping[str, Any]) -> str:
+    """Every measurement beside its limit, and the reasons of a FAIL."""
+    verdict = run.get("verdict") or {}
+    rows = [
+        (
+            ("\N{CHECK MARK} " if r["ok"] else "\N{BALLOT X} ") + r["name"].rsplit("_", 1)[0].replace("_", " "),
+            _text(r["value"], r["unit"]),
+            "not judged" if r["limit"] is None else _text(float(r["limit"]), r["unit"]),
+        )
+        for r in verdict.get("rows") or []
+    ]
+    reasons = "".join(f"<p class='error'>{escape(reason)}</p>" for reason in verdict.get("reasons") or [])
+    return reasons + (_table(rows, ("measured", "value", "limit")) if rows else "<p>Nothing was judged.</p>")
 
 
 def _text(value: Any, unit: str = "") -> str:
@@ -174,15 +185,9 @@ def _sensors(run: Mapping[str, Any]) -> str:
 
 
 def _skipped(run: Mapping[str, Any]) -> str:
-    rows: list[Sequence[str]] = []
-    head: tuple[str, ...] = ()
-    for item in run.get("skipped") or []:
-        if isinstance(item, Mapping):
-            head = head or tuple(str(key).replace("_", " ") for key in item)
-            rows.append([_text(value) for value in item.values()])
-        else:
-            rows.append([str(item)])
-    return _table(rows, head) if rows else "<p>Nothing was left out.</p>"
+    keys = ("what", "why", "saved")
+    rows = [[_text(item.get(key, "")) for key in keys] for item in run.get("skipped") or []]
+    return _table(rows, keys) if rows else "<p>Nothing was left out.</p>"
 
 
 def _events(events: Sequence[Event]) -> str:

@@ -1,15 +1,16 @@
 // nanobind entry point of sim._kernels: one bind_* function per kernel file.
 #include <nanobind/nanobind.h>
 
+#include "bind_detmath.hpp"
+
 namespace nb = nanobind;
 
-void bind_detmath(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_rigid_body(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
-    bind_detmath(m);
+    hil::bind_detmath(m);
     bind_dryden(m);
     bind_rigid_body(m);
 }

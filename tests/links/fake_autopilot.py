@@ -45,11 +45,11 @@ class FakeAutopilot:
         ask = CommandLong(0, 0, 511, 0, 115.0, 5000.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         return self.frame(ask) + self.frame(Heartbeat(2, 12, 0, 0, 0, 3))
 
+    def boot(self) -> bytes:
+        return self.greeting() if self.greet else b""
+
     def feed(self, data: bytes) -> bytes:
         out = b""
-        if self.greet:
-            self.greet = False
-            out += self.greeting()
         for frame in self.parser.feed(data):
             self.received.append(frame.msgid)
             if frame.msgid == HIL_SENSOR:
@@ -132,7 +132,7 @@ def main() -> None:
     peer = FakeAutopilot(boot_sensors=arguments.boot_sensors, fault=arguments.fault, at=arguments.at)
     if arguments.mute:
         time.sleep(3600)
-    port.write(peer.feed(b""))
+    port.write(peer.boot())
     if arguments.stop_reading:
         time.sleep(3600)
     try:

@@ -211,7 +211,7 @@ def test_boot_of_unknown_length_over_tcp(fake):
             except PortNotFound:
                 continue
         try:
-            wire.write(peer.feed(b""))
+            wire.write(peer.boot())
             while not stop.is_set():
                 out = peer.feed(wire.read(0.05))
                 if out:

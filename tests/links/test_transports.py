@@ -240,8 +240,13 @@ def test_udp_takes_nothing_from_strangers():
 
 
 class Echo:
+    def boot(self) -> bytes:
+        return b"hello"
+
     def feed(self, data: bytes) -> bytes:
-        return data[::-1] if data else b"hello"
+        if data == b"die":
+            raise ZeroDivisionError("diverged")
+        return data[::-1]
 
 
 def test_loopback():
@@ -257,3 +262,17 @@ def test_loopback():
     wire.close()
     with pytest.raises(LinkClosed):
         wire.read(0.0)
+
+
+def test_death_of_a_loopbacks_peer_is_a_hang_up_after_its_last_words():
+    wire = LoopbackTransport(Echo(), deaths=(ZeroDivisionError,))
+    wire.open()
+    wire.write(b"abc")
+    wire.write(b"die")
+    assert wire.read(0.0) == b"hellocba"
+    with pytest.raises(LinkClosed, match=r"died .ZeroDivisionError: diverged"):
+        wire.read(0.0)
+    unexpected = LoopbackTransport(Echo())
+    unexpected.open()
+    with pytest.raises(ZeroDivisionError):
+        unexpected.write(b"die")

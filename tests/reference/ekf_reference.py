@@ -1,12 +1,14 @@
 """A small quadrotor in plain Python that closes the loop round the flight core, independent of the bench's physics.
 
-NED/FRD, SI. Rigid body with motor lag (T = k (1000 u)^2 in steady state), linear drag against wind, flat ground with
-a spring-damper under the centre of mass (and levelling friction while standing). IMU means over the 4 ms tick, GPS with delay, barometer,
-magnetometer, each with white noise and fixed biases. It knows nothing of the code under test but its inputs and outputs.
+NED/FRD, SI. Rigid body with motor lag (T = k (1000 u)^2 in steady state), linear drag against wind, flat ground with a
+spring-damper under the centre of mass, levelling and gripping while the vehicle stands. IMU (means over the 4 ms tick),
+GPS with delay, barometer and magnetometer, each with white noise and fixed biases. It knows nothing of the code under
+test but its inputs and outputs.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections import deque
@@ -25,7 +27,6 @@ FIELD_N = (
     0.21 * math.sin(math.radians(DECLINATION_DEG)),
     0.43,
 )
-METRES_PER_DEG_LAT = 111_132.0
 HOME = (47.397742, 8.545594, 488.0)
 
 OFF, IDLE, POSITION, VELOCITY, ATTITUDE, RATE = range(6)
@@ -296,7 +297,7 @@ def smooth_legs(
     """Position and velocity per tick along straight legs, stopping at each point (trapezoidal speed)."""
     dt = TICK_US * 1e-6
     out = []
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in itertools.pairwise(points):
         length = math.dist(a, b)
         direction = [(q - p) / length for p, q in zip(a, b, strict=True)]
         top = min(speed, math.sqrt(length * accel))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from firmware_bridge.mock_pixhawk.faults import KINDS as FAULT_KINDS
+from firmware_bridge.mock_pixhawk.faults import parse_fault
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
+from hil.config.schema import Autopilot
 from hil.signals.errors import ConfigError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -249,3 +252,20 @@ def test_a_saved_bench_needs_nothing_but_its_folder(tmp_path: Path) -> None:
     assert (again.vehicle, again.scene) == (bench.vehicle, bench.scene)
     with pytest.raises(ConfigError, match="--rig"):
         load_bench(saved, rig="mock")
+
+
+def test_faults_read_as_the_mock_reads_them() -> None:
+    faults = load("autopilot: {faults: {die_at_s: 12.5, noise_at_s: 3}}\n").config.autopilot.faults
+    assert [tuple(parse_fault(text)) for text in faults.texts()] == [("die", 12_500_000), ("noise", 3_000_000)]
+    assert {name.removesuffix("_at_s") for name in type(faults).model_fields} == set(FAULT_KINDS)
+
+
+def test_airframes_are_those_the_mock_has() -> None:
+    folder = REPOSITORY / "firmware_bridge" / "mock_pixhawk" / "airframes"
+    legal = get_args(Autopilot.model_fields["airframe"].annotation)
+    assert sorted(legal) == sorted(path.stem for path in folder.glob("*.params"))
+
+
+def test_the_command_line_wins_and_its_problems_come_last() -> None:
+    found = refused("seed: x\n", settings=["pace=-1"], scene="nowhere")
+    assert [p.partition(": ")[0] for p in found] == ["b.yaml:1", "--set pace", "--scene"]

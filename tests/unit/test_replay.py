@@ -147,7 +147,7 @@ def test_replay_says_why_it_cannot(flight: list[Tick], tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"lacks a recording .*run\.mcap"):
         replay(tmp_path, nothing)
     record(tmp_path, flight[:10])
-    with pytest.raises(RecordingError, match=r"lacks its resolved configuration: config\.yaml"):
+    with pytest.raises(RecordingError, match=r"lacks its resolved configuration: bench\.yaml"):
         replay(tmp_path, nothing)
     (tmp_path / "bench.yaml").write_text("seed: 1\n")
     with pytest.raises(RecordingError, match=r"left no run\.mcap"):

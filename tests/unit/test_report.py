@@ -15,7 +15,7 @@ from hil.progress import Progress
 from hil.recorder.recorder import Event
 from hil.recorder.track import Track, TrackArrays
 from hil.report.page import Timing, write_report
-from hil.report.run_json import validate_run_json, write_run_json
+from hil.report.run_json import SCHEMA, validate_run_json, write_run_json
 from hil.signals.errors import RecordingError
 from tests.unit.recorded_flight import TICK_NS, make_flight
 
@@ -41,7 +41,14 @@ RUN = {
     },
     "autopilot": {"kind": "mock", "steps": 24_000, "late": 0, "rtt_us": {"p50": 90.0, "p99": 180.0, "max": 900.0}},
     "sensors": {"imu": {"samples": 24_000, "skipped": 0, "ms": {"p50": 0.01, "p99": 0.02}}},
-    "skipped": [{"stage": "front", "reason": "nobody reads <front/rgb>"}],
+    "skipped": [{"what": "front", "why": "nobody reads <front/rgb>", "saved": "965 samples"}],
+    "verdict": {
+        "reasons": [],
+        "rows": [
+            {"name": "max_cross_track_m", "value": 0.31, "limit": 1.0, "unit": "m", "ok": True},
+            {"name": "landing_speed_mps", "value": 0.66, "limit": None, "unit": "m/s", "ok": True},
+        ],
+    },
 }
 
 
@@ -109,7 +116,7 @@ def test_validator_names_what_is_wrong(path: str, value: object, complaint: str)
 
 def test_validator_wants_every_key() -> None:
     assert validate_run_json(RUN) == []
-    for key in RUN:
+    for key in SCHEMA:
         run = {k: v for k, v in RUN.items() if k != key}
         assert any(problem.startswith(f"{key}:") for problem in validate_run_json(run))
     assert validate_run_json([]) == ["the file is no JSON object"]
@@ -123,7 +130,7 @@ def test_page_stands_alone_and_says_it_all(tmp_path: Path, track: TrackArrays) -
     html = page.read_text()
     assert len(re.findall("data:image/png;base64,iVBOR", html)) == 3
     assert not re.search(r"(src|href)='?\"?(https?:|//|[a-z]+\.png)", html)
-    for text in ("PASS", "city_park on rig mock, seed 1", "0.31 m", "4 of 4", "landing speed mps", "0f" * 32):
+    for text in ("PASS", "city_park on rig mock, seed 1", "0.31 m", "4 of 4", "landing speed", "0f" * 32):
         assert text in html
     assert "Ready &lt;b&gt;to&lt;/b&gt; fly" in html
     assert "nobody reads &lt;front/rgb&gt;" in html

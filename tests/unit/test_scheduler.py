@@ -102,6 +102,11 @@ def make(script: Script, *, baro: bool = False) -> Scheduler:
     )
 
 
+def run(scheduler: Scheduler, ticks: int) -> None:
+    for _ in range(ticks):
+        scheduler.step()
+
+
 def test_phases_come_in_the_written_order_once_per_tick() -> None:
     script = Script()
     scheduler = make(script)
@@ -155,8 +160,7 @@ def test_a_lost_reply_ends_the_run_and_what_did_arrive_is_recorded() -> None:
     script.fail["wait"] = (3, LockstepLost("pty", "no reply"))
     scheduler = make(script)
     with pytest.raises(LockstepLost):
-        for _ in range(10):
-            scheduler.step()
+        run(scheduler, 10)
     scheduler.flush()
     assert script.calls[-1] == ("rec received", 3, ["frame3"])
     assert [call[1] for call in script.calls if call[0] == "rec actuators"] == [2]
@@ -168,8 +172,7 @@ def test_a_failed_physics_step_is_never_sent() -> None:
     script.fail["advance"] = (2, ModelRangeError(2, "p_WB[0]", float("nan"), "finite"))
     scheduler = make(script)
     with pytest.raises(ModelRangeError, match=r"tick 2: p_WB\[0\] = nan"):
-        for _ in range(10):
-            scheduler.step()
+        run(scheduler, 10)
     assert [call[1] for call in script.calls if call[0] == "send"] == [0, 1]
 
 

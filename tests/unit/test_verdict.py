@@ -41,10 +41,15 @@ def along(points: Sequence[Vec3], *, step_m: float = 0.05) -> Iterator[Vec3]:
 
 
 def flown(
-    legs: Sequence[Leg], points: Sequence[Vec3], *, q_WB: tuple[float, ...] = UPRIGHT, sink: float = 0.7
+    legs: Sequence[Leg],
+    points: Sequence[Vec3],
+    *,
+    q_WB: tuple[float, ...] = UPRIGHT,
+    sink: float = 0.7,
+    limits: Limits | None = None,
 ) -> Measurements:
     """Fly through `points`; whoever is within a millimetre of home's height touches the ground."""
-    measurement = FlightMeasurement(legs, stride=1)
+    measurement = FlightMeasurement(legs, limits, stride=1)
     path = [*along(points), *[points[-1]] * 300]
     for tick, p_WB in enumerate(path):
         down = p_WB[2] <= HOME[2] + 1e-3
@@ -96,6 +101,19 @@ def test_cut_corners_cost_what_they_cut() -> None:
     measured = flown(rectangle(), tour(cut))
     assert measured.reached == 5
     assert measured.max_cross_track_m == pytest.approx(0.75, abs=0.03)
+
+
+def test_a_flight_that_may_be_off_its_leg_may_be_off_its_corner() -> None:
+    """All of it 3.5 m to the east and 2.5 m too high, as a standalone receiver would have it."""
+    shifted = tour([(x + 3.5, y) for x, y in CORNERS], 12.7)
+    assert flown(rectangle(), shifted).reached == 1  # the first corner, on the climb
+    limits = Limits(max_cross_track_m=4.0, altitude_error_m=3.0)
+    measured = flown(rectangle(), shifted, limits=limits)
+    assert measured.reached == 5
+    assert measured.max_cross_track_m == pytest.approx(3.5, abs=1e-6)
+    assert measured.altitude_error_m == pytest.approx(2.5, abs=1e-6)
+    assert judge(measured, limits).status == "PASS"
+    assert flown(rectangle(), shifted, limits=Limits(max_cross_track_m=None, altitude_error_m=None)).reached == 5
 
 
 def test_a_missed_waypoint_stops_the_count_and_fails() -> None:

@@ -8,7 +8,7 @@ void ekf_predict(const double *const *arg, double *const *res);
 // (x[16], imu[6], dt[1]) -> (theta_theta[9], theta_bg[9], v_theta[9], v_bg[9], v_ba[9], p_theta[9], p_bg[9], p_ba[9])
 void ekf_transition(const double *const *arg, double *const *res);
 
-// (q[4], field[3]) -> (m_level[2], h_theta[3])
+// (q[4], field[3]) -> (h_theta[3])
 void ekf_heading(const double *const *arg, double *const *res);
 
 // (q[4], force_N[3], tau[1]) -> (v_theta[9], v_ba[9], p_theta[9], p_ba[9])

@@ -1,0 +1,103 @@
+"""The determinism contract (docs/determinism.md): same inputs, same digest, whatever else differs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.bench import run_bench
+from hil.config import load_bench
+
+ROOT = Path(__file__).resolve().parents[2]
+# Long enough to boot, upload, arm, take off from contact and turn towards the first vertex.
+SETTINGS = ["duration_s=24", "record.report=false", "record.tlog=false"]
+LOOPBACK = "autopilot.transport=loopback"
+
+
+def digest(out: Path, *settings: str, seed: int = 1) -> str:
+    outcome = run_bench(load_bench(seed=seed, settings=[*SETTINGS, *settings]), out, quiet=True)
+    assert outcome.run["error"] is None, outcome.run["error"]
+    assert outcome.run["sim_s"] == 24.0
+    assert outcome.run["deterministic"] is True
+    return outcome.run["digest"]
+
+
+def digest_in_process(out: Path, environment: dict[str, str]) -> str:
+    arguments = [x for s in SETTINGS for x in ("--set", s)]
+    command = [sys.executable, "-m", "hil.cli", "run", "--quiet", "--out", str(out), *arguments]
+    subprocess.run(command, cwd=ROOT, env=os.environ | environment, capture_output=True, timeout=200, check=False)
+    run = json.loads((out / "run.json").read_text())
+    assert run["error"] is None, run["error"]
+    return run["digest"]
+
+
+@contextmanager
+def busy(cores: int) -> Iterator[None]:
+    spinners = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(cores)]
+    try:
+        yield
+    finally:
+        for spinner in spinners:
+            spinner.kill()
+            spinner.wait()
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return digest(tmp_path_factory.mktemp("reference"), LOOPBACK)
+
+
+def test_twenty_runs(reference: str, tmp_path: Path) -> None:
+    digests = {digest(tmp_path / str(n), LOOPBACK, "record.mcap=false") for n in range(20)}
+    assert digests == {reference}
+
+
+@pytest.mark.parametrize("cores", [0, 1, 2])
+def test_over_the_pty_with_busy_cores(reference: str, tmp_path: Path, cores: int) -> None:
+    with busy(cores):
+        assert digest(tmp_path) == reference
+
+
+MASKS = [
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX,-AVX512F,-ERMS,-BMI2,-FMA4"},
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX_Usable,-FMA4_Usable"},
+    {"NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX"},
+    {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "12345"},
+]
+
+
+@pytest.mark.parametrize("environment", MASKS, ids=lambda e: ",".join(e))
+def test_with_cpu_features_masked(reference: str, tmp_path: Path, environment: dict[str, str]) -> None:
+    assert digest_in_process(tmp_path, environment) == reference
+
+
+def test_another_seed_is_another_flight(reference: str, tmp_path: Path) -> None:
+    assert digest(tmp_path, LOOPBACK, seed=2) != reference
+
+
+def test_recorders_do_not_matter(reference: str, tmp_path: Path) -> None:
+    assert digest(tmp_path, LOOPBACK, "record.tlog=true", "record.mcap=false") == reference
+
+
+def test_a_further_sensor_changes_no_other_streams_noise(reference: str, tmp_path: Path) -> None:
+    # The digest covers what every other sensor told the autopilot: one changed draw would show.
+    extra = ["sensors.imu2={preset: icm20689}", "sensors.gps2={preset: m8n, rate_hz: 5}"]
+    assert digest(tmp_path, LOOPBACK, *extra) == reference
+
+
+def test_skipping_is_free_of_consequences(reference: str, tmp_path: Path) -> None:
+    assert digest(tmp_path / "contact", LOOPBACK, "physics.contact_skipping=false") == reference
+    extra = "sensors.gps2={preset: m8n, rate_hz: 5}"
+    outcome = run_bench(
+        load_bench(settings=[*SETTINGS, LOOPBACK, extra, "record.mcap=false"]), tmp_path / "pruned", quiet=True
+    )
+    assert outcome.run["digest"] == reference
+    assert outcome.run["sensors"]["gps2"] == {"samples": 0, "skipped": 120, "ms": {"p50": 0.0, "p99": 0.0}}
+    assert {"what": "gps2", "why": "nobody consumes gps2", "saved": "120 samples"} in outcome.run["skipped"]

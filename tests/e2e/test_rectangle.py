@@ -1,0 +1,139 @@
+"""The default mission on the mock rig: flown, judged, recorded, replayed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.bench import run_bench
+from hil.config import load_bench
+from hil.recorder.reading import Recording, read_messages
+from hil.report.run_json import validate_run_json
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def hil(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hil.cli", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One flight as a user makes it, over the pty."""
+    out = tmp_path_factory.mktemp("run")
+    done = hil("run", "--out", str(out))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "PASS" in done.stdout
+    return out
+
+
+def test_run_json_follows_the_contract(flown: Path) -> None:
+    run = json.loads((flown / "run.json").read_text())
+    assert validate_run_json(run) == []
+    assert run["status"] == "PASS"
+    assert run["deterministic"] is True
+    assert run["mission"]["completed"] is True
+    assert run["mission"]["reached"] == run["mission"]["waypoints"] == 5
+    assert run["autopilot"]["steps"] == round(run["sim_s"] * 250)
+    assert run["autopilot"]["link"] | {"tx_bytes": 0, "rx_bytes": 0} == {
+        "tx_bytes": 0,
+        "rx_bytes": 0,
+        "bad_crc": 0,
+        "garbage_bytes": 0,
+        "lost_frames": 0,
+    }
+    contact = next(s for s in run["skipped"] if s["what"] == "contact")
+    assert contact["ticks_skipped"] > contact["ticks_touching"] > 0
+
+
+def test_the_recording_holds_every_tick_and_every_message(flown: Path) -> None:
+    run = json.loads((flown / "run.json").read_text())
+    ticks = run["autopilot"]["steps"]
+    counts: dict[str, int] = {}
+    for message in read_messages(flown / "run.mcap"):
+        counts[message.topic] = counts.get(message.topic, 0) + 1
+    assert counts["/truth/pose"] == counts["/imu"] == ticks
+    assert counts["/gps"] == pytest.approx(ticks / 25, abs=3)  # the last ones were still on their way
+    assert counts["/baro"] == counts["/mag"] == run["sensors"]["baro"]["samples"]
+    assert counts["/mavlink/to_autopilot"] > ticks
+    assert counts["/actuators"] == ticks - 20
+    recording = Recording(flown / "run.mcap").scan()
+    assert recording.complete
+    assert recording.metadata["hil_result"]["digest"] == run["digest"]
+
+
+def test_people_get_a_page_with_pictures(flown: Path) -> None:
+    page = (flown / "report.html").read_text()
+    assert "PASS" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert page.count("data:image/png;base64,") >= 3
+    assert (flown / "flight.png").stat().st_size > 20_000
+
+
+def test_replay_says_identical_and_names_the_first_difference(flown: Path, tmp_path: Path) -> None:
+    done = hil("replay", str(flown), "--out", str(tmp_path / "again"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "identical" in done.stdout
+    # Another seed is another flight: the first sample of a noisy sensor tells.
+    bench = (flown / "bench.yaml").read_text()
+    other = tmp_path / "other"
+    other.mkdir()
+    for file in flown.iterdir():
+        if file.is_file():
+            (other / file.name).write_bytes(file.read_bytes())
+    (other / "bench.yaml").write_text(bench.replace("seed: 1\n", "seed: 2\n"))
+    done = hil("replay", str(other), "--out", str(tmp_path / "other-again"))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "first difference at tick 0" in done.stdout
+    assert "port /" in done.stdout
+
+
+@pytest.mark.parametrize("seed", range(1, 11))
+def test_ten_seeds_of_ten(seed: int, tmp_path: Path) -> None:
+    bench = load_bench(seed=seed, settings=["autopilot.transport=loopback", "record.mcap=false", "record.report=false"])
+    outcome = run_bench(bench, tmp_path, quiet=True)
+    mission = outcome.run["mission"]
+    assert outcome.status == "PASS", outcome.run
+    assert mission["max_cross_track_m"] <= 1.0
+    assert mission["final_error_m"] <= 0.7
+    assert mission["altitude_error_m"] <= 0.5
+    assert mission["landed"] is True
+    assert mission["landed_tilt_deg"] < 5.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "seed"),
+    [
+        (["vehicle=iris", "autopilot.airframe=iris"], 3),
+        (["mission=rigs/missions/square.waypoints"], 4),
+        (["mission=rigs/missions/survey.plan"], 5),
+        (["tick_hz=100"], 6),
+        (["tick_hz=1000", "duration_s=200"], 7),
+    ],
+)
+def test_other_vehicles_and_missions(settings: list[str], seed: int, tmp_path: Path) -> None:
+    common = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
+    outcome = run_bench(load_bench(seed=seed, settings=[*common, *settings]), tmp_path, quiet=True)
+    assert outcome.status == "PASS", (outcome.run["error"], outcome.run["verdict"], outcome.run["mission"])
+
+
+def test_a_vehicle_that_misses_its_limits_is_a_fail_not_an_error(tmp_path: Path) -> None:
+    settings = ["autopilot.transport=loopback", "limits.max_cross_track_m=0.001", "record.report=false"]
+    outcome = run_bench(load_bench(settings=settings), tmp_path, quiet=True)
+    assert outcome.status == "FAIL"
+    assert outcome.exit_status == 1
+    assert outcome.run["error"] is None
+    assert "max_cross_track_m" in outcome.run["verdict"]["reasons"][0]
+
+
+def test_a_run_without_mission_stays_on_the_ground(tmp_path: Path) -> None:
+    settings = ["autopilot.transport=loopback", "mission=null", "duration_s=8", "record.report=false"]
+    outcome = run_bench(load_bench(settings=settings), tmp_path, quiet=True)
+    assert outcome.status == "PASS"
+    assert outcome.run["sim_s"] == 8.0
+    assert outcome.run["mission"]["waypoints"] == 0

@@ -1,0 +1,173 @@
+"""The faults the mock commits on purpose, and that nothing thrown at it makes it fail by accident."""
+
+import random
+
+import pytest
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.faults import KINDS, Died, parse_fault, random_bytes
+from hil.signals.errors import ConfigError
+from tests.unit.mock_pixhawk_world import World, messages
+
+ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
+AT_S = 1.0
+
+
+def until_fault(kind):
+    """A world whose autopilot has behaved so far and does not from the next tick on."""
+    world = World(faults=[parse_fault(f"{kind}@{AT_S}")])
+    world.run(AT_S)
+    assert world.answered
+    assert world.controls == (0.0,) * 16
+    return world
+
+
+def test_die():
+    world = until_fault("die")
+    with pytest.raises(Died, match="at 1 s"):
+        world.step()
+
+
+def test_stall():
+    world = until_fault("stall")
+    assert world.run(1.0) == []
+    assert not world.answered
+
+
+def test_wrong_time():
+    world = until_fault("wrong_time")
+    for _ in range(5):
+        (answer,) = messages(world.step(), "HIL_ACTUATOR_CONTROLS")
+        assert answer.time_usec == (world.tick - 2) * 4000  # of the tick before
+
+
+def test_garbage_instead_of_answers():
+    world = until_fault("garbage")
+    world.run(1.0)
+    assert not world.answered
+    assert world._parser.garbage_bytes > 250 * 30
+
+
+def test_noise_between_answers_which_survive():
+    world = until_fault("noise")
+    for _ in range(250):
+        world.step()
+        assert world.answered
+    assert world._parser.garbage_bytes > 250 * 30
+    assert world._parser.bad_crc == 0
+
+
+def test_garbage_is_the_same_in_every_run_and_has_no_start_bytes():
+    blocks = [random_bytes(k) for k in range(2000)]
+    assert blocks == [random_bytes(k) for k in range(2000)]
+    assert len(set(blocks)) == len(blocks)
+    assert not any(byte in (0xFD, 0xFE) for block in blocks for byte in block)
+    counts = [0] * 256
+    for block in blocks:
+        for byte in block:
+            counts[byte] += 1
+    present = [counts[k] for k in range(256) if k not in (0xFD, 0xFE)]
+    assert min(present) / max(present) > 0.7
+
+
+@pytest.mark.parametrize("text", ["die", "die@", "die@-1", "die@nan", "die@1e400", "explode@3", "@3", ""])
+def test_faults_that_do_not_exist_are_refused(text):
+    with pytest.raises(ConfigError, match="die, stall"):
+        parse_fault(text)
+
+
+def test_every_kind_parses():
+    for kind in KINDS:
+        assert parse_fault(f"{kind}@12.5").t_us == 12_500_000
+
+
+# Field values that have broken autopilots before.
+_EDGES = (b"\x00", b"\xff", b"\x7f\x80\x00\x00"[::-1], b"\xff\x80\x00\x00"[::-1], b"\x7f\xc0\x00\x00"[::-1], b"\x80")
+
+
+def _random_payload(rng, length):
+    kind = rng.random()
+    if kind < 0.3:
+        return rng.randbytes(length)
+    if kind < 0.6:
+        return (rng.choice(_EDGES) * length)[:length]
+    # Mostly small numbers, as real messages have, with some edges strewn in.
+    data = bytearray(rng.choice((0, 0, 1, 1, 2, 4, 6, 16, 22)) for _ in range(length))
+    for _ in range(3):
+        edge = rng.choice(_EDGES)
+        at = rng.randrange(max(length - len(edge), 1))
+        data[at : at + len(edge)] = edge
+    return bytes(data[:length])
+
+
+def test_twenty_thousand_random_packets_raise_nothing_and_it_still_answers():
+    rng = random.Random(20)
+    world = World(offboard_silence=False)
+    world.run(1.0)
+    spoken = sorted(world.autopilot._handlers)
+    lengths = {msgid: len(_full_payload(msgid)) for msgid in spoken}
+    encoder = FrameEncoder(255, 190)
+    sent = 0
+    while sent < 20_000:
+        batch = []
+        for _ in range(20):
+            msgid = rng.choice(spoken)
+            payload = bytearray(_random_payload(rng, lengths[msgid]))
+            frame = bytearray(encoder.frame(msgid, bytes(payload)))
+            if rng.random() < 0.2:
+                frame[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
+            if rng.random() < 0.05:
+                frame = frame[: rng.randrange(len(frame))]
+            batch.append(bytes(frame))
+            sent += 1
+        world._outbox += batch
+        world.step()
+        if world.autopilot._silent:
+            # A random flight termination counts as behaviour; go on with another one.
+            world = World(offboard_silence=False)
+            world.run(0.2)
+    world.run(6.0)
+    assert world.answered
+
+
+def _full_payload(msgid):
+    from firmware_bridge.codecs.dialect import SHAPES
+
+    return bytes(SHAPES[msgid].length)
+
+
+def test_random_sensor_data_raises_nothing():
+    rng = random.Random(3)
+    autopilot = MockPixhawk(boot_sensors=0)
+    autopilot.boot()
+    encoder, parser = FrameEncoder(255, 200), FrameParser()
+    answers = 0
+    for tick in range(4000):
+        payload = bytearray(_random_payload(rng, 65))
+        payload[0:8] = (tick * 4000).to_bytes(8, "little")
+        payload[64] = 0
+        data = encoder.frame(MSGID["HIL_GPS"], _random_payload(rng, 39)) if tick % 5 == 0 else b""
+        out = autopilot.feed(data + encoder.frame(MSGID["HIL_SENSOR"], bytes(payload)))
+        for frame in parser.feed(out):
+            if frame.msgid == ACTUATORS:
+                answers += 1
+                assert unpack(frame).controls == (0.0,) * 16
+    assert answers == 4000
+
+
+def test_commands_in_flight_at_random_raise_nothing():
+    rng = random.Random(8)
+    world = World(offboard_silence=False, params=["CBRK_FLIGHTTERM=121212"])
+    world.run(5.0)
+    values = (0.0, 1.0, -1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0, 490.0, 47.3978, 8.5456, float("nan"), 1e9)
+    commands = [20, 21, 22, 176, 178, 179, 192, 224, 300, 400, 410, 511, 512, 520]
+    for _ in range(1500):
+        command = rng.choice(commands)
+        world.command(command, *(rng.choice(values) for _ in range(7)))
+        if rng.random() < 0.3:
+            axes = {axis: rng.randint(-1000, 1000) for axis in "xyzr"}
+            world.send("MANUAL_CONTROL", target=1, buttons=0, **axes)
+        world.run(0.02)
+        assert world.answered

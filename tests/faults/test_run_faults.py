@@ -1,0 +1,173 @@
+"""Whatever breaks, a run ends with one named error, the right status, run.json, and a readable recording."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.bench import RunResult, run_bench
+from hil.config import load_bench
+from hil.recorder.reading import read_messages
+from hil.report.run_json import validate_run_json
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def fly(out: Path, *settings: str) -> RunResult:
+    common = ["record.report=false", "duration_s=30", "autopilot.reply_timeout_s=1.0"]
+    return run_bench(load_bench(settings=[*common, *settings]), out, quiet=True)
+
+
+def recorded_until_s(out: Path) -> float:
+    return max(m.log_time_ns for m in read_messages(out / "run.mcap") if m.topic == "/truth/pose") * 1e-9
+
+
+@pytest.mark.parametrize("transport", ["pty", "loopback"])
+@pytest.mark.parametrize(
+    ("fault", "error", "words"),
+    [
+        ("die", "LinkClosed", "died|status 70"),
+        ("stall", "LockstepLost", "time_usec"),
+        ("wrong_time", "LockstepLost", "answered about"),
+        ("garbage", "LockstepLost", "damaged"),
+    ],
+)
+def test_a_mock_that_fails_in_flight(transport: str, fault: str, error: str, words: str, tmp_path: Path) -> None:
+    outcome = fly(tmp_path, f"autopilot.faults.{fault}_at_s=12.5", f"autopilot.transport={transport}")
+    assert outcome.status == "ERROR"
+    assert outcome.exit_status == 3
+    run = json.loads((tmp_path / "run.json").read_text())
+    assert validate_run_json(run) == []
+    assert run["error"]["type"] == error
+    assert re.search(words, run["error"]["message"])
+    assert not (tmp_path / "traceback.txt").exists()
+    # Everything up to the tick that got no answer.
+    assert recorded_until_s(tmp_path) == pytest.approx(12.5, abs=0.0041)
+
+
+def test_noise_between_frames_ends_nothing(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, "autopilot.faults.noise_at_s=12.5")
+    assert outcome.run["error"] is None
+    assert outcome.run["sim_s"] == 30.0
+    assert outcome.run["autopilot"]["link"]["garbage_bytes"] > 1000
+
+
+def mock_children(parent: int) -> list[int]:
+    """Process ids of the mock flight controllers that `parent` started."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            ppid = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if ppid == parent and b"mock_pixhawk" in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+        except (OSError, ValueError):
+            continue  # it ended while we looked
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the mock through /proc")
+def test_a_mock_killed_from_outside(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=2"]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 30
+        while not (mocks := mock_children(bench.pid)) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        time.sleep(2.5)
+        os.kill(mocks[0], signal.SIGKILL)
+        _, errors = bench.communicate(timeout=60)
+    finally:
+        bench.kill()
+    assert bench.returncode == 3
+    assert "LinkClosed" in errors
+    assert "Traceback" not in errors
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "ERROR"
+    assert recorded_until_s(tmp_path) > 0.5
+
+
+def test_a_bench_that_is_killed_leaves_a_readable_prefix(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=10"]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 60
+        mcap = tmp_path / "run.mcap"
+        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 600_000):
+            time.sleep(0.05)
+    finally:
+        bench.kill()
+        bench.wait()
+    assert recorded_until_s(tmp_path) > 1.0
+
+
+def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=5"]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60
+        mcap = tmp_path / "run.mcap"
+        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 100_000):
+            time.sleep(0.05)
+        bench.send_signal(signal.SIGINT)
+        _, errors = bench.communicate(timeout=60)
+    finally:
+        bench.kill()
+    assert bench.returncode == 3
+    assert "Traceback" not in errors
+    run = json.loads((tmp_path / "run.json").read_text())
+    assert run["error"]["type"] == "Interrupted"
+    assert recorded_until_s(tmp_path) == pytest.approx(run["sim_s"], abs=0.05)
+
+
+def cli(out: Path, *arguments: str) -> tuple[int, str, dict]:
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out), *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert "Traceback" not in done.stderr
+    return done.returncode, done.stderr, json.loads((out / "run.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "error", "words"),
+    [
+        (["--set", "sensors.gps.rate_hz=-5"], 2, "ConfigError", "--set sensors.gps.rate_hz: must be above 0 Hz"),
+        (["--set", "seed=one"], 2, "ConfigError", "seed"),
+        (["--rig", "mok"], 2, "ConfigError", "did you mean 'mock'"),
+        (["--mission", "nowhere.plan"], 2, "ConfigError", "does not exist"),
+        (["nowhere.yaml"], 2, "ConfigError", "nowhere.yaml"),
+        (["--set", "autopilot.port=/dev/ttyNOPE", "--set", "autopilot.start=false"], 3, "PortNotFound", "/dev/ttyNOPE"),
+        (["--set", "autopilot.params={EKF2_NONSENSE: 1}"], 3, "LinkClosed", "EKF2_NONSENSE"),
+    ],
+)
+def test_bad_input_ends_with_one_clear_message(
+    arguments: list[str], status: int, error: str, words: str, tmp_path: Path
+) -> None:
+    returned, errors, run = cli(tmp_path, *arguments)
+    assert returned == status, errors
+    assert run["status"] == "ERROR"
+    assert run["error"]["type"] == error
+    assert words in errors
+    assert len(errors.strip().splitlines()) <= 3
+
+
+def test_a_busy_port_says_so(tmp_path: Path) -> None:
+    import serial
+
+    near, far = pty.openpty()
+    try:
+        with serial.Serial(os.ttyname(far), exclusive=True):
+            returned, errors, run = cli(
+                tmp_path, "--set", f"autopilot.port={os.ttyname(far)}", "--set", "autopilot.start=false"
+            )
+    finally:
+        os.close(near)
+        os.close(far)
+    assert returned == 3
+    assert run["error"]["type"] == "PortBusy", errors
