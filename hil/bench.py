@@ -209,6 +209,11 @@ class _Run:
             self.bench.scene,
             config.tick_ns,
             contact_skipping=config.physics.contact_skipping,
+            effects=config.physics.effects,
+            faults=config.faults.rotors,
+            wind=config.wind,
+            seed=config.seed,
+            step_ns=None if config.physics.step_us is None else config.physics.step_us * 1000,
         )
         if self.bench.mission is not None:
             x, y, z = self.physics.state[:3].tolist()

@@ -45,10 +45,25 @@ from hil.signals.time import RateAccumulator
 PHASES = ("physics", "sensors", "commands", "send", "record", "wait")
 
 
+class Event(Protocol):
+    """Something worth a line in the recording."""
+
+    @property
+    def t_ns(self) -> int: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+
+
 class Physics(Protocol):
     """Whatever moves the vehicle."""
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState: ...
+
+    def take_events(self) -> Sequence[Event]:
+        """What the vehicle was made to undergo since the last call: faults, gusts."""
+        ...
 
 
 class Sensor(Protocol):
@@ -172,6 +187,8 @@ class Scheduler:
         self._record_received()
         recorder = self._recorder
         recorder.truth(truth)
+        for event in self._physics.take_events():
+            recorder.event(event.t_ns, event.kind, event.text)
         for port, sample in released:
             recorder.sample(port, sample)
         recorder.sent(tick, t_ns, sent)

@@ -26,6 +26,7 @@ from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from hil.documents.yaml_lines import CORE_SCHEMA, read_yaml
 from hil.missions import Geopoint, Mission, load_mission
 from hil.signals.errors import ConfigError, Problem
+from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
@@ -191,6 +192,8 @@ class _Loading:
             config = config.model_copy(update={"sensors": sensors})
             self.problems += _cross_checks(config, self.settings)
         vehicle = self._model("vehicle", Vehicle)
+        if config is not None and vehicle is not None:
+            self.problems += _vehicle_checks(config, vehicle, self.settings)
         scene = self._model("scene", Scene)
         mission = self._mission(scene)
         if self.problems or config is None or vehicle is None or scene is None:
@@ -220,6 +223,10 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
             wrong(place, message, "an imu is read at every tick: leave rate_hz out")
         elif abs(sensor.rate_hz * 1000 - round(sensor.rate_hz * 1000)) > 1e-6 or sensor.rate_hz < 0.001:
             wrong(place, f"must be a whole number of millihertz, not {sensor.rate_hz!r} Hz")
+    step_us = config.physics.step_us
+    if step_us is not None and config.tick_ns % (step_us * 1000):
+        message = f"must divide the tick of {config.tick_ns / 1000:g} us, and {step_us} us does not"
+        wrong(("physics", "step_us"), message)
     autopilot = config.autopilot
     if autopilot.transport == "loopback" and autopilot.port is not None:
         wrong(("autopilot", "port"), "has no meaning with the transport 'loopback'", "leave it out")
@@ -227,6 +234,18 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
         wrong(("autopilot", "start"), "is false, but no autopilot.port says where the autopilot is")
     if autopilot.kind == "mock" and autopilot.binary is not None:
         wrong(("autopilot", "binary"), "has no meaning for the mock autopilot", "leave it out or choose another rig")
+    return problems
+
+
+def _vehicle_checks(config: BenchConfig, vehicle: Vehicle, settings: Settings) -> list[Problem]:
+    """What does not fit the vehicle that flies."""
+    problems = [
+        at(settings, ("faults", "rotors", index, "rotor"), message)
+        for index, message in misfits(config.faults.rotors, len(vehicle.rotors))
+    ]
+    if config.physics.effects.battery and vehicle.battery is None:
+        message = f"is true, but the vehicle {vehicle.name!r} has no battery"
+        problems.append(at(settings, ("physics", "effects", "battery"), message))
     return problems
 
 

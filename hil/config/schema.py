@@ -11,6 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from sim.physics.effects import Effects
+from sim.physics.faults import RotorFault
+from sim.scene.wind import Wind
+
 NS_PER_S = 1_000_000_000
 MAX_SEED = 2**63 - 1
 
@@ -103,6 +107,15 @@ class Physics(Section):
     """Switches of the dynamics."""
 
     contact_skipping: bool = True  # no contact work while nothing can touch
+    effects: Effects = Effects()  # optional parts of the vehicle's model
+    # Longest step of the free-flight integrator; null: the tick. It must divide the tick.
+    step_us: Annotated[int, Field(ge=10, le=10_000)] | None = None
+
+
+class Faults(Section):
+    """What goes wrong on purpose, each at a simulated time."""
+
+    rotors: tuple[RotorFault, ...] = ()
 
 
 class SensorConfig(BaseModel):
@@ -137,6 +150,8 @@ class BenchConfig(Section):
     router: Router = Router()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     physics: Physics = Physics()
+    wind: Wind | None = None  # null: the scene's steady wind
+    faults: Faults = Faults()
     record: Record = Record()
     limits: Limits = Limits()
 

@@ -36,6 +36,9 @@ class Script:
         zero = (0.0, 0.0, 0.0)
         return TruthState(tick, tick * TICK_NS, zero, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
 
+    def take_events(self) -> list[object]:
+        return []
+
     def sample(self, truth: TruthState, seq: int) -> ImuSample:
         self._note("imu", seq)
         return ImuSample(seq, truth.t_ns, truth.t_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0)

@@ -1,0 +1,83 @@
+"""Faults and gusts written into a bench file happen at their simulated time, are recorded, and change the flight."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.bench import RunResult, run_bench
+from hil.config import load_bench
+from hil.recorder.reading import read_messages
+from hil.signals.errors import ConfigError
+
+BENCH = """
+rig: mock
+mission: {mission}
+duration_s: 60
+autopilot: {{transport: loopback}}
+record: {{report: false, tlog: false}}
+{what}
+"""
+MISSION = Path(__file__).resolve().parents[2] / "rigs/missions/rectangle.plan"
+
+
+def fly(tmp_path: Path, what: str) -> RunResult:
+    file = tmp_path / "bench.yaml"
+    file.write_text(BENCH.format(mission=MISSION, what=what))
+    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
+
+
+def events(result: RunResult) -> list[tuple[float, str]]:
+    return [
+        (m.log_time_ns * 1e-9, m.decode()["msg"])
+        for m in read_messages(result.out / "run.mcap")
+        if m.topic == "/events"
+    ]
+
+
+def test_a_lost_rotor_is_recorded_and_brings_the_vehicle_down(tmp_path: Path) -> None:
+    result = fly(tmp_path, "faults: {rotors: [{kind: stuck, rotor: 0, at_s: 30.001}]}")
+    assert (pytest.approx(30.004), "rotor 0: stuck at 0 rad/s") in events(result)  # the first tick at or after
+    assert result.status in ("FAIL", "ERROR")
+    assert result.run["mission"]["completed"] is False
+    heights = [
+        m.decode()["pose.position.z"] for m in read_messages(result.out / "run.mcap") if m.topic == "/truth/pose"
+    ]
+    assert heights[round(30 * 250)] > 8.0
+    assert min(heights[round(30 * 250) :]) < 2.0
+
+
+def test_a_gust_front_is_recorded_and_felt(tmp_path: Path) -> None:
+    calm = fly(tmp_path, "wind: {steady_W_mps: [0, 0, 0]}")
+    gusty = fly(tmp_path, "wind: {gusts: [{at_s: 30, velocity_W_mps: [0, 8, 0], rise_s: 0.5, hold_s: 4, fall_s: 0.5}]}")
+    told = [text for t, text in events(gusty) if t == pytest.approx(30.0)]
+    assert told == ["gust of (0, 8, 0) m/s (east, north, up) rises for 0.5 s, over at 35 s"]
+    assert (pytest.approx(35.0), "gust is over") in events(gusty)
+    assert gusty.run["mission"]["max_cross_track_m"] > 1.5 * calm.run["mission"]["max_cross_track_m"]
+    assert gusty.run["digest"] != calm.run["digest"]
+
+
+def test_turbulence_changes_no_sensors_noise_but_the_flight(tmp_path: Path) -> None:
+    first = fly(tmp_path, "wind: {turbulence: {level: light}}").run["digest"]
+    assert fly(tmp_path, "wind: {turbulence: {level: light}}").run["digest"] == first
+
+
+def test_what_cannot_be_is_reported_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(
+        "rig: mock\n"
+        "vehicle: iris\n"
+        "physics:\n"
+        "  effects: {battery: true}\n"
+        "  step_us: 3000\n"
+        "faults:\n"
+        "  rotors:\n"
+        "    - {kind: efficiency, rotor: 5, at_s: 1, factor: 0.5}\n"
+    )
+    with pytest.raises(ConfigError) as caught:
+        load_bench(file)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 3, lines
+    for number, words in ((4, "no battery"), (5, "must divide the tick"), (8, "names rotor 5")):
+        assert any(f"bench.yaml:{number}: " in line and words in line for line in lines), (number, lines)
