@@ -14,6 +14,7 @@ import pytest
 
 from hil.bench import run_bench
 from hil.config import load_bench
+from tests import cpu_masks
 
 ROOT = Path(__file__).resolve().parents[2]
 # Long enough to boot, upload, arm, take off from contact and turn towards the first vertex.
@@ -66,9 +67,9 @@ def test_over_the_pty_with_busy_cores(reference: str, tmp_path: Path, cores: int
 
 
 MASKS = [
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX,-AVX512F,-ERMS,-BMI2,-FMA4"},
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX_Usable,-FMA4_Usable"},
-    {"NPY_DISABLE_CPU_FEATURES": "AVX2 FMA3 AVX512F AVX512CD AVX512_SKX"},
+    cpu_masks.GLIBC,
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX_Usable,-FMA4_Usable"},  # older spelling
+    cpu_masks.NUMPY,
     {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "12345"},
 ]
 

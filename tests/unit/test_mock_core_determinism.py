@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests import cpu_masks
+from tests.cpu_masks import output_of
 
 # Inputs from integers only, so that nothing but the core can differ between machines. Every kind of set-point, all
 # sensors, an alignment, manoeuvres hard enough to saturate, and faults.
@@ -51,22 +47,8 @@ print(digest.hexdigest())
 """
 
 
-def digest(**environment: str) -> str:
-    result = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
-        cwd=ROOT,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
-    return result.stdout.strip()
-
-
 def test_same_bytes_with_cpu_features_masked():
-    plain = digest()
+    plain = output_of(SCRIPT)
     assert len(plain) == 64
-    assert digest() == plain
-    assert digest(GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX,-FMA4,-SSE4_2,-ERMS") == plain
+    assert output_of(SCRIPT) == plain
+    assert output_of(SCRIPT, cpu_masks.ALL) == plain
