@@ -25,6 +25,55 @@ def ideal_imu(
     gravity_mps2: float,
 ) -> tuple[float, float, float, float, float, float]: ...
 
+class NativeNoise:
+    def __init__(self, key: tuple[int, int], lanes: int) -> None: ...
+    def normal(self, index: int) -> tuple[float, ...]: ...
+
+class BoxScene:
+    def __init__(self, boxes: Sequence[tuple[float, float, float, float, float, float]]) -> None: ...
+    def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float: ...
+
+class Imu:
+    def __init__(
+        self,
+        *,
+        white_key: tuple[int, int],
+        walk_key: tuple[int, int],
+        flicker_key: tuple[int, int],
+        accel_gain: Sequence[float],
+        gyro_gain: Sequence[float],
+        bias: Sequence[float],
+        white: Sequence[float],
+        walk_step: Sequence[float],
+        temperature_gain: Sequence[float],
+        temperature: Sequence[float],
+        lsb: Sequence[float],
+        word: Sequence[float],
+        limit: Sequence[float],
+        lever_arm_B_m: Sequence[float],
+        step_s: float,
+        gravity_mps2: float,
+        flicker_phi: Sequence[float],
+        flicker_start: Sequence[float],
+        flicker_step: Sequence[float],
+        order: Sequence[float],
+        amplitude: Sequence[float],
+        phase_cos: Sequence[float],
+        phase_sin: Sequence[float],
+        reference_speed_radps: float,
+    ) -> None: ...
+    def sample(
+        self,
+        q_WB: tuple[float, float, float, float],
+        a_WB_W: Vec3,
+        w_WB_B: Vec3,
+        alpha_WB_B: Vec3,
+        rotor_speed_radps: tuple[float, ...],
+        t_ns: int,
+        index: int,
+    ) -> tuple[Vec3, Vec3, float]: ...
+    def noise(self, first: int, out: Float64) -> None: ...
+
 class RigidBody:
     def __init__(
         self,

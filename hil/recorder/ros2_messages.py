@@ -50,6 +50,14 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nfloat64 horizontal_accuracy_m\nfloat64 vertical_accuracy_m\n"
         "uint8 fix_type\nuint8 satellites"
     ),
+    "hil_msgs/Range": (
+        "std_msgs/Header header\nfloat64 distance_m\nfloat64 min_distance_m\nfloat64 max_distance_m\n"
+        "float64 sigma_m\nuint8 quality"
+    ),
+    "hil_msgs/OpticalFlow": (
+        "std_msgs/Header header\nint64 integration_ns\nfloat64[2] flow_rad\nfloat64[3] gyro_rad\n"
+        "float64 distance_m\nuint8 quality"
+    ),
     "hil_msgs/RotorSpeeds": "std_msgs/Header header\nfloat64[] speed_radps",
     "hil_msgs/Contact": "std_msgs/Header header\nbool in_contact",
     "hil_msgs/ActuatorControls": "std_msgs/Header header\nfloat64[] controls\nbool armed\nuint8 mode",

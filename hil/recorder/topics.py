@@ -14,7 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, TruthState
+from hil.signals.samples import (
+    ActuatorFrame,
+    BaroSample,
+    FlowSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    RangeSample,
+    TruthState,
+)
 
 Columns = dict[str, NDArray[Any]]
 
@@ -118,6 +127,23 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
                 "satellites": "satellites",
             },
         ),
+    ),
+    RangeSample: (
+        Topic(
+            "",
+            "hil_msgs/Range",
+            BODY,
+            {name: name for name in ("distance_m", "min_distance_m", "max_distance_m", "sigma_m", "quality")},
+        ),
+    ),
+    FlowSample: (
+        Topic(
+            "",
+            "hil_msgs/OpticalFlow",
+            BODY,
+            {name: name for name in ("integration_ns", "flow_rad", "gyro_rad", "distance_m", "quality")},
+        ),
+        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
     ),
 }
 

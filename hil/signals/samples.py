@@ -76,6 +76,37 @@ class GpsSample(NamedTuple):
     satellites: int
 
 
+class RangeSample(NamedTuple):
+    """Distance along the sensor's axis, which points down (-z of B)."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    distance_m: float  # where `quality` is 0: what the device sends when it has no distance
+    min_distance_m: float
+    max_distance_m: float
+    sigma_m: float  # 1 sigma of the distance
+    quality: int  # 0: no valid distance, 100: best
+
+
+class FlowSample(NamedTuple):
+    """Optical flow of a camera that looks down (-z of B), integrated since the sample before.
+
+    The flow is the turn about x and y of B that would move the picture in the same way: rates minus translation,
+    (w_x + v_y / d, w_y - v_x / d). Subtracting the integrated gyro leaves the translation.
+    """
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    integration_ns: int
+    flow_rad: tuple[float, float]
+    gyro_rad: Vec3  # its own gyro, integrated over the same time
+    quality: int  # 0: no flow, 255: best
+    distance_m: float  # below 0: not known
+    temperature_degc: float
+
+
 class ActuatorFrame(NamedTuple):
     """Commands of the flight controller, latched for one tick."""
 
@@ -86,7 +117,7 @@ class ActuatorFrame(NamedTuple):
     mode: int  # MAVLink MAV_MODE bits as received
 
 
-Sample = ImuSample | MagSample | BaroSample | GpsSample
+Sample = ImuSample | MagSample | BaroSample | GpsSample | RangeSample | FlowSample
 
 # field -> (unit, frame). Frame "-" where none applies.
 _STAMP = {"seq": ("1", "-"), "t_capture_ns": ("ns", "-"), "t_available_ns": ("ns", "-")}
@@ -117,6 +148,23 @@ SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
         "vertical_accuracy_m": ("m", "W"),
         "fix_type": ("1", "-"),
         "satellites": ("1", "-"),
+    },
+    RangeSample: _STAMP
+    | {
+        "distance_m": ("m", "B"),
+        "min_distance_m": ("m", "B"),
+        "max_distance_m": ("m", "B"),
+        "sigma_m": ("m", "B"),
+        "quality": ("1", "-"),
+    },
+    FlowSample: _STAMP
+    | {
+        "integration_ns": ("ns", "-"),
+        "flow_rad": ("rad", "B"),
+        "gyro_rad": ("rad", "B"),
+        "quality": ("1", "-"),
+        "distance_m": ("m", "B"),
+        "temperature_degc": ("degC", "-"),
     },
     ActuatorFrame: {
         "tick": ("1", "-"),

@@ -1,6 +1,15 @@
-"""Barometer: pressure of the standard atmosphere at the vehicle's height, with noise and a slow drift.
+"""Barometer: pressure of the standard atmosphere at the vehicle's height, with the errors of sensor and place.
 
-p = p_ISA(h) + drift + n,   rounded to the resolution;   altitude = the standard atmosphere's at p
+    p = p_ISA(h) + drift + prop wash + flow + n,   rounded to the resolution
+    altitude = the standard atmosphere's at p
+
+    prop wash   T (p_free + p_ground e^{-z / h_g})      T = mean (rotor speed / reference)^2, the thrust ratio
+    flow        sum_i c_i rho/2 u_i |u_i|, i = x, y     u air velocity past the body in B
+
+In the wash the pressure round the sensor is not the static one: suction above the rotors (p_free < 0 reads high), a
+cushion under them near the ground (p_ground > 0 reads low, the dip at take-off that autopilots guard against). The flow
+term is the static port's position error, which ArduPilot corrects with BARO1_WCF_*. Both are first-order models with
+coefficients to be measured on the vehicle; z is height over the ground plane and wind is the scene's steady one.
 """
 
 from __future__ import annotations
@@ -13,10 +22,17 @@ from pydantic import Field
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import BaroSample, TruthState
 from hil.signals.time import NS_PER_S
+from sim._kernels import det_exp, rotate_into_body
 from sim.model_file import StrictModel
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
+from sim.sensors.rotor_load import thrust_ratio
 from sim.sensors.sensor import Installation
+
+_AIR_DENSITY_KGPM3 = 1.225  # ISA at sea level
+
+Coefficient = Annotated[float, Field(ge=-2.0, le=2.0)]
+WashPressure = Annotated[float, Field(ge=-500.0, le=500.0)]
 
 
 class BarometerParameters(StrictModel):
@@ -28,6 +44,11 @@ class BarometerParameters(StrictModel):
     resolution_pa: Annotated[float, Field(gt=0.0, le=100.0)]
     temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)]
     temperature_noise_degc: Annotated[float, Field(ge=0.0, le=10.0)]
+    wash_free_pa: WashPressure = 0.0  # at the reference rotor speed
+    wash_ground_pa: WashPressure = 0.0
+    wash_ground_height_m: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
+    wash_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
+    flow_coefficient: tuple[Coefficient, Coefficient] = (0.0, 0.0)  # along x and y of B, of the dynamic pressure
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
@@ -41,8 +62,12 @@ class Barometer:
         self.name = name
         self.period_ns = installation.period_ns
         self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution = {"pressure_pa": p.resolution_pa, "temperature_degc": 0.01}
         self._p = p
         self._site_altitude_m = installation.scene.site.altitude_m
+        self._wind_W = installation.scene.wind_W_mps
+        self._washes = p.wash_free_pa != 0.0 or p.wash_ground_pa != 0.0
+        self._flows = p.flow_coefficient != (0.0, 0.0)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # pressure, temperature
         self._drift = gauss_markov(
             seed,
@@ -59,6 +84,10 @@ class Barometer:
         n = self._white.normal(seq)
         pressure = pressure_pa(self._site_altitude_m + truth.p_WB[2])
         pressure += self._drift.at(seq)[0] + p.noise_pa * n[0]
+        if self._washes:
+            pressure += self._wash_pa(truth)
+        if self._flows:
+            pressure += self._flow_pa(truth)
         pressure = math.floor(pressure / p.resolution_pa + 0.5) * p.resolution_pa
         return BaroSample(
             seq,
@@ -68,3 +97,16 @@ class Barometer:
             pressure_altitude_m(pressure),
             p.temperature_degc + p.temperature_noise_degc * n[1],
         )
+
+    def _wash_pa(self, truth: TruthState) -> float:
+        p = self._p
+        near = det_exp(-max(truth.p_WB[2], 0.0) / p.wash_ground_height_m)
+        return thrust_ratio(truth.rotor_speed_radps, p.wash_reference_radps) * (
+            p.wash_free_pa + p.wash_ground_pa * near
+        )
+
+    def _flow_pa(self, truth: TruthState) -> float:
+        (vx, vy, vz), (wx, wy, wz) = truth.v_WB_W, self._wind_W
+        ux, uy, _ = rotate_into_body(truth.q_WB, (vx - wx, vy - wy, vz - wz))
+        cx, cy = self._p.flow_coefficient
+        return 0.5 * _AIR_DENSITY_KGPM3 * (cx * ux * abs(ux) + cy * uy * abs(uy))

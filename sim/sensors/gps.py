@@ -1,15 +1,19 @@
 """GNSS receiver: geodetic position and velocity with white and time-correlated errors.
 
-    p = p_WB + c + n_p,  v = v_WB_W + n_v     in W, then to WGS-84
+    p = p_WB + R r + c + n_p,  v = v_WB_W + R (w x r) + n_v     in W, then to WGS-84
 
-c is a first-order Gauss-Markov process (orbit, clock, troposphere, multipath: errors that stay for a while), n white.
+r is the antenna's place in B; c a first-order Gauss-Markov process (orbit, clock, troposphere, multipath: errors that
+stay for a while); n white. While the signal is lost the receiver goes on sending: its last position (zeros before the
+first), no velocity, no fix, no satellites, an accuracy that says so. A receiver that falls silent is a dropout
+(`sim.sensors.faults`).
 """
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import GpsSample, TruthState
@@ -17,13 +21,34 @@ from hil.signals.time import NS_PER_S
 from sim.model_file import StrictModel
 from sim.scene.geodesy import LocalFrame
 from sim.sensors.drift import gauss_markov
-from sim.sensors.sensor import Installation
+from sim.sensors.rotation import rotate_into_world
+from sim.sensors.sensor import Installation, Position
 
 Deviation = Annotated[float, Field(ge=0.0, le=1000.0)]
+Instant = Annotated[float, Field(ge=0.0, le=1e6)]
+
+_NO_FIX = 1  # MAVLink GPS_FIX_TYPE: a receiver is there, it has no fix
+_LOST_ACCURACY_M = 1000.0
+
+
+class SignalLoss(StrictModel):
+    """No signal from one instant of simulated time to another."""
+
+    from_s: Instant
+    until_s: Instant
+
+    @model_validator(mode="after")
+    def _in_order(self) -> SignalLoss:
+        if not self.until_s > self.from_s:
+            raise ValueError(f"until_s {self.until_s:g} must come after from_s {self.from_s:g}")
+        return self
 
 
 class GpsParameters(StrictModel):
-    """Errors of one receiver, 1 sigma a horizontal axis or vertical; the accuracies are what it says of itself."""
+    """Errors of one receiver, 1 sigma a horizontal axis or vertical.
+
+    The accuracies are what it says of itself; null: what its errors are, sqrt(noise^2 + drift^2).
+    """
 
     horizontal_noise_m: Deviation
     vertical_noise_m: Deviation
@@ -32,15 +57,17 @@ class GpsParameters(StrictModel):
     drift_time_constant_s: Annotated[float, Field(gt=0.0, le=1e6)]
     horizontal_speed_noise_mps: Deviation
     vertical_speed_noise_mps: Deviation
-    horizontal_accuracy_m: Deviation
-    vertical_accuracy_m: Deviation
+    horizontal_accuracy_m: Deviation | None = None
+    vertical_accuracy_m: Deviation | None = None
     fix_type: Annotated[int, Field(ge=0, le=8)]  # MAVLink GPS_FIX_TYPE
     satellites: Annotated[int, Field(ge=0, le=64)]
+    antenna_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
+    loss: tuple[SignalLoss, ...] = ()
     latency_s: Annotated[float, Field(ge=0.0, le=2.0)]
 
 
 class Gps:
-    """Fixes of the body origin."""
+    """Fixes of the antenna."""
 
     sample_type = GpsSample
 
@@ -49,7 +76,14 @@ class Gps:
         self.name = name
         self.period_ns = installation.period_ns
         self.latency_ns = round(p.latency_s * NS_PER_S)
+        # What the receiver's protocol can tell apart (UBX-NAV-PVT): 1e-7 degrees, millimetres.
+        self.resolution = {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": 1e-3}
         self._p = p
+        self._horizontal_accuracy_m = _accuracy(p.horizontal_accuracy_m, p.horizontal_noise_m, p.horizontal_drift_m)
+        self._vertical_accuracy_m = _accuracy(p.vertical_accuracy_m, p.vertical_noise_m, p.vertical_drift_m)
+        self._has_arm = any(p.antenna_m)
+        self._loss_ns = [(round(x.from_s * NS_PER_S), round(x.until_s * NS_PER_S)) for x in p.loss]
+        self._held = (0.0, 0.0, 0.0)  # before its first fix a receiver knows no position and sends zeros
         self._frame = LocalFrame(installation.scene.site)
         self._white = NoiseStream(seed, f"{name}.white", lanes=6)  # position, velocity
         self._drift = gauss_markov(
@@ -65,29 +99,49 @@ class Gps:
         """Sample `seq`."""
         t_ns, p = truth.t_ns, self._p
         n, c = self._white.normal(seq), self._drift.at(seq)
+        if any(begin <= t_ns < end for begin, end in self._loss_ns):
+            return GpsSample(
+                seq,
+                t_ns,
+                t_ns + self.latency_ns,
+                *self._held,
+                (0.0, 0.0, 0.0),
+                _LOST_ACCURACY_M,
+                _LOST_ACCURACY_M,
+                _NO_FIX,
+                0,
+            )
         x, y, z = truth.p_WB
         vx, vy, vz = truth.v_WB_W
-        latitude_deg, longitude_deg, altitude_m = self._frame.geodetic_from_enu(
+        if self._has_arm:
+            (rx, ry, rz), (wx, wy, wz) = p.antenna_m, truth.w_WB_B
+            dx, dy, dz = rotate_into_world(truth.q_WB, p.antenna_m)
+            ux, uy, uz = rotate_into_world(truth.q_WB, (wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx))
+            x, y, z, vx, vy, vz = x + dx, y + dy, z + dz, vx + ux, vy + uy, vz + uz
+        position = self._frame.geodetic_from_enu(
             (
                 x + p.horizontal_drift_m * c[0] + p.horizontal_noise_m * n[0],
                 y + p.horizontal_drift_m * c[1] + p.horizontal_noise_m * n[1],
                 z + p.vertical_drift_m * c[2] + p.vertical_noise_m * n[2],
             )
         )
+        self._held = position
         return GpsSample(
             seq,
             t_ns,
             t_ns + self.latency_ns,
-            latitude_deg,
-            longitude_deg,
-            altitude_m,
+            *position,
             (
                 vx + p.horizontal_speed_noise_mps * n[3],
                 vy + p.horizontal_speed_noise_mps * n[4],
                 vz + p.vertical_speed_noise_mps * n[5],
             ),
-            p.horizontal_accuracy_m,
-            p.vertical_accuracy_m,
+            self._horizontal_accuracy_m,
+            self._vertical_accuracy_m,
             p.fix_type,
             p.satellites,
         )
+
+
+def _accuracy(stated_m: float | None, noise_m: float, drift_m: float) -> float:
+    return math.sqrt(noise_m * noise_m + drift_m * drift_m) if stated_m is None else stated_m

@@ -1,45 +1,87 @@
-"""Strapdown inertial measurement unit.
+"""Strapdown inertial measurement unit: parameters and what they mean. Equations: sim/native/imu.hpp.
 
-    f = R_WB^T (a - g) + b_a + n_a        specific force in B [m/s2]
-    w = w_WB_B + b_g + n_g                angular rate in B [rad/s]
+    f = R_WB^T (a - g) + alpha x r + w x (w x r)      specific force at the sensor, in B [m/s2]
+    out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
-a and w are means over the physics step just taken, turned into B at mid-step (`ideal_imu` in
-sim/native/rigid_body.hpp says why): what an integrating IMU with that output interval delivers. White noise of density
-D sampled at rate F has deviation D sqrt(F); biases are a turn-on value and a random walk; the output saturates at
-the range and is rounded to the 16-bit step.
+Truth, motion and vibration alike, enters as its mean over the physics step just taken: what an IMU that integrates at a
+high internal rate delivers. Vibration above half the output rate therefore folds down, weakened as a boxcar weakens it.
+
+Along tau the Allan deviation follows the line that a datasheet (or a long log of the part at rest) gives:
+
+    sigma^2(tau) = N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3
+
+N white noise density, B bias instability, K random walk of the bias. N is the density at the output, so the rounding
+error of the output word is part of it: the white noise drawn is N^2 F - q^2 / 12, F the sample rate and q the step.
+Several internal readings go into one sample, and the mean of m words comes in steps of 1/m word: q = word / m.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import ImuSample, TruthState
 from hil.signals.time import NS_PER_S
-from sim._kernels import ideal_imu
+from sim._kernels import Imu as ImuKernel
+from sim._kernels import det_cos, det_sin
 from sim.model_file import StrictModel
-from sim.sensors.drift import random_walk
-from sim.sensors.sensor import Installation
+from sim.sensors.flicker import flicker_processes
+from sim.sensors.noise_key import noise_key
+from sim.sensors.sensor import Installation, Position
 
-_FULL_SCALE = 32768.0
+_ROTORS = 8  # phases are drawn for as many; a vehicle with fewer uses the first ones
+_TWO_PI = 6.283185307179586
+
+Amplitude = Annotated[float, Field(ge=0.0, le=1000.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=0.2)]
+
+
+class Harmonic(StrictModel):
+    """Vibration that one rotor causes, at a multiple of its speed: amplitudes along x, y, z at the reference speed."""
+
+    order: Annotated[float, Field(gt=0.0, le=50.0)]  # 1: imbalance, number of blades: blade passing
+    accel_mps2: tuple[Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0)
+    gyro_radps: tuple[Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0)
 
 
 class ImuParameters(StrictModel):
-    """Errors of one IMU, SI units. Densities are one-sided, per square root of hertz."""
+    """Errors of one IMU, SI units. Densities are one-sided, per square root of hertz; deviations are 1 sigma."""
 
     accel_noise_mps2_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
     gyro_noise_radps_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
+    accel_bias_instability_mps2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    gyro_bias_instability_radps: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     accel_walk_mps3_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
     gyro_walk_radps2_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
-    accel_turn_on_bias_mps2: Annotated[float, Field(ge=0.0, le=5.0)]  # 1 sigma
-    gyro_turn_on_bias_radps: Annotated[float, Field(ge=0.0, le=1.0)]  # 1 sigma
+    accel_turn_on_bias_mps2: Annotated[float, Field(ge=0.0, le=5.0)]
+    gyro_turn_on_bias_radps: Annotated[float, Field(ge=0.0, le=1.0)]
+    accel_scale_error: Fraction = 0.0
+    gyro_scale_error: Fraction = 0.0
+    accel_misalignment_rad: Fraction = 0.0  # each of the six cross terms
+    gyro_misalignment_rad: Fraction = 0.0
     accel_range_mps2: Annotated[float, Field(gt=0.0, le=10_000.0)]
     gyro_range_radps: Annotated[float, Field(gt=0.0, le=1_000.0)]
-    temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)]
+    accel_bits: Annotated[int, Field(ge=8, le=32)] = 16
+    gyro_bits: Annotated[int, Field(ge=8, le=32)] = 16
+    # Rate of the readings that are averaged into a sample; 0: one reading makes one sample.
+    accel_output_rate_hz: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
+    gyro_output_rate_hz: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
+    temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)]  # once warm
     temperature_noise_degc: Annotated[float, Field(ge=0.0, le=10.0)]
+    warm_up_degc: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0  # colder than that at the start
+    warm_up_time_constant_s: Annotated[float, Field(gt=0.0, le=1e5)] = 60.0
+    # Where the autopilot calibrated it; null: at `temperature_degc`.
+    reference_temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] | None = None
+    accel_temperature_drift_mps2_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    gyro_temperature_drift_radps_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    lever_arm_m: Position = (0.0, 0.0, 0.0)  # from the centre of mass, in B
+    vibration: tuple[Harmonic, ...] = ()
+    vibration_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
@@ -54,65 +96,96 @@ class Imu:
         self.name = name
         self.period_ns = installation.period_ns
         self.latency_ns = round(p.latency_s * NS_PER_S)
-        self._step_s = installation.step_ns / NS_PER_S
-        self._gravity = installation.scene.gravity_mps2
-        self._white = NoiseStream(seed, f"{name}.white", lanes=7)  # accel, gyro, temperature
-        self._accel_bias = random_walk(
-            seed,
-            f"{name}.accel_bias",
-            lanes=3,
-            turn_on_sigma=p.accel_turn_on_bias_mps2,
-            density=p.accel_walk_mps3_per_rthz,
-            period_s=period_s,
+        accel_word = 2.0 * p.accel_range_mps2 / (1 << p.accel_bits)
+        gyro_word = 2.0 * p.gyro_range_radps / (1 << p.gyro_bits)
+        accel_lsb = accel_word / _readings(p.accel_output_rate_hz, period_s)
+        gyro_lsb = gyro_word / _readings(p.gyro_output_rate_hz, period_s)
+        self.resolution = {"accel_mps2": accel_word, "gyro_radps": gyro_word, "temperature_degc": 0.125}
+        self.white_sigma = [_white(p.accel_noise_mps2_per_rthz, period_s, accel_lsb)] * 3
+        self.white_sigma += [_white(p.gyro_noise_radps_per_rthz, period_s, gyro_lsb)] * 3
+        self.step = [accel_lsb] * 3 + [gyro_lsb] * 3
+
+        def drawn(what: str, accel: float, gyro: float) -> list[float]:
+            """One value a channel, drawn once."""
+            n = NoiseStream(seed, f"{name}.{what}", lanes=6).normal(0)
+            return [accel * x for x in n[:3]] + [gyro * x for x in n[3:]]
+
+        walk = math.sqrt(period_s)
+        flicker = flicker_processes(period_s) if p.accel_bias_instability_mps2 or p.gyro_bias_instability_radps else ()
+        instability = [p.accel_bias_instability_mps2] * 3 + [p.gyro_bias_instability_radps] * 3
+        reference = p.temperature_degc if p.reference_temperature_degc is None else p.reference_temperature_degc
+        self._kernel = ImuKernel(
+            white_key=noise_key(seed, f"{name}.white"),
+            walk_key=noise_key(seed, f"{name}.walk"),
+            flicker_key=noise_key(seed, f"{name}.flicker"),
+            accel_gain=_gain(seed, f"{name}.accel_gain", p.accel_scale_error, p.accel_misalignment_rad),
+            gyro_gain=_gain(seed, f"{name}.gyro_gain", p.gyro_scale_error, p.gyro_misalignment_rad),
+            bias=drawn("turn_on", p.accel_turn_on_bias_mps2, p.gyro_turn_on_bias_radps),
+            white=[*self.white_sigma, p.temperature_noise_degc],
+            walk_step=[p.accel_walk_mps3_per_rthz * walk] * 3 + [p.gyro_walk_radps2_per_rthz * walk] * 3,
+            temperature_gain=drawn(
+                "temperature", p.accel_temperature_drift_mps2_per_degc, p.gyro_temperature_drift_radps_per_degc
+            ),
+            temperature=[p.temperature_degc, p.warm_up_degc, reference, p.warm_up_time_constant_s],
+            lsb=self.step,
+            word=[accel_word] * 3 + [gyro_word] * 3,
+            limit=[p.accel_range_mps2] * 3 + [p.gyro_range_radps] * 3,
+            lever_arm_B_m=p.lever_arm_m,
+            step_s=installation.step_ns / NS_PER_S,
+            gravity_mps2=installation.scene.gravity_mps2,
+            flicker_phi=[x.phi for x in flicker],
+            flicker_start=[b * x.start for b in instability for x in flicker],
+            flicker_step=[b * x.step for b in instability for x in flicker],
+            **_vibration(seed, name, p),
         )
-        self._gyro_bias = random_walk(
-            seed,
-            f"{name}.gyro_bias",
-            lanes=3,
-            turn_on_sigma=p.gyro_turn_on_bias_radps,
-            density=p.gyro_walk_radps2_per_rthz,
-            period_s=period_s,
-        )
-        self._accel_sigma = p.accel_noise_mps2_per_rthz / math.sqrt(period_s)
-        self._gyro_sigma = p.gyro_noise_radps_per_rthz / math.sqrt(period_s)
-        self._accel_lsb = p.accel_range_mps2 / _FULL_SCALE
-        self._gyro_lsb = p.gyro_range_radps / _FULL_SCALE
-        self._temperature_degc = p.temperature_degc
-        self._temperature_sigma = p.temperature_noise_degc
 
     def sample(self, truth: TruthState, seq: int) -> ImuSample:
         """Sample `seq`. Specific force at rest, level: (0, 0, +g)."""
         t_ns = truth.t_ns
-        fx, fy, fz, wx, wy, wz = ideal_imu(
-            truth.q_WB, truth.a_WB_W, truth.w_WB_B, truth.alpha_WB_B, self._step_s, self._gravity
-        )
-        n = self._white.normal(seq)
-        ba, bg = self._accel_bias.at(seq), self._gyro_bias.at(seq)
-        sa, sg = self._accel_sigma, self._gyro_sigma
-        la, lg = self._accel_lsb, self._gyro_lsb
-        return ImuSample(
-            seq,
-            t_ns,
-            t_ns + self.latency_ns,
-            (
-                quantise(fx + ba[0] + sa * n[0], la),
-                quantise(fy + ba[1] + sa * n[1], la),
-                quantise(fz + ba[2] + sa * n[2], la),
-            ),
-            (
-                quantise(wx + bg[0] + sg * n[3], lg),
-                quantise(wy + bg[1] + sg * n[4], lg),
-                quantise(wz + bg[2] + sg * n[5], lg),
-            ),
-            self._temperature_degc + self._temperature_sigma * n[6],
-        )
+        accel, gyro, temperature = self._kernel.sample(truth[3], truth[6], truth[5], truth[7], truth[8], t_ns, seq)
+        return ImuSample(seq, t_ns, t_ns + self.latency_ns, accel, gyro, temperature)
+
+    def noise(self, first: int, count: int) -> NDArray[np.float64]:
+        """Walk, flicker and white noise that samples `first` .. `first + count - 1` hold before rounding.
+
+        Shape (count, 7): accel [m/s2], gyro [rad/s], temperature [degC]. The same code as `sample`, without motion:
+        a million samples take a second or two, so that Allan deviations to hours of flight can be tested.
+        """
+        out = np.empty((count, 7))
+        self._kernel.noise(first, out)
+        return out
 
 
-def quantise(value: float, lsb: float) -> float:
-    """Nearest multiple of `lsb` that a signed 16-bit word can hold."""
-    counts = math.floor(value / lsb + 0.5)
-    if counts > 32767:
-        counts = 32767
-    elif counts < -32768:
-        counts = -32768
-    return counts * lsb
+def _readings(output_rate_hz: float, period_s: float) -> int:
+    """Internal readings averaged into one sample, at least one."""
+    return max(1, math.floor(output_rate_hz * period_s + 1e-9))
+
+
+def _white(density: float, period_s: float, lsb: float) -> float:
+    """Deviation of the white noise before rounding, so that the rounded output has the density."""
+    return math.sqrt(max(0.0, density * density / period_s - lsb * lsb / 12.0))
+
+
+def _gain(seed: int, name: str, scale_error: float, misalignment_rad: float) -> list[float]:
+    """Row-major identity + scale errors on the diagonal + misalignments off it."""
+    n = NoiseStream(seed, name, lanes=9).normal(0)
+    return [1.0 + scale_error * n[i] if i % 4 == 0 else misalignment_rad * n[i] for i in range(9)]
+
+
+def _vibration(seed: int, name: str, p: ImuParameters) -> dict[str, Any]:
+    """Harmonics as the kernel takes them; every rotor, harmonic and channel has a phase of its own."""
+    count = _ROTORS * len(p.vibration) * 6
+    phases = NoiseStream(seed, f"{name}.vibration", lanes=count).uniform_block(0)[0].tolist() if count else []
+    return {
+        "order": [h.order for h in p.vibration],
+        "amplitude": [a for h in p.vibration for a in (*h.accel_mps2, *h.gyro_radps)],
+        "phase_cos": [det_cos(_TWO_PI * u) for u in phases],
+        "phase_sin": [det_sin(_TWO_PI * u) for u in phases],
+        "reference_speed_radps": p.vibration_reference_radps,
+    }
+
+
+def quantise(value: float, lsb: float, limit: float = math.inf) -> float:
+    """Nearest multiple of `lsb`, saturated at -limit and limit - lsb as a two's-complement word is."""
+    rounded = math.floor(value / lsb + 0.5) * lsb
+    return min(max(rounded, -limit), limit - lsb)

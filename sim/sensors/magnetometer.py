@@ -1,6 +1,10 @@
-"""Magnetometer: Earth's field in B, with a constant hard-iron offset and noise.
+"""Magnetometer: Earth's field in B as the vehicle's iron and currents leave it, with noise.
 
-m = R_WB^T B_W + b + n,   rounded to the resolution, saturated at 16 bits
+    m = S R_WB^T B_W + b + I c + n,   rounded to the resolution, saturated at the range
+
+S soft iron (identity + a symmetric matrix drawn once), b hard iron (drawn once), c the field of the battery leads at
+the reference rotor speed, I the battery current as a fraction of that there: mean (rotor speed / reference)^3, since
+shaft power goes with the cube of speed and the battery's voltage is taken as constant.
 """
 
 from __future__ import annotations
@@ -16,7 +20,10 @@ from sim._kernels import rotate_into_body
 from sim.model_file import StrictModel
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.sensors.imu import quantise
+from sim.sensors.rotor_load import power_ratio
 from sim.sensors.sensor import Installation
+
+Field_T = Annotated[float, Field(ge=-1e-3, le=1e-3)]
 
 
 class MagnetometerParameters(StrictModel):
@@ -24,7 +31,11 @@ class MagnetometerParameters(StrictModel):
 
     noise_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]
     hard_iron_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]  # 1 sigma a axis, drawn once
+    soft_iron: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0  # 1 sigma of each of the six elements, drawn once
+    motor_field_tesla: tuple[Field_T, Field_T, Field_T] = (0.0, 0.0, 0.0)  # in B, at the reference rotor speed
+    motor_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
     resolution_tesla: Annotated[float, Field(gt=0.0, le=1e-3)]
+    range_tesla: Annotated[float, Field(gt=0.0, le=1.0)] = 1.6e-3
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
@@ -38,25 +49,33 @@ class Magnetometer:
         self.name = name
         self.period_ns = installation.period_ns
         self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution = {"field_tesla": p.resolution_tesla}
         self._field_W = magnetic_field_W_tesla(installation.scene.site)
         self._white = NoiseStream(seed, f"{name}.white", lanes=3)
         x, y, z = NoiseStream(seed, f"{name}.hard_iron", lanes=3).normal(0)
-        self._offset = (p.hard_iron_tesla * x, p.hard_iron_tesla * y, p.hard_iron_tesla * z)
+        self.hard_iron_tesla = (p.hard_iron_tesla * x, p.hard_iron_tesla * y, p.hard_iron_tesla * z)
+        xx, yy, zz, xy, xz, yz = [p.soft_iron * n for n in NoiseStream(seed, f"{name}.soft_iron", lanes=6).normal(0)]
+        self.soft_iron = ((1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz))
+        self._motor, self._motor_reference = p.motor_field_tesla, p.motor_reference_radps
+        self._has_motor_field = any(p.motor_field_tesla)
         self._sigma = p.noise_tesla
-        self._lsb = p.resolution_tesla
+        self._lsb, self._range = p.resolution_tesla, p.range_tesla
 
     def sample(self, truth: TruthState, seq: int) -> MagSample:
         """Sample `seq`."""
-        t_ns, sigma, lsb, b = truth.t_ns, self._sigma, self._lsb, self._offset
+        t_ns, sigma, lsb, limit, b = truth.t_ns, self._sigma, self._lsb, self._range, self.hard_iron_tesla
         x, y, z = rotate_into_body(truth.q_WB, self._field_W)
+        (sxx, sxy, sxz), (syx, syy, syz), (szx, szy, szz) = self.soft_iron
         n = self._white.normal(seq)
+        current = power_ratio(truth.rotor_speed_radps, self._motor_reference) if self._has_motor_field else 0.0
+        cx, cy, cz = self._motor
         return MagSample(
             seq,
             t_ns,
             t_ns + self.latency_ns,
             (
-                quantise(x + b[0] + sigma * n[0], lsb),
-                quantise(y + b[1] + sigma * n[1], lsb),
-                quantise(z + b[2] + sigma * n[2], lsb),
+                quantise(sxx * x + sxy * y + sxz * z + b[0] + current * cx + sigma * n[0], lsb, limit),
+                quantise(syx * x + syy * y + syz * z + b[1] + current * cy + sigma * n[1], lsb, limit),
+                quantise(szx * x + szy * y + szz * z + b[2] + current * cz + sigma * n[2], lsb, limit),
             ),
         )

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
+
+from pydantic import Field
 
 from hil.signals.samples import Sample, TruthState
 from sim.scene.scene import Scene
+
+_Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
+Position = tuple[_Offset, _Offset, _Offset]  # where a sensor sits, from the body origin, in B [m]
 
 
 @dataclass(frozen=True)
@@ -21,12 +27,17 @@ class Installation:
 
 
 class Sensor(Protocol):
-    """Turns truth into samples. Sample `seq` is a pure function of the truth given, the seed and the sensor's name."""
+    """Turns truth into samples.
+
+    Noise of sample `seq` is a function of the seed, the sensor's name and `seq` alone, whatever was sampled before.
+    Sensors that integrate (vibration phases, optical flow) also depend on the truths they were shown before.
+    """
 
     name: str
     sample_type: type
     period_ns: int
     latency_ns: int
+    resolution: Mapping[str, float]  # step of the output word of each field that has one, in the field's unit
 
     def sample(self, truth: TruthState, seq: int) -> Sample:
         """Sample number `seq`, captured at `truth.t_ns`, available `latency_ns` later."""

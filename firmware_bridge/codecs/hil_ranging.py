@@ -1,0 +1,113 @@
+"""The MAVLink messages of downward range finder and optical flow, as pure functions of samples.
+
+Axes and units as in `firmware_bridge.codecs.hil`: B (FLU) -> F (FRD) turns the sign of y and z, of positions and of
+turns alike. Integers are rounded to nearest and saturate; a number that is not finite is refused with `CodecError`.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.hil import FieldUnit
+from firmware_bridge.codecs.messages import MSGID
+from hil.signals.samples import FlowSample, RangeSample
+
+_CM = FieldUnit("cm", 1e2, "-")
+_RAD = FieldUnit("rad", 1.0, "F")
+
+RANGING_UNITS: dict[str, dict[str, FieldUnit]] = {
+    "HIL_OPTICAL_FLOW": {
+        "time_usec": FieldUnit("us", 1e-3, "-"),
+        "integration_time_us": FieldUnit("us", 1e-3, "-"),
+        "integrated_x": _RAD,
+        "integrated_y": _RAD,
+        "integrated_xgyro": _RAD,
+        "integrated_ygyro": _RAD,
+        "integrated_zgyro": _RAD,
+        "temperature": FieldUnit("cdegC", 1e2, "-"),
+        "time_delta_distance_us": FieldUnit("us", 1e-3, "-"),
+        "distance": FieldUnit("m", 1.0, "-"),
+    },
+    "DISTANCE_SENSOR": {
+        "time_boot_ms": FieldUnit("ms", 1e-6, "-"),
+        "min_distance": _CM,
+        "max_distance": _CM,
+        "current_distance": _CM,
+        "covariance": FieldUnit("cm^2", 1e4, "-"),
+    },
+}
+
+HIL_OPTICAL_FLOW = MSGID["HIL_OPTICAL_FLOW"]
+DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
+
+_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270
+_LASER = 0  # MAV_DISTANCE_SENSOR_LASER
+_UNKNOWN_VARIANCE = 255
+_INVALID, _LEAST, _BEST = 1, 2, 100  # signal_quality; 0 would mean that it is not known
+_UNKNOWN_DISTANCE = -1.0
+
+_pack_flow = struct.Struct("<QI5fIfhBB").pack
+_pack_distance = struct.Struct("<IHHHBBBB2f4fB").pack
+
+
+def _word(field: str, value: float, low: int, high: int) -> int:
+    if value - value != 0.0:
+        raise CodecError(f"{field} = {value!r}: not a finite number, so not sent")
+    return low if value < low else high if value > high else round(value)
+
+
+def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 0, sensor_type: int = _LASER) -> bytes:
+    """Payload of DISTANCE_SENSOR for a sensor that points down. `sensor_type` is a MAV_DISTANCE_SENSOR.
+
+    Without a valid distance `signal_quality` is 1 (invalid). The variance saturates at 254 cm^2 (a deviation of
+    15.9 cm): the byte holds no more, and 255 means that it is not known.
+    """
+    name = "DISTANCE_SENSOR"
+    sigma_cm = sample.sigma_m * 1e2
+    variance = _UNKNOWN_VARIANCE
+    if sample.quality > 0:
+        variance = _word(f"{name}.covariance", sigma_cm * sigma_cm, 0, _UNKNOWN_VARIANCE - 1)
+    return _pack_distance(
+        t_ns // 1_000_000,
+        _word(f"{name}.min_distance", sample.min_distance_m * 1e2, 0, 65535),
+        _word(f"{name}.max_distance", sample.max_distance_m * 1e2, 0, 65535),
+        _word(f"{name}.current_distance", sample.distance_m * 1e2, 0, 65535),
+        sensor_type,
+        sensor_id,
+        _DOWN,
+        variance,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        _INVALID if sample.quality <= 0 else min(max(sample.quality, _LEAST), _BEST),
+    )
+
+
+def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 0) -> bytes:
+    """Payload of HIL_OPTICAL_FLOW. Flow and gyro from B to F; the distance is -1 where it is not known."""
+    (x, y), (gx, gy, gz) = sample.flow_rad, sample.gyro_rad
+    distance = sample.distance_m if sample.distance_m >= 0.0 else _UNKNOWN_DISTANCE
+    total = x + y + gx + gy + gz + sample.distance_m + sample.temperature_degc
+    if total - total != 0.0:
+        raise CodecError(f"HIL_OPTICAL_FLOW: a value is not a finite number, so not sent: {sample}")
+    try:
+        return _pack_flow(
+            t_ns // 1000,
+            sample.integration_ns // 1000,
+            x,
+            -y,
+            gx,
+            -gy,
+            -gz,
+            0,  # the distance belongs to the same instant
+            distance,
+            _word("HIL_OPTICAL_FLOW.temperature", sample.temperature_degc * 1e2, -32768, 32767),
+            sensor_id,
+            _word("HIL_OPTICAL_FLOW.quality", sample.quality, 0, 255),
+        )
+    except (OverflowError, struct.error) as error:
+        raise CodecError(f"HIL_OPTICAL_FLOW: a value does not fit its field: {sample}") from error

@@ -1,0 +1,181 @@
+// sim._kernels.Imu, sim._kernels.NativeNoise: inertial errors and their noise. Contract: imu.hpp, noise_stream.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "imu.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using hil::sim::kImuChannels;
+
+namespace {
+
+using Values = std::vector<double>;
+using Key = std::array<std::uint64_t, 2>;
+using Rows = nb::ndarray<double, nb::numpy, nb::shape<-1, kImuChannels + 1>, nb::c_contig, nb::device::cpu>;
+
+constexpr int kMostRotors = 16;
+
+double as_double(PyObject *item) {
+    const double value = PyFloat_AsDouble(item);
+    if (value == -1.0 && PyErr_Occurred()) throw nb::python_error();
+    return value;
+}
+
+template <std::size_t N>
+void unpack(const nb::tuple &source, double (&out)[N], const char *what) {
+    if (source.size() != N) {
+        throw std::invalid_argument(std::string(what) + " needs " + std::to_string(N) + " values, not " +
+                                    std::to_string(source.size()));
+    }
+    for (std::size_t i = 0; i < N; ++i) out[i] = as_double(PyTuple_GET_ITEM(source.ptr(), static_cast<Py_ssize_t>(i)));
+}
+
+template <std::size_t N>
+void copy(const Values &source, double (&out)[N], const char *what) {
+    if (source.size() != N) {
+        throw std::invalid_argument(std::string(what) + " needs " + std::to_string(N) + " values, not " +
+                                    std::to_string(source.size()));
+    }
+    for (std::size_t i = 0; i < N; ++i) out[i] = source[i];
+}
+
+class Imu {
+  public:
+    Imu(Key white_key, Key walk_key, Key flicker_key, const Values &accel_gain, const Values &gyro_gain,
+        const Values &bias, const Values &white, const Values &walk_step, const Values &temperature_gain,
+        const Values &temperature, const Values &lsb, const Values &word, const Values &limit,
+        const Values &lever_arm_B_m, double step_s, double gravity_mps2, const Values &flicker_phi,
+        const Values &flicker_start, const Values &flicker_step, const Values &order, const Values &amplitude,
+        const Values &phase_cos, const Values &phase_sin, double reference_speed_radps)
+        : imu_(params(accel_gain, gyro_gain, bias, white, walk_step, temperature_gain, temperature, lsb, word, limit,
+                      lever_arm_B_m, step_s, gravity_mps2, flicker_phi, flicker_start, flicker_step, order, amplitude,
+                      phase_cos, phase_sin, reference_speed_radps),
+               white_key.data(), walk_key.data(), flicker_key.data()) {}
+
+    nb::tuple sample(const nb::tuple &q_WB, const nb::tuple &a_WB_W, const nb::tuple &w_WB_B,
+                     const nb::tuple &alpha_WB_B, const nb::tuple &rotor_speed_radps, std::int64_t t_ns,
+                     std::uint64_t index) {
+        hil::sim::ImuTruth truth;
+        unpack(q_WB, truth.q_WB, "q_WB");
+        unpack(a_WB_W, truth.a_WB_W, "a_WB_W");
+        unpack(w_WB_B, truth.w_WB_B, "w_WB_B");
+        unpack(alpha_WB_B, truth.alpha_WB_B, "alpha_WB_B");
+        double speed[kMostRotors];
+        truth.rotors = 0;
+        if (imu_.rotors_with_phase() != 0) {
+            const std::size_t n = rotor_speed_radps.size();
+            if (n > kMostRotors) throw std::invalid_argument("at most 16 rotors");
+            for (std::size_t i = 0; i < n; ++i) {
+                speed[i] = as_double(PyTuple_GET_ITEM(rotor_speed_radps.ptr(), static_cast<Py_ssize_t>(i)));
+            }
+            truth.rotors = static_cast<int>(n);
+        }
+        truth.rotor_speed_radps = speed;
+        truth.t_ns = t_ns;
+        double out[kImuChannels + 1];
+        imu_.sample(truth, index, out);
+        return nb::make_tuple(nb::make_tuple(out[0], out[1], out[2]), nb::make_tuple(out[3], out[4], out[5]), out[6]);
+    }
+
+    void noise(std::uint64_t first, Rows out) {
+        nb::gil_scoped_release release;
+        imu_.noise(first, out.shape(0), out.data());
+    }
+
+  private:
+    static hil::sim::ImuErrorParams params(const Values &accel_gain, const Values &gyro_gain, const Values &bias,
+                                           const Values &white, const Values &walk_step,
+                                           const Values &temperature_gain, const Values &temperature,
+                                           const Values &lsb, const Values &word, const Values &limit,
+                                           const Values &lever_arm_B_m, double step_s, double gravity_mps2,
+                                           const Values &flicker_phi, const Values &flicker_start,
+                                           const Values &flicker_step, const Values &order, const Values &amplitude,
+                                           const Values &phase_cos, const Values &phase_sin,
+                                           double reference_speed_radps) {
+        hil::sim::ImuErrorParams p;
+        copy(accel_gain, p.gain[0], "accel_gain");
+        copy(gyro_gain, p.gain[1], "gyro_gain");
+        copy(bias, p.bias, "bias");
+        copy(white, p.white, "white");
+        copy(walk_step, p.walk_step, "walk_step");
+        copy(temperature_gain, p.temperature_gain, "temperature_gain");
+        double t[4];
+        copy(temperature, t, "temperature");
+        p.temperature_end_degc = t[0];
+        p.temperature_rise_degc = t[1];
+        p.temperature_reference_degc = t[2];
+        p.warm_up_time_s = t[3];
+        copy(lsb, p.lsb, "lsb");
+        copy(word, p.word, "word");
+        copy(limit, p.limit, "limit");
+        copy(lever_arm_B_m, p.lever_arm_B_m, "lever_arm_B_m");
+        p.step_s = step_s;
+        p.gravity_mps2 = gravity_mps2;
+        const std::size_t flicker = flicker_phi.size() * kImuChannels, harmonics = order.size() * kImuChannels;
+        if (flicker_start.size() != flicker || flicker_step.size() != flicker) {
+            throw std::invalid_argument("flicker steps must hold 6 values for each process");
+        }
+        if (amplitude.size() != harmonics || phase_sin.size() != phase_cos.size() ||
+            (harmonics == 0 ? !phase_cos.empty() : phase_cos.size() % harmonics != 0)) {
+            throw std::invalid_argument("vibration amplitudes and phases do not fit the harmonics");
+        }
+        p.flicker_phi = flicker_phi;
+        p.flicker_start = flicker_start;
+        p.flicker_step = flicker_step;
+        p.order = order;
+        p.amplitude = amplitude;
+        p.phase_cos = phase_cos;
+        p.phase_sin = phase_sin;
+        p.reference_speed_radps = reference_speed_radps;
+        return p;
+    }
+
+    hil::sim::Imu imu_;
+};
+
+class NativeNoise {
+  public:
+    NativeNoise(Key key, std::size_t lanes) : stream_(key[0], key[1], lanes) {
+        if (lanes < 1) throw std::invalid_argument("a noise stream needs at least one lane");
+    }
+    nb::tuple normal(std::uint64_t index) {
+        const double *values = stream_.normal(index);
+        PyObject *result = PyTuple_New(static_cast<Py_ssize_t>(stream_.lanes()));
+        for (std::size_t i = 0; i < stream_.lanes(); ++i) {
+            PyTuple_SET_ITEM(result, static_cast<Py_ssize_t>(i), PyFloat_FromDouble(values[i]));
+        }
+        return nb::steal<nb::tuple>(result);
+    }
+
+  private:
+    hil::sim::NoiseStream stream_;
+};
+
+}  // namespace
+
+void bind_imu(nb::module_ &m) {
+    nb::class_<Imu>(m, "Imu", "Inertial measurement unit: truth in, samples out. Equations and state: imu.hpp.")
+        .def(nb::init<Key, Key, Key, const Values &, const Values &, const Values &, const Values &, const Values &,
+                      const Values &, const Values &, const Values &, const Values &, const Values &, const Values &,
+                      double, double, const Values &, const Values &, const Values &, const Values &, const Values &,
+                      const Values &, const Values &, double>(),
+             nb::kw_only(), "white_key"_a, "walk_key"_a, "flicker_key"_a, "accel_gain"_a, "gyro_gain"_a, "bias"_a,
+             "white"_a, "walk_step"_a, "temperature_gain"_a, "temperature"_a, "lsb"_a, "word"_a, "limit"_a,
+             "lever_arm_B_m"_a, "step_s"_a, "gravity_mps2"_a, "flicker_phi"_a, "flicker_start"_a, "flicker_step"_a,
+             "order"_a, "amplitude"_a, "phase_cos"_a, "phase_sin"_a, "reference_speed_radps"_a)
+        .def("sample", &Imu::sample, "q_WB"_a, "a_WB_W"_a, "w_WB_B"_a, "alpha_WB_B"_a, "rotor_speed_radps"_a, "t_ns"_a,
+             "index"_a, "((accel x, y, z), (gyro x, y, z), temperature)")
+        .def("noise", &Imu::noise, "first"_a, "out"_a.noconvert(),
+             "Fill `out` [count][7] with the noise of samples first .. first + count - 1, before rounding.");
+    nb::class_<NativeNoise>(m, "NativeNoise", "The draws of hil.signals.noise.NoiseStream, by the native generator.")
+        .def(nb::init<Key, std::size_t>(), "key"_a, "lanes"_a)
+        .def("normal", &NativeNoise::normal, "index"_a);
+}

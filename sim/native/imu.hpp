@@ -1,0 +1,89 @@
+// Strapdown inertial measurement unit with its errors.
+//
+// Truth at the sensor, at r in B from the centre of mass (means over the step that just ended, w_m = w - alpha dt/2):
+//   f = R(q_mid)^T (a + g z_W) + alpha x r + w_m x (w_m x r)          specific force [m/s2]
+//   w = w_m                                                           angular rate [rad/s]
+// Vibration by rotor r and harmonic h of its speed O, phase theta = integral of O dt, mean over the step dt:
+//   v_i = A_hi (O / O_ref)^2 sinc(h O dt / 2) sin(h theta_mid + psi_rhi)
+// so what lies above half the output rate folds down (aliases) from the step mean, as in a boxcar-averaging IMU.
+// Errors of channel i (0..2 accel, 3..5 gyro), y = M f or M w with its vibration:
+//   out_i = Q(y_i + b_i + c_i (T(t) - T_ref) + k_i[n] + sum_p x_ip[n] + sigma_i w_i[n])
+//   k[n]   = k[n-1] + K_i sqrt(period) n,                   k[0] = 0     rate (acceleration) random walk
+//   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability, flicker.py gives the table
+//   T(t)   = T_end - rise e^{-t / tau}                                   temperature of the warming sensor
+// Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i.
+//
+// State advances with `index`: reading sample n brings the processes to n, one step per index, whatever was read
+// before; an earlier index replays from 0. The rotor phases advance with time between the samples read.
+//
+// Determinism: + - * / sqrt and detmath.hpp only. Nothing is allocated after construction. Not thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "noise_stream.hpp"
+
+namespace hil::sim {
+
+inline constexpr int kImuChannels = 6;  // accel x y z, gyro x y z
+
+struct ImuErrorParams {
+    double gain[2][9];                  // row-major M of accel and of gyro: identity + scale errors + misalignment
+    double bias[kImuChannels];          // turn-on
+    double white[kImuChannels + 1];     // deviation of one sample; the last is the temperature reading's
+    double walk_step[kImuChannels];     // K sqrt(period)
+    double temperature_gain[kImuChannels];
+    double temperature_end_degc, temperature_rise_degc, temperature_reference_degc, warm_up_time_s;
+    double lsb[kImuChannels], word[kImuChannels], limit[kImuChannels];
+    double lever_arm_B_m[3];
+    double step_s, gravity_mps2;
+    // Flicker: per process a decay, and per channel and process the first and the later steps, [channel][process].
+    std::vector<double> flicker_phi, flicker_start, flicker_step;
+    // Vibration: harmonic orders; amplitudes [harmonic][channel] at the reference speed; phases as unit phasors
+    // cos psi and sin psi, [rotor][harmonic][channel].
+    std::vector<double> order, amplitude, phase_cos, phase_sin;
+    double reference_speed_radps;
+};
+
+struct ImuTruth {
+    double q_WB[4], a_WB_W[3], w_WB_B[3], alpha_WB_B[3];
+    const double *rotor_speed_radps;
+    int rotors;
+    std::int64_t t_ns;
+};
+
+class Imu {
+  public:
+    // Keys of the streams of white noise (7 lanes), walks (6) and flicker (6 x processes).
+    Imu(ImuErrorParams params, const std::uint64_t white_key[2], const std::uint64_t walk_key[2],
+        const std::uint64_t flicker_key[2]);
+
+    // Sample `index`: out = accel[3], gyro[3], temperature.
+    void sample(const ImuTruth &truth, std::uint64_t index, double *out);
+
+    // Walk + flicker + white noise alone of samples first .. first + count - 1, [count][7], before rounding: exactly
+    // what `sample` adds at those indices.
+    void noise(std::uint64_t first, std::size_t count, double *out);
+
+    std::size_t rotors_with_phase() const { return rotor_phase_.size(); }
+
+  private:
+    void noise_at(std::uint64_t index, double *out);
+    void restart();
+    void add_vibration(const ImuTruth &truth, double *y);
+
+    ImuErrorParams params_;
+    NoiseStream white_, walk_, flicker_;
+    std::size_t processes_;
+    bool started_ = false;
+    std::uint64_t index_ = 0;
+    double walk_state_[kImuChannels] = {};
+    std::vector<double> flicker_state_;
+    std::vector<double> rotor_phase_;
+    bool phase_started_ = false;
+    std::int64_t phase_t_ns_ = 0;
+};
+
+}  // namespace hil::sim

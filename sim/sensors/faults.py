@@ -1,0 +1,218 @@
+"""Sensor faults from a given simulated time on: declared, checked, and put over any sensor.
+
+    freeze     the values stay what they were when the fault began; stamps and sequence go on
+    offset     value + `value`
+    drift      value + `rate_per_s` (t - at)
+    stuck_bit  bit `bit` of the output word (two's complement) stays at `level`
+    dropout    no sample at all: `sample` returns None
+
+A fault is active while at_s <= t < until_s. It acts on one field of the sample, the main one unless `field` says
+otherwise, and there on one axis or on all. Whatever is derived from the field is derived anew (the pressure altitude
+from the pressure). Noise of the sensor, and of every other, is what it would have been without the fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from hil.signals.samples import (
+    BaroSample,
+    FlowSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    RangeSample,
+    Sample,
+    TruthState,
+)
+from hil.signals.time import NS_PER_S
+from sim.model_file import StrictModel
+from sim.scene.atmosphere import pressure_altitude_m
+from sim.sensors.sensor import Sensor
+
+# Fields that faults act on, the main one first, with the number of axes (1: a scalar).
+FAULT_FIELDS: dict[type, dict[str, int]] = {
+    ImuSample: {"accel_mps2": 3, "gyro_radps": 3, "temperature_degc": 1},
+    MagSample: {"field_tesla": 3},
+    BaroSample: {"pressure_pa": 1, "temperature_degc": 1},
+    GpsSample: {"altitude_m": 1, "latitude_deg": 1, "longitude_deg": 1, "v_W": 3},
+    RangeSample: {"distance_m": 1},
+    FlowSample: {"flow_rad": 2, "gyro_rad": 3, "distance_m": 1},
+}
+_STAMPS = 3  # seq, t_capture_ns, t_available_ns: never faulted
+_AXES = "xyz"
+_WORD_BITS = 32
+
+Instant = Annotated[float, Field(ge=0.0, le=1e6)]
+Size = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class _Fault(StrictModel):
+    """What every fault says."""
+
+    sensor: Annotated[str, Field(min_length=1)]  # by its name in the bench file
+    at_s: Instant
+    until_s: Instant | None = None  # null: to the end
+
+    @model_validator(mode="after")
+    def _ends_after_it_began(self) -> _Fault:
+        if self.until_s is not None and not self.until_s > self.at_s:
+            raise ValueError(f"until_s {self.until_s:g} must come after at_s {self.at_s:g}")
+        return self
+
+    @property
+    def span_ns(self) -> tuple[int, int | None]:
+        """First instant and first instant after it [ns]."""
+        end = None if self.until_s is None else round(self.until_s * NS_PER_S)
+        return round(self.at_s * NS_PER_S), end
+
+
+class Freeze(_Fault):
+    """The values stay what they were."""
+
+    kind: Literal["freeze"]
+
+
+class Dropout(_Fault):
+    """No samples."""
+
+    kind: Literal["dropout"]
+
+
+class _ValueFault(_Fault):
+    """Acts on one field."""
+
+    field: str | None = None  # null: the main one
+    axis: Literal["x", "y", "z"] | None = None  # null: all
+
+
+class Offset(_ValueFault):
+    """A constant is added [unit of the field]."""
+
+    kind: Literal["offset"]
+    value: Size
+
+
+class DriftAway(_ValueFault):
+    """A ramp is added [unit of the field per second]."""
+
+    kind: Literal["drift"]
+    rate_per_s: Size
+
+
+class StuckBit(_ValueFault):
+    """One bit of the output word no longer changes."""
+
+    kind: Literal["stuck_bit"]
+    bit: Annotated[int, Field(ge=0, lt=_WORD_BITS)]  # 0: the lowest
+    level: Annotated[int, Field(ge=0, le=1)]
+
+
+SensorFault = Annotated[Freeze | Dropout | Offset | DriftAway | StuckBit, Field(discriminator="kind")]
+FAULT_LIST: TypeAdapter[list[Any]] = TypeAdapter(list[SensorFault])
+
+
+def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterator[tuple[int, str, str]]:
+    """(index of the fault, key, what is wrong) of faults that do not fit `sensors`: name -> sample type."""
+    for index, fault in enumerate(faults):
+        kind = sensors.get(fault.sensor)
+        if kind is None:
+            yield index, "sensor", f"is unknown: {fault.sensor!r} (sensors: {', '.join(sensors) or 'none'})"
+            continue
+        if not isinstance(fault, _ValueFault):
+            continue
+        fields = FAULT_FIELDS[kind]
+        name = fault.field or next(iter(fields))
+        if name not in fields:
+            yield index, "field", f"is unknown: {name!r} (fields of {fault.sensor!r}: {', '.join(fields)})"
+            continue
+        axes = _AXES[: fields[name]] if fields[name] > 1 else ""
+        if fault.axis is not None and fault.axis not in axes:
+            have = f"only {', '.join(axes)}" if axes else "no axes"
+            yield index, "axis", f"is {fault.axis!r}, but {name!r} of {fault.sensor!r} has {have}"
+
+
+EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event` fits
+
+
+class FaultySensor:
+    """A sensor with faults over it. Everything else about it is the sensor's own."""
+
+    def __init__(self, sensor: Sensor, faults: Sequence[Any], *, on_event: EventSink | None = None) -> None:
+        """`faults` are those of this sensor, acting in their order. Raises ValueError if one does not fit it."""
+        problems = list(fault_problems(faults, {sensor.name: sensor.sample_type}))
+        if problems:
+            raise ValueError("; ".join(f"fault {i}: {key} {text}" for i, key, text in problems))
+        self.name = sensor.name
+        self.sample_type = sensor.sample_type
+        self.period_ns = sensor.period_ns
+        self.latency_ns = sensor.latency_ns
+        self.resolution = sensor.resolution
+        self._sensor = sensor
+        self._spans = [(fault, *fault.span_ns) for fault in faults]
+        self._active = [False] * len(faults)
+        self._frozen: dict[int, tuple[Any, ...]] = {}
+        self._last: tuple[Any, ...] | None = None
+        self._on_event = on_event
+
+    def sample(self, truth: TruthState, seq: int) -> Sample | None:
+        """Sample `seq` with whatever faults are active at `truth.t_ns`; None during a dropout."""
+        sample = self._sensor.sample(truth, seq)
+        t_ns, dropped = truth.t_ns, False
+        values = sample[_STAMPS:]
+        for i, (fault, begin, end) in enumerate(self._spans):
+            active = begin <= t_ns and (end is None or t_ns < end)
+            if active != self._active[i]:
+                self._active[i] = active
+                self._frozen.pop(i, None)
+                if self._on_event is not None:
+                    self._on_event(t_ns, "fault", f"{self.name}: {fault.kind} {'began' if active else 'ended'}")
+            if not active:
+                continue
+            if isinstance(fault, Dropout):
+                dropped = True
+            elif isinstance(fault, Freeze):
+                values = self._frozen.setdefault(i, values if self._last is None else self._last)
+            else:
+                values = self._changed(values, fault, (t_ns - begin) / NS_PER_S)
+        if dropped:
+            return None
+        self._last = values
+        made: Sample = self.sample_type(*sample[:_STAMPS], *values)
+        return made
+
+    def _changed(self, values: tuple[Any, ...], fault: Any, since_s: float) -> tuple[Any, ...]:
+        name = fault.field or next(iter(FAULT_FIELDS[self.sample_type]))
+        at = self.sample_type._fields.index(name) - _STAMPS  # type: ignore[attr-defined]
+        step = self.resolution.get(name, 1.0)
+        old = values[at]
+        if isinstance(old, tuple):
+            axis = None if fault.axis is None else _AXES.index(fault.axis)
+            new: Any = tuple(
+                _value(x, fault, since_s, step) if axis is None or i == axis else x for i, x in enumerate(old)
+            )
+        else:
+            new = _value(old, fault, since_s, step)
+        changed = [*values[:at], new, *values[at + 1 :]]
+        if name == "pressure_pa":
+            # A barometer that a fault takes below the vacuum would have no altitude at all.
+            changed[at] = max(new, 1.0)
+            changed[at + 1] = pressure_altitude_m(changed[at])
+        return tuple(changed)
+
+
+def _value(x: float, fault: Any, since_s: float, step: float) -> float:
+    if isinstance(fault, Offset):
+        return x + fault.value
+    if isinstance(fault, DriftAway):
+        return x + fault.rate_per_s * since_s
+    counts = math.floor(x / step + 0.5)
+    mask = 1 << fault.bit
+    stuck = counts | mask if fault.level else counts & ~mask
+    # As the 32-bit word that the driver reads: setting the top bit makes it negative.
+    stuck = (stuck + (1 << (_WORD_BITS - 1))) % (1 << _WORD_BITS) - (1 << (_WORD_BITS - 1))
+    return x + (stuck - counts) * step

@@ -1,0 +1,38 @@
+"""The kinds of sensors there are: class, parameters, and what it delivers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sim.model_file import StrictModel
+from sim.sensors.barometer import Barometer, BarometerParameters
+from sim.sensors.gps import Gps, GpsParameters
+from sim.sensors.imu import Imu, ImuParameters
+from sim.sensors.magnetometer import Magnetometer, MagnetometerParameters
+from sim.sensors.optical_flow import OpticalFlow, OpticalFlowParameters
+from sim.sensors.range_finder import RangeFinder, RangeFinderParameters
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of sensor: its class and the model of its parameters."""
+
+    sensor: Any  # callable (Installation, parameters) -> Sensor
+    parameters: type[StrictModel]
+
+    @property
+    def sample_type(self) -> type:
+        """What its samples are."""
+        kind: type = self.sensor.sample_type
+        return kind
+
+
+KINDS: dict[str, Kind] = {
+    "imu": Kind(Imu, ImuParameters),
+    "barometer": Kind(Barometer, BarometerParameters),
+    "magnetometer": Kind(Magnetometer, MagnetometerParameters),
+    "gps": Kind(Gps, GpsParameters),
+    "range_finder": Kind(RangeFinder, RangeFinderParameters),
+    "optical_flow": Kind(OpticalFlow, OpticalFlowParameters),
+}

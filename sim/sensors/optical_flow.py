@@ -1,0 +1,128 @@
+"""Downward optical flow with its own gyro and, on some devices, a range finder.
+
+Turn of the picture about x and y of B, for a sensor at r in B at distance d from the ground along -z:
+
+    u = R^T v + w x r,      flow rate = (w_x + u_y / d,  w_y - u_x / d)
+
+Each sample integrates the rate since the one before by the trapezoid of the two instants (error of second order in
+the sample period; motion faster than half the sample rate is not seen). Then scale error and noise are added and the
+result is rounded. Quality falls from its best at the ground to a third at the greatest distance; it is 0, and the flow
+with it, where the ground is out of range, the tilt too great, or the picture moves faster than the device can follow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from hil.signals.noise import NoiseStream
+from hil.signals.samples import FlowSample, TruthState
+from hil.signals.time import NS_PER_S
+from sim._kernels import det_cos, rotate_into_body
+from sim.model_file import StrictModel
+from sim.sensors.ground_range import GroundRange
+from sim.sensors.sensor import Installation, Position
+
+_RAD_PER_DEG = 0.017453292519943295
+_UNKNOWN_M = -1.0
+
+
+class OpticalFlowParameters(StrictModel):
+    """Errors of one optical flow sensor, deviations 1 sigma."""
+
+    min_distance_m: Annotated[float, Field(ge=0.0, le=100.0)]
+    max_distance_m: Annotated[float, Field(gt=0.0, le=1000.0)]
+    max_flow_radps: Annotated[float, Field(gt=0.0, le=100.0)]
+    flow_noise_radps: Annotated[float, Field(ge=0.0, le=10.0)]  # of the rate over one sample
+    flow_scale_error: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    flow_resolution_rad: Annotated[float, Field(gt=0.0, le=0.1)]
+    gyro_noise_radps_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
+    gyro_turn_on_bias_radps: Annotated[float, Field(ge=0.0, le=1.0)]
+    gyro_resolution_rad: Annotated[float, Field(gt=0.0, le=0.1)]
+    has_range: bool  # it measures the distance itself; else the sample says that it is not known
+    range_noise_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0
+    quality: Annotated[int, Field(ge=1, le=255)] = 255  # the best it gives
+    temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] = 35.0
+    mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _limits_in_order(self) -> OpticalFlowParameters:
+        if not self.max_distance_m > self.min_distance_m:
+            raise ValueError(
+                f"max_distance_m {self.max_distance_m:g} must be above min_distance_m {self.min_distance_m:g}"
+            )
+        return self
+
+
+class OpticalFlow:
+    """Integrated flow and rates since the sample before."""
+
+    sample_type = FlowSample
+
+    def __init__(self, installation: Installation, parameters: OpticalFlowParameters) -> None:
+        p, name, seed = parameters, installation.name, installation.seed
+        self.name = name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution = {"flow_rad": p.flow_resolution_rad, "gyro_rad": p.gyro_resolution_rad, "distance_m": 0.001}
+        self._p = p
+        self._range = GroundRange(installation.scene, p.mount_m)
+        self._white = NoiseStream(seed, f"{name}.white", lanes=7)  # flow, gyro, distance, quality
+        scale = NoiseStream(seed, f"{name}.scale", lanes=2).normal(0)
+        self._scale = (1.0 + p.flow_scale_error * scale[0], 1.0 + p.flow_scale_error * scale[1])
+        bias = NoiseStream(seed, f"{name}.turn_on", lanes=3).normal(0)
+        self._bias = [p.gyro_turn_on_bias_radps * n for n in bias]
+        self._least_cosine = det_cos(p.max_tilt_deg * _RAD_PER_DEG)
+        self._before: tuple[int, float, float, float, float, float] | None = None
+
+    def sample(self, truth: TruthState, seq: int) -> FlowSample:
+        """Sample `seq`. The first one integrates over a period of unchanged motion."""
+        p, t_ns = self._p, truth.t_ns
+        n = self._white.normal(seq)
+        true_m = self._range.distance_m(truth)
+        wx, wy, wz = truth.w_WB_B
+        vx, vy, _ = rotate_into_body(truth.q_WB, truth.v_WB_W)
+        rx, ry, rz = p.mount_m
+        vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
+        _, qx, qy, _ = truth.q_WB
+        upright = 1.0 - 2.0 * (qx * qx + qy * qy)
+        in_range = p.min_distance_m <= true_m <= p.max_distance_m and true_m > 0.0
+        # Out of range there is no flow to integrate; the rotation alone keeps the next trapezoid finite.
+        fx, fy = (wx + vy / true_m, wy - vx / true_m) if in_range else (wx, wy)
+        now = (t_ns, fx, fy, wx, wy, wz)
+        old = self._before
+        if old is None or old[0] >= t_ns:  # the first sample, or a clock set back
+            old = (t_ns - self.period_ns, *now[1:])
+        self._before = now
+        integration_ns = t_ns - old[0]
+        dt = integration_ns / NS_PER_S
+        half = 0.5 * dt
+        seen = in_range and upright >= self._least_cosine and max(abs(fx), abs(fy)) <= p.max_flow_radps
+        noise, step = p.flow_noise_radps * dt, p.flow_resolution_rad
+        flow = (
+            _rounded(half * (old[1] + fx) * self._scale[0] + noise * n[0], step) if seen else 0.0,
+            _rounded(half * (old[2] + fy) * self._scale[1] + noise * n[1], step) if seen else 0.0,
+        )
+        angle = p.gyro_noise_radps_per_rthz * math.sqrt(dt)
+        bias, step = self._bias, p.gyro_resolution_rad
+        gyro = (
+            _rounded(half * (old[3] + wx) + bias[0] * dt + angle * n[2], step),
+            _rounded(half * (old[4] + wy) + bias[1] * dt + angle * n[3], step),
+            _rounded(half * (old[5] + wz) + bias[2] * dt + angle * n[4], step),
+        )
+        quality = 0
+        if seen:
+            quality = round(p.quality * (1.0 - true_m / (1.5 * p.max_distance_m)) + 4.0 * n[6])
+            quality = min(max(quality, 1), p.quality)
+        distance = max(0.0, true_m + p.range_noise_m * n[5]) if p.has_range and in_range else _UNKNOWN_M
+        return FlowSample(
+            seq, t_ns, t_ns + self.latency_ns, integration_ns, flow, gyro, quality, distance, p.temperature_degc
+        )
+
+
+def _rounded(value: float, step: float) -> float:
+    return math.floor(value / step + 0.5) * step

@@ -1,0 +1,97 @@
+"""Downward range finder: one ray, with noise, limits and lost returns.
+
+    d = round(d_true (1 + s) + sigma n),   sigma = max(noise, relative noise * d_true)
+
+s is a scale error drawn once. No return (quality 0, the device's own value for it) where the ray meets nothing, the
+distance leaves [min, max], the vehicle tilts beyond what the surface reflects, or at random with `dropout_probability`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from hil.signals.noise import NoiseStream, normal_from_uniform
+from hil.signals.samples import RangeSample, TruthState
+from hil.signals.time import NS_PER_S
+from sim._kernels import det_cos
+from sim.model_file import StrictModel
+from sim.sensors.ground_range import GroundRange
+from sim.sensors.sensor import Installation, Position
+
+_BEST = 100
+_RAD_PER_DEG = 0.017453292519943295
+
+
+class RangeFinderParameters(StrictModel):
+    """Errors of one range finder, deviations 1 sigma."""
+
+    min_distance_m: Annotated[float, Field(ge=0.0, le=1000.0)]
+    max_distance_m: Annotated[float, Field(gt=0.0, le=1000.0)]
+    noise_m: Annotated[float, Field(ge=0.0, le=10.0)]
+    relative_noise: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    scale_error: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    resolution_m: Annotated[float, Field(gt=0.0, le=1.0)]
+    max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0
+    dropout_probability: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
+    no_return_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # what it sends when it has no distance
+    mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
+    latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _limits_in_order(self) -> RangeFinderParameters:
+        if not self.max_distance_m > self.min_distance_m:
+            raise ValueError(
+                f"max_distance_m {self.max_distance_m:g} must be above min_distance_m {self.min_distance_m:g}"
+            )
+        return self
+
+
+class RangeFinder:
+    """Distance to what is below, along -z of B."""
+
+    sample_type = RangeSample
+
+    def __init__(self, installation: Installation, parameters: RangeFinderParameters) -> None:
+        p, name, seed = parameters, installation.name, installation.seed
+        self.name = name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution = {"distance_m": p.resolution_m}
+        self._p = p
+        self._range = GroundRange(installation.scene, p.mount_m)
+        self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
+        self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
+        self._least_cosine = det_cos(p.max_tilt_deg * _RAD_PER_DEG)
+        # A normal below this one is as likely as a dropout.
+        lost = p.dropout_probability
+        self._drop_below = float(normal_from_uniform(np.array([lost]))[0]) if lost > 0.0 else -math.inf
+
+    def sample(self, truth: TruthState, seq: int) -> RangeSample:
+        """Sample `seq`."""
+        p, t_ns = self._p, truth.t_ns
+        n, drop = self._white.normal(seq)
+        true_m = self._range.distance_m(truth)
+        sigma = max(p.noise_m, p.relative_noise * true_m)
+        _, x, y, _ = truth.q_WB
+        upright = 1.0 - 2.0 * (x * x + y * y)  # cosine of the tilt
+        distance = math.floor((true_m * self._scale + sigma * n) / p.resolution_m + 0.5) * p.resolution_m
+        seen = (
+            true_m >= 0.0
+            and upright >= self._least_cosine
+            and drop >= self._drop_below
+            and p.min_distance_m <= distance <= p.max_distance_m
+        )
+        return RangeSample(
+            seq,
+            t_ns,
+            t_ns + self.latency_ns,
+            distance if seen else p.no_return_m,
+            p.min_distance_m,
+            p.max_distance_m,
+            sigma if seen else 0.0,
+            _BEST if seen else 0,
+        )

@@ -1,0 +1,164 @@
+"""Allan deviation of every inertial axis of every preset against its datasheet line, tau = 0.01 to 1000 s.
+
+Three links make one chain:
+  1. closed form of the processes that run (white, walk, seven first-order ones, rounding) against the line;
+  2. estimates from drawn noise, each axis, against the line;
+  3. tests/unit/test_sim_sensors_imu.py: that noise is, bit for bit, what `sample` adds.
+The estimate has scatter of its own. At the bench's rate 1000 s need hours of noise (marked slow); the fast test takes
+0.01 to 1 s at 500 Hz and 1 to 1000 s from the same model at 1 Hz.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.scene.scene import load_scene
+from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.flicker import TIME_CONSTANTS_S, WEIGHTS, flicker_processes
+from tests.accuracy.allan import (
+    line,
+    markov_variance,
+    octaves,
+    overlapping,
+    overlapping_of_sum,
+    running_sum,
+    spread,
+    walk_variance,
+    white_variance,
+)
+
+TICK_NS = 4_000_000
+SCENE = load_scene("airfield")
+IMUS = sorted(name for name, preset in PRESETS.items() if preset.kind == "imu")
+TOLERANCE = 0.10
+LOW_S, HIGH_S = 0.01, 1000.0
+AXES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
+
+
+def imu(preset: str, rate_hz: float, seed: int = 1, **overrides: Any) -> Any:
+    return make_sensor(
+        "imu", preset=preset, rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=overrides
+    )
+
+
+def figures(preset: str, axis: int) -> tuple[float, float, float]:
+    """N, B, K of the axis."""
+    p: Any = PRESETS[preset].parameters
+    if axis < 3:
+        return p.accel_noise_mps2_per_rthz, p.accel_bias_instability_mps2, p.accel_walk_mps3_per_rthz
+    return p.gyro_noise_radps_per_rthz, p.gyro_bias_instability_radps, p.gyro_walk_radps2_per_rthz
+
+
+def closed_form(preset: str, axis: int, rate_hz: float, tau_s: np.ndarray) -> np.ndarray:
+    """Exact Allan deviation of the sampled sum, with the rounding error as white noise of its variance."""
+    made = imu(preset, rate_hz)
+    dt = made.period_ns * 1e-9
+    m = np.maximum(1.0, np.round(tau_s / dt))
+    _, b, k = figures(preset, axis)
+    total = white_variance(math.hypot(made.white_sigma[axis], made.step[axis] / math.sqrt(12.0)), m)
+    total = total + walk_variance(k * math.sqrt(dt), m)
+    for process in flicker_processes(dt):
+        total = total + markov_variance(b * process.start, process.phi, m)
+    return np.sqrt(total)
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 200.0, 250.0, 500.0, 1000.0])
+@pytest.mark.parametrize("preset", IMUS)
+def test_closed_form_of_the_running_processes_follows_the_line(preset: str, rate_hz: float) -> None:
+    dt = 1.0 / rate_hz
+    tau_s = np.unique(np.round(np.array(octaves(max(LOW_S, dt), HIGH_S, 20)) / dt)) * dt
+    for axis in (0, 3):
+        ratio = closed_form(preset, axis, rate_hz, tau_s) / line(*figures(preset, axis), tau_s)
+        assert np.abs(ratio - 1.0).max() < 0.02, AXES[axis]
+
+
+def test_closed_forms_agree_with_plain_sums() -> None:
+    phi, sigma = 0.9, 1.3
+    for m in (1, 2, 5, 40):
+        lag = np.arange(m)
+        cov = sigma * sigma * phi ** np.abs(np.arange(2 * m)[:, None] - np.arange(2 * m)[None, :])
+        weight = np.concatenate([-np.ones(m), np.ones(m)]) / m
+        assert markov_variance(sigma, phi, np.array([float(m)]))[0] == pytest.approx(0.5 * weight @ cov @ weight)
+        steps = np.minimum.outer(np.arange(2 * m), np.arange(2 * m)) * 0.49
+        assert walk_variance(0.7, np.array([float(m)]))[0] == pytest.approx(0.5 * weight @ steps @ weight)
+        assert lag.size == m
+
+
+def test_flicker_is_flat_within_what_its_module_states() -> None:
+    """The minimax fit: 0.7 % of the floor's deviation over the five decades."""
+    tau = np.geomspace(LOW_S, HIGH_S, 2000)
+    total = np.zeros_like(tau)
+    for time_constant_s, weight in zip(TIME_CONSTANTS_S, WEIGHTS, strict=True):
+        u = tau / time_constant_s
+        total += weight * (2 * u - 3 + 4 * np.exp(-u) - np.exp(-2 * u)) / (u * u)
+    deviation = np.sqrt(total / (2 * math.log(2) / math.pi))
+    assert np.abs(deviation - 1.0).max() < 0.0072
+    assert math.sqrt(sum(WEIGHTS)) == pytest.approx(2.2, abs=0.05)
+
+
+def test_flicker_alone_shows_its_floor() -> None:
+    """Nothing else on: the estimate lies on 0.664 B where the processes are sampled finely enough."""
+    quiet = {"accel_noise_mps2_per_rthz": 0.0, "accel_walk_mps3_per_rthz": 0.0, "accel_bias_instability_mps2": 1e-3}
+    noise = imu("icm20689", 10.0, **quiet).noise(0, 300_000)[:, :3]
+    for tau_s in (3.0, 10.0, 30.0, 100.0):
+        m = round(tau_s * 10)
+        mean = math.sqrt(np.mean([overlapping(noise[:, i], m) ** 2 for i in range(3)]))
+        scatter = spread(3 * len(noise), m)
+        assert mean == pytest.approx(math.sqrt(2 * math.log(2) / math.pi) * 1e-3, rel=0.015 + 4 * scatter)
+
+
+def worst_deviation(preset: str, noise: np.ndarray, dt: float, low_s: float, high_s: float) -> dict[str, float]:
+    """Largest relative distance of the estimate to the line, per axis."""
+    worst = {}
+    for axis, name in enumerate(AXES):
+        ratios = []
+        total = running_sum(noise[:, axis])
+        for tau_s in octaves(low_s, high_s):
+            m = max(1, round(tau_s / dt))
+            expected = line(*figures(preset, axis), np.array([m * dt]))[0]
+            ratios.append(overlapping_of_sum(total, m) / expected - 1.0)
+        worst[name] = max(ratios, key=abs)
+    return worst
+
+
+def output(made: Any, count: int) -> np.ndarray:
+    """The noise as the sensor delivers it, rounded."""
+    noise: np.ndarray = made.noise(0, count)[:, :6]
+    step = np.array(made.step)
+    return np.floor(noise / step + 0.5) * step
+
+
+@pytest.mark.parametrize("preset", IMUS)
+def test_each_axis_follows_its_datasheet_line(preset: str) -> None:
+    fine, coarse = imu(preset, 500.0), imu(preset, 1.0)
+    # Scatter of the estimate at the longest tau of each part, at most: 3.8 % and 2.4 %. The seed is fixed.
+    short = worst_deviation(preset, output(fine, 250_000), 0.002, LOW_S, 1.0)
+    long = worst_deviation(preset, output(coarse, 1_200_000), 1.0, 1.0, HIGH_S)
+    for name in AXES:
+        assert abs(short[name]) < TOLERANCE, (name, short)
+        assert abs(long[name]) < TOLERANCE, (name, long)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", IMUS)
+def test_each_axis_at_the_rate_of_the_bench(preset: str) -> None:
+    """Averaged over seeds (in variance), all of tau from the same noise at 250 Hz: 12 x 4 h each axis."""
+    rate_hz, hours, seeds = 250.0, 4.0, 12
+    count = round(hours * 3600 * rate_hz)
+    tau = octaves(LOW_S, HIGH_S, 3)
+    ms = [max(1, round(t * rate_hz)) for t in tau]
+    variance = np.zeros((6, len(ms)))
+    for seed in range(seeds):
+        noise = output(imu(preset, rate_hz, seed), count)
+        for axis in range(6):
+            total = running_sum(noise[:, axis])
+            variance[axis] += [overlapping_of_sum(total, m) ** 2 for m in ms]
+    measured = np.sqrt(variance / seeds)
+    for axis, name in enumerate(AXES):
+        expected = line(*figures(preset, axis), np.array(ms) / rate_hz)
+        worst = np.abs(measured[axis] / expected - 1.0).max()
+        assert worst < TOLERANCE + 2 * spread(seeds * count, ms[-1]), name

@@ -1,0 +1,97 @@
+"""The same bits with CPU features masked: every preset with everything on, and every kind of fault."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from numpy._core import _multiarray_umath as numpy_cpu
+
+ROOT = Path(__file__).resolve().parents[2]
+
+FLIGHT = """
+import hashlib, struct
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.faults import FAULT_LIST, FaultySensor
+
+EXTRA = {
+    "imu": {
+        "lever_arm_m": (0.05, -0.02, 0.01), "warm_up_degc": 10.0, "warm_up_time_constant_s": 3.0,
+        "vibration": [{"order": 1.0, "accel_mps2": (1.0, 1.0, 0.3), "gyro_radps": (0.01, 0.01, 0.0)},
+                      {"order": 2.0, "accel_mps2": (0.2, 0.2, 1.5)}],
+    },
+    "barometer": {"wash_free_pa": -4.0, "wash_ground_pa": 12.0, "flow_coefficient": (0.1, -0.05)},
+    "magnetometer": {"motor_field_tesla": (1e-6, 2e-6, -1e-6)},
+    "gps": {"antenna_m": (0.1, 0.0, 0.05), "loss": [{"from_s": 1.0, "until_s": 1.4}]},
+    "range_finder": {"mount_m": (0.0, 0.05, -0.05), "dropout_probability": 0.05},
+    "optical_flow": {"mount_m": (0.0, 0.05, -0.05)},
+}
+FAULTS = [
+    {"kind": "drift", "at_s": 0.4, "until_s": 0.6, "rate_per_s": 0.3},
+    {"kind": "stuck_bit", "at_s": 0.6, "until_s": 0.8, "bit": 3, "level": 1},
+    {"kind": "freeze", "at_s": 0.8, "until_s": 0.9},
+]
+scene, tick_ns = load_scene("airfield"), 4_000_000
+physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, initial_yaw_rad=0.4)
+sensors = []
+for name in PRESETS:
+    kind = PRESETS[name].kind
+    every = 25 if kind == "gps" else 1 if kind == "imu" else 5
+    made = make_sensor(
+        name, preset=name, rate_hz=250.0 / every, seed=SEED, scene=scene, step_ns=tick_ns, overrides=EXTRA[kind]
+    )
+    sensors.append((made, every))
+    faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])
+    again = make_sensor(name, preset=name, rate_hz=250.0 / every, seed=SEED, scene=scene, step_ns=tick_ns)
+    sensors.append((FaultySensor(again, faults), every))
+h, digest = physics.vehicle.hover_control, hashlib.sha256()
+
+def feed(value):
+    if isinstance(value, tuple):
+        for item in value:
+            feed(item)
+    else:
+        digest.update(struct.pack("<d", float(value)))
+
+for tick in range(450):
+    wobble = 0.004 * ((tick % 13) - 6)
+    level = 0.0 if tick < 20 else 1.06 * h if tick < 250 else 0.95 * h
+    controls = (level, level - wobble, level + wobble, level) if level else (0.0,) * 4
+    truth = physics.advance(tick, controls)
+    for sensor, every in sensors:
+        if tick % every == 0:
+            feed(sensor.sample(truth, tick // every))
+assert truth.p_WB[2] > 0.5, truth
+print(digest.hexdigest())
+"""
+
+
+def digest(seed: int = 1, **environment: str) -> str:
+    result = subprocess.run(
+        [sys.executable, "-c", FLIGHT.replace("SEED", str(seed))],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+def test_masked_cpu_features_change_no_bit_of_any_sensor() -> None:
+    # Only features that numpy can switch and this CPU has may be named.
+    switchable = [f for f in numpy_cpu.__cpu_dispatch__ if numpy_cpu.__cpu_features__.get(f)]
+    plain = digest()
+    masked = digest(
+        GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX512VL,-AVX,-FMA4,-SSE4_2,-ERMS",
+        NPY_DISABLE_CPU_FEATURES=" ".join(switchable),
+    )
+    assert plain == masked
+    assert plain != digest(seed=2)
