@@ -27,26 +27,21 @@ from hil.missions.path import Leg, planned_path
 from hil.progress import Progress
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
-from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, SensorSlot
+from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
 from hil.signals.errors import HilError
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, TruthState
+from hil.signals.samples import ActuatorFrame, TruthState
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Port, Skipped, StageSpec, plan_stages
 from hil.summary import summarise
 from hil.verdict import FlightMeasurement, judge
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.sensors.catalog import make_sensor
+from sim.sensors.catalog import KINDS, make_sensor
+from sim.sensors.faults import FaultySensor
 
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
 _AFTER_DISARM_NS = 3 * NS_PER_S
 
-SAMPLE_TYPES: dict[str, type] = {
-    "imu": ImuSample,
-    "gps": GpsSample,
-    "barometer": BaroSample,
-    "magnetometer": MagSample,
-}
 _TRUTH = Port("truth", TruthState)
 _ACTUATORS = Port("actuators", ActuatorFrame)
 
@@ -88,7 +83,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
 
 def stage_specs(config: BenchConfig) -> list[StageSpec]:
     """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all."""
-    sensor_ports = {name: Port(name, SAMPLE_TYPES[s.kind]) for name, s in config.sensors.items()}
+    sensor_ports = {name: Port(name, KINDS[s.kind].sample_type) for name, s in config.sensors.items()}
     to_autopilot = tuple(sensor_ports[name] for name in config.autopilot_sensors().values())
     recorded = tuple(sensor_ports.values()) if config.record.mcap else ()
     return [
@@ -219,7 +214,6 @@ class _Run:
             x, y, z = self.physics.state[:3].tolist()
             self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
         self.measurement = FlightMeasurement(self.legs, config.limits)
-        self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         self.recorder = Recorder(
             self.out,
             mcap=config.record.mcap,
@@ -228,6 +222,7 @@ class _Run:
             metadata={"rig": config.rig, "scene": self.bench.scene.name, "seed": str(config.seed)},
             attachments=self.attachments,
         )
+        self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
             self.station = GroundStation(self.bench.mission.items)
@@ -252,6 +247,7 @@ class _Run:
                 gps=chosen.get("gps"),
                 baro=chosen.get("barometer"),
                 mag=chosen.get("magnetometer"),
+                ranging=[chosen[kind] for kind in ("range_finder", "optical_flow") if kind in chosen],
             ),
             commands=commands,
             recorder=self.recorder,
@@ -261,7 +257,7 @@ class _Run:
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config = self.config
-        made = make_sensor(
+        simulated = make_sensor(
             name,
             kind=sensor.kind,
             rate_hz=sensor.rate_hz,
@@ -270,6 +266,9 @@ class _Run:
             step_ns=config.tick_ns,
             overrides=sensor.parameters.model_dump(),
         )
+        assert self.recorder is not None
+        faults = [fault for fault in config.faults.sensors if fault.sensor == name]
+        made: Sensor = FaultySensor(simulated, faults, on_event=self.recorder.event) if faults else simulated
         event_mhz = round(sensor.rate_hz * 1000)
         return SensorSlot(made, RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000))
 

@@ -6,7 +6,7 @@
     2 sensors    sample those due and consumed            -> samples with t_capture, t_available, seq
     3 release    samples with t_available <= t_k, ordered by (t_available, port, seq)
     4 commands   ground station and outside clients       -> bytes for the autopilot
-    5 send       one write: commands, HIL_GPS, HIL_SENSOR
+    5 send       one write: commands, range and flow, HIL_GPS, HIL_SENSOR
     6 record     everything known so far, while the autopilot thinks; never feeds back
     7 wait       for the reply that answers t_k           -> ActuatorFrame[k]
     8 latch      check and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
@@ -72,7 +72,9 @@ class Sensor(Protocol):
     @property
     def name(self) -> str: ...
 
-    def sample(self, truth: TruthState, seq: int) -> Sample: ...
+    def sample(self, truth: TruthState, seq: int) -> Sample | None:
+        """Sample `seq`; None where the sensor has none to give (a dropout)."""
+        ...
 
 
 class CommandSource(Protocol):
@@ -97,10 +99,13 @@ class SensorSlot:
 class AutopilotPorts:
     """Names of the ports whose samples go to the autopilot. None where the rig has no such sensor."""
 
-    __slots__ = ("baro", "gps", "imu", "mag")
+    __slots__ = ("baro", "gps", "imu", "mag", "ranging")
 
-    def __init__(self, *, imu: str, gps: str | None, baro: str | None, mag: str | None) -> None:
+    def __init__(
+        self, *, imu: str, gps: str | None, baro: str | None, mag: str | None, ranging: Sequence[str] = ()
+    ) -> None:
         self.imu, self.gps, self.baro, self.mag = imu, gps, baro, mag
+        self.ranging = tuple(ranging)  # range finder and optical flow
 
 
 class Scheduler:
@@ -167,13 +172,15 @@ class Scheduler:
         before = t1
         for slot in self._sensors:
             if slot.due():
-                queue.push(slot.port, slot.sample(truth, slot.samples))
-                slot.samples += 1
+                sample = slot.sample(truth, slot.samples)
+                slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
+                if sample is not None:
+                    queue.push(slot.port, sample)
                 after = clock()
                 slot.timing.add(after - before)
                 before = after
         released = queue.release(t_ns)
-        imu, gps, baro, mag = self._for_autopilot(released)
+        imu, gps, baro, mag, ranging = self._for_autopilot(released)
 
         t2 = clock()
         extra = b""
@@ -181,7 +188,7 @@ class Scheduler:
             extra += source.step(t_ns, self._frames)
 
         t3 = clock()
-        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra)
+        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
 
         t4 = clock()
         self._record_received()
@@ -235,12 +242,13 @@ class Scheduler:
 
     def _for_autopilot(
         self, released: list[tuple[str, Sample]]
-    ) -> tuple[ImuSample | None, GpsSample | None, BaroSample | None, MagSample | None]:
-        """The newest released sample of each port the autopilot listens to."""
+    ) -> tuple[ImuSample | None, GpsSample | None, BaroSample | None, MagSample | None, Sequence[Sample]]:
+        """The newest released sample of each port the autopilot listens to; of range and flow, all."""
         imu: ImuSample | None = None
         gps: GpsSample | None = None
         baro: BaroSample | None = None
         mag: MagSample | None = None
+        ranging: list[Sample] = []
         ports = self._ports
         for port, sample in released:
             if port == ports.imu:
@@ -251,7 +259,9 @@ class Scheduler:
                 baro = sample  # type: ignore[assignment]
             elif port == ports.mag:
                 mag = sample  # type: ignore[assignment]
-        return imu, gps, baro, mag
+            elif port in ports.ranging:
+                ranging.append(sample)
+        return imu, gps, baro, mag, ranging
 
     def _wait_for_deadline(self, tick_wall_ns: float) -> None:
         """Sleep until this tick's wall-clock time. A late tick is counted and the schedule kept, not stretched."""

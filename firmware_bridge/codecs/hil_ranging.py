@@ -11,7 +11,7 @@ import struct
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import FieldUnit
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals.samples import FlowSample, RangeSample
+from hil.signals.samples import FlowSample, RangeSample, Sample
 
 _CM = FieldUnit("cm", 1e2, "-")
 _RAD = FieldUnit("rad", 1.0, "F")
@@ -111,3 +111,12 @@ def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 
         )
     except (OverflowError, struct.error) as error:
         raise CodecError(f"HIL_OPTICAL_FLOW: a value does not fit its field: {sample}") from error
+
+
+def ranging_message(t_ns: int, sample: Sample) -> tuple[int, bytes]:
+    """Message id and payload of a range or flow sample. CodecError for any other."""
+    if isinstance(sample, RangeSample):
+        return DISTANCE_SENSOR, distance_sensor_payload(t_ns, sample)
+    if isinstance(sample, FlowSample):
+        return HIL_OPTICAL_FLOW, hil_optical_flow_payload(t_ns, sample)
+    raise CodecError(f"no message carries a {type(sample).__name__} to an autopilot")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from hil.signals.errors import LinkError
 from hil.signals.latency import LatencyHistogram
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
 
 
 class InvalidControls(LinkError, ValueError):
@@ -64,8 +65,9 @@ class AutopilotLink(Protocol):
         baro: BaroSample | None,
         gps: GpsSample | None,
         extra: bytes,
+        ranging: Sequence[Sample] = (),
     ) -> bytes:
-        """Write [extra][HIL_GPS if given][HIL_SENSOR] at once and return exactly these bytes."""
+        """Write [extra][range and flow][HIL_GPS if given][HIL_SENSOR] at once and return exactly these bytes."""
         ...
 
     def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:

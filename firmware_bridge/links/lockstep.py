@@ -20,7 +20,7 @@ that are no frame are counted and otherwise ignored.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import (
@@ -31,13 +31,14 @@ from firmware_bridge.codecs.hil import (
     hil_gps_payload,
     hil_sensor_payload,
 )
+from firmware_bridge.codecs.hil_ranging import ranging_message
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
 
 _HEARTBEAT = MSGID["HEARTBEAT"]
 
@@ -162,10 +163,14 @@ class LockstepLink:
         baro: BaroSample | None,
         gps: GpsSample | None,
         extra: bytes,
+        ranging: Sequence[Sample] = (),
     ) -> bytes:
-        """Write [extra][HIL_GPS][HIL_SENSOR]; these bytes. CodecError if a sample is not a number."""
+        """Write [extra][range and flow][HIL_GPS][HIL_SENSOR]; these bytes. CodecError if a sample is not a number."""
         encoder, stats = self._encoder, self._stats
         data = extra
+        for sample in ranging:
+            data += encoder.frame(*ranging_message(t_ns, sample))
+            stats.tx_frames += 1
         if gps is not None:
             data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
             stats.tx_frames += 1

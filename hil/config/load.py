@@ -29,6 +29,8 @@ from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
+from sim.sensors.catalog import KINDS
+from sim.sensors.faults import fault_problems
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -223,6 +225,9 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
             wrong(place, message, "an imu is read at every tick: leave rate_hz out")
         elif abs(sensor.rate_hz * 1000 - round(sensor.rate_hz * 1000)) > 1e-6 or sensor.rate_hz < 0.001:
             wrong(place, f"must be a whole number of millihertz, not {sensor.rate_hz!r} Hz")
+    sample_types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
+    for index, key, message in fault_problems(config.faults.sensors, sample_types):
+        wrong(("faults", "sensors", index, key), message)
     step_us = config.physics.step_us
     if step_us is not None and config.tick_ns % (step_us * 1000):
         message = f"must divide the tick of {config.tick_ns / 1000:g} us, and {step_us} us does not"

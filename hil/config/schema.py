@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
 from sim.scene.wind import Wind
+from sim.sensors.faults import SensorFault
 
 NS_PER_S = 1_000_000_000
 MAX_SEED = 2**63 - 1
@@ -116,6 +117,7 @@ class Faults(Section):
     """What goes wrong on purpose, each at a simulated time."""
 
     rotors: tuple[RotorFault, ...] = ()
+    sensors: tuple[SensorFault, ...] = ()
 
 
 class SensorConfig(BaseModel):

@@ -15,7 +15,7 @@ from hil.documents.validate import at, nearest, shown, validate
 from hil.signals.errors import Problem
 from sim.sensors.catalog import KINDS, PRESETS
 
-AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps")
+AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
 _OWN_KEYS = ("preset", "kind", "autopilot", "rate_hz")
 
 

@@ -58,6 +58,42 @@ def test_a_gust_front_is_recorded_and_felt(tmp_path: Path) -> None:
     assert gusty.run["digest"] != calm.run["digest"]
 
 
+def test_sensor_faults_are_recorded_and_felt(tmp_path: Path) -> None:
+    what = """
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  lidar: {preset: tfmini, rate_hz: 50}
+  flow: {preset: px4flow, rate_hz: 20}
+faults:
+  sensors:
+    - {kind: dropout, sensor: gps, at_s: 30, until_s: 32}
+    - {kind: offset, sensor: imu, field: gyro_radps, axis: x, at_s: 40, until_s: 41, value: 0.02}
+"""
+    result = fly(tmp_path, what)
+    told = events(result)
+    for t, text in (
+        (30.0, "gps: dropout began"),
+        (32.0, "gps: dropout ended"),
+        (40.0, "imu: offset began"),
+        (41.0, "imu: offset ended"),
+    ):
+        assert (pytest.approx(t), text) in told
+    counts: dict[str, int] = {}
+    silent = []
+    for m in read_messages(result.out / "run.mcap"):
+        counts[m.topic] = counts.get(m.topic, 0) + 1
+        if m.topic == "/gps" and 30.12 < m.log_time_ns * 1e-9 < 32.0:
+            silent.append(m.log_time_ns)
+    assert silent == []
+    assert counts["/gps"] == pytest.approx(580, abs=3)
+    assert counts["/lidar"] == 3000
+    assert counts["/flow"] == 1200
+    assert result.run["error"] is None
+
+
 def test_turbulence_changes_no_sensors_noise_but_the_flight(tmp_path: Path) -> None:
     first = fly(tmp_path, "wind: {turbulence: {level: light}}").run["digest"]
     assert fly(tmp_path, "wind: {turbulence: {level: light}}").run["digest"] == first
@@ -74,10 +110,12 @@ def test_what_cannot_be_is_reported_with_its_line(tmp_path: Path) -> None:
         "faults:\n"
         "  rotors:\n"
         "    - {kind: efficiency, rotor: 5, at_s: 1, factor: 0.5}\n"
+        "  sensors:\n"
+        "    - {kind: freeze, sensor: gsp, at_s: 1}\n"
     )
     with pytest.raises(ConfigError) as caught:
         load_bench(file)
     lines = str(caught.value).splitlines()
-    assert len(lines) == 3, lines
-    for number, words in ((4, "no battery"), (5, "must divide the tick"), (8, "names rotor 5")):
+    assert len(lines) == 4, lines
+    for number, words in ((4, "no battery"), (5, "must divide the tick"), (8, "names rotor 5"), (10, "'gsp'")):
         assert any(f"bench.yaml:{number}: " in line and words in line for line in lines), (number, lines)

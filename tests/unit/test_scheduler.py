@@ -47,7 +47,7 @@ class Script:
         self._note("station", t_ns, list(frames))
         return b"hello"
 
-    def send(self, tick, t_ns, imu, mag, baro, gps, extra) -> bytes:  # type: ignore[no-untyped-def]
+    def send(self, tick, t_ns, imu, mag, baro, gps, extra, ranging) -> bytes:  # type: ignore[no-untyped-def]
         self._note("send", tick, imu.seq if imu else None, baro.seq if baro else None, extra)
         return extra + b"sensor"
 
