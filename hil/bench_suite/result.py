@@ -98,6 +98,7 @@ def machine() -> dict[str, Any]:
 def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None:
     """Error against run time, one panel per case, both axes logarithmic. RecordingError if it cannot be written."""
     from matplotlib.figure import Figure  # slow to import, and only needed here
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     cases = list(dict.fromkeys(row.case for row in result.rows))
     count = len(cases) + len(result.panels)
@@ -118,6 +119,9 @@ def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None
             errors = [row.error if row.error > 0 else floor for row in mine]
             ax.plot(times, errors, "o-" if len(mine) > 1 else "o", label=method, markersize=5)
         ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_yscale("log")
         ax.set_xlabel(result.time_label)
         ax.set_ylabel(f"error [{rows[0].error_unit}]")
