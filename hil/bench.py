@@ -10,7 +10,7 @@ import gc
 import time
 import traceback
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,12 +28,12 @@ from hil.progress import Progress
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
 from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
-from hil.signals.errors import HilError
+from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Port, Skipped, StageSpec, plan_stages
 from hil.summary import summarise
-from hil.verdict import FlightMeasurement, judge
+from hil.verdict import FlightMeasurement, Verdict, judge
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.catalog import KINDS, make_sensor
 from sim.sensors.faults import FaultySensor
@@ -77,8 +77,15 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
     A failure of the bench is a result (status ERROR), not an exception, so that run.json always tells.
     Raises RecordingError only where `out` itself cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    return _Run(bench, out, quiet=quiet).result()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        # What an earlier run left here must not pass for this one's result, however this one ends.
+        (out / RUN_JSON_NAME).unlink(missing_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
+    run = _Run(bench, out, quiet=quiet)
+    run.write_provisional()
+    return run.result()
 
 
 def stage_specs(config: BenchConfig) -> list[StageSpec]:
@@ -152,7 +159,24 @@ class _Run:
             self._guard(lambda: recorder.close(status))
             status = "ERROR" if self.error else status
         self.timing_s["total"] = time.monotonic() - began_s
-        run = summarise(
+        run = self._summary(verdict, status)
+        if self.config.record.report and self.recorder is not None:
+            self._guard(lambda: self._write_report(run))
+            if self.error is not None and status != "ERROR":
+                status = "ERROR"
+                run = self._summary(verdict, status)
+        write_run_json(self.out / RUN_JSON_NAME, run)
+        return RunResult(status, run, self.out)
+
+    def write_provisional(self) -> None:
+        """run.json of a run that is killed before it can write its own."""
+        self.error = ("Killed", "the run is still going on, or it was killed before it could say how it ended")
+        verdict = judge(self.measurement.result(), self.config.limits)
+        write_run_json(self.out / RUN_JSON_NAME, self._summary(verdict, "ERROR"))
+        self.error = None
+
+    def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
+        return summarise(
             self.bench,
             verdict,
             status=status,
@@ -166,10 +190,6 @@ class _Run:
             left_out=self.skipped,
             timing_s=self.timing_s,
         )
-        write_run_json(self.out / RUN_JSON_NAME, run)
-        if self.config.record.report and self.recorder is not None:
-            self._write_report(run)
-        return RunResult(status, run, self.out)
 
     def _guard(self, step: Any) -> None:
         """Run one step; an error of it becomes the run's (the first one counts)."""
@@ -178,18 +198,22 @@ class _Run:
             step()
         except HilError as problem:
             error = (type(problem).__name__, str(problem))
-        except KeyboardInterrupt:
-            error = ("Interrupted", "stopped from the keyboard")
+        except KeyboardInterrupt as stop:
+            error = ("Interrupted", str(stop) or "stopped from the keyboard")
         except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
-            (self.out / "traceback.txt").write_text(traceback.format_exc())
+            with suppress(OSError):
+                (self.out / "traceback.txt").write_text(traceback.format_exc())
             text = f"{type(problem).__name__}: {problem} (a defect of the bench; details in traceback.txt)"
             error = ("InternalError", text)
         self.error = self.error or error
 
     def _prepare_and_fly(self) -> None:
         began_s = time.monotonic()
-        saved = save_bench(self.bench, self.out)
-        self.attachments = {saved.name: saved.read_bytes()}
+        try:
+            saved = save_bench(self.bench, self.out)
+            self.attachments = {saved.name: saved.read_bytes()}
+        except OSError as problem:
+            raise RecordingError(f"{self.out}: the bench cannot be saved here ({problem})") from problem
         with ExitStack() as stack:
             self._build(stack)
             self.timing_s["setup"] = time.monotonic() - began_s

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import sys
+import contextlib
+import re
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +15,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from hil.config import Bench, load_bench
+from hil.entry import CONFIG_STATUS, ERROR_STATUS
 from hil.report.run_json import write_run_json
-from hil.signals.errors import ConfigError, HilError
+from hil.signals.errors import ConfigError, HilError, RecordingError
 
 app = typer.Typer(
     name="hil",
@@ -25,7 +28,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-CONFIG_STATUS, ERROR_STATUS = 2, 3
+# The library's base of all usage errors; it has no public name in typer.
+_ClickError: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 
 _out = Console(highlight=False, soft_wrap=True)
 _err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -48,28 +52,35 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, o
 def complain(error: HilError) -> None:
     """Every problem on a line of its own, on standard error."""
     lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
-    for line in lines:
-        _err.print(f"[bold red]error:[/] {escape(line)}")
+    with contextlib.suppress(OSError, ValueError):  # nobody may be there to read it; the status tells
+        for line in lines:
+            _err.print(f"[bold red]error:[/] {escape(line)}")
 
 
 def new_run_dir(out: Path | None, rig: str) -> Path:
-    """The folder of a run, and `runs/latest` pointing at it where the default place is used."""
+    """The folder of a run, and `runs/latest` pointing at it where the default place is used. RecordingError."""
     if out is not None:
         return out
     runs = Path("runs")
-    runs.mkdir(exist_ok=True)
-    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{rig}"
-    for n in range(1000):
-        folder = runs / (stem if n == 0 else f"{stem}-{n}")
-        try:
-            folder.mkdir()
-        except FileExistsError:
-            continue
-        latest = runs / "latest"
-        latest.unlink(missing_ok=True)
-        latest.symlink_to(folder.name)
-        return folder
-    raise HilError(f"{runs}: a thousand runs began in the same second")
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "-", Path(rig).stem) or "run"
+    stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name[:80]}"
+    try:
+        runs.mkdir(exist_ok=True)
+        for n in range(1000):
+            folder = runs / (stem if n == 0 else f"{stem}-{n}")
+            try:
+                folder.mkdir()
+            except FileExistsError:
+                continue
+            latest = runs / "latest"
+            # A convenience: a file system without links, or a folder of that name, does not stop a run.
+            with contextlib.suppress(OSError):
+                latest.unlink(missing_ok=True)
+                latest.symlink_to(folder.name)
+            return folder
+    except OSError as error:
+        raise RecordingError(f"{runs}: no folder for the run can be made here ({error.strerror or error})") from error
+    raise RecordingError(f"{runs}: a thousand runs began in the same second")
 
 
 @app.command()
@@ -89,17 +100,19 @@ def run(
         bench = load_bench(config, rig=rig, scene=scene, mission=mission, seed=seed, settings=settings or ())
     except ConfigError as error:
         complain(error)
-        _leave_config_error(error, new_run_dir(out, rig or "unknown"), rig=rig, scene=scene, seed=seed)
+        with contextlib.suppress(HilError):  # the message is out; no folder to leave run.json in is no second one
+            _leave_config_error(error, new_run_dir(out, rig or "unknown"), rig=rig, scene=scene, seed=seed)
         raise typer.Exit(CONFIG_STATUS) from None
     from hil.bench import run_bench
 
-    folder = new_run_dir(out, bench.config.rig)
     try:
+        folder = new_run_dir(out, bench.config.rig)
         result = run_bench(bench, folder, quiet=quiet)
     except HilError as error:  # not even the folder could be written
         complain(error)
         raise typer.Exit(ERROR_STATUS) from None
-    _print_result(result.run, folder, time.monotonic() - began_s)
+    with contextlib.suppress(OSError, ValueError):
+        _print_result(result.run, folder, time.monotonic() - began_s)
     raise typer.Exit(result.exit_status)
 
 
@@ -202,10 +215,7 @@ def _leave_config_error(
         "sensors": {},
         "skipped": [],
     }
-    try:
-        write_run_json(folder / "run.json", run)
-    except HilError as problem:
-        complain(problem)
+    write_run_json(folder / "run.json", run)
 
 
 def _print_result(run: dict[str, object], folder: Path, took_s: float) -> None:
@@ -226,27 +236,33 @@ def _print_result(run: dict[str, object], folder: Path, took_s: float) -> None:
         "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
     )
     same = "" if run["deterministic"] else "  (not deterministic)"
-    table.add_row("digest", f"{run['digest']}{same}")
-    table.add_row("results", f"{folder}/  (report.html, run.json; {took_s:.1f} s in all)")
     _out.print(f"[bold {colour}]{run['status']}[/]")
     error: dict[str, str] | None = run["error"]  # type: ignore[assignment]
     if error:
         _err.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
-    for reason in verdict["reasons"]:
+    for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
         _out.print(f"  {reason}", markup=False)
     _out.print(table)
+    # Unbroken lines, so that they can be copied, compared and searched for.
+    _out.print(f"digest   {run['digest']}{same}", markup=False)
+    _out.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)
 
 
-def main() -> None:
-    """Entry point. Errors end in a message and a status, never in a traceback."""
+def run_command_line(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit status. KeyboardInterrupt passes through."""
     try:
-        app()
-    except KeyboardInterrupt:
-        _err.print("[bold red]error:[/] stopped from the keyboard")
-        sys.exit(ERROR_STATUS)
-    except BrokenPipeError:
-        sys.exit(ERROR_STATUS)
+        outcome = app(args=list(arguments), prog_name="hil", standalone_mode=False)
+    except typer.Exit as leaving:
+        return leaving.exit_code
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except _ClickError as error:
+        error.show()
+        return error.exit_code
+    return outcome if isinstance(outcome, int) else 0
 
 
 if __name__ == "__main__":
+    from hil.entry import main
+
     main()

@@ -7,6 +7,7 @@ which to look at the clock is chosen from the speed measured so far.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Callable
@@ -43,6 +44,7 @@ class Progress:
         self._title = title
         self._clock = clock
         self._stream = stream or sys.stdout
+        quiet = quiet or self._stream is None or self._stream.closed
         self._terminal = not quiet and self._stream.isatty()
         self._quiet = quiet
         self._live: Any = None
@@ -65,13 +67,17 @@ class Progress:
     def tick(self, tick: int) -> None:
         """One tick is done."""
         if tick >= self.next_tick:
-            self._look(tick)
+            try:
+                self._look(tick)
+            except (OSError, ValueError):  # whoever read this is gone; the flight goes on
+                self.next_tick = sys.maxsize
 
     def close(self) -> None:
         """Take the bar away; idempotent."""
         if self._live is not None:
-            self._live.stop()
-            self._live = None
+            live, self._live = self._live, None
+            with contextlib.suppress(OSError, ValueError):
+                live.stop()
 
     def _look(self, tick: int) -> None:
         """Show what there is to show, and choose the tick of the next look.

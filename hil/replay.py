@@ -118,7 +118,13 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
             raise RecordingError(f"{run_dir}: cannot be replayed, it lacks {what}: {path.name}")
     _refuse_free_running(run_dir)
     out = out_dir or run_dir / "replay"
-    out.mkdir(parents=True, exist_ok=True)
+    if out.resolve() == run_dir.resolve():
+        raise RecordingError(f"{out}: is the run to be compared with; the fresh run needs a folder of its own")
+    Recording(recorded).scan()  # a file that cannot be read is noticed before the flight, not after it
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
     run(config, out)
     fresh = out / MCAP_NAME
     if not fresh.is_file():

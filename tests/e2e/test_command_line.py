@@ -1,0 +1,112 @@
+"""The `hil` command as a shell sees it: whatever is done to it ends in one message and the right status."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.report.run_json import validate_run_json
+
+ROOT = Path(__file__).resolve().parents[2]
+SHORT = ["--set", "duration_s=5", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
+
+
+def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hil.entry", *arguments]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | kwargs
+    return subprocess.run(command, cwd=cwd, timeout=120, check=False, env=environment, **options)  # type: ignore[call-overload]
+
+
+def status_of(out: Path) -> str:
+    run = json.loads((out / "run.json").read_text())
+    assert validate_run_json(run) == []
+    return run["status"]
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_path: Path) -> None:
+    assert hil("run", "-q", "--out", str(tmp_path), *SHORT).returncode == 1
+    command = [sys.executable, "-m", "hil.entry", "run", "-q", "--out", str(tmp_path), "--set", "pace=1"]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60
+        while "Killed" not in (tmp_path / "run.json").read_text() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert status_of(tmp_path) == "ERROR"  # from the first moment on, in case of kill -9
+        time.sleep(1.0)
+        bench.send_signal(getattr(signal, name))
+        _, errors = bench.communicate(timeout=60)
+    finally:
+        bench.kill()
+    assert bench.returncode == 3
+    assert "Traceback" not in errors
+    assert json.loads((tmp_path / "run.json").read_text())["error"]["type"] == "Interrupted"
+
+
+def test_nobody_reading_does_not_end_a_flight(tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = hil("run", "--out", str(tmp_path / "full"), *SHORT, stdout=full)
+    assert done.returncode == 1  # 5 s are not enough to fly the mission: FAIL
+    assert status_of(tmp_path / "full") == "FAIL"
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = hil("run", "--out", str(tmp_path / "pipe"), *SHORT, stdout=writer)
+    os.close(writer)
+    assert done.returncode == 1
+    assert status_of(tmp_path / "pipe") == "FAIL"
+    assert "Traceback" not in done.stderr
+
+
+def test_the_digest_is_printed_whole_in_plain_ascii(tmp_path: Path) -> None:
+    done = hil("run", "--out", str(tmp_path), *SHORT, env={"PYTHONIOENCODING": "ascii", "LC_ALL": "C"})
+    assert done.returncode == 1, done.stderr
+    assert json.loads((tmp_path / "run.json").read_text())["digest"] in done.stdout
+
+
+@pytest.mark.parametrize("make", ["file", "below a file", "dangling link"])
+def test_a_folder_that_cannot_be_used(make: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    if make == "dangling link":
+        out.symlink_to(tmp_path / "nowhere" / "at all")
+    else:
+        out.write_text("a file")
+    done = hil("run", "-q", "--out", str(out / "x" if make == "below a file" else out), *SHORT)
+    assert done.returncode == 3
+    assert "cannot be used as the folder of a run" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_rig_by_path_and_a_config_error_without_a_folder(tmp_path: Path) -> None:
+    done = hil("run", "-q", "--rig", str(ROOT / "rigs/mock.yaml"), *SHORT, cwd=tmp_path)
+    assert done.returncode in (0, 1), done.stderr
+    assert [p.name.endswith("-mock") for p in (tmp_path / "runs").iterdir() if not p.is_symlink()] == [True]
+    (tmp_path / "runs/latest").unlink()
+    done = hil("run", "-q", "--rig", "../a/b c.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def test_replay_never_overwrites_the_recording(tmp_path: Path) -> None:
+    hil("run", "-q", "--out", str(tmp_path), *SHORT)
+    before = (tmp_path / "run.mcap").read_bytes()
+    done = hil("replay", str(tmp_path), "--out", str(tmp_path))
+    assert done.returncode == 3
+    assert "a folder of its own" in done.stderr
+    assert (tmp_path / "run.mcap").read_bytes() == before
+
+
+def test_wrong_usage(tmp_path: Path) -> None:
+    assert hil("run", "--nonsense").returncode == 2
+    assert hil("nonsense").returncode == 2
+    assert hil("bench", "nonsense").returncode == 2
+    assert hil("--help").returncode == 0
+    assert hil("check", env={"MUJOCO_GL": "osmesa"}).returncode == 0
+    assert hil("replay", str(tmp_path / "nowhere")).returncode == 3
