@@ -14,6 +14,7 @@ _MISSION_STATE_COMPLETE = 5
 _RETURN_TO_LAUNCH = 20
 _LAND = 21
 _VTOL_LAND = 85
+_DO_JUMP = 177
 # Items that end the flight by themselves.
 _ENDINGS = (_RETURN_TO_LAUNCH, _LAND, _VTOL_LAND)
 # Navigation items that lead to a place: waypoint, three loiters, take-off, loiter to altitude, spline, VTOL
@@ -43,6 +44,8 @@ class Progress:
         self.lands_by_itself = bool(flown) and flown[-1].command in _ENDINGS
         landings = [index for index in self._waypoints if items[index].command in (_LAND, _VTOL_LAND)]
         self._final_landing = landings[-1] if landings and landings[-1] == self._waypoints[-1] else None
+        # With jumps an item is reached more than once, so that only the vehicle knows when all is flown.
+        self._jumps = any(item.command == _DO_JUMP for item in items)
         self._reached: dict[int, None] = {}
         self._reported_complete = False
         self.current = 0
@@ -62,8 +65,9 @@ class Progress:
 
     @property
     def completed(self) -> bool:
-        """Every waypoint reached, or the vehicle says that the mission is over."""
-        return self._reported_complete or (bool(self._waypoints) and self.reached == self.waypoints)
+        """Every waypoint reached (of a mission without jumps), or the vehicle says that the mission is over."""
+        all_reached = bool(self._waypoints) and not self._jumps and self.reached == self.waypoints
+        return self._reported_complete or all_reached
 
     @property
     def on_ground(self) -> bool:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge import _native
+from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.mock_pixhawk.commander import Commander
@@ -41,6 +42,7 @@ from firmware_bridge.mock_pixhawk.streams import Timer, Timers
 from firmware_bridge.mock_pixhawk.telemetry import DEFAULT_PERIOD_US, Telemetry
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from firmware_bridge.mock_pixhawk.version import autopilot_version
+from hil.signals.errors import ConfigError, Problem
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
 HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
@@ -51,6 +53,7 @@ _pack_actuators = struct.Struct("<QQ16fB").pack
 _FLAGS_LOCKSTEP = 1
 _MODE_DISARMED, _MODE_ARMED = 1, 129
 _CHANNELS = 16
+_LATEST_US = 1 << 60  # times beyond are no times: 36,000 years
 
 _HIL_SENSOR_INTERVAL_US = 5000.0  # what PX4 asks the simulator for: message 115 every 5 ms
 _HIL_STATE_QUATERNION = 115
@@ -97,7 +100,10 @@ class MockPixhawk:
         self.params.load([*params, f"MAV_SYS_ID={sysid}"])
         names = list(_native.PARAM_NAMES)
         self._native_index = {name: index for index, name in enumerate(names)}
-        self._core = _native.FlightCore(np.array([float(self.params[name]) for name in names]))
+        try:
+            self._core = _native.FlightCore(np.array([float(self.params[name]) for name in names]))
+        except ValueError as error:  # each value is in range, but together they make no vehicle
+            raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
         self._controls = self._core.controls
         self._rotors = int(self.params["CA_ROTOR_COUNT"])
         self._unused = (0.0,) * (_CHANNELS - self._rotors)
@@ -206,13 +212,17 @@ class MockPixhawk:
         handler = self._handlers.get(frame.msgid)
         if handler is None or self._silent:
             self.ignored += 1
-        else:
+            return
+        try:
             handler(frame, max(self._last_us, 0))
+        except (CodecError, ArithmeticError, ValueError, IndexError, KeyError):
+            # A backstop: whatever one frame holds, it does not end the autopilot.
+            self.ignored += 1
 
     def _on_sensor(self, payload: bytes) -> None:
         values = _unpack_sensor(payload)
         now_us = values[0]
-        if values[15] != 0 or self._silent:
+        if values[15] != 0 or self._silent or now_us > _LATEST_US:
             self.ignored += 1
             return
         last_us = self._last_us
@@ -272,7 +282,8 @@ class MockPixhawk:
         self._out.append(self._encoder.frame(msgid, payload))
 
     def say(self, severity: Severity, text: str) -> None:
-        """STATUSTEXT, in chunks of 50 characters where it is longer."""
+        """STATUSTEXT, in chunks of 50 characters where it is longer. The field holds bytes: other than ASCII is '?'."""
+        text = text.encode("ascii", "replace").decode("ascii")
         if len(text) <= _TEXT_LENGTH:
             self._send(_Text(int(severity), text))
             return

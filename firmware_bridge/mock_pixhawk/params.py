@@ -217,7 +217,7 @@ class ParamService:
     def request_read(self, payload: bytes) -> None:
         """Answer PARAM_REQUEST_READ, by name or index; unknown ones are answered by a warning, as in PX4."""
         index, _, _, raw_name = _read_request(payload)
-        name = raw_name.split(b"\0", 1)[0].decode("ascii", "replace")
+        name = _ascii(raw_name)
         param = self._table.find(name, index)
         if param is None:
             self._warn(f"unknown param: {name}" if index < 0 else f"unknown param ID: {index}")
@@ -227,7 +227,7 @@ class ParamService:
     def set(self, payload: bytes) -> None:
         """Take PARAM_SET and answer with the value that now holds, also where the new one was refused."""
         bits, _, _, raw_name, kind = _set_request(payload)
-        name = raw_name.split(b"\0", 1)[0].decode("ascii", "replace")
+        name = _ascii(raw_name)
         param = self._table.find(name)
         if param is None:
             self._warn(f"unknown param: {name}")
@@ -240,3 +240,8 @@ class ParamService:
             if refusal:
                 self._warn(f"{name} refused: {refusal}")
         self._send(PARAM_VALUE_ID, self._table.value_payload(param))
+
+
+def _ascii(raw_name: bytes) -> str:
+    """The name in a message's field; bytes that no parameter's name can hold become '?'."""
+    return raw_name.split(b"\0", 1)[0].decode("ascii", "replace").replace("\ufffd", "?")

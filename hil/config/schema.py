@@ -51,7 +51,7 @@ class Autopilot(Section):
     transport: Literal["pty", "loopback"] = "pty"  # loopback: in this process, same bytes, no serial line
     airframe: Literal["x500", "iris"] = "x500"  # parameter set the flight controller flies with
     # HIL_SENSORs at the start that get no reply. null: unknown, so the bench free-runs until the first reply.
-    boot_sensors: Annotated[int, Field(ge=0, le=10_000)] | None = 20
+    boot_sensors: Annotated[int, Field(ge=0, le=300)] | None = 20
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
     start: bool = True  # false: the user starts it, and `port` says where it is
     port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
