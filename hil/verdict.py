@@ -9,9 +9,10 @@ reached            Waypoints count in order. One is reached when truth comes wit
                    flight that may be 3 m off its leg may be 3 m off its corner. A waypoint that is missed stops the
                    count.
 max_cross_track_m  From the first waypoint reached to the last: the greatest horizontal distance from truth to the
-                   nearest point of the leg being flown (the one to the next waypoint not yet reached) and its two
-                   neighbours, which are there because the count changes legs a little before the corner. A mission
-                   of a single waypoint is measured on the leg that leads to it, from the end of the climb.
+                   nearest point of the leg being flown (the one to the next waypoint not yet reached) and its
+                   neighbours, which are there because the count changes legs a little before the corner: one on
+                   each side, and on past short legs and doubled waypoints, at most `WINDOW_LEGS`. A mission of a
+                   single waypoint is measured on the leg that leads to it, from the end of the climb.
 altitude_error_m   While cross-track is measured and the leg being flown is level: greatest |z - planned z|. After a
                    climb or a sloping leg the first `SETTLE_M` of level flight do not count.
 final_error_m      Horizontal distance from the last truth sample to where the plan ends; where the plan ends on the
@@ -43,6 +44,7 @@ AIRBORNE_M = 0.3  # above where it stood
 REST_SPEED_MPS = 0.3
 REST_CONTACT_NS = 500_000_000  # a vehicle at rest touched the ground within this time
 TIPPED_DEG = 30.0
+WINDOW_LEGS = 8  # legs on one side of the one being flown that cross-track looks at
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Measurements:
     landing_speed_mps: float | None
     landed_tilt_deg: float | None
     called_for: frozenset[str]  # the names of those above that this plan must yield
+    endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
 
 
 class FlightMeasurement:
@@ -76,7 +79,10 @@ class FlightMeasurement:
         self._height_m = max(REACH_HEIGHT_M, _or(limits.altitude_error_m, UNJUDGED_M))
         self._fly = [leg for leg in legs if leg.kind is LegKind.FLY]
         self._settle_m = _settle_distances_m(self._fly)
+        self._near = [self._neighbours(target) for target in range(len(self._fly))]
         self._last_leg = legs[-1] if legs else None
+        endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
+        self._endless_item = legs[-1].seq if endless else None
         self._waypoint = 0  # the one being flown to
         self._measuring = False
         self._cross_track_m: float | None = None
@@ -89,6 +95,27 @@ class FlightMeasurement:
         self._contact_ns = 0
         self._least_upright: float | None = None  # cosine of the greatest tilt since touch-down
         self._before: TruthState | None = None
+
+    def _neighbours(self, target: int) -> tuple[Leg, ...]:
+        """The legs that the vehicle may be on while `target` is counted as being flown.
+
+        The count may be ahead of the vehicle by the distance at which a waypoint counts as reached, so legs shorter
+        than that do not end the window, and those without length are not in it.
+        """
+        fly = self._fly
+        near = [fly[target]]
+        for step in (-1, 1):
+            reach_m = fly[target].acceptance_radius_m + self._margin_m
+            at, found, length_m = target + step, 0, 0.0
+            while 0 <= at < len(fly) and found < WINDOW_LEGS and (length_m < reach_m if step < 0 else not found):
+                leg = fly[at]
+                if _length_m(leg) > 0.0:
+                    near.append(leg)
+                    found += 1
+                    length_m += _length_m(leg)
+                    reach_m = max(reach_m, leg.acceptance_radius_m + self._margin_m)
+                at += step
+        return tuple(near)
 
     def add(self, truth: TruthState) -> None:
         """Look at the truth of one tick; call it for every tick, in order."""
@@ -127,8 +154,8 @@ class FlightMeasurement:
         if target == 0 and not self._measuring and len(fly) == 1:
             self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
         if target > 0 or self._measuring:
-            near = fly[max(0, target - 1) : target + 2]
-            self._cross_track_m = _greater(self._cross_track_m, min(horizontal_distance_m(p_WB, leg) for leg in near))
+            distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._near[target])
+            self._cross_track_m = _greater(self._cross_track_m, distance_m)
             if self._settled(p_WB):
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
         leg = fly[target]
@@ -164,7 +191,11 @@ class FlightMeasurement:
         return Measurements(
             waypoints=len(self._fly),
             reached=self._waypoint,
-            completed=plan_end is not None and all_reached and self._airborne and (landed or not to_ground),
+            completed=plan_end is not None
+            and self._endless_item is None
+            and all_reached
+            and self._airborne
+            and (landed or not to_ground),
             landed=landed,
             tipped=tilt_deg is not None and not tilt_deg <= TIPPED_DEG,
             max_cross_track_m=self._cross_track_m,
@@ -173,11 +204,12 @@ class FlightMeasurement:
             landing_speed_mps=self._landing_speed_mps,
             landed_tilt_deg=tilt_deg,
             called_for=self._called_for(to_ground),
+            endless_item=self._endless_item,
         )
 
     def _called_for(self, to_ground: bool) -> frozenset[str]:
         names: set[str] = set()
-        if self._last_leg is not None:
+        if self._last_leg is not None and self._endless_item is None:
             names.add("final_error_m")
         if to_ground:
             names |= {"landing_speed_mps", "landed_tilt_deg"}
@@ -274,7 +306,9 @@ def judge(measured: Measurements, limits: Limits) -> Verdict:
     """Hold a flight against its limits."""
     reasons: list[str] = []
     if measured.called_for and not measured.completed:
-        if measured.reached < measured.waypoints:
+        if measured.endless_item is not None:
+            reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
+        elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
         elif not measured.landed:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")

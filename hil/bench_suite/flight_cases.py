@@ -296,7 +296,7 @@ class RotorPy:
     """RotorPy's Multirotor (PyPI `rotorpy`), its own integrator (scipy's RK45) at its default or given tolerance."""
 
     def __init__(self, rtol: float | None = None) -> None:
-        from rotorpy.vehicles.multirotor import Multirotor  # type: ignore[import-not-found]  # optional
+        from rotorpy.vehicles.multirotor import Multirotor  # optional
 
         self._make = Multirotor
         self.rtol = rtol

@@ -18,19 +18,29 @@ FOLDERS = {"rig": "", "scene": "scenes", "vehicle": "vehicles", "mission": "miss
 def default_bench() -> Path | None:
     """The bench file that is meant when none is named: ./hil.yaml, else the one that came with the installation."""
     for path in (Path("hil.yaml"), _PACKAGE / "benches" / "hil.yaml", _PACKAGE.parent / "hil.yaml"):
-        if path.is_file():
+        if _is_file(path):
             return path
     return None
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is something to read: a device or a pipe is refused where it is read, with the reason."""
+    try:
+        return path.exists() and not path.is_dir()
+    except PermissionError:
+        return True  # said where it is read
+    except OSError:  # a name that is too long
+        return False
 
 
 def find(what: str, name: str, beside: Sequence[Path]) -> Path | None:
     """The file of a `what` ('rig', 'scene', ...): a bare name or a path, relative to the places above."""
     for folder in (*beside, Path()):
         for candidate in _candidates(what, name, folder, folder / "rigs"):
-            if candidate.is_file():
+            if _is_file(candidate):
                 return candidate
     for candidate in _candidates(what, name, _PACKAGE.parent, _PACKAGE):
-        if candidate.is_file():
+        if _is_file(candidate):
             return candidate
     return None
 
@@ -38,7 +48,10 @@ def find(what: str, name: str, beside: Sequence[Path]) -> Path | None:
 def _candidates(what: str, name: str, folder: Path, rigs_folder: Path) -> list[Path]:
     if is_bare(what, name):
         return [rigs_folder / FOLDERS[what] / f"{name}.yaml"]
-    return [folder / Path(name).expanduser()]
+    try:
+        return [folder / Path(name).expanduser()]
+    except RuntimeError:  # '~nobody/...': no such user
+        return []
 
 
 def is_bare(what: str, name: str) -> bool:

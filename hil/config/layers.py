@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil.documents.document import Document, Place
-from hil.documents.yaml_lines import dotted, parse_yaml
+from hil.documents.yaml_lines import MAX_DEPTH, dotted, parse_yaml
 from hil.signals.errors import ConfigError, Problem
 
 SET = "--set "
@@ -49,7 +49,8 @@ class Settings:
                 self._lay((*place, key), child, document)
             return
         if place:
-            self._forget(place)
+            if place in self.origins:
+                self._forget(place)
             parent = self._at(place[:-1])
             assert isinstance(parent, dict)
             if isinstance(value, dict):
@@ -107,6 +108,8 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
     parts = key.split(".")
     if not all(part.strip() for part in parts):
         raise ConfigError([Problem(f"{SET}{text}", "has an empty key", "write --set section.key=VALUE")])
+    if len(parts) > MAX_DEPTH:
+        raise ConfigError([Problem(f"{SET}{key[:40]}...", f"is nested too deeply: more than {MAX_DEPTH} levels")])
     origin = f"{SET}{key}"
     # "KEY: *x" must not be read as a mapping: the value stands alone, and "" means null.
     try:

@@ -17,10 +17,11 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel
 
+from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
 from hil.config.schema import STANDARD_SENSORS, BenchConfig
-from hil.config.sensors import resolve_sensors
+from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
 from hil.documents.document import Document, Place, shown_path
 from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from hil.documents.yaml_lines import CORE_SCHEMA, read_yaml
@@ -31,6 +32,8 @@ from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
+
+MAX_PROBLEMS = 100
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -64,7 +67,19 @@ def load_bench(
     installation. `settings` are the texts of `--set`. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
-    return _Loading(path, {key: value for key, value in options.items() if value is not None}, settings).bench()
+    given = {key: value for key, value in options.items() if value is not None}
+    try:
+        return _Loading(path, given, settings).bench()
+    except ConfigError as error:
+        raise ConfigError(_readable(error.problems)) from None
+
+
+def _readable(problems: list[Problem]) -> list[Problem]:
+    """As many as a person reads, and how many there are besides."""
+    more = len(problems) - MAX_PROBLEMS
+    if more <= 0:
+        return problems
+    return [*problems[:MAX_PROBLEMS], Problem("and", f"{more} more problems")]
 
 
 class _Loading:
@@ -198,6 +213,12 @@ class _Loading:
             self.problems += _vehicle_checks(config, vehicle, self.settings)
         scene = self._model("scene", Scene)
         mission = self._mission(scene)
+        if config is not None and mission is not None and not problems:
+            fed = config.autopilot_sensors()
+            missing = [kind for kind in FLIGHT_KINDS if kind not in fed]
+            if missing:
+                message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a mission"
+                self.problems.append(at(self.settings, ("sensors",), message))
         if self.problems or config is None or vehicle is None or scene is None:
             raise ConfigError(_in_order(self.problems))
         return Bench(config, vehicle, scene, mission, self.files)
@@ -239,6 +260,8 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
         wrong(("autopilot", "start"), "is false, but no autopilot.port says where the autopilot is")
     if autopilot.kind == "mock" and autopilot.binary is not None:
         wrong(("autopilot", "binary"), "has no meaning for the mock autopilot", "leave it out or choose another rig")
+    if autopilot.kind == "mock":
+        problems += param_problems(autopilot.params, settings)
     return problems
 
 

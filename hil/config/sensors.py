@@ -16,6 +16,7 @@ from hil.signals.errors import Problem
 from sim.sensors.catalog import KINDS, PRESETS
 
 AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
+FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # besides the imu: without them no mission is flown
 _OWN_KEYS = ("preset", "kind", "autopilot", "rate_hz")
 
 

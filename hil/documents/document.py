@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +44,7 @@ def shown_path(path: Path) -> str:
     """`path` as a person at this working directory would write it."""
     try:
         return path.resolve().relative_to(Path.cwd()).as_posix()
-    except ValueError:
+    except (ValueError, OSError, RuntimeError):  # elsewhere; working directory gone; links that go in a circle
         return str(path)
 
 
@@ -52,15 +54,21 @@ def read_text(path: Path, *, limit_bytes: int) -> str:
     try:
         if path.is_dir():
             raise ConfigError([Problem(source, "is a folder, not a file")])
-        size = path.stat().st_size
-        if size > limit_bytes:
+        # Of a pipe or a device there may be no end.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ConfigError([Problem(source, "is not a regular file but a device, a pipe or a socket")])
+        with path.open("rb") as file:
+            raw = file.read(limit_bytes + 1)
+            size = max(len(raw), os.fstat(file.fileno()).st_size)
+        if len(raw) > limit_bytes:
             message = f"is {size / 1e6:.1f} MB long, more than the {limit_bytes / 1e6:g} MB that are read"
             raise ConfigError([Problem(source, message, "is it the file you meant?")])
-        raw = path.read_bytes()
     except FileNotFoundError:
         raise ConfigError([Problem(source, "no such file")]) from None
     except OSError as error:
         raise ConfigError([Problem(source, f"cannot be read: {error.strerror}")]) from None
+    except ValueError as error:  # a zero byte in the name
+        raise ConfigError([Problem(source, f"cannot be read: {error}")]) from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

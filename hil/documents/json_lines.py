@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from hil.documents.document import Document, Place, read_text, shown_path
 from hil.signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 64_000_000
+_MAX_TWICE = 20  # duplicate keys that are looked for, each through the whole text
 _LEXEME = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
 
 
@@ -84,8 +86,8 @@ def parse_json(text: str, source: str) -> Document:
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
         result = dict(items)
         if len(result) != len(items):
-            names = [key for key, _ in items]
-            duplicates.extend(key for key in result if names.count(key) > 1)
+            counts = Counter(key for key, _ in items)
+            duplicates.extend(key for key in result if counts[key] > 1)
         return result
 
     if not text.strip():
@@ -100,7 +102,7 @@ def parse_json(text: str, source: str) -> Document:
         raise ConfigError([Problem(source, f"is not valid JSON: {error}")]) from None
     document = Document(source, data, _Lines(text))
     if duplicates:
-        raise ConfigError([_twice(text, source, key) for key in dict.fromkeys(duplicates)])
+        raise ConfigError([_twice(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_TWICE]])
     return document
 
 

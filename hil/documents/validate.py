@@ -20,6 +20,9 @@ from hil.documents.document import Place
 from hil.documents.yaml_lines import dotted
 from hil.signals.errors import Problem
 
+MAX_HINTS = 50  # problems of one check for which the nearest legal word is looked for
+MAX_WORD = 100  # characters of a longer word that are compared
+
 Model = TypeVar("Model", bound=BaseModel)
 
 COMMAND_LINE = "--"  # how an origin begins that is no file but an option
@@ -52,7 +55,7 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """'did you mean ...?' if one of `known` is close to `word`, else the list of what there is."""
     names = list(known)
     lowered = {name.lower(): name for name in names}
-    close = difflib.get_close_matches(word.lower(), lowered, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word[:MAX_WORD].lower(), lowered, n=1, cutoff=0.6)
     if close:
         return f"did you mean {lowered[close[0]]!r}?"
     if not names:
@@ -99,7 +102,10 @@ def _attempt(
             place = _place(item["loc"], data, last=kind == "missing")
             if kind != "missing":
                 wrong.append(place)
-            problem = _translate(model, data, item, place, located, below)
+            if kind == "extra_forbidden" and len(problems) >= MAX_HINTS:
+                problem = _problem(located, below + place, "unknown key", colon=True)
+            else:
+                problem = _translate(model, data, item, place, located, below)
             problems.setdefault(str(problem), problem)
         return None, list(problems.values()), [p for p in wrong if p]
 
@@ -206,7 +212,8 @@ def shown(value: Any) -> str:
         return repr(value if len(value) <= 60 else value[:57] + "...")
     if value is None or isinstance(value, bool):
         return json.dumps(value)
-    return repr(value)
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def legal_keys(model: type[BaseModel], place: Place) -> list[str]:

@@ -24,6 +24,9 @@ _NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE = (
 )
 
 
+MAX_DEPTH = 50  # mappings and lists within one another; honest files have five
+_SURROGATE = re.compile("[\ud800-\udfff]")  # half a character: text that cannot be written anywhere
+
 # Plain scalars: tag, pattern, first characters.
 CORE_SCHEMA: tuple[tuple[str, str, list[str]], ...] = (
     (_NULL, r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
@@ -81,10 +84,15 @@ class _Builder:
         if any(node is other for other in self._open):
             self.problem(node, "this anchor contains itself")
             return None
+        if len(self._open) > MAX_DEPTH:
+            raise ConfigError([_too_deep(self.source, node.start_mark.line + 1)])
         self.lines.setdefault(place, node.start_mark.line + 1)
         if isinstance(node, yaml.ScalarNode):
             if node.tag not in (_NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE):
                 self.problem(node, f"the tag {_short(node.tag)} is not understood")
+                return None
+            if _SURROGATE.search(node.value):
+                self.problem(node, "holds half a surrogate pair, which is no character", "write the character itself")
                 return None
             try:
                 return _scalar(node.tag, node.value)
@@ -117,6 +125,9 @@ class _Builder:
                 self.problem(key_node, f"a key must be text, not {shown}", "put it in quotes")
                 continue
             key = key_node.value
+            if _SURROGATE.search(key):
+                self.problem(key_node, "a key holds half a surrogate pair, which is no character")
+                continue
             if key in first_line:
                 self.problem(
                     key_node,
@@ -170,17 +181,28 @@ def parse_yaml(text: str, source: str) -> Document:
     except yaml.MarkedYAMLError as error:
         raise ConfigError([_syntax_problem(error, text, source)]) from None
     except RecursionError:
-        raise ConfigError([Problem(source, "is nested too deeply")]) from None
+        raise ConfigError([_find_too_deep(text, source)]) from None
     if node is None:
         return Document(source, {}, {(): 1})
     builder = _Builder(source)
-    try:
-        data = builder.build(node, ())
-    except RecursionError:
-        raise ConfigError([Problem(source, "is nested too deeply")]) from None
+    data = builder.build(node, ())
     if builder.problems:
         raise ConfigError(builder.problems)
     return Document(source, data, builder.lines)
+
+
+def _too_deep(source: str, line: int) -> Problem:
+    return Problem(f"{source}:{line}", f"is nested too deeply: more than {MAX_DEPTH} levels")
+
+
+def _find_too_deep(text: str, source: str) -> Problem:
+    """The line on which the nesting becomes too deep; the events of the parser need no recursion."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_CoreSchemaLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > MAX_DEPTH + 1 and event.start_mark is not None:
+            return _too_deep(source, event.start_mark.line + 1)
+    return Problem(source, "is nested too deeply")
 
 
 def _syntax_problem(error: yaml.MarkedYAMLError, text: str, source: str) -> Problem:

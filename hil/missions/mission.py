@@ -11,7 +11,7 @@ from typing import NamedTuple
 from hil.signals.errors import Problem
 from hil.signals.mission import MissionItem
 
-MAX_ITEMS = 5_000
+MAX_ITEMS = 2_000  # what the mock autopilot stores
 MAX_HEIGHT_M = 5_000.0  # above home; no multicopter of this class gets there
 MAX_DISTANCE_M = 100_000.0  # from the scene's site
 
@@ -97,10 +97,40 @@ def problems_of(
     problems: list[Problem] = []
     for raw in items:
         problems += _item_problems(raw, len(items), site)
+    if complete and not problems:
+        problems += _pure_loops(items)
     if complete and not any(raw.command in PLACE_COMMANDS for raw in items):
         message = "has no waypoints" if items else "has no waypoints: its list of items is empty"
         problems.append(Problem(source, message, "a mission needs at least one place to fly to"))
     return problems
+
+
+def _pure_loops(items: Sequence[RawItem]) -> list[Problem]:
+    """Endless jumps that lead back to themselves past no place: the autopilot would turn round in them for ever.
+
+    Jumps that are taken a number of times come to an end and are passed over.
+    """
+    problems: list[Problem] = []
+    for start, raw in enumerate(items):
+        at = start
+        for _ in range(len(items)):
+            item = items[at]
+            endless = item.command == JUMP and item.params[1] < 0
+            if (at == start and not endless) or item.command in PLACE_COMMANDS or item.command == RETURN:
+                break
+            at = int(item.params[0]) if endless else at + 1
+            if at == start:
+                message = f"{raw.name}: the mission never ends: this jumps back for ever and flies to no place"
+                problems.append(Problem(raw.where(1), message, "let it jump to a waypoint, or a number of times"))
+                break
+            if at >= len(items):
+                break
+    return problems
+
+
+def on_globe(point: Geopoint) -> bool:
+    """Whether there is such a place."""
+    return abs(point.latitude_deg) <= 90.0 and abs(point.longitude_deg) <= 180.0
 
 
 def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Problem]:

@@ -31,6 +31,7 @@ class LegKind(Enum):
     FLY = "fly"  # to a waypoint
     APPROACH = "approach"  # level flight to above the landing place
     DESCENT = "descent"  # landing
+    ENDLESS = "endless"  # no leg: the jump `seq` leads back for ever, and what was planned so far is not all
     RETURN = "return"  # home, at a height that the autopilot chooses: start and end heights mean nothing
 
 
@@ -48,12 +49,14 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
     """The legs of a mission, from `home_W`, where the vehicle stands at the start, jumps followed.
 
     Heights above home count from `home_W`, those above sea level from the scene's site, those above terrain from
-    the ground z = 0. Splines and circles are taken as straight lines between their points.
+    the ground z = 0. Splines and circles are taken as straight lines between their points. A mission that does not
+    end within `MAX_LEGS` is cut off there, and a leg of kind `ENDLESS` says so.
     """
     frame = LocalFrame(scene.site)
     legs: list[Leg] = []
     here = home_W
-    for item in _flown_order(mission.items):
+    order, endless_seq = _flown_order(mission.items)
+    for item in order:
         kind = item.command
         if kind == RETURN:
             above = (home_W[0], home_W[1], here[2])
@@ -74,31 +77,38 @@ def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.
             radius_m = item.param2 if kind in (16, 82) and item.param2 > 0.0 else ACCEPTANCE_RADIUS_M
             legs.append(Leg(leg_kind, item.seq, here, there, radius_m))
             here = there
-        if len(legs) >= MAX_LEGS:
-            break
+    if endless_seq is not None:
+        legs.append(Leg(LegKind.ENDLESS, endless_seq, here, here))
     return tuple(legs)
 
 
-def _flown_order(items: tuple[MissionItem, ...]) -> list[MissionItem]:
-    """The items in the order in which they are flown: DO_JUMP to item `param1`, `param2` times (-1: for ever)."""
+def _flown_order(items: tuple[MissionItem, ...]) -> tuple[list[MissionItem], int | None]:
+    """The items in the order in which they are flown: DO_JUMP to item `param1`, `param2` times (-1: for ever).
+
+    With them the jump that was taken last if there is no end to it, else None.
+    """
     order: list[MissionItem] = []
     jumped: dict[int, int] = {}
     at = 0
+    last_jump: int | None = None
     # Every pass round an endless loop without a place to fly to would be an endless loop here too.
     for _ in range(20 * MAX_LEGS):
-        if at >= len(items) or len(order) >= MAX_LEGS:
+        if at >= len(items):
+            return order, None
+        if len(order) >= MAX_LEGS:
             break
         item = items[at]
         if item.command == JUMP:
             done = jumped.get(at, 0)
             if item.param2 < 0 or done < item.param2:
                 jumped[at] = done + 1
+                last_jump = at
                 at = int(item.param1)
                 continue
         else:
             order.append(item)
         at += 1
-    return order
+    return order, last_jump
 
 
 def _place(item: MissionItem, frame: LocalFrame, scene: Scene, here: Vec3, home_W: Vec3) -> Vec3:

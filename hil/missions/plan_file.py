@@ -16,7 +16,7 @@ from typing import Any
 from hil.documents.document import Document, Place, shown_path
 from hil.documents.json_lines import read_json
 from hil.documents.validate import nearest, shown
-from hil.missions.mission import JUMP, MAX_ITEMS, Geopoint, Mission, RawItem, items_from_raw, problems_of
+from hil.missions.mission import JUMP, MAX_ITEMS, Geopoint, Mission, RawItem, items_from_raw, on_globe, problems_of
 from hil.signals.errors import ConfigError, Problem
 
 
@@ -109,7 +109,7 @@ class _PlanReader:
             elif isinstance(value, bool) or not isinstance(value, int | float):
                 self.wrong(spot, f"{name}: param {index + 1} must be a number or null, not {shown(value)}")
             elif not _is_finite(value):
-                self.wrong(spot, f"{name}: param {index + 1} is not finite: {value}", "null leaves a value open")
+                self.wrong(spot, f"{name}: param {index + 1} is not finite: {shown(value)}", "null leaves a value open")
             else:
                 values.append(float(value))
         if len(numbers) != 2 or len(values) != 7:
@@ -151,18 +151,18 @@ class _PlanReader:
         if home is None:
             return None
         fits = isinstance(home, list) and len(home) == 3
-        if not fits or not all(isinstance(v, int | float) and _is_finite(v) for v in home):
+        if not fits or not all(isinstance(v, int | float) and not isinstance(v, bool) and _is_finite(v) for v in home):
             message = "plannedHomePosition must be latitude, longitude and altitude"
             self.wrong(("mission", "plannedHomePosition"), message)
             return None
         point = Geopoint(*(float(v) for v in home))
-        if abs(point.latitude_deg) > 90 or abs(point.longitude_deg) > 180:
+        if not on_globe(point):
             self.wrong(("mission", "plannedHomePosition"), "plannedHomePosition is not on the globe")
         return point
 
 
 def _is_finite(value: float) -> bool:
-    return math.isfinite(value) and abs(value) < 3e38  # beyond that it is infinite on the wire
+    return abs(value) < 3e38  # beyond that it is infinite on the wire; a whole number may exceed every float
 
 
 def read_plan(path: Path, *, site: Geopoint | None = None) -> Mission:

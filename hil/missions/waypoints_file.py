@@ -10,10 +10,12 @@ kind is taken as the planned home and not flown.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from hil.documents.document import read_text, shown_path
+from hil.documents.validate import shown
 from hil.missions.mission import (
     FRAME_GLOBAL,
     JUMP,
@@ -23,6 +25,7 @@ from hil.missions.mission import (
     Mission,
     RawItem,
     items_from_raw,
+    on_globe,
     problems_of,
 )
 from hil.signals.errors import ConfigError, Problem
@@ -31,6 +34,7 @@ _LIMIT_BYTES = 16_000_000
 _COLUMNS = ("index", "current", "frame", "command", "param 1", "param 2", "param 3", "param 4", "latitude",
             "longitude", "altitude", "autocontinue")  # fmt: skip
 _WHOLE = (0, 1, 2, 3, 11)
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?(?:nan|inf|infinity)", re.I | re.A)
 
 
 def read_waypoints(path: Path, *, site: Geopoint | None = None) -> Mission:
@@ -65,6 +69,8 @@ def parse_waypoints(text: str, path: Path, *, site: Geopoint | None = None) -> M
         indices.append(int(values[0]))
         items.append(_raw_item(values, f"{source}:{number}"))
     home, flown = _split_home(items)
+    if home is not None and not on_globe(home):
+        problems.append(Problem(items[0].where(None), "the planned home is not on the globe"))
     found = problems_of(source, flown, site=site, complete=not problems)
     problems = found if len(flown) > MAX_ITEMS else problems + found
     if problems:
@@ -80,14 +86,13 @@ def _numbers(line: str, where: str, problems: list[Problem]) -> list[float] | No
         return None
     values: list[float] = []
     for index, (name, column) in enumerate(zip(_COLUMNS, columns, strict=True)):
-        try:
-            value = float(column)
-        except ValueError:
-            problems.append(Problem(where, f"{name} must be a number, not {column!r}"))
+        if not _NUMBER.fullmatch(column):
+            problems.append(Problem(where, f"{name} must be a number, not {shown(column)}"))
             continue
+        value = float(column)
         open_value = math.isnan(value) and 4 <= index < 8
         if not open_value and not (math.isfinite(value) and abs(value) < 3e38):
-            problems.append(Problem(where, f"{name} is not finite: {column}"))
+            problems.append(Problem(where, f"{name} is not finite: {column[:40]}"))
         elif index in _WHOLE and (value != int(value) or not 0 <= value <= 65535):
             problems.append(Problem(where, f"{name} must be a whole number from 0, not {column}"))
         else:

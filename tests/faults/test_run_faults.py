@@ -143,7 +143,7 @@ def cli(out: Path, *arguments: str) -> tuple[int, str, dict]:
         (["--mission", "nowhere.plan"], 2, "ConfigError", "does not exist"),
         (["nowhere.yaml"], 2, "ConfigError", "nowhere.yaml"),
         (["--set", "autopilot.port=/dev/ttyNOPE", "--set", "autopilot.start=false"], 3, "PortNotFound", "/dev/ttyNOPE"),
-        (["--set", "autopilot.params={EKF2_NONSENSE: 1}"], 3, "LinkClosed", "EKF2_NONSENSE"),
+        (["--set", "autopilot.params={EKF2_NONSENSE: 1}"], 2, "ConfigError", "EKF2_NONSENSE"),
     ],
 )
 def test_bad_input_ends_with_one_clear_message(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +13,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.documents.document import read_text, shown_path
 from hil.documents.json_lines import parse_json
 from hil.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError
@@ -127,3 +130,35 @@ def test_refused_json_names_the_line(text: str, where: str, words: str) -> None:
     found = problems(parse_json, text)
     assert found[0].startswith(where)
     assert words in found[0]
+
+
+def test_deep_nesting_is_refused_on_its_line() -> None:
+    for depth in (52, 300, 5000):
+        text = "a: 1\nb: " + "[" * depth + "]" * depth
+        assert problems(parse_yaml, text) == ["f:2: is nested too deeply: more than 50 levels"]
+    assert parse_yaml("b: " + "[" * 49 + "]" * 49, "f").data
+
+
+def test_half_characters_are_refused() -> None:
+    assert problems(parse_yaml, 'a: 1\nb: "\\ud800"\n')[0].startswith("f:2: holds half a surrogate pair")
+    assert problems(parse_yaml, '"\\udfff": 1\n')[0].startswith("f:1: a key holds half")
+
+
+def test_only_regular_files_are_read_and_no_more_than_the_limit(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    (tmp_path / "long").write_text("x" * 101)
+    for path, words in (
+        (tmp_path / "pipe", "not a regular file"), (Path("/dev/zero"), "not a regular file"), (loop, "cannot be read"),
+        (tmp_path / "long", "more than"), (tmp_path / ("n" * 300), "cannot be read"), (Path("a\0b"), "cannot be read"),
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match=words):
+            read_text(path, limit_bytes=100)
+
+
+def test_paths_are_shown_after_the_working_directory_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert shown_path(Path("b.yaml")) == "b.yaml"

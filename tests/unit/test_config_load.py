@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,6 +14,7 @@ from firmware_bridge.mock_pixhawk.faults import KINDS as FAULT_KINDS
 from firmware_bridge.mock_pixhawk.faults import parse_fault
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
 from hil.config.schema import Autopilot
+from hil.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -232,21 +234,24 @@ def test_resolved_settings_read_back_as_the_same(
     description: str, params: dict[str, float], seed: int, noise: float, tick_hz: int
 ) -> None:
     config = load(f"seed: {seed}\ntick_hz: {tick_hz}\n", settings=[f"sensors.gps.horizontal_noise_m={noise!r}"]).config
-    autopilot = config.autopilot.model_copy(update={"params": params})
+    # Names that the mock does not have are refused, but must be written so that they read back as text.
+    named = config.model_copy(update={"autopilot": config.autopilot.model_copy(update={"params": params})})
+    assert parse_yaml(resolved_yaml(named), "f").data["autopilot"]["params"] == params
+    autopilot = config.autopilot.model_copy(update={"params": {"MPC_XY_P": min(5.0, max(0.1, noise))}})
     config = config.model_copy(update={"description": description, "autopilot": autopilot})
     assert load(resolved_yaml(config)).config == config
 
 
 def test_a_saved_bench_needs_nothing_but_its_folder(tmp_path: Path) -> None:
     Path("rigs/missions").mkdir(parents=True)
-    Path("rigs/mine.yaml").write_text("autopilot: {params: {A: 1}}\n")
+    Path("rigs/mine.yaml").write_text("autopilot: {params: {MPC_XY_P: 1}}\n")
     Path("rigs/missions/m.plan").write_bytes((REPOSITORY / "rigs/missions/rectangle.plan").read_bytes())
     bench = load("rig: mine\nmission: rigs/missions/m.plan\n")
     saved = save_bench(bench, tmp_path / "run")
-    Path("rigs/mine.yaml").write_text("autopilot: {params: {B: 1}}\n")
+    Path("rigs/mine.yaml").write_text("autopilot: {params: {MPC_XY_VEL_MAX: 4}}\n")
     Path("rigs/missions/m.plan").unlink()
     again = load_bench(saved)
-    assert again.config.autopilot.params == {"A": 1.0}
+    assert again.config.autopilot.params == {"MPC_XY_P": 1.0}
     assert again.mission is not None
     assert bench.mission is not None
     assert str(again.mission.items) == str(bench.mission.items)  # NaN differs from itself, its text does not
@@ -270,3 +275,41 @@ def test_airframes_are_those_the_mock_has() -> None:
 def test_the_command_line_wins_and_its_problems_come_last() -> None:
     found = refused("seed: x\n", settings=["pace=-1"], scene="nowhere")
     assert [p.partition(": ")[0] for p in found] == ["b.yaml:1", "--set pace", "--scene"]
+
+
+@pytest.mark.parametrize("name", ["n" * 300 + ".plan", "~nosuchuser/x.plan", "a/" * 3000 + "x.plan"])
+def test_impossible_file_names_are_problems(name: str) -> None:
+    assert "b.yaml:1: mission names a file that does not exist" in refused(f"mission: {name}\n")[0]
+    for option in ("rig", "scene", "vehicle"):
+        assert refused(f"{option}: {name}\n")
+
+
+def test_a_mission_that_is_a_pipe_is_refused() -> None:
+    os.mkfifo("m.plan")
+    assert refused("mission: m.plan\n") == ["m.plan: is not a regular file but a device, a pipe or a socket"]
+
+
+def test_thousands_of_problems_are_cut_short() -> None:
+    found = refused("".join(f"unknown_{n}: 1\n" for n in range(2_000)))
+    assert len(found) == 101
+    assert found[-1] == "and: 1900 more problems"
+
+
+def test_deep_settings_are_problems() -> None:
+    assert "nested too deeply" in refused("", settings=[".".join("a" * 3000) + "=1"])[0]
+
+
+def test_parameters_of_the_mock_are_checked_where_they_are_written() -> None:
+    assert refused("autopilot:\n  params:\n    MPC_XY_PP: 1\n    MPC_XY_P: 99\n") == [
+        "b.yaml:3: autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)",
+        "b.yaml:4: autopilot.params.MPC_XY_P cannot be 99: it is outside 0.1 .. 5",
+    ]
+    found = refused("", settings=["autopilot.params.NOPE=1"])
+    assert found[0].startswith("--set autopilot.params.NOPE: is unknown to the mock autopilot")
+
+
+def test_a_mission_needs_the_sensors_it_is_flown_by() -> None:
+    text = SENSORS + "  gps: {preset: m8n, rate_hz: 5}\nmission: rigs/missions/rectangle.plan\n"
+    words = "b.yaml:1: sensors must hold a barometer and a magnetometer that feeds the flight controller"
+    assert refused(text)[0].startswith(words)
+    load(text.replace("mission:", "description:"))

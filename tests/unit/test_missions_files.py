@@ -159,7 +159,7 @@ def test_a_line_of_its_own_for_every_param() -> None:
 
 
 def test_ten_thousand_items_get_one_clear_message() -> None:
-    message = "has 10000 items, more than the 5000 that are accepted (split the mission)"
+    message = "has 10000 items, more than the 2000 that are accepted (split the mission)"
     assert refused(plan(*[at(95)] * 10_000)) == [f"m.plan: {message}"]
     assert refused(rows(*[ROW] * 10_000), "m.waypoints") == [f"m.waypoints: {message}"]
 
@@ -255,3 +255,43 @@ def test_a_damaged_plan_is_a_mission_or_a_config_error(data: st.DataObject) -> N
     Path("d.plan").write_text(json.dumps(broken))
     with contextlib.suppress(ConfigError):
         load_mission(Path("d.plan"), site=SITE)
+
+
+def jump(target: Any, times: Any, jump_id: int) -> dict[str, Any]:
+    return item(177, frame=2, params=[target, times, 0, 0, 0, 0, 0], jump_id=jump_id)
+
+
+def test_endless_jumps_without_a_place_are_refused_and_those_round_a_place_are_not() -> None:
+    self_jump = refused(plan(item(jump_id=1), jump(2, -1, 2), item(21, jump_id=3)))
+    assert [p.partition(": the")[0] for p in self_jump] == ["m.plan:4: item 2"]
+    assert "never ends" in self_jump[0]
+    two = refused(plan(item(jump_id=1), jump(3, -1, 2), jump(2, -1, 3)))
+    assert [p.partition(": the")[0] for p in two] == ["m.plan:4: item 2", "m.plan:5: item 3"]
+    assert len(refused(plan(item(jump_id=1), jump(3, 2, 2), jump(2, -1, 3)))) == 1
+    assert len(load(plan(item(jump_id=1), jump(1, -1, 2), item(21, jump_id=3))).items) == 3
+    assert len(load(plan(item(jump_id=1), jump(2, 3, 2))).items) == 2
+
+
+@pytest.mark.parametrize("number", ["9" * 400, str(10**400), "-" + "9" * 400])
+def test_whole_numbers_that_no_float_holds_are_problems(number: str) -> None:
+    text = plan(item(), item(command=16)).replace("47.3978", number, 1)
+    assert "m.plan:3: item 1: param 5 is not finite" in refused(text)[0]
+    home = plan(item(), plannedHomePosition=[1, 2, 3]).replace("[1, 2, 3]", f"[{number}, 2, 3]")
+    assert refused(home) == ["m.plan:2: plannedHomePosition must be latitude, longitude and altitude"]
+    assert "m.plan:4: item 2: param 1" in refused(plan(item(), jump(7, 1, 2)).replace("[7,", f"[{number},"))[0]
+    assert len(max(refused(text), key=len)) < 200
+
+
+def test_planned_homes_that_are_no_place() -> None:
+    assert refused(plan(item(), plannedHomePosition=[True, 2, 3]))
+    assert refused(plan(item(), plannedHomePosition=[999, 2, 3]))
+    lines = "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t999\t8.5\t488\t1\n1\t0\t3\t16\t0\t0\t0\t0\t47.3978\t8.5456\t10\t1\n"
+    assert refused(lines, "m.waypoints") == ["m.waypoints:2: the planned home is not on the globe"]
+
+
+@pytest.mark.parametrize("column", ["1_0", "2_2", "\uff11", "0x1", "1e", "."])
+def test_columns_are_plain_numbers(column: str) -> None:
+    line = f"0\t1\t3\t16\t0\t0\t0\t0\t47.3978\t8.5456\t{column}\t1"
+    assert refused(f"QGC WPL 110\n{line}\n", "m.waypoints") == [
+        f"m.waypoints:2: altitude must be a number, not {column!r}"
+    ]

@@ -58,5 +58,7 @@ def test_open_places_and_return() -> None:
 def test_jumps_are_followed_as_often_as_they_say_and_endless_ones_end() -> None:
     square = (item(16, 0, 0, 5), item(16, 10, 0, 5))
     assert [leg.seq for leg in legs(*square, item(177, frame=2, p1=0, p2=2))] == [0, 1, 0, 1, 0, 1]
-    assert len(legs(*square, item(177, frame=2, p1=0, p2=-1))) == MAX_LEGS
-    assert legs(item(177, frame=2, p1=0, p2=-1)) == ()
+    *_, last, end = endless = legs(*square, item(177, frame=2, p1=0, p2=-1), item(21))
+    assert len(endless) == MAX_LEGS + 1
+    assert (last.kind, end.kind, end.seq) == (LegKind.FLY, LegKind.ENDLESS, 2)
+    assert [leg.kind for leg in legs(item(177, frame=2, p1=0, p2=-1))] == [LegKind.ENDLESS]

@@ -219,3 +219,23 @@ def test_watching_every_tenth_tick_sees_the_touch_down_of_any_tick() -> None:
         v = (0.0, 0.0, 0.0 if down else -1.0 - 0.001 * tick)
         measurement.add(TruthState(tick, tick * TICK_NS, p, UPRIGHT, v, zero, zero, zero, (), down or tick < 10))
     assert measurement.result().landing_speed_mps == pytest.approx(1.102)
+
+
+def test_doubled_and_close_waypoints_do_not_hide_the_leg_that_is_flown() -> None:
+    corners = [(0.0, 0.0), (40.0, 0.0), (40.0, 0.0), (40.0, 0.0), (40.0, 0.5), (40.0, 25.0)]
+    legs = [Leg(LegKind.CLIMB, 0, HOME, (0.0, 0.0, 10.2))]
+    for seq, (x, y) in enumerate(corners, start=1):
+        legs.append(Leg(LegKind.FLY, seq, legs[-1].end_W, (x, y, 10.2)))
+    measured = flown(legs, tour(corners, end=corners[-1])[:-2])
+    assert (measured.waypoints, measured.reached) == (6, 6)
+    assert measured.max_cross_track_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_mission_that_never_ends_fails_however_well_it_is_flown() -> None:
+    legs = rectangle()[:-1]
+    legs.append(Leg(LegKind.ENDLESS, 7, legs[-1].end_W, legs[-1].end_W))
+    measured = flown(legs, tour(CORNERS)[:-1])
+    assert (measured.reached, measured.completed) == (5, False)
+    verdict = judge(measured, Limits())
+    assert verdict.status == "FAIL"
+    assert verdict.reasons == ("the mission never ends: item 8 jumps back for ever",)
