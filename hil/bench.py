@@ -79,11 +79,10 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        # What an earlier run left here must not pass for this one's result, however this one ends.
-        (out / RUN_JSON_NAME).unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
     run = _Run(bench, out, quiet=quiet)
+    # What an earlier run left here must not pass for this one's result, however this one ends.
     run.write_provisional()
     return run.result()
 

@@ -23,7 +23,8 @@ def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
 
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
-    for name in ("SIGTERM", "SIGHUP"):
+    # SIGINT too: a shell script that starts us in the background would have it ignored.
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _stop)
     # The bench never draws with MuJoCo; a MUJOCO_GL meant for other programs must not keep it from being imported.
