@@ -143,7 +143,7 @@ class BenchConfig(Section):
     features: tuple[str, ...] = ()  # hardware that the rig has; tests choose by it
     scene: str = "airfield"
     vehicle: str = "x500"
-    mission: str | None = None  # a .plan or .waypoints file; null: stay on the ground
+    mission: str | None = None  # a .plan or .waypoints file; null: only clients of the router command
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends

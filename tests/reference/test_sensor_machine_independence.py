@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
-from numpy._core import _multiarray_umath as numpy_cpu
-
-ROOT = Path(__file__).resolve().parents[2]
+from tests import cpu_masks
+from tests.cpu_masks import output_of
 
 FLIGHT = """
 import hashlib, struct
@@ -71,27 +65,11 @@ print(digest.hexdigest())
 """
 
 
-def digest(seed: int = 1, **environment: str) -> str:
-    result = subprocess.run(
-        [sys.executable, "-c", FLIGHT.replace("SEED", str(seed))],
-        cwd=ROOT,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
-    return result.stdout.strip()
+def digest(seed: int = 1, environment: dict[str, str] | None = None) -> str:
+    return output_of(FLIGHT.replace("SEED", str(seed)), environment)
 
 
 def test_masked_cpu_features_change_no_bit_of_any_sensor() -> None:
-    # Only features that numpy can switch and this CPU has may be named.
-    switchable = [f for f in numpy_cpu.__cpu_dispatch__ if numpy_cpu.__cpu_features__.get(f)]
     plain = digest()
-    masked = digest(
-        GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX512VL,-AVX,-FMA4,-SSE4_2,-ERMS",
-        NPY_DISABLE_CPU_FEATURES=" ".join(switchable),
-    )
-    assert plain == masked
+    assert plain == digest(environment=cpu_masks.ALL)
     assert plain != digest(seed=2)
