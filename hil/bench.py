@@ -18,10 +18,8 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, make_link
-from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from firmware_bridge.mock_pixhawk.faults import parse_fault
 from firmware_bridge.router import Endpoint, Router
+from hil.autopilots import make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.missions.path import Leg, planned_path
 from hil.progress import Progress
@@ -100,30 +98,6 @@ def stage_specs(config: BenchConfig) -> list[StageSpec]:
     ]
 
 
-def _make_autopilot_link(config: BenchConfig, out: Path) -> AutopilotLink:
-    autopilot = config.autopilot
-    # Unknown (null) cannot be for the mock: it is told the number.
-    boot_sensors = MOCK_BOOT_SENSORS if autopilot.boot_sensors is None else autopilot.boot_sensors
-    common: dict[str, Any] = {"boot_sensors": boot_sensors, "reply_limit_s": autopilot.reply_timeout_s}
-    params = [f"{name}={value!r}" for name, value in autopilot.params.items()]
-    if autopilot.port is not None:
-        return make_link("mock_serial", port=autopilot.port, **common)
-    if autopilot.transport == "loopback":
-        peer = MockPixhawk(
-            airframe=autopilot.airframe,
-            boot_sensors=boot_sensors,
-            params=params,
-            faults=[parse_fault(text) for text in autopilot.faults.texts()],
-        )
-        return make_link("mock_memory", peer=peer, **common)
-    arguments = ["--airframe", autopilot.airframe]
-    for text in params:
-        arguments += ["--param", text]
-    for text in autopilot.faults.texts():
-        arguments += ["--fault", text]
-    return make_link("mock_pty", arguments=arguments, stderr_path=out / "autopilot.log", **common)
-
-
 class _Run:
     """One run on its way: what was built, and what came of it."""
 
@@ -133,6 +107,7 @@ class _Run:
         self.out = out
         self.quiet = quiet
         self.error: tuple[str, str] | None = None
+        self.cause = ""  # of the error: one word, where it has one
         self.timing_s: dict[str, float] = {}
         self.skipped: list[Skipped] = []
         self.legs: tuple[Leg, ...] = ()
@@ -180,6 +155,7 @@ class _Run:
             verdict,
             status=status,
             error=self.error,
+            cause=self.cause,
             scheduler=self.scheduler,
             link=self.link,
             physics=self.physics,
@@ -197,6 +173,7 @@ class _Run:
             step()
         except HilError as problem:
             error = (type(problem).__name__, str(problem))
+            self.cause = self.cause or getattr(problem, "cause", "")
         except KeyboardInterrupt as stop:
             error = ("Interrupted", str(stop) or "stopped from the keyboard")
         except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
@@ -256,7 +233,7 @@ class _Run:
             stack.callback(self.router.close)
             self.router.open()
             commands.append(RouterSource(self.router))
-        self.link = _make_autopilot_link(config, self.out)
+        self.link = make_autopilot(self.bench, self.out)
         stack.callback(self.link.close)
         self.link.open()
         chosen = config.autopilot_sensors()

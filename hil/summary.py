@@ -21,6 +21,7 @@ def summarise(
     *,
     status: str,
     error: tuple[str, str] | None,
+    cause: str = "",
     scheduler: Scheduler | None,
     link: AutopilotLink | None,
     physics: QuadrotorPhysics | None,
@@ -56,7 +57,9 @@ def summarise(
     return {
         "schema": 1,
         "status": status,
-        "error": None if error is None else {"type": error[0], "message": error[1]},
+        "error": None
+        if error is None
+        else {"type": error[0], "message": error[1], **({"cause": cause} if cause else {})},
         "digest": digest,
         "deterministic": bool(link is not None and link.caps.deterministic and not outside_input),
         "seed": config.seed,

@@ -1,4 +1,4 @@
-"""Every message of the MAVLink `common` dialect as a plain named tuple.
+"""Every message of the MAVLink dialect `all` as a plain named tuple.
 
 The one field table is pymavlink's dialect (field names, types, wire order, array lengths, extensions,
 crc_extra). From it each message gets, on first use, a precompiled `struct.Struct` and a named tuple class.
@@ -116,7 +116,7 @@ def _codec(msgid: int) -> _Codec:
     except KeyError:
         name = NAME.get(msgid)
         if name is None:
-            raise CodecError(f"message id {msgid} is not in the MAVLink common dialect") from None
+            raise CodecError(f"message id {msgid} is not in the MAVLink dialects known here") from None
         codec = _codecs[msgid] = _Codec(name)
         return codec
 
@@ -128,7 +128,7 @@ def message_class(name: str) -> Any:
     """
     msgid = MSGID.get(name)
     if msgid is None:
-        raise CodecError(f"message {name!r} is not in the MAVLink common dialect")
+        raise CodecError(f"message {name!r} is not in the MAVLink dialects known here")
     return _codec(msgid).cls
 
 

@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -33,12 +34,27 @@ def _die_with_parent() -> None:
 class ChildProcess:
     """`argv`, run without standard input, its standard error in `stderr_path` (or a temporary file).
 
-    Its working directory is the bench's; the bench's own packages are importable in it.
+    Its working directory is `cwd` (made if need be), or the bench's; the bench's own packages are importable in it.
+    With `log_output`, standard output joins standard error: firmware logs there. `env` lies over the environment.
+    With `own_group`, what the program starts is ended with it, and Ctrl-C at the terminal reaches the bench only.
     """
 
-    def __init__(self, argv: Sequence[str], *, stderr_path: Path | None = None) -> None:
+    def __init__(
+        self,
+        argv: Sequence[str],
+        *,
+        stderr_path: Path | None = None,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+        log_output: bool = False,
+        own_group: bool = False,
+    ) -> None:
         self.argv = list(argv)
         self._stderr_path = stderr_path
+        self._cwd = cwd
+        self._env = dict(env or {})
+        self._log_output = log_output
+        self._own_group = own_group
         self._stderr: IO[bytes] | None = None
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -56,13 +72,17 @@ class ChildProcess:
         package_root = str(Path(firmware_bridge.__file__).resolve().parents[1])
         path = os.pathsep.join(p for p in (package_root, os.environ.get("PYTHONPATH")) if p)
         try:
+            if self._cwd is not None:
+                self._cwd.mkdir(parents=True, exist_ok=True)
             self._process = subprocess.Popen(
                 self.argv,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
+                stdout=self._stderr if self._log_output else subprocess.DEVNULL,
                 stderr=self._stderr,
-                env=os.environ | {"PYTHONPATH": path},
+                cwd=self._cwd,
+                env=os.environ | {"PYTHONPATH": path} | self._env,
                 preexec_fn=_die_with_parent,
+                start_new_session=self._own_group,
             )
         except OSError as error:
             self._stderr.close()
@@ -111,5 +131,8 @@ class ChildProcess:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        if process is not None and self._own_group:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)
         if self._stderr is not None:
             self._stderr.close()

@@ -2,7 +2,8 @@
 
 Order of a tick, which is what makes runs repeatable:
 
-    send   one write: [extra][HIL_GPS if due][HIL_SENSOR id 0]
+    send   one write: [extra][HIL_GPS if due][HIL_SENSOR id 0]. Where commands have a wire of their own (PX4 SITL),
+           `extra` goes there first, and is waited for until it is read
     wait   read until the answer with the same time_usec. All that the autopilot said before it belongs to
     this tick;
            what comes behind it in the same read belongs to the next one. How the bytes were cut into reads,
@@ -13,8 +14,9 @@ While the autopilot boots it answers nothing. If the number of those first HIL_S
 (PX4 SITL), they are sent at wall-clock pace until the first answer; a run then depends on the firmware's
 boot and is not deterministic.
 
-Never does the link invent a command: a late, wrong or missing answer ends the run with a named error. Bytes
-that are no frame are counted and otherwise ignored.
+Never does the link invent a command: a late, wrong or missing answer ends the run with a named error. Before it
+says so it listens a little longer and asks further, to find out why (`silence`): nothing of that moves the vehicle.
+Bytes that are no frame are counted and otherwise ignored.
 """
 
 from __future__ import annotations
@@ -36,8 +38,10 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParse
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.ground_channel import GroundChannel
+from firmware_bridge.links.silence import Verdict, VehicleWatch, process_is_stopped
 from firmware_bridge.transports.transport import Transport
-from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
+from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
 
 _HEARTBEAT = MSGID["HEARTBEAT"]
@@ -50,6 +54,12 @@ SIMULATOR_COMPID = 200
 _SLICE_S = 0.05
 # PX4's first answer came after 12 to 36 HIL_SENSORs; this many without one means that none will come.
 _BOOT_SENSORS_LIMIT = 2500
+# Finding out why an answer did not come: how much longer to listen, and what to ask after that. A heartbeat comes
+# once a (simulated) second.
+_LINGER_S = 1.0
+_PROBE_STEP_NS = 4_000_000
+_PROBES = 350
+_PROBE_WAIT_S = 0.002
 
 
 class LockstepLink:
@@ -66,6 +76,7 @@ class LockstepLink:
         caps: LinkCaps,
         *,
         start_process: Callable[[], ChildProcess] | None = None,
+        ground: GroundChannel | None = None,
         reply_limit_s: float = 10.0,
         heartbeat_limit_s: float = 20.0,
     ) -> None:
@@ -73,6 +84,7 @@ class LockstepLink:
         self._caps = caps
         self._start_process = start_process
         self._process: ChildProcess | None = None
+        self._ground = ground
         self._reply_limit_s = reply_limit_s
         self._heartbeat_limit_s = heartbeat_limit_s
         self._reset()
@@ -81,6 +93,7 @@ class LockstepLink:
         self._stats = LinkStats()
         self._parser = FrameParser()
         self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
+        self._watch = VehicleWatch()
         self._frames: list[Frame] = []  # for take_frames
         self._held: list[Frame] = []  # came behind the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
@@ -101,6 +114,12 @@ class LockstepLink:
         stats.bad_crc = parser.bad_crc
         stats.garbage_bytes = parser.garbage_bytes
         stats.lost_frames = parser.lost
+        if self._ground is not None:
+            parser = self._ground.parser
+            stats.rx_frames += parser.frames
+            stats.bad_crc += parser.bad_crc
+            stats.garbage_bytes += parser.garbage_bytes
+            stats.lost_frames += parser.lost
         return stats
 
     @property
@@ -112,6 +131,8 @@ class LockstepLink:
         self._reset()
         try:
             self._transport.open()
+            if self._ground is not None:
+                self._ground.open()
             if self._start_process is not None:
                 self._process = self._start_process()
                 self._process.start()
@@ -123,6 +144,8 @@ class LockstepLink:
     def close(self) -> None:
         # The wire first: a well-behaved far side sees the hang-up and leaves by itself.
         self._transport.close()
+        if self._ground is not None:
+            self._ground.close()
         process, self._process = self._process, None
         if process is not None:
             process.close()
@@ -139,7 +162,9 @@ class LockstepLink:
                     return
             self._frames += frames
             if self._process is not None and not self._process.running():
-                raise LinkClosed(self.name, f"ended before its first heartbeat: {self._process.describe_end()}")
+                raise LinkClosed(
+                    self.name, f"ended before its first heartbeat: {self._process.describe_end()}", cause="crashed"
+                )
             if left_s <= 0.0 or (not frames and self._transport.fileno() is None):
                 raise HandshakeError(self.name, self._no_heartbeat())
 
@@ -167,7 +192,13 @@ class LockstepLink:
     ) -> bytes:
         """Write [extra][range and flow][HIL_GPS][HIL_SENSOR]; these bytes. CodecError if a sample is not a number."""
         encoder, stats = self._encoder, self._stats
-        data = extra
+        data = b""
+        if extra:
+            self._watch.told(extra)
+            if self._ground is None:
+                data = extra
+            else:
+                self._ground.write(extra)
         for sample in ranging:
             data += encoder.frame(*ranging_message(t_ns, sample))
             stats.tx_frames += 1
@@ -182,6 +213,8 @@ class LockstepLink:
         self._sent_at_ns = time.perf_counter_ns()
         stats.tx_frames += 1
         stats.steps += 1
+        if self._ground is not None:
+            data = extra + data
         stats.tx_bytes += len(data)
         return data
 
@@ -214,7 +247,7 @@ class LockstepLink:
                 deadline_ns = self._sent_at_ns + int(self._reply_limit_s * 1e9)
             left_s = (deadline_ns - time.perf_counter_ns()) * 1e-9
             if left_s <= 0.0:
-                raise LockstepLost(self.name, self._silence(want_us))
+                raise self._lost(want_us)
             frames = self._feed(min(left_s, _SLICE_S))
             if not frames:
                 frames = self._quiet(want_us)
@@ -278,7 +311,7 @@ class LockstepLink:
             if left_s <= 0.0:
                 break
         if self._stats.steps >= _BOOT_SENSORS_LIMIT:
-            raise LockstepLost(self.name, self._silence(want_us))
+            raise self._lost(want_us)
         return None
 
     def _quiet(self, want_us: int) -> list[Frame]:
@@ -287,17 +320,61 @@ class LockstepLink:
         if frames:
             return frames
         if self._process is not None and not self._process.running():
-            raise LinkClosed(self.name, f"gone while {want_us} us was to be answered: {self._process.describe_end()}")
+            raise LinkClosed(
+                self.name,
+                f"gone while {want_us} us was to be answered: {self._process.describe_end()}",
+                cause="crashed",
+            )
         if self._transport.fileno() is None:
             # In memory, all that can come has come.
-            raise LockstepLost(self.name, self._silence(want_us))
+            raise self._lost(want_us)
         return []
 
     def _gone(self, error: LinkClosed) -> LinkClosed:
         """The transport's complaint, with how the process ended if there is one."""
         if self._process is None:
-            return LinkClosed(self.name, str(error))
-        return LinkClosed(self.name, f"{error}; {self._process.describe_end()}")
+            return LinkClosed(self.name, str(error), cause="crashed")
+        return LinkClosed(self.name, f"{error}; {self._process.describe_end()}", cause="crashed")
+
+    def _lost(self, want_us: int) -> LinkError:
+        """The error for an answer that did not come, with the reason as far as it can be found out."""
+        said = self._silence(want_us)
+        try:
+            cause, why = self._find_cause(want_us)
+        except LinkClosed as error:
+            return error
+        return LockstepLost(self.name, f"{said}. {cause}: {why}" if cause != "silent" else said, cause=cause)
+
+    def _find_cause(self, want_us: int) -> Verdict:
+        waited_from = time.perf_counter_ns()
+        while self._transport.fileno() is not None and time.perf_counter_ns() - waited_from < _LINGER_S * 1e9:
+            if self._heard_answer(self._feed(_SLICE_S), {want_us}):
+                waited_s = (time.perf_counter_ns() - self._sent_at_ns) * 1e-9
+                return Verdict("slow", f"it answered after {waited_s:.1f} s; if it may, raise `reply_timeout_s`")
+        if process_is_stopped(None if self._process is None else self._process.pid):
+            return Verdict("stopped", "its process is halted (SIGSTOP, or a debugger)")
+        asked: set[int] = set()
+        for probe in range(1, _PROBES + 1):
+            t_ns = want_us * 1000 + probe * _PROBE_STEP_NS
+            asked.add(t_ns // 1000)
+            # Time alone, no sensor's values: it makes the autopilot's clock go on, so that it can say how it is.
+            self._transport.write(self._encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, None, None, None)))
+            if self._heard_answer(self._feed(_PROBE_WAIT_S) or self._parser.rescan(), asked):
+                return Verdict(
+                    "lost", "it answers later messages: this one, or its answer, was lost or damaged on the wire"
+                )
+        return self._watch.verdict() or Verdict("silent", "")
+
+    def _heard_answer(self, frames: list[Frame], times_us: set[int]) -> bool:
+        """Take in what was heard after the limit; whether an answer to one of these times is among it."""
+        if self._ground is not None:
+            frames = frames + self._ground.read()
+        self._frames += frames
+        self._watch.heard(frames)
+        return any(
+            frame[0] == HIL_ACTUATOR_CONTROLS and int.from_bytes(frame[4][:8], "little") in times_us
+            for frame in frames
+        )
 
     def _wrong_time(self, got_us: int, want_us: int) -> str:
         hint = ""
@@ -318,9 +395,7 @@ class LockstepLink:
         what = f"no answer to time_usec {want_us} within {self._reply_limit_s:g} s of wall clock"
         facts = []
         if telemetry:
-            facts.append(
-                f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS (PX4 does so after termination)"
-            )
+            facts.append(f"telemetry came ({telemetry} messages) but no HIL_ACTUATOR_CONTROLS")
         if damaged:
             facts.append(
                 f"some of what came was damaged ({damaged} bytes that are no message, "
@@ -338,4 +413,7 @@ class LockstepLink:
     def take_frames(self) -> list[Frame]:
         """Every frame received since the last call, in order, the answers included."""
         frames, self._frames = self._frames, []
+        if self._ground is not None:
+            frames += self._ground.read()
+        self._watch.heard(frames)
         return frames

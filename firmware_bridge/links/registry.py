@@ -12,6 +12,7 @@ from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.ground_channel import GroundChannel
 from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.faults import Died
 from firmware_bridge.transports.loopback import LoopbackTransport, Peer
@@ -20,11 +21,12 @@ from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
 from firmware_bridge.transports.tcp import TcpServer
 from hil.signals.errors import LinkError
 
-# Measured limits of one answer per message: PX4 falls behind from 400 Hz on; the mock has none of its own.
-_PX4_MAX_RATE_HZ = 333.0
+# PX4 answers one to one up to here with IMU_INTEG_RATE raised (see `px4_process`); the mock has no limit of its own.
+_PX4_MAX_RATE_HZ = 1000.0
 _MOCK_MAX_RATE_HZ = 1000.0
 MOCK_BOOT_SENSORS = 20
-PX4_SITL_PORT = 4560
+PX4_SITL_PORT = 4560  # where PX4 looks for its simulator; instances count up from it
+PX4_GROUND_PORT = 18570  # where PX4 SITL listens for ground stations
 
 
 def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
@@ -95,15 +97,22 @@ def mock_over_serial(
 
 
 def px4_sitl(
-    *, port: int = PX4_SITL_PORT, reply_limit_s: float = 10.0, heartbeat_limit_s: float = 60.0
+    *,
+    instance: int = 0,
+    port: int | None = None,
+    start: Callable[[], ChildProcess] | None = None,
+    reply_limit_s: float = 10.0,
+    heartbeat_limit_s: float = 60.0,
 ) -> AutopilotLink:
-    """PX4 SITL, which somebody starts and which connects to us.
+    """PX4 SITL, which connects to us: started by `start`, or by somebody else.
 
-    Its boot time is unknown, so a run is not repeatable.
+    Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit.
     """
     return LockstepLink(
-        TcpServer(port),
+        TcpServer(PX4_SITL_PORT + instance if port is None else port),
         LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=_PX4_MAX_RATE_HZ, boot_sensors=None),
+        start_process=start,
+        ground=GroundChannel(PX4_GROUND_PORT + instance),
         reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
     )

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
-from hil.config.schema import STANDARD_SENSORS, BenchConfig
+from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, BenchConfig, MockFaults
 from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
 from hil.documents.document import Document, Place, shown_path
 from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
@@ -256,12 +256,30 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
     autopilot = config.autopilot
     if autopilot.transport == "loopback" and autopilot.port is not None:
         wrong(("autopilot", "port"), "has no meaning with the transport 'loopback'", "leave it out")
-    if not autopilot.start and autopilot.port is None:
-        wrong(("autopilot", "start"), "is false, but no autopilot.port says where the autopilot is")
-    if autopilot.kind == "mock" and autopilot.binary is not None:
-        wrong(("autopilot", "binary"), "has no meaning for the mock autopilot", "leave it out or choose another rig")
-    if autopilot.kind == "mock":
+    if autopilot.is_mock:
+        if not autopilot.start and autopilot.port is None:
+            wrong(("autopilot", "start"), "is false, but no autopilot.port says where the autopilot is")
+        for key in ("binary", "mavlink_port", "arguments", "env"):
+            if getattr(autopilot, key):
+                wrong(("autopilot", key), "has no meaning for the mock autopilot", "leave it out or choose another rig")
+        if autopilot.airframe not in MOCK_AIRFRAMES:
+            hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
+            wrong(("autopilot", "airframe"), f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
         problems += param_problems(autopilot.params, settings)
+    else:
+        if autopilot.transport == "loopback":
+            wrong(("autopilot", "transport"), "is 'loopback', which only the mock autopilot can", "leave it out")
+        if autopilot.faults != MockFaults():
+            wrong(("autopilot", "faults"), "are the mock autopilot's", "see faults.links for faults of any wire")
+    if autopilot.kind in PROGRAM_KINDS:
+        if autopilot.start and autopilot.binary is None:
+            message = "must name your own build of the firmware, which the bench starts"
+            hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
+            wrong(("autopilot", "binary"), message, hint)
+        elif autopilot.start and not Path(str(autopilot.binary)).expanduser().is_file():
+            wrong(("autopilot", "binary"), f"names a program that does not exist: {autopilot.binary}")
+    if not autopilot.lockstep and config.pace not in (None, 1.0):
+        wrong(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems
 
 

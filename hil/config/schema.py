@@ -44,20 +44,52 @@ class MockFaults(Section):
         return tuple(f"{kind}@{t_s!r}" for kind, t_s in times.items() if t_s is not None)
 
 
+MOCK_AIRFRAMES = ("x500", "iris")
+# Whose answers the bench waits for at every tick; the others run on wall-clock time.
+LOCKSTEP_KINDS = frozenset({"mock", "px4_sitl", "ardupilot_sitl"})
+# Those that are the user's own firmware, and those among them that are a program on this machine.
+FIRMWARE_KINDS = frozenset({"px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"})
+PROGRAM_KINDS = frozenset({"px4_sitl", "ardupilot_sitl"})
+ENV_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
+
+
 class Autopilot(Section):
     """The flight controller and the wire to it."""
 
-    kind: Literal["mock"] = "mock"
-    transport: Literal["pty", "loopback"] = "pty"  # loopback: in this process, same bytes, no serial line
-    airframe: Literal["x500", "iris"] = "x500"  # parameter set the flight controller flies with
+    kind: Literal["mock", "mock_hitl", "px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"] = "mock"
+    transport: Literal["pty", "loopback"] = "pty"  # mock only; loopback: in this process, same bytes, no serial line
+    airframe: str = "x500"  # what the flight controller takes the vehicle for; PX4: name or number of an airframe
     # HIL_SENSORs at the start that get no reply. null: unknown, so the bench free-runs until the first reply.
     boot_sensors: Annotated[int, Field(ge=0, le=300)] | None = 20
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
-    start: bool = True  # false: the user starts it, and `port` says where it is
+    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 20.0  # wall clock, for the first sign of life
+    start: bool = True  # false: the user starts it
     port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
+    mavlink_port: str | None = None  # second serial device: MAVLink of a board whose `port` is fed another protocol
+    baud: Annotated[int, Field(ge=1200, le=12_000_000)] = 921_600  # of a real serial line; USB takes any
     binary: str | None = None  # the user's own firmware build, for rigs that need one
+    instance: Annotated[int, Field(ge=0, le=99)] = 0  # of a simulated autopilot: its network ports count up with it
+    arguments: tuple[str, ...] = ()  # further command-line arguments for `binary`
+    env: dict[str, str] = Field(default_factory=dict)  # environment of `binary`
     params: dict[str, float] = Field(default_factory=dict)  # flight-controller parameters by name
+    reconnect_s: Annotated[float, Field(ge=0, le=600)] = 10.0  # free-running links: how long an unplugged board may stay
     faults: MockFaults = MockFaults()
+
+    @property
+    def lockstep(self) -> bool:
+        return self.kind in LOCKSTEP_KINDS
+
+    @property
+    def is_mock(self) -> bool:
+        return self.kind not in FIRMWARE_KINDS
+
+    @field_validator("env")
+    @classmethod
+    def _names_of_variables(cls, env: dict[str, str]) -> dict[str, str]:
+        for name, value in env.items():
+            if not re.fullmatch(ENV_NAME, name) or "\0" in value:
+                raise ValueError(f"{name!r} cannot be an environment variable")
+        return env
 
     @field_validator("params")
     @classmethod

@@ -46,10 +46,15 @@ class ModelRangeError(HilError):
 
 
 class LinkError(HilError):
-    """Base of everything that can go wrong on a wire. `port` names the wire."""
+    """Base of everything that can go wrong on a wire.
 
-    def __init__(self, port: str, message: str) -> None:
+    `port` names the wire; `cause` is one word for a program to branch on where there are several ("" if not), such as
+    those of `firmware_bridge.links.silence`.
+    """
+
+    def __init__(self, port: str, message: str, *, cause: str = "") -> None:
         self.port = port
+        self.cause = cause
         super().__init__(f"{port}: {message}")
 
 

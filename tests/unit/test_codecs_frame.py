@@ -175,7 +175,7 @@ def test_bytes_of_no_frame_are_all_counted():
 
 def test_unknown_messages_are_skipped_and_counted():
     raw = bytearray(frame_of(ATTITUDE))
-    raw[7:10] = (60000).to_bytes(3, "little")
+    raw[7:10] = (70000).to_bytes(3, "little")
     parser = FrameParser()
     good = frame_of(HEARTBEAT)
     assert [f.raw for f in parser.feed(bytes(raw) + good)] == [good]

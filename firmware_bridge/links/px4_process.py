@@ -1,0 +1,80 @@
+"""Starts a user's own PX4 SITL build: which program, in which folder, with which environment.
+
+PX4's start script reads the airframe from PX4_SIM_MODEL and PX4_SYS_AUTOSTART, and sets a parameter for every
+variable PX4_PARAM_<NAME>. It keeps parameters, missions and logs in its working folder, so a run in a clean folder
+starts from the airframe's defaults.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from firmware_bridge.links.child_process import ChildProcess
+from hil.signals.errors import PortNotFound
+
+# From this tick on PX4 answers one to one only if it integrates the IMU at the tick's rate and writes no log.
+_FAST_TICK_HZ = 400
+
+
+def px4_sitl_process(
+    binary: Path,
+    *,
+    folder: Path,
+    log: Path,
+    airframe: str,
+    tick_hz: int,
+    params: Mapping[str, float],
+    env: Mapping[str, str],
+    arguments: Sequence[str] = (),
+    instance: int = 0,
+) -> ChildProcess:
+    """PX4 not yet started. `airframe` is a name ("none_iris") or a number ("10016").
+
+    PortNotFound if there is no such program, no start scripts beside it, or no such airframe among them.
+    """
+    binary = binary.expanduser().resolve()
+    if not binary.is_file():
+        raise PortNotFound(str(binary), "there is no such program; autopilot.binary names PX4's build, such as "
+                           "build/px4_sitl_default/bin/px4")  # fmt: skip
+    data = _data_folder(binary)
+    number, name = _airframe(data, airframe)
+    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number}
+    fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
+    for key, value in (fast | dict(params)).items():
+        settings[f"PX4_PARAM_{key}"] = f"{int(value)}" if value == int(value) else repr(value)
+    shutil.rmtree(folder, ignore_errors=True)
+    return ChildProcess(
+        [str(binary), "-i", str(instance), "-d", *arguments, str(data)],
+        stderr_path=log,
+        cwd=folder,
+        env=settings | dict(env),
+        log_output=True,
+        own_group=True,
+    )
+
+
+def _data_folder(binary: Path) -> Path:
+    """PX4's `etc`: beside the folder of the binary in a build tree."""
+    for data in (binary.parent.parent / "etc", binary.parent / "etc", binary.parent.parent / "share/px4/etc"):
+        if (data / "init.d-posix" / "rcS").is_file():
+            return data
+    raise PortNotFound(
+        str(binary), f"has no start scripts: {binary.parent.parent / 'etc'} is not PX4's etc folder; is it a SITL build?"
+    )
+
+
+def _airframe(data: Path, airframe: str) -> tuple[str, str]:
+    """(number, name) of the airframe, by its number or its name."""
+    known: dict[str, str] = {}
+    for path in sorted((data / "init.d-posix" / "airframes").glob("*")):
+        match = re.fullmatch(r"(\d+)_([A-Za-z0-9_]+)", path.name)
+        if match:
+            known[match[1]] = match[2]
+    for number, name in known.items():
+        if airframe in (number, name):
+            return number, name
+    near = ", ".join(f"{number} {name}" for number, name in known.items() if name.startswith("none_"))
+    raise PortNotFound(str(data), f"PX4 has no airframe {airframe!r}; for an outside simulator it has: {near or 'none'}")
