@@ -215,9 +215,9 @@ def _differing_mavlink(a: bytes, b: bytes) -> tuple[str, Any, Any] | None:
     if len(frames_a) != 1 or len(frames_b) != 1:
         return None
     left, right = frames_a[0], frames_b[0]
-    name = NAME[left.msgid]
+    name = NAME.get(left.msgid, f"message {left.msgid}")
     if left.msgid != right.msgid:
-        return "message", name, NAME[right.msgid]
+        return "message", name, NAME.get(right.msgid, f"message {right.msgid}")
     for header in ("sysid", "compid", "seq"):
         if getattr(left, header) != getattr(right, header):
             return f"{name} {header}", getattr(left, header), getattr(right, header)

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as dialect
 
+from firmware_bridge.codecs.framing_only import FRAMING_ONLY
+
 # TEST_TYPES is for testing generators and never on a wire.
 MAVLINK_MAP: dict[int, Any] = {i: m for i, m in dialect.mavlink_map.items() if m.msgname != "TEST_TYPES"}
 MSGID: dict[str, int] = {m.msgname: msgid for msgid, m in MAVLINK_MAP.items()}
@@ -46,4 +48,6 @@ def _shape(msgid: int) -> MessageShape:
     return MessageShape(crc_extra=m.crc_extra, base_length=base_length, length=m.unpacker.size)
 
 
-SHAPES: dict[int, MessageShape] = {msgid: _shape(msgid) for msgid in MAVLINK_MAP}
+SHAPES: dict[int, MessageShape] = {
+    msgid: MessageShape(*shape) for msgid, (_, *shape) in FRAMING_ONLY.items()
+} | {msgid: _shape(msgid) for msgid in MAVLINK_MAP}

@@ -28,6 +28,7 @@ _start_byte = re.compile(b"[\xfd\xfe]").search
 _header_v2 = struct.Struct("<BBBBBBBHB").pack
 _crc_bytes = struct.Struct("<H").pack
 _ZEROS = bytes(256)
+_LATE_GAP = 240  # a sequence number this far ahead is one that is up to 16 behind
 _EXTRA_BYTE = tuple(bytes((i,)) for i in range(256))
 
 
@@ -164,12 +165,19 @@ class FrameParser:
                 compid = data[pos + 4]
             key = sysid << 8 | compid
             expected = next_seq.get(key, seq)
-            if seq != expected:
-                self.lost += (seq - expected) & 0xFF
-            next_seq[key] = (seq + 1) & 0xFF
+            gap = (seq - expected) & 0xFF
+            if gap < _LATE_GAP:
+                self.lost += gap
+                next_seq[key] = (seq + 1) & 0xFF
+            elif self.lost:
+                # PX4 sends from two threads: a frame that comes a little late was counted as lost, and is not.
+                self.lost -= 1
             payload = data[body:crc_at]
             if length < shape[2]:
                 payload += _ZEROS[: shape[2] - length]
+            elif length > shape[2]:
+                # A newer sender may know more extension fields: what is behind those known here is not ours.
+                payload = payload[: shape[2]]
             found.append(Frame(msgid, sysid, compid, seq, payload, data[pos:end]))
             pos = end
         self.frames += len(found)
