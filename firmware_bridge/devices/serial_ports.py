@@ -1,0 +1,105 @@
+"""Serial ports, and which of them belong to which USB board."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+
+from firmware_bridge.devices.buses import BackendMissing, SerialPort, UsbDevice
+
+# Adapters that are no autopilots themselves but may lead to one.
+ADAPTERS = {
+    (0x0403, 0x6001): "FTDI adapter or SiK telemetry radio",
+    (0x0403, 0x6015): "FTDI adapter or SiK telemetry radio",
+    (0x10C4, 0xEA60): "CP210x adapter or SiK telemetry radio",
+    (0x1A86, 0x7523): "CH340 adapter",
+    (0x067B, 0x2303): "Prolific adapter",
+    (0x1546, 0x01A8): "u-blox GPS",
+    (0x1546, 0x01A9): "u-blox GPS",
+}
+
+
+class PySerialPorts:
+    """The serial ports as pyserial lists them."""
+
+    def ports(self) -> Sequence[SerialPort]:
+        try:
+            from serial.tools import list_ports
+        except ImportError as error:
+            raise BackendMissing("pyserial is not installed: `pip install pyserial`") from error
+        return [
+            SerialPort(
+                device=port.device,
+                vendor_id=port.vid,
+                product_id=port.pid,
+                manufacturer=port.manufacturer or None,
+                product=port.product or None,
+                serial_number=port.serial_number or None,
+                location=port.location or None,
+                accessible=may_open(port.device),
+            )
+            for port in list_ports.comports()
+        ]
+
+
+def may_open(path: str | bytes) -> bool:
+    """May this user read and write the device file? True where devices are no files (Windows)."""
+    return not os.path.exists(path) or os.access(path, os.R_OK | os.W_OK)
+
+
+def usb_location(port: SerialPort) -> str | None:
+    """Where on the USB the port's device sits, without the interface."""
+    return None if port.location is None else port.location.split(":")[0]
+
+
+def port_order(port: SerialPort) -> tuple[object, ...]:
+    """Sorts a board's ports by interface, then by name with numbers as numbers."""
+    interface = port.location.partition(":")[2] if port.location else ""
+    return (natural(interface), natural(port.device))
+
+
+def natural(text: str) -> tuple[tuple[int, str], ...]:
+    """'ttyACM10' after 'ttyACM2'."""
+    return tuple((int(digits), "") if digits else (-1, other) for digits, other in re.findall(r"(\d+)|(\D+)", text))
+
+
+def join_ports(devices: Sequence[UsbDevice], ports: Iterable[SerialPort]) -> list[list[SerialPort]]:
+    """For each of `devices` the ports that belong to it, by interface.
+
+    The place on the USB decides where both sides tell it alike (Linux). Ports still without a device then go by
+    serial number, and at last by ids, each only to a device that is the one possible: a wrong guess would fly the
+    wrong vehicle.
+    """
+    joined: list[list[SerialPort]] = [[] for _ in devices]
+    left = list(ports)
+
+    def take(i: int, fits: Callable[[SerialPort], bool]) -> None:
+        ids = (devices[i].vendor_id, devices[i].product_id)
+        mine = [port for port in left if (port.vendor_id, port.product_id) == ids and fits(port)]
+        joined[i] += mine
+        left[:] = [port for port in left if port not in mine]
+
+    for i, device in enumerate(devices):
+        if device.location is not None:
+            take(i, lambda port, place=device.location: usb_location(port) == place)  # type: ignore[misc]
+    without = [i for i in range(len(devices)) if not joined[i]]
+    known = Counter((devices[i].vendor_id, devices[i].product_id, devices[i].serial_number) for i in without)
+    for i in without:
+        d = devices[i]
+        if d.serial_number is not None and known[d.vendor_id, d.product_id, d.serial_number] == 1:
+            take(i, lambda port, number=d.serial_number: port.serial_number == number)  # type: ignore[misc]
+    kinds = Counter((device.vendor_id, device.product_id) for device in devices)
+    for i in without:
+        d = devices[i]
+        if not joined[i] and kinds[d.vendor_id, d.product_id] == 1:
+            take(i, lambda port, d=d: _may_be(d, port))  # type: ignore[misc]
+    return [sorted(mine, key=port_order) for mine in joined]
+
+
+def _may_be(device: UsbDevice, port: SerialPort) -> bool:
+    """Nothing that both tell speaks against it. Places are told differently on some systems and prove nothing."""
+    both = device.serial_number is not None and port.serial_number is not None
+    places = device.location is not None and port.location is not None
+    return device.serial_number == port.serial_number if both else not places

@@ -1,0 +1,106 @@
+"""Plugging and unplugging, by looking again and again and comparing.
+
+Polling, because no hot-plug interface works on all systems and without rights; a look takes milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from firmware_bridge.devices.buses import SerialPort
+from firmware_bridge.devices.inventory import Autopilot, Devices, Gamepad, find_devices
+
+Item: TypeAlias = Autopilot | SerialPort | Gamepad
+_Key: TypeAlias = tuple[object, ...]
+
+# What must have been looked at for the absence of a thing to mean anything.
+_SEEN_BY = {
+    "autopilot": frozenset({"usb", "serial"}),
+    "serial port": frozenset({"serial"}),
+    "gamepad": frozenset({"hid"}),
+}
+
+
+@dataclass(frozen=True)
+class Plugged:
+    """Something is there that was not. `kind`: autopilot, serial port or gamepad."""
+
+    kind: str
+    item: Item
+
+    def __str__(self) -> str:
+        return f"plugged in: {describe(self.item)}"
+
+
+@dataclass(frozen=True)
+class Unplugged:
+    """Something is gone. `item` is as it was last seen."""
+
+    kind: str
+    item: Item
+
+    def __str__(self) -> str:
+        return f"unplugged: {describe(self.item)}"
+
+
+class DeviceWatch:
+    """Says what changed between two looks. What is there at the first look is no event."""
+
+    def __init__(self, find: Callable[[], Devices] = find_devices) -> None:
+        self._find = find
+        self._known: dict[_Key, tuple[str, Item]] | None = None
+        self._settling: set[_Key] = set()
+        self.devices = Devices()  # of the last look
+
+    def poll(self) -> list[Plugged | Unplugged]:
+        """Look and compare."""
+        self.devices = devices = self._find()
+        now = _items(devices)
+        if self._known is None:
+            self._known = now
+            return []
+        known = self._known
+        for key, (kind, item) in known.items():
+            # A look that failed says nothing about what is there.
+            if key not in now and devices.failed & _SEEN_BY[kind]:
+                now[key] = (kind, item)
+        events: list[Plugged | Unplugged] = [Unplugged(*known[key]) for key in known if key not in now]
+        waiting: set[_Key] = set()
+        for key in [key for key in now if key not in known]:
+            kind, item = now[key]
+            # A board is on the USB a moment before its serial port exists: give it one more look.
+            if isinstance(item, Autopilot) and not item.ports and not item.bootloader and key not in self._settling:
+                waiting.add(key)
+                del now[key]
+                continue
+            events.append(Plugged(kind, item))
+        self._settling = waiting
+        self._known = now
+        return events
+
+
+def describe(item: Item) -> str:
+    """One line on it."""
+    if isinstance(item, Autopilot):
+        parts = [item.product or item.board]
+        parts += [f"at {item.port}"] if item.port else []
+        parts += [f"({note})" for note in item.notes]
+        return " ".join(parts)
+    if isinstance(item, Gamepad):
+        return f"{item.kind} {item.name}"
+    return item.device + (f" ({item.product})" if item.product else "")
+
+
+def _items(devices: Devices) -> dict[_Key, tuple[str, Item]]:
+    found: dict[_Key, tuple[str, Item]] = {}
+    for a in devices.autopilots:
+        # The bootloader of a board is another thing than the board: the change is worth an event.
+        key = ("autopilot", a.vendor_id, a.product_id, a.location or a.serial_number, a.bootloader)
+        found[key] = ("autopilot", a)
+    for port in devices.ports:
+        found[("serial port", port.device, port.vendor_id, port.product_id, port.serial_number)] = ("serial port", port)
+    for pad in devices.gamepads:
+        found[("gamepad", pad.path, pad.vendor_id, pad.product_id, pad.serial_number)] = ("gamepad", pad)
+    return found

@@ -1,0 +1,1 @@
+"""Flying by hand: gamepads, radios and the keyboard become MAVLink MANUAL_CONTROL in simulated time."""

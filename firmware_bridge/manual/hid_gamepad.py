@@ -1,0 +1,138 @@
+"""A HID gamepad, joystick or radio, read without ever waiting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from firmware_bridge.devices.buses import HidBus, HidDevice
+from firmware_bridge.devices.gamepads import HidApi
+from firmware_bridge.devices.inventory import Gamepad, find_devices
+from firmware_bridge.manual.axes import StickMapping
+from firmware_bridge.manual.known_devices import LAYOUTS, default_mapping
+from firmware_bridge.manual.report_layout import HidState, ReportLayout, parse_report_descriptor
+from firmware_bridge.manual.sticks import ManualControlError, StickLost, StickState
+
+_REPORT_BYTES = 4096
+_READS_LIMIT = 256  # reports taken in one poll: a device that never stops must not stop the bench
+_BAD_LIMIT = 25  # unreadable reports in a row after which the device counts as lost
+_USAGES = {"joystick": 0x04, "gamepad": 0x05}
+
+
+class HidGamepad:
+    """An open device. Most send a report only when something moved, so that silence is no loss."""
+
+    def __init__(
+        self, device: HidDevice, layout: ReportLayout, mapping: StickMapping, *, name: str, needs_dead_man: bool = True
+    ) -> None:
+        if needs_dead_man and mapping.dead_man is None:
+            raise ManualControlError(
+                f"{name}: the mapping has no dead-man button. Name one, or say explicitly that none is needed"
+            )
+        mapping.check(layout)
+        self.name = name
+        self.bad_reports = 0
+        self._bad_in_a_row = 0
+        self._device, self._layout, self._mapping = device, layout, mapping
+        self._state: HidState | None = None
+        self._tapped: frozenset[int] = frozenset()  # pressed at any moment since the last poll
+
+    def poll(self) -> StickState | None:
+        """The newest state; None before the first report. StickLost when unplugged, or for nothing but garbage."""
+        self._tapped = frozenset()
+        try:
+            for _ in range(_READS_LIMIT):
+                report = self._device.read(_REPORT_BYTES)
+                if not report:
+                    break
+                self._take(report)
+        except OSError as error:
+            raise StickLost(f"{self.name}: unplugged or no longer readable ({error})") from error
+        if self._bad_in_a_row >= _BAD_LIMIT:
+            raise StickLost(
+                f"{self.name}: {self._bad_in_a_row} reports in a row that do not fit its description; "
+                "plug it in again, and check the radio's USB mode"
+            )
+        state, mapping = self._state, self._mapping
+        if state is None:
+            return None
+        held = mapping.dead_man is None or mapping.dead_man in state.pressed
+        return StickState(mapping.sticks(state, self._layout), held, state.pressed | self._tapped)
+
+    def close(self) -> None:
+        self._device.close()
+
+    def _take(self, report: bytes) -> None:
+        if self._layout.is_other_report(report):
+            return
+        state = self._layout.read(report)
+        if state is None:
+            self.bad_reports += 1
+            self._bad_in_a_row += 1
+            return
+        self._bad_in_a_row = 0
+        self._state = state
+        self._tapped |= state.pressed
+
+
+def open_gamepad(
+    pad: Gamepad | None = None,
+    *,
+    hid: HidBus | None = None,
+    mapping: StickMapping | None = None,
+    needs_dead_man: bool = True,
+) -> HidGamepad:
+    """Open `pad`, or the first gamepad there is. `mapping` None: the device's default.
+
+    `needs_dead_man` False is the explicit word that a mapping without dead-man switch is meant.
+
+    StickLost if there is none or it cannot be opened; ManualControlError if it cannot be flown with.
+    """
+    hid = hid or HidApi()
+    if pad is None:
+        devices = find_devices(usb=_Nothing(), ports=_Nothing(), hid=hid)
+        if not devices.gamepads:
+            raise StickLost("; ".join(("no gamepad, joystick or radio is plugged in", *devices.notes)))
+        pad = devices.gamepads[0]
+    try:
+        device = hid.open(pad.path)
+    except OSError as error:
+        raise StickLost("; ".join((f"{pad.name}: cannot be opened ({error})", *pad.notes))) from error
+    try:
+        layout = layout_of(pad, device)
+        usage = _USAGES.get(pad.kind, 0)
+        chosen = mapping
+        if chosen is None:
+            chosen = default_mapping(pad.vendor_id, pad.product_id, usage, layout)
+            if not needs_dead_man:
+                chosen = replace(chosen, dead_man=None)
+        return HidGamepad(device, layout, chosen, name=pad.name, needs_dead_man=needs_dead_man)
+    except ManualControlError as error:
+        device.close()
+        raise ManualControlError(f"{pad.name}: {error}") from error
+
+
+def layout_of(pad: Gamepad, device: HidDevice) -> ReportLayout:
+    """From the device's own descriptor; else the layout known for its ids. ManualControlError with neither."""
+    known = LAYOUTS.get((pad.vendor_id, pad.product_id))
+    try:
+        return parse_report_descriptor(device.report_descriptor())
+    except OSError as error:
+        if known is None:
+            raise ManualControlError(
+                f"its reports are unknown: no report descriptor ({error}). "
+                "hidapi 0.14 or newer reads it: `pip install -U hidapi`"
+            ) from error
+    except ManualControlError:
+        if known is None:
+            raise
+    return known
+
+
+class _Nothing:
+    """A bus that is not looked at."""
+
+    def devices(self) -> tuple[()]:
+        return ()
+
+    def ports(self) -> tuple[()]:
+        return ()

@@ -1,0 +1,294 @@
+"""Sticks to the autopilot: MANUAL_CONTROL at a fixed rate of simulated time, behind a dead-man switch.
+
+    SILENT    nothing is sent. The dead-man switch pressed -> FLYING
+    FLYING    the sticks are sent. Switch released, or device lost -> RELEASED
+    RELEASED  centred sticks are sent for `neutral_s`. Then -> SILENT; the switch pressed again -> FLYING
+
+Silence is meant: the autopilot's own failsafe for a lost remote control then takes over, exactly as it would with a
+dead radio. After the loss of a device the switch must be seen released before it counts again: a pad that was put back
+with a finger on it flies nothing.
+
+A pure function of (simulated time, frames received, what the device says). Fingers make a run unrepeatable; with no
+device, or a scripted one, it is as repeatable as one without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from enum import Enum
+from typing import Any, NamedTuple
+
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.wire import GCS_SYSID, enum_name
+from firmware_bridge.manual.axes import StickMapping, manual_control_axes
+from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickDevice, StickLost, StickState
+
+_NS = 1_000_000_000
+# ArduPilot takes sticks from its ground station's system id only. Another component than the bench's ground station:
+# each sender counts its own messages.
+_COMPID = 25  # MAV_COMP_ID_USER1
+
+_ManualControl = message_class("MANUAL_CONTROL")
+_CommandLong = message_class("COMMAND_LONG")
+_COMMAND_ACK = MSGID["COMMAND_ACK"]
+_DO_SET_MODE = 176
+_COMPONENT_ARM_DISARM = 400
+_ACCEPTED, _IN_PROGRESS = 0, 5
+_ANSWER_NS = _NS
+_TRIES = 3
+_CUSTOM_MODE = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+
+# Parameters 2 and 3 of DO_SET_MODE: PX4's main and sub mode; ArduCopter's mode number.
+PX4_MODES: dict[str, tuple[float, float]] = {
+    "manual": (1.0, 0.0),
+    "altitude": (2.0, 0.0),
+    "position": (3.0, 0.0),
+    "stabilized": (7.0, 0.0),
+    "acro": (5.0, 0.0),
+    "hold": (4.0, 3.0),
+    "return": (4.0, 5.0),
+    "land": (4.0, 6.0),
+    "takeoff": (4.0, 2.0),
+}
+ARDUCOPTER_MODES: dict[str, tuple[float, float]] = {
+    "stabilized": (0.0, 0.0),
+    "acro": (1.0, 0.0),
+    "altitude": (2.0, 0.0),
+    "hold": (5.0, 0.0),
+    "return": (6.0, 0.0),
+    "land": (9.0, 0.0),
+    "position": (16.0, 0.0),
+}
+
+
+class ManualEvent(NamedTuple):
+    """Something worth a line in the recording."""
+
+    t_ns: int
+    kind: str
+    text: str
+
+
+class Control(Enum):
+    """Who flies, as far as the sticks are concerned."""
+
+    SILENT = "silent"
+    FLYING = "flying"
+    RELEASED = "released"
+
+
+class Buttons(NamedTuple):
+    """What buttons ask of the autopilot. They count only while the sticks do; disarming too."""
+
+    arm: int | None = None
+    disarm: int | None = None
+    modes: Mapping[int, str] = {}
+
+
+def buttons_of(mapping: StickMapping) -> Buttons:
+    """The buttons that a mapping names."""
+    return Buttons(mapping.arm, mapping.disarm, mapping.modes)
+
+
+class ManualControlSource:
+    """A source of commands for the scheduler: the sticks of `device`.
+
+    `device` None: none is plugged in yet. `reopen` is asked for one every `retry_s` while there is none; it returns
+    None or raises StickLost where there still is none. All times are simulated.
+    """
+
+    def __init__(
+        self,
+        device: StickDevice | None,
+        *,
+        reopen: Callable[[], StickDevice | None] | None = None,
+        buttons: Buttons = Buttons(),  # noqa: B008 (immutable)
+        modes: Mapping[str, tuple[float, float]] = PX4_MODES,
+        rate_hz: float = 25.0,
+        neutral_s: float = 0.5,
+        retry_s: float = 1.0,
+        target_sysid: int = 1,
+        target_compid: int = 1,
+    ) -> None:
+        if not 1.0 <= rate_hz <= 250.0:
+            raise ManualControlError(f"rate_hz {rate_hz} must be from 1 to 250: autopilots expect 5 to 50 a second")
+        if neutral_s < 0.0 or retry_s <= 0.0:
+            raise ManualControlError(f"neutral_s {neutral_s} must not be negative, retry_s {retry_s} must be positive")
+        unknown = sorted(set(buttons.modes.values()) - set(modes))
+        if unknown:
+            raise ManualControlError(f"no mode {', '.join(unknown)}; there are: {', '.join(modes)}")
+        self.control = Control.SILENT
+        self.sent = 0  # MANUAL_CONTROL messages
+        self._device, self._reopen = device, reopen
+        self._buttons, self._modes = buttons, modes
+        self._rate_mhz = round(rate_hz * 1000)
+        self._neutral_ns, self._retry_ns = round(neutral_s * _NS), round(retry_s * _NS)
+        self._target = (target_sysid, target_compid)
+        self._encoder = FrameEncoder(GCS_SYSID, _COMPID)
+        self._next = 0  # number of the next poll
+        self._released_at_ns = 0
+        self._retry_at_ns = 0
+        self._must_let_go = False
+        self._unusable = ""
+        self._pressed: frozenset[int] = frozenset()
+        self._asked: _Asked | None = None
+        self._events: list[ManualEvent] = []
+
+    def take_events(self) -> list[ManualEvent]:
+        """What happened since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
+        """One tick: bytes for the autopilot."""
+        for frame in frames:
+            if frame.msgid == _COMMAND_ACK:
+                self._on_ack(t_ns, unpack(frame))
+        out = self._ask_again(t_ns)
+        # Poll n is due at n / rate, in whole nanoseconds from the start: no drift whatever the tick.
+        if t_ns * self._rate_mhz < self._next * 1000 * _NS:
+            return out
+        self._next = t_ns * self._rate_mhz // (1000 * _NS) + 1
+        state = self._poll(t_ns)
+        held = state is not None and state.held
+        if not held:
+            if state is not None:
+                self._must_let_go = False
+            if self.control is Control.FLYING:
+                self._let_go(t_ns, "released", "dead-man switch released: sticks centred")
+        elif self.control is not Control.FLYING and not self._must_let_go:
+            self.control = Control.FLYING
+            self._say(t_ns, "flying", f"{self._name}: the sticks count")
+        if self.control is Control.FLYING and state is not None:
+            out += self._on_buttons(t_ns, state.pressed - self._pressed)
+        self._pressed = frozenset() if state is None else state.pressed
+        return out + self._sticks(t_ns, state)
+
+    def close(self) -> None:
+        """Let the device go. May be called any number of times."""
+        device, self._device = self._device, None
+        if device is not None:
+            with suppress(OSError):
+                device.close()
+
+    @property
+    def _name(self) -> str:
+        return self._device.name if self._device is not None else "no device"
+
+    def _say(self, t_ns: int, kind: str, text: str) -> None:
+        self._events.append(ManualEvent(t_ns, f"manual_{kind}", text))
+
+    # -- sticks -------------------------------------------------------------------------------------------------
+
+    def _sticks(self, t_ns: int, state: StickState | None) -> bytes:
+        if self.control is Control.RELEASED and t_ns - self._released_at_ns >= self._neutral_ns:
+            self.control = Control.SILENT
+            self._say(t_ns, "silent", "no more sticks are sent: the autopilot's failsafe decides")
+        if self.control is Control.SILENT:
+            return b""
+        sticks = state.sticks if self.control is Control.FLYING and state is not None else NEUTRAL
+        self.sent += 1
+        x, y, z, r = manual_control_axes(sticks)
+        return self._frame(_ManualControl(target=self._target[0], x=x, y=y, z=z, r=r, buttons=0))
+
+    def _poll(self, t_ns: int) -> StickState | None:
+        if self._device is None:
+            self._try_again(t_ns)
+        if self._device is None:
+            return None
+        try:
+            return self._device.poll()
+        except StickLost as error:
+            self.close()
+            self._retry_at_ns = t_ns + self._retry_ns
+            self._must_let_go = True
+            if self.control is Control.FLYING:
+                self._let_go(t_ns, "lost", f"{error}: sticks centred")
+            else:
+                self._say(t_ns, "lost", str(error))
+            return None
+
+    def _try_again(self, t_ns: int) -> None:
+        if self._reopen is None or t_ns < self._retry_at_ns:
+            return
+        self._retry_at_ns = t_ns + self._retry_ns
+        try:
+            self._device = self._reopen()
+        except StickLost:
+            return
+        except ManualControlError as error:
+            # Another device than before, perhaps. Said once, and it may still be swapped for the right one.
+            if str(error) != self._unusable:
+                self._unusable = str(error)
+                self._say(t_ns, "unusable", self._unusable)
+            return
+        if self._device is not None:
+            advice = "; let go of the dead-man switch, then press it" if self._must_let_go else ""
+            self._say(t_ns, "found", f"{self._name}: plugged in{advice}")
+
+    def _let_go(self, t_ns: int, kind: str, text: str) -> None:
+        self.control = Control.RELEASED
+        self._released_at_ns = t_ns
+        self._asked = None  # nobody arms for a pilot who is no longer there
+        self._say(t_ns, kind, text)
+
+    # -- buttons ------------------------------------------------------------------------------------------------
+
+    def _on_buttons(self, t_ns: int, new: frozenset[int]) -> bytes:
+        """One command for the buttons newly pressed: disarm before mode before arm."""
+        buttons = self._buttons
+        if buttons.disarm in new:
+            return self._ask(t_ns, "disarm", _COMPONENT_ARM_DISARM, (0.0,))
+        for button, name in sorted(buttons.modes.items()):
+            if button in new:
+                return self._ask(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+        if buttons.arm in new:
+            return self._ask(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
+        return b""
+
+    def _ask(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> bytes:
+        self._say(t_ns, "button", f"{what} asked for")
+        self._asked = _Asked(what, command, params, 1, t_ns + _ANSWER_NS)
+        return self._command(self._asked)
+
+    def _ask_again(self, t_ns: int) -> bytes:
+        asked = self._asked
+        if asked is None or t_ns < asked.due_ns:
+            return b""
+        if asked.tries >= _TRIES:
+            self._asked = None
+            self._say(t_ns, "refused", f"{asked.what}: asked {_TRIES} times and never answered")
+            return b""
+        self._asked = asked._replace(tries=asked.tries + 1, due_ns=t_ns + _ANSWER_NS)
+        return self._command(self._asked)
+
+    def _on_ack(self, t_ns: int, ack: Any) -> None:
+        asked = self._asked
+        mine = ack.target_system in (0, GCS_SYSID) and ack.target_component in (0, _COMPID)
+        if asked is None or not mine or ack.command != asked.command:
+            return
+        if ack.result == _IN_PROGRESS:
+            self._asked = asked._replace(due_ns=t_ns + 10 * _ANSWER_NS)
+            return
+        self._asked = None
+        kind = "done" if ack.result == _ACCEPTED else "refused"
+        self._say(t_ns, kind, f"{asked.what}: {enum_name('MAV_RESULT', ack.result)}")
+
+    def _command(self, asked: _Asked) -> bytes:
+        params = (*asked.params, *(0.0,) * (7 - len(asked.params)))
+        return self._frame(_CommandLong(*self._target, asked.command, asked.tries - 1, *params))
+
+    def _frame(self, message: Any) -> bytes:
+        return self._encoder.frame(message.MSGID, pack(message))
+
+
+class _Asked(NamedTuple):
+    """A command that waits for its answer."""
+
+    what: str
+    command: int
+    params: tuple[float, ...]
+    tries: int
+    due_ns: int
