@@ -1,0 +1,1 @@
+"""Declared faults of a wire, and the transport that commits them."""

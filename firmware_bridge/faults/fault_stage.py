@@ -1,0 +1,199 @@
+"""One declared fault on one direction of the wire: units in, units out, some of them later.
+
+Which units are hit is a pure function of (seed, place of the fault in the list, direction, number of the unit). Units
+are numbered while the fault is active, those that it can hit only; so the same traffic meets the same hits, however
+the bytes were cut and whenever they came.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from typing import Any
+
+from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.faults.frame_splitter import message_id
+from firmware_bridge.faults.hit_log import HitLog
+from firmware_bridge.faults.link_fault import Direction, LinkFault
+from hil.signals.noise import NoiseStream
+
+_BLOCK = 256  # of NoiseStream
+_LANES = 3  # hit or not; which byte of the unit; what it becomes
+
+
+class _Draws:
+    """The hits of one stage, found a block of units at a time."""
+
+    def __init__(self, seed: int, name: str, rate: float) -> None:
+        self._stream = NoiseStream(seed, name, lanes=_LANES)
+        self._rate = rate
+        self._block_index = -1
+        self._block: Any = None
+        self._hits: list[int] = []
+
+    def _load(self, block: int) -> None:
+        if block != self._block_index:
+            self._block_index = block
+            self._block = self._stream.uniform_block(block)
+            first = block * _BLOCK
+            self._hits = [first + int(i) for i in (self._block[:, 0] < self._rate).nonzero()[0]]
+
+    def any_hit(self, start: int, count: int) -> bool:
+        """Whether one of the units `start` to `start + count - 1` is hit."""
+        at, end = start, start + count
+        while at < end and self._rate > 0.0:
+            self._load(at // _BLOCK)
+            place = bisect_left(self._hits, at)
+            if place < len(self._hits):
+                return self._hits[place] < end
+            at = (at // _BLOCK + 1) * _BLOCK
+        return False
+
+    def damage(self, number: int, unit: bytes) -> bytes:
+        """`unit` with one byte changed."""
+        self._load(number // _BLOCK)
+        _, where, what = self._block[number % _BLOCK].tolist()
+        at = int(where * len(unit))
+        changed = unit[at] ^ (1 + int(what * 255.0))
+        return unit[:at] + bytes((changed,)) + unit[at + 1 :]
+
+
+class FaultStage:
+    """Fault number `index` of the list, on units that travel in `direction`.
+
+    `push` and `poll` are told both times [ns], simulated and wall clock. What is held back comes out of `poll`, or of
+    `push` before (stall, delay) or behind (reorder) what was pushed.
+    """
+
+    def __init__(self, index: int, fault: LinkFault, direction: Direction, *, seed: int, log: HitLog) -> None:
+        self._index = index
+        self._fault = fault
+        self._direction: Direction = direction
+        self._log = log
+        self._draws = _Draws(seed, f"link_fault.{index}.{direction}", fault.rate or 0.0)
+        self._only = frozenset(MSGID[name] for name in fault.messages)
+        self._begin_ns = fault.begin_ns
+        self._end_ns = self._begin_ns + fault.length_ns
+        self._count = 0  # units that could have been hit
+        self._burst_left = 0
+        self._stall_end_wall_ns: int | None = None  # of the stall that is going on
+        self._stall_over = False
+        # (wall clock at which it may go on, unit); the stall's go all at once.
+        self._held: deque[tuple[int, bytes]] = deque()
+        self._overtake_left = 0
+
+    @property
+    def holds(self) -> bool:
+        """Whether something is held back."""
+        return bool(self._held)
+
+    @property
+    def next_release_ns(self) -> int | None:
+        """Wall clock at which `poll` has something to give; None: nothing held."""
+        if not self._held:
+            return None
+        return self._stall_end_wall_ns if self._stall_end_wall_ns is not None else self._held[0][0]
+
+    def clear(self) -> None:
+        """What is held back is lost: the wire was closed."""
+        self._held.clear()
+        self._burst_left = self._overtake_left = 0
+
+    def poll(self, t_ns: int, wall_ns: int) -> list[bytes]:
+        """Units whose time has come."""
+        if self._stall_end_wall_ns is not None:
+            if t_ns < self._end_ns and wall_ns < self._stall_end_wall_ns:
+                return []
+            self._stall_end_wall_ns = None
+            self._stall_over = True
+        out = []
+        while self._held and self._held[0][0] <= wall_ns:
+            out.append(self._held.popleft()[1])
+        return out
+
+    def push(self, units: list[bytes], t_ns: int, wall_ns: int) -> list[bytes]:
+        """What comes out when `units` go in."""
+        out = self.poll(t_ns, wall_ns)
+        active = self._begin_ns <= t_ns < self._end_ns and not self._stall_over
+        if active and self._fault.kind == "stall":
+            return out + self._stall(units, t_ns, wall_ns)
+        if not active and not self._held:
+            return out + units
+        for unit in units:
+            out += (
+                self._by_bytes(unit, t_ns, wall_ns, active)
+                if self._fault.unit == "byte"
+                else self._one(unit, t_ns, wall_ns, active)
+            )
+        return out
+
+    def _stall(self, units: list[bytes], t_ns: int, wall_ns: int) -> list[bytes]:
+        if self._stall_end_wall_ns is None:
+            self._stall_end_wall_ns = wall_ns + self._fault.length_ns
+        for unit in units:
+            self._log.hit(self._index, self._direction, unit, t_ns)
+            self._held.append((0, unit))
+        return []
+
+    def _by_bytes(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
+        """The bytes of one unit, one by one; what comes out at once stays together."""
+        quiet = not self._held and not self._burst_left
+        if quiet and active and not self._draws.any_hit(self._count, len(unit)):
+            self._count += len(unit)
+            return [unit]
+        out = []
+        for i in range(len(unit)):
+            out += self._one(unit[i : i + 1], t_ns, wall_ns, active)
+        return [b"".join(out)] if out else []
+
+    def _one(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
+        hit, number = False, self._count
+        if active and (not self._only or message_id(unit) in self._only):
+            hit = self._is_hit(number)
+            self._count += 1
+        kind = self._fault.kind
+        if kind == "reorder":
+            return self._reorder(unit, hit, t_ns, wall_ns)
+        if hit:
+            self._log.hit(self._index, self._direction, unit, t_ns)
+        if kind == "delay":
+            return self._delay(unit, hit, wall_ns)
+        if not hit:
+            return [unit]
+        if kind == "drop":
+            return []
+        if kind == "duplicate":
+            return [unit, unit]
+        return [self._draws.damage(number, unit)]
+
+    def _is_hit(self, number: int) -> bool:
+        drawn = self._draws.any_hit(number, 1)
+        if self._fault.kind == "reorder":
+            return drawn
+        if drawn:
+            self._burst_left = self._fault.burst
+        hit = self._burst_left > 0
+        self._burst_left -= hit
+        return hit
+
+    def _delay(self, unit: bytes, hit: bool, wall_ns: int) -> list[bytes]:
+        """A line keeps its order: what comes behind a delayed unit waits for it."""
+        release_ns = wall_ns + self._fault.hold_ns if hit else wall_ns
+        if self._held:
+            release_ns = max(release_ns, self._held[-1][0])
+        elif not hit:
+            return [unit]
+        self._held.append((release_ns, unit))
+        return []
+
+    def _reorder(self, unit: bytes, hit: bool, t_ns: int, wall_ns: int) -> list[bytes]:
+        """One unit at a time waits for `burst` others to pass."""
+        if not self._held:
+            if not hit:
+                return [unit]
+            self._log.hit(self._index, self._direction, unit, t_ns)
+            self._held.append((wall_ns + self._fault.hold_ns, unit))
+            self._overtake_left = self._fault.burst
+            return []
+        self._overtake_left -= 1
+        return [unit] if self._overtake_left else [unit, self._held.popleft()[1]]

@@ -1,0 +1,267 @@
+"""Puts declared faults over any transport.
+
+Both directions are cut into units (`frame_splitter`), which then pass the faults in the order of the list. The same
+seed and the same traffic give the same hits. What is held back travels on when its time has come, at the next call of
+`read` or `write`; `read` wakes up for it by itself. There is no thread.
+
+What lockstep makes of it, with the limits of `LockstepLink`:
+
+    a HIL_SENSOR or its answer dropped or damaged    LockstepLost: the autopilot does not answer what it never heard
+    an answer doubled                                LockstepLost: it answers an earlier tick twice
+    delayed, stalled or put behind, not too long     nothing but a slower run: simulated time stands still
+    the same for longer than the reply limit         LockstepLost
+    the heartbeat lost                               HandshakeError
+    unplugged                                        LinkClosed; PortNotFound from `open` until it is over
+
+Bytes with which a frame may begin are held back until the frame is whole or the line has been quiet for a while; that
+is the only effect of a fault that never hits. What is held back when the wire is closed is lost.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+
+from firmware_bridge.faults.fault_stage import FaultStage
+from firmware_bridge.faults.frame_splitter import FrameSplitter
+from firmware_bridge.faults.hit_log import EventSink, HitLog
+from firmware_bridge.faults.link_fault import Direction, LinkFault
+from firmware_bridge.transports.transport import Transport
+from hil.signals.errors import LinkClosed, PortNotFound
+
+# A frame's beginning without its end, and then nothing for this long: it is no frame.
+_QUIET_NS = 200_000_000
+
+
+class _Way:
+    """One direction: the splitter and the faults behind it."""
+
+    def __init__(self, direction: Direction, faults: Sequence[LinkFault], *, seed: int, log: HitLog) -> None:
+        self.splitter = FrameSplitter()
+        self.stages = [
+            FaultStage(index, fault, direction, seed=seed, log=log)
+            for index, fault in enumerate(faults)
+            if fault.kind != "unplug" and fault.acts_on(direction)
+        ]
+
+    @property
+    def holds(self) -> bool:
+        return self.splitter.pending > 0 or any(stage.holds for stage in self.stages)
+
+    def clear(self) -> None:
+        self.splitter.clear()
+        for stage in self.stages:
+            stage.clear()
+
+    def push(self, units: list[bytes], t_ns: int, wall_ns: int) -> bytes:
+        """What comes out when `units` go in, and whatever was due anyhow."""
+        for stage in self.stages:
+            units = stage.push(units, t_ns, wall_ns)
+        return b"".join(units)
+
+    def next_release_ns(self) -> int | None:
+        """Wall clock at which the next unit that is held back goes on; None: there is none."""
+        times = [at for stage in self.stages if (at := stage.next_release_ns) is not None]
+        return min(times) if times else None
+
+
+class _Plug:
+    """The unplug faults: which of them has hold of the plug, and until when."""
+
+    def __init__(self, faults: Sequence[LinkFault], log: HitLog) -> None:
+        self._waiting = [(index, fault) for index, fault in enumerate(faults) if fault.kind == "unplug"]
+        self._log = log
+        self._out: tuple[int, int, int] | None = None  # index, end in simulated time, end by wall clock
+
+    @property
+    def index(self) -> int:
+        """The fault that pulled the plug."""
+        assert self._out is not None
+        return self._out[0]
+
+    def pulled(self, t_ns: int, wall_ns: int) -> bool:
+        """Whether a plug that is in comes out now. Each fault pulls once."""
+        for place, (index, fault) in enumerate(self._waiting):
+            if t_ns >= fault.begin_ns:
+                del self._waiting[place]
+                self._out = (index, t_ns + fault.length_ns, wall_ns + fault.length_ns)
+                self._log.plug(index, t_ns, out=True)
+                return True
+        return False
+
+    def back_in(self, t_ns: int, wall_ns: int) -> bool:
+        """Whether the port is there to be opened."""
+        if self._out is None:
+            return True
+        index, end_ns, end_wall_ns = self._out
+        if t_ns < end_ns and wall_ns < end_wall_ns:
+            return False
+        self._log.plug(index, t_ns, out=False)
+        self._out = None
+        return True
+
+
+class FaultyTransport:
+    """`inner` with `faults` over it.
+
+    `now_ns` gives simulated time; before time has begun, 0. `on_event` is told of each hit as `HitLog` says. One
+    thread at a time, as with any transport.
+    """
+
+    def __init__(
+        self,
+        inner: Transport,
+        faults: Sequence[LinkFault],
+        seed: int,
+        now_ns: Callable[[], int],
+        on_event: EventSink | None = None,
+        *,
+        wall_ns: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._inner = inner
+        self._now_ns = now_ns
+        self._wall_ns = wall_ns
+        self._sleep = sleep
+        self._log = HitLog(faults, on_event)
+        self._plug = _Plug(faults, self._log)
+        self._out = _Way("to_autopilot", faults, seed=seed, log=self._log)
+        self._in = _Way("from_autopilot", faults, seed=seed, log=self._log)
+        self._heard_wall_ns = 0  # when the far side was last heard
+        self._unplugged: str | None = None  # why nothing works until `open`
+        self._gone: LinkClosed | None = None  # the far side's end, told once all it had said is out
+        self._idle: tuple[int, int] | None = None
+
+    @property
+    def name(self) -> str:
+        return self._inner.name
+
+    def hits(self) -> dict[int, int]:
+        """How many units each fault has hit since this object was made, by the fault's place in the list. Exact."""
+        return self._log.counts()
+
+    def open(self) -> None:
+        """As `inner`; PortNotFound while unplugged."""
+        t_ns, wall_ns = self._now_ns(), self._wall_ns()
+        if not self._plug.back_in(t_ns, wall_ns) or self._plug.pulled(t_ns, wall_ns):
+            raise PortNotFound(self.name, f"unplugged by the declared link fault {self._plug.index}")
+        self._out.clear()
+        self._in.clear()
+        self._unplugged = self._gone = None
+        self._inner.open()
+        self._heard_wall_ns = wall_ns
+
+    def close(self) -> None:
+        self._inner.close()
+        self._out.clear()
+        self._in.clear()
+        self._log.summarise(self._now_ns())
+        idle, self._idle = self._idle, None
+        for fd in idle or ():
+            with suppress(OSError):
+                os.close(fd)
+
+    def _check_plug(self, t_ns: int, wall_ns: int) -> None:
+        if self._unplugged is None and self._plug.pulled(t_ns, wall_ns):
+            self._unplugged = f"unplugged by the declared link fault {self._plug.index} at {t_ns * 1e-9:g} s"
+            # The far side must see the line go dead as well.
+            self._inner.close()
+        if self._unplugged is not None:
+            raise LinkClosed(self.name, self._unplugged)
+
+    def write(self, data: bytes) -> None:
+        t_ns, wall_ns = self._now_ns(), self._wall_ns()
+        self._check_plug(t_ns, wall_ns)
+        if not self._out.stages:
+            self._inner.write(data)
+            return
+        # Writers write whole frames: what is left over is none.
+        units = self._out.splitter.feed(data) + self._out.splitter.flush()
+        self._send(self._out.push(units, t_ns, wall_ns))
+
+    def _send(self, data: bytes) -> None:
+        if data:
+            self._inner.write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        deadline_ns = self._wall_ns() + int(max(timeout_s, 0.0) * 1e9)
+        while True:
+            t_ns, wall_ns = self._now_ns(), self._wall_ns()
+            self._check_plug(t_ns, wall_ns)
+            if self._out.stages:
+                self._send(self._out.push([], t_ns, wall_ns))
+            data = self._in.push(self._quiet(wall_ns), t_ns, wall_ns)
+            if data:
+                return data
+            if self._gone is not None and not self._in.holds:
+                raise self._gone
+            until_ns = min([deadline_ns, *self._wake_times()])
+            wait_s = max(until_ns - wall_ns, 0) * 1e-9
+            heard = self._listen(wait_s)
+            if heard:
+                self._heard_wall_ns = self._wall_ns()
+                if not self._in.stages:
+                    return heard
+                units = self._in.splitter.feed(heard)
+                data = self._in.push(units, self._now_ns(), self._heard_wall_ns)
+                if data:
+                    return data
+            elif self._gone is not None and not self._in.holds:
+                continue  # and say so
+            elif self._in_memory and not self._holds:
+                return b""
+            if self._wall_ns() >= deadline_ns:
+                return b""
+
+    def _quiet(self, wall_ns: int) -> list[bytes]:
+        """What was held back as a frame's beginning, once it is clear that it is none."""
+        if not self._in.splitter.pending:
+            return []
+        if self._in_memory or self._gone is not None or wall_ns - self._heard_wall_ns >= _QUIET_NS:
+            return self._in.splitter.flush()
+        return []
+
+    def _wake_times(self) -> list[int]:
+        times = [at for way in (self._in, self._out) if (at := way.next_release_ns()) is not None]
+        if self._in.splitter.pending:
+            times.append(self._heard_wall_ns + _QUIET_NS)
+        return times
+
+    def _listen(self, wait_s: float) -> bytes:
+        """Read from the wire, or let the time pass where reading does not."""
+        if self._gone is None:
+            try:
+                data = self._inner.read(wait_s)
+            except LinkClosed as error:
+                # First all that it had said.
+                self._gone = error
+                return b""
+            if data or not self._in_memory or not self._holds:
+                return data
+        if wait_s > 0.0:
+            self._sleep(wait_s)
+        return b""
+
+    @property
+    def _in_memory(self) -> bool:
+        return self._inner.fileno() is None
+
+    @property
+    def _holds(self) -> bool:
+        return self._in.holds or self._out.holds
+
+    def fileno(self) -> int | None:
+        """As `inner`.
+
+        None means that all that can come has come; so while something is held back over a wire without a descriptor,
+        one on which nothing ever arrives is named. `read` returns what is held back when its time has come, whatever
+        the descriptor says.
+        """
+        fd = self._inner.fileno()
+        if fd is not None or not self._holds or self._unplugged is not None:
+            return fd
+        if self._idle is None:
+            self._idle = os.pipe()
+        return self._idle[0]

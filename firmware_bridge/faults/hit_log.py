@@ -1,0 +1,59 @@
+"""Counts what the declared link faults hit, and tells the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from firmware_bridge.faults.frame_splitter import describe
+from firmware_bridge.faults.link_fault import Direction, LinkFault
+
+EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event` fits
+
+LISTED_PER_FAULT = 1000  # further hits are counted, and reported as a number at the end
+_DONE = {"drop": "dropped", "delay": "delayed", "duplicate": "doubled", "reorder": "moved back", "corrupt": "damaged",
+         "stall": "held back", "unplug": "unplugged"}  # fmt: skip
+_WORDS = {"to_autopilot": "to the autopilot", "from_autopilot": "from the autopilot"}
+
+
+class HitLog:
+    """Exact counts per fault; the first `LISTED_PER_FAULT` hits of each are events of their own."""
+
+    def __init__(self, faults: Sequence[LinkFault], on_event: EventSink | None) -> None:
+        self._faults = tuple(faults)
+        self._on_event = on_event
+        self._counts = [0] * len(self._faults)
+        self._summarised = [LISTED_PER_FAULT] * len(self._faults)
+
+    def counts(self) -> dict[int, int]:
+        """Hits so far, by the fault's place in the list."""
+        return dict(enumerate(self._counts))
+
+    def hit(self, index: int, direction: Direction, unit: bytes, t_ns: int) -> None:
+        """Fault `index` has hit `unit`."""
+        self._counts[index] += 1
+        count = self._counts[index]
+        if self._on_event is None or count > LISTED_PER_FAULT:
+            return
+        text = f"{_DONE[self._faults[index].kind]} {describe(unit)} {_WORDS[direction]}"
+        if count == LISTED_PER_FAULT:
+            text += "; further hits are counted, not listed"
+        self.tell(index, text, t_ns)
+
+    def plug(self, index: int, t_ns: int, *, out: bool) -> None:
+        """Fault `index` has pulled the plug, or put it in again (which is no hit)."""
+        if out:
+            self._counts[index] += 1
+        self.tell(index, "unplugged" if out else "plugged in again", t_ns)
+
+    def tell(self, index: int, text: str, t_ns: int) -> None:
+        """One event of fault `index`."""
+        if self._on_event is not None:
+            self._on_event(t_ns, "fault", f"link fault {index}: {text}")
+
+    def summarise(self, t_ns: int) -> None:
+        """One event for each fault with hits that were not listed and not yet summarised."""
+        for index, count in enumerate(self._counts):
+            more = count - self._summarised[index]
+            if more > 0:
+                self._summarised[index] = count
+                self.tell(index, f"{_DONE[self._faults[index].kind]} {more} more units ({count} in all)", t_ns)

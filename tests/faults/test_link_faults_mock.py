@@ -1,0 +1,310 @@
+"""The mock flown in lockstep over a wire with declared faults: it flies well, or ends with the right named error."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import pytest
+
+from firmware_bridge.faults.faulty_transport import FaultyTransport
+from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.registry import mock_command
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.transports.loopback import LoopbackTransport
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.transport import Transport
+from hil.config import Bench, load_bench
+from hil.missions.path import planned_path
+from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
+from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
+from hil.signals.time import NS_PER_S, RateAccumulator
+from hil.verdict import FlightMeasurement, judge
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.sensors.catalog import make_sensor
+
+BOOT = 20
+CAPS = LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=BOOT)
+TICK_NS = 4_000_000
+
+
+@cache
+def bench() -> Bench:
+    """The default bench with its mission."""
+    return load_bench()
+
+
+class NoRecorder:
+    """Takes what a recorder takes; keeps the events."""
+
+    def __init__(self) -> None:
+        self.events: list[tuple[int, str, str]] = []
+
+    def event(self, t_ns: int, kind: str, text: str) -> None:
+        self.events.append((t_ns, kind, text))
+
+    def truth(self, *_: Any) -> None: ...
+
+    sample = sent = received = actuators = truth
+
+
+class Flight:
+    """The default mission, flown over a faulty wire to the mock: in memory, or in its own process on a pty."""
+
+    def __init__(
+        self, faults: Sequence[LinkFault], *, seed: int = 1, process: bool = False, reply_limit_s: float = 0.3
+    ) -> None:
+        self.bench = bench()
+        config = self.bench.config
+        self.recorder = NoRecorder()
+        self.scheduler: Scheduler | None = None
+        pty = PtyTransport()
+        inner: Transport = pty if process else LoopbackTransport(MockPixhawk(boot_sensors=BOOT))
+        self.wire = FaultyTransport(inner, faults, seed, self.now_ns, self.recorder.event)
+        self.link = LockstepLink(
+            self.wire,
+            CAPS,
+            start_process=(lambda: ChildProcess(mock_command(pty.far_path, boot_sensors=BOOT))) if process else None,
+            reply_limit_s=reply_limit_s,
+            heartbeat_limit_s=10.0 if process else 1.0,
+        )
+        self.physics = QuadrotorPhysics(self.bench.vehicle, self.bench.scene, TICK_NS)
+        x, y, z = self.physics.state[:3].tolist()
+        self.station = GroundStation(self.bench.mission.items)
+        self.measurement = FlightMeasurement(
+            planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z)), config.limits
+        )
+        self.slots = [
+            SensorSlot(
+                make_sensor(
+                    name,
+                    kind=sensor.kind,
+                    rate_hz=sensor.rate_hz,
+                    seed=seed,
+                    scene=self.bench.scene,
+                    step_ns=TICK_NS,
+                    overrides=sensor.parameters.model_dump(),
+                ),
+                RateAccumulator(event_mhz=round(sensor.rate_hz * 1000), tick_mhz=250_000),
+            )
+            for name, sensor in config.sensors.items()
+        ]
+
+    def now_ns(self) -> int:
+        return 0 if self.scheduler is None else self.scheduler.t_ns
+
+    def fly(self, limit_s: float) -> None:
+        """To the mission's end or for `limit_s`. Raises what the link raises."""
+        try:
+            self.link.open()
+            self.scheduler = Scheduler(
+                tick_ns=TICK_NS,
+                physics=self.physics,
+                sensors=self.slots,
+                link=self.link,
+                ports=AutopilotPorts(imu="imu", gps="gps", baro="baro", mag="mag"),
+                commands=[self.station],
+                recorder=self.recorder,  # type: ignore[arg-type]
+                observers=[self.measurement.add],
+            )
+            while self.scheduler.t_ns < limit_s * NS_PER_S and self.station.phase is not Phase.DONE:
+                self.scheduler.step()
+        finally:
+            self.link.close()
+
+    @property
+    def passed(self) -> bool:
+        return judge(self.measurement.result(), self.bench.config.limits).status == "PASS"
+
+    @property
+    def height_m(self) -> float:
+        return float(self.physics.state[2])
+
+    @property
+    def state(self) -> list[float]:
+        return list(self.physics.state.tolist())
+
+
+RATES = pytest.mark.parametrize("rate", [0.001, 0.01, 0.1])
+DIRECTIONS = pytest.mark.parametrize("direction", ["to_autopilot", "from_autopilot"])
+WHOLE_MISSION_S = 200.0
+UPLOAD = ("MISSION_ITEM_INT", "MISSION_REQUEST_INT", "MISSION_COUNT")
+START_S, END_S = 2.0, 15.0  # armed, climbing and on its way
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Flight:
+    """The same flight over a good wire."""
+    flight = Flight([])
+    flight.fly(END_S)
+    return flight
+
+
+@RATES
+@DIRECTIONS
+@pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt"])
+def test_what_lockstep_cannot_survive_ends_as_lockstep_lost(kind: str, direction: str, rate: float) -> None:
+    """At 250 messages a second even the lowest rate soon hits a sensor or an answer. Named, at once, no hang."""
+    flight = Flight([LinkFault(kind=kind, direction=direction, at_s=START_S, rate=rate)])  # type: ignore[arg-type]
+    if kind == "duplicate" and direction == "to_autopilot":
+        flight.fly(END_S)  # PX4 and the mock ignore a time they have had
+        assert flight.now_ns() == END_S * NS_PER_S
+    else:
+        with pytest.raises(LockstepLost, match="time_usec"):
+            flight.fly(END_S)
+        assert START_S * NS_PER_S <= flight.now_ns() < END_S * NS_PER_S
+    assert flight.wire.hits()[0] >= 1
+    listed = [event for event in flight.recorder.events if "more units" not in event[2]]
+    assert len(listed) == min(flight.wire.hits()[0], 1000)
+    assert all(t_ns >= START_S * NS_PER_S and kind_ == "fault" for t_ns, kind_, _ in listed)
+
+
+@RATES
+@DIRECTIONS
+@pytest.mark.parametrize("kind", ["drop", "corrupt"])
+def test_damage_by_the_byte(kind: str, direction: str, rate: float) -> None:
+    flight = Flight([LinkFault(kind=kind, direction=direction, at_s=START_S, rate=rate, unit="byte")])  # type: ignore[arg-type]
+    with pytest.raises(LockstepLost):
+        flight.fly(END_S)
+    assert flight.wire.hits()[0] >= 1
+
+
+@RATES
+@DIRECTIONS
+def test_a_delay_below_the_reply_limit_changes_nothing(direction: str, rate: float, undisturbed: Flight) -> None:
+    fault = LinkFault(kind="delay", direction=direction, at_s=START_S, rate=rate, delay_s=0.0002)  # type: ignore[arg-type]
+    flight = Flight([fault], reply_limit_s=60.0)
+    flight.fly(END_S)
+    assert flight.wire.hits()[0] >= 1
+    assert flight.state == undisturbed.state  # simulated time stood still meanwhile
+
+
+@DIRECTIONS
+def test_a_delay_beyond_the_reply_limit_is_named(direction: str) -> None:
+    fault = LinkFault(kind="delay", direction=direction, at_s=START_S, rate=0.01, delay_s=600.0)  # type: ignore[arg-type]
+    flight = Flight([fault], reply_limit_s=0.1)
+    with pytest.raises(LockstepLost):
+        flight.fly(END_S)
+
+
+@RATES
+@DIRECTIONS
+def test_reordered_messages_are_flown_through(direction: str, rate: float) -> None:
+    fault = LinkFault(kind="reorder", direction=direction, at_s=START_S, rate=rate, delay_s=0.0002)  # type: ignore[arg-type]
+    flight = Flight([fault], reply_limit_s=60.0)
+    flight.fly(END_S)
+    assert flight.wire.hits()[0] >= 1
+    assert flight.now_ns() == END_S * NS_PER_S
+    assert flight.height_m > 3.0
+
+
+@RATES
+def test_messages_that_may_be_lost_cost_no_mission(rate: float) -> None:
+    """The upload asks again, the estimator bridges missing fixes, lost telemetry comes again."""
+    flight = Flight(
+        [
+            LinkFault(kind="drop", at_s=0, rate=rate, messages=UPLOAD),
+            LinkFault(kind="drop", at_s=0, rate=rate, messages=("HIL_GPS",)),
+            LinkFault(kind="corrupt", at_s=0.1, rate=rate, messages=("ATTITUDE", "LOCAL_POSITION_NED", "SYS_STATUS")),
+            LinkFault(kind="duplicate", at_s=0, rate=rate, messages=("HIL_GPS", "COMMAND_LONG", *UPLOAD)),
+        ]
+    )
+    flight.fly(WHOLE_MISSION_S)
+    assert flight.station.phase is Phase.DONE
+    assert flight.passed
+    assert flight.wire.hits()[1] >= 1
+
+
+def test_an_upload_that_never_gets_through_is_named() -> None:
+    flight = Flight([LinkFault(kind="drop", at_s=0, rate=1.0, messages=("MISSION_ITEM_INT",))])
+    with pytest.raises(HandshakeError, match="mission"):
+        flight.fly(WHOLE_MISSION_S)
+
+
+@pytest.mark.parametrize("kind", ["drop", "corrupt"])
+def test_no_heartbeat_is_named(kind: str) -> None:
+    flight = Flight([LinkFault(kind=kind, direction="from_autopilot", at_s=0, rate=1.0)])  # type: ignore[arg-type]
+    with pytest.raises(HandshakeError, match="no heartbeat"):
+        flight.fly(END_S)
+
+
+@DIRECTIONS
+def test_a_stall_beyond_the_reply_limit_is_named(direction: str) -> None:
+    flight = Flight([LinkFault(kind="stall", direction=direction, at_s=START_S)], reply_limit_s=0.1)  # type: ignore[arg-type]
+    with pytest.raises(LockstepLost):
+        flight.fly(END_S)
+    assert flight.now_ns() == START_S * NS_PER_S
+
+
+@DIRECTIONS
+def test_a_stall_below_the_reply_limit_changes_nothing(direction: str, undisturbed: Flight) -> None:
+    fault = LinkFault(kind="stall", direction=direction, at_s=START_S, for_s=0.05)  # type: ignore[arg-type]
+    flight = Flight([fault], reply_limit_s=60.0)
+    flight.fly(END_S)
+    assert flight.state == undisturbed.state
+    assert flight.wire.hits()[0] >= 1
+
+
+def test_a_boot_that_loses_a_sensor_message_is_named() -> None:
+    flight = Flight([LinkFault(kind="drop", direction="to_autopilot", at_s=0.04, for_s=0.004, rate=1.0)])
+    with pytest.raises(LockstepLost, match="boot_sensors"):
+        flight.fly(END_S)
+    assert flight.now_ns() == BOOT * TICK_NS
+
+
+@pytest.mark.parametrize("process", [False, True])
+def test_an_unplugged_wire_is_named_and_can_be_opened_again(process: bool) -> None:
+    flight = Flight([LinkFault(kind="unplug", at_s=START_S, for_s=3600.0)], process=process)
+    with pytest.raises(LinkClosed, match="unplugged by the declared link fault 0 at 2 s"):
+        flight.fly(END_S)
+    assert flight.now_ns() == START_S * NS_PER_S
+    with pytest.raises(PortNotFound, match="unplugged"):
+        flight.link.open()
+    flight.scheduler.tick += 3600 * 250  # type: ignore[union-attr]
+    flight.link.open()
+    flight.link.close()
+    assert flight.wire.hits() == {0: 1}
+
+
+def test_the_same_seed_is_hit_at_the_same_places() -> None:
+    fault = LinkFault(kind="drop", at_s=START_S, rate=0.05, messages=("HIL_GPS", "HEARTBEAT", "ATTITUDE"))
+    flights = [Flight([fault], seed=seed) for seed in (1, 1, 2)]
+    for flight in flights:
+        flight.fly(END_S)
+    first, again, other = flights
+    assert first.recorder.events
+    assert first.recorder.events == again.recorder.events
+    assert first.state == again.state
+    assert first.recorder.events != other.recorder.events
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
+@pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt"])
+def test_over_a_serial_line_the_same_hits_and_errors_as_in_memory(kind: str) -> None:
+    fault = LinkFault(kind=kind, at_s=START_S, rate=0.001)  # type: ignore[arg-type]
+    ends = []
+    for process in (False, True):
+        # Of the pty, the limit is what a dropped message costs; a loaded machine must not run into it before.
+        flight = Flight([fault], process=process, reply_limit_s=3.0)
+        with pytest.raises(LockstepLost):
+            flight.fly(END_S)
+        # What the link asks after the loss, to find its cause, may be hit as well, and depends on the clock.
+        lost_ns = flight.now_ns()
+        before = [event for event in flight.recorder.events if event[0] < lost_ns]
+        at_last = [event for event in flight.recorder.events if event[0] == lost_ns]
+        ends.append((lost_ns, before, at_last[:1]))
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
+def test_over_a_serial_line_a_delay_changes_nothing(undisturbed: Flight) -> None:
+    flight = Flight([LinkFault(kind="delay", at_s=START_S, rate=0.01, delay_s=0.0005)], process=True, reply_limit_s=60)
+    flight.fly(END_S)
+    assert flight.wire.hits()[0] >= 1
+    assert flight.state == undisturbed.state
