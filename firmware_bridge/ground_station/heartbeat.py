@@ -26,12 +26,14 @@ class Heartbeats:
         self.due_ns = 0
         self.connected = False
         self.armed = False
+        self.autopilot = 0  # MAV_AUTOPILOT
         self.custom_mode = 0
         self.system_status = 0
 
     def on_heartbeat(self, message: Any) -> None:
         self.connected = True
         self.armed = bool(message.base_mode & _SAFETY_ARMED)
+        self.autopilot = message.autopilot
         self.custom_mode = message.custom_mode
         self.system_status = message.system_status
 

@@ -38,8 +38,10 @@ class MissionUpload:
         self.due_ns: int | None = None
         self.done = False
 
-    def start(self, t_ns: int) -> None:
-        """Offer the mission. HandshakeError if it is too long for the protocol."""
+    def start(self, t_ns: int, items: Sequence[MissionItem] | None = None) -> None:
+        """Offer the mission, or `items` in its place. HandshakeError if it is too long for the protocol."""
+        if items is not None:
+            self._items = items
         if len(self._items) > MAX_COUNT:
             raise refused(f"a mission of {len(self._items)} items: MAVLink can carry {MAX_COUNT}; shorten it")
         self._offer(t_ns)

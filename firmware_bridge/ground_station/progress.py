@@ -48,6 +48,7 @@ class Progress:
         self._jumps = any(item.command == _DO_JUMP for item in items)
         self._reached: dict[int, None] = {}
         self._reported_complete = False
+        self.first_seq = 0  # the number that the vehicle gives to item 0
         self.current = 0
         self.landed_state = 0
         self.flown = False
@@ -74,10 +75,10 @@ class Progress:
         return self.landed_state == _LANDED_ON_GROUND
 
     def on_item_reached(self, message: Any) -> None:
-        self._reached[message.seq] = None
+        self._reached[message.seq - self.first_seq] = None
 
     def on_mission_current(self, message: Any) -> None:
-        self.current = message.seq
+        self.current = message.seq - self.first_seq
         if self.flown and message.mission_state == _MISSION_STATE_COMPLETE:
             self._reported_complete = True
 

@@ -7,7 +7,7 @@ and returns the bytes to send in this one; it costs about a microsecond when the
     CONNECTING  until the vehicle's first heartbeat; then asks for the telemetry needed here
     UPLOADING   the mission protocol
     PREFLIGHT   until the vehicle's pre-arm check passes
-    ARMING      mode AUTO.MISSION, then arm; asked again while the vehicle declines for now
+    ARMING      the steps into the air (`procedure`), each asked again while the vehicle declines for now
     FLYING      until it has flown, is on the ground and has disarmed
     LANDED      one more second, for what the vehicle still has to say
     DONE        only heartbeats
@@ -21,10 +21,12 @@ from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
-from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
+from firmware_bridge.ground_station.commands import ACCEPTED, FAILED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.health import Health
 from firmware_bridge.ground_station.heartbeat import Heartbeats
 from firmware_bridge.ground_station.mission_upload import MissionUpload
+from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
+from firmware_bridge.ground_station.procedure import Step, first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
 from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
@@ -32,12 +34,6 @@ from hil.signals.mission import MissionItem
 
 _SET_MESSAGE_INTERVAL = 511
 _DO_SET_MODE = 176
-_COMPONENT_ARM_DISARM = 400
-
-# PX4's custom modes: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, main mode AUTO, sub mode.
-_AUTO_MISSION = (1.0, 4.0, 4.0)
-_AUTO_LAND = (1.0, 4.0, 6.0)
-_ARM = (1.0,)
 
 # (message, interval [us]): what the phases wait for, often enough that they never wait long.
 _STREAMS = (
@@ -91,6 +87,7 @@ class GroundStation:
         self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
         self._heartbeats = Heartbeats(self._wire)
         self._commands = Commands(self._wire)
+        self._mission = tuple(mission)
         self._upload = MissionUpload(self._wire, mission)
         self._health = Health()
         self._progress = Progress(mission)
@@ -101,7 +98,8 @@ class GroundStation:
         self._phase_since_ns = 0
         self._preflight_since_ns = 0
         self._streams_asked = 0
-        self._mode_set = False
+        self._steps: tuple[Step, ...] = ()  # into the air, those not yet taken
+        self._asked: Step | None = None
         self._armings = 0
         self._retry_ns = 0
         self._t_ns = 0
@@ -195,7 +193,10 @@ class GroundStation:
             self._commands.ask(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
             return
         if self._fly:
-            self._upload.start(t_ns)
+            autopilot = self._heartbeats.autopilot
+            self._steps = start_steps(autopilot)
+            self._progress.first_seq = first_seq(autopilot)
+            self._upload.start(t_ns, items_for(autopilot, self._mission))
             self._enter(Phase.UPLOADING, t_ns)
         else:
             self._enter(Phase.ARMING, t_ns)
@@ -215,41 +216,46 @@ class GroundStation:
             )
 
     def _arming(self, t_ns: int) -> None:
-        if self._heartbeats.armed and (self._mode_set or not self._fly):
+        armed = self._heartbeats.armed
+        while self._steps and self._steps[0].arms and armed:
+            self._steps = self._steps[1:]
+        if armed and not self._steps:
             self._enter(Phase.FLYING, t_ns)
             return
-        if not self._fly:
-            return
         commands = self._commands
-        if commands.busy or t_ns < self._retry_ns:
+        if not self._steps or commands.busy or t_ns < self._retry_ns:
             return
-        asked = "arm" if self._mode_set else "enter mode AUTO.MISSION"
         result, commands.result = commands.result, None
-        if result == ACCEPTED:
-            if self._mode_set:
-                self._armings += 1
-                if self._armings > _ARMINGS_LIMIT:
-                    raise refused(
-                        f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
-                        f"it is armed{self._texts.last()}"
-                    )
-                self._retry_ns = t_ns + _RETRY_NS  # the heartbeat will say so
+        asked, self._asked = self._asked, None
+        if result == ACCEPTED and asked is not None:
+            if not asked.arms:
+                self._steps = self._steps[1:]
+                self._arming(t_ns)
                 return
-            self._mode_set = True
-        elif result is not None:
-            waited_ns = t_ns - self._preflight_since_ns
-            if result != TEMPORARILY_REJECTED or waited_ns >= self._preflight_limit_ns:
+            self._armings += 1
+            if self._armings > _ARMINGS_LIMIT:
                 raise refused(
-                    f"the vehicle was asked to {asked} and answered {enum_name('MAV_RESULT', result)} "
+                    f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
+                    f"it is armed{self._texts.last()}"
+                )
+            self._retry_ns = t_ns + _RETRY_NS  # the heartbeat will say so
+            return
+        if result is not None and asked is not None:
+            waited_ns = t_ns - self._preflight_since_ns
+            if result not in self._for_now() or waited_ns >= self._preflight_limit_ns:
+                raise refused(
+                    f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
                     f"{waited_ns / NS_PER_S:.1f} s after the upload{self._texts.last()}"
                 )
             self._retry_ns = t_ns + _RETRY_NS
             return
         self._retry_ns = 0
-        if self._mode_set:
-            commands.ask(t_ns, _COMPONENT_ARM_DISARM, _ARM)
-        else:
-            commands.ask(t_ns, _DO_SET_MODE, _AUTO_MISSION)
+        self._asked = self._steps[0]
+        commands.ask(t_ns, self._asked.command, self._asked.params)
+
+    def _for_now(self) -> tuple[int, ...]:
+        """Results that may be another one a second later. ArduPilot says FAILED for everything that is not yet so."""
+        return (TEMPORARILY_REJECTED, FAILED) if self._heartbeats.autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)
 
     def _flying(self, t_ns: int) -> None:
         progress = self._progress
@@ -272,7 +278,7 @@ class GroundStation:
             self._retry_ns = t_ns + _SETTLE_NS
         elif self._must_land and progress.completed and not self._commands.busy:
             self._must_land = False
-            self._commands.ask(t_ns, _DO_SET_MODE, _AUTO_LAND)
+            self._commands.ask(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
 
     def _landed(self, t_ns: int) -> None:
         if t_ns >= self._retry_ns:
