@@ -1,0 +1,107 @@
+"""Was the timing of a free-running run good enough for the autopilot's estimator? In words, with what to do.
+
+PX4 stamps HIL samples on arrival, so a late sample is an acceleration at the wrong time. Known: with 2.6 % of the
+samples more than 20 ms late PX4 reported "High Accelerometer Bias" and hovered 1.75 m too high, and long stalls ended
+in its flight termination. The other limits stand well below that, by choice, so that a person is told before the flight
+is spoilt: a warning doubts the flight's figures, an error says that they are not the vehicle's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from firmware_bridge.links.actuator_age import ActuatorAge
+from firmware_bridge.links.deadline_schedule import DeadlineSchedule
+from firmware_bridge.links.send_stats import SendStats
+from hil.signals.time import NS_PER_MS
+
+LATE_SHARE_WARNING = 0.001  # of the samples more than 20 ms late, or never sent
+LATE_SHARE_ERROR = 0.01  # 2.6 % was seen to do harm
+P999_WARNING_NS = 5 * NS_PER_MS  # more than one period of 250 Hz: samples change their order in time
+STALL_WARNING_NS = 50 * NS_PER_MS
+STALL_ERROR_NS = 200 * NS_PER_MS
+ACTUATOR_AGE_P99_WARNING_NS = 20 * NS_PER_MS  # about 200 Hz is normal: p99 below 10 ms
+SHARE_NEEDS = 100  # frames sent, below which no share is judged
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing wrong with a run's timing."""
+
+    level: Literal["warning", "error"]
+    text: str
+
+
+def judge_sending(stats: SendStats, schedule: DeadlineSchedule | None = None) -> list[Finding]:
+    """What was wrong with the samples' timing; empty if nothing was. Errors first."""
+    findings: list[Finding] = []
+    lost = stats.dropped + stats.refused
+    slips = 0 if schedule is None else schedule.slip_count  # each a hole longer than 20 ms before one sample
+    offered = stats.sent + lost
+    bad = stats.late_20ms + lost + slips
+    if offered >= SHARE_NEEDS and bad / offered > LATE_SHARE_WARNING:
+        level: Literal["warning", "error"] = "error" if bad / offered > LATE_SHARE_ERROR else "warning"
+        findings.append(Finding(level, _late_text(bad, offered, lost) + _remedy(stats)))
+    longest_ns = stats.longest_gap_ns
+    if longest_ns > STALL_WARNING_NS:
+        level = "error" if longest_ns > STALL_ERROR_NS else "warning"
+        text = f"the samples stopped for {longest_ns / NS_PER_MS:.0f} ms: long stalls end in PX4's termination"
+        findings.append(Finding(level, text + _remedy(stats)))
+    p999_ns = stats.lateness.quantile_ns(0.999)
+    if stats.sent >= SHARE_NEEDS and p999_ns > P999_WARNING_NS and not findings:
+        text = f"one sample in a thousand was more than {p999_ns / NS_PER_MS:.1f} ms late (p99.9; good is below 5 ms)"
+        findings.append(Finding("warning", text + _remedy(stats)))
+    if stats.stalled and offered and stats.stalled / offered > LATE_SHARE_WARNING:
+        text = (
+            f"{stats.stalled} of {offered} frames met a full line: the link carries less than is sent; "
+            "use USB or 921600 baud, and lower the autopilot's telemetry rates"
+        )
+        findings.append(Finding("warning", text))
+    if schedule is not None:
+        findings += _judge_schedule(schedule)
+    return sorted(findings, key=lambda finding: finding.level != "error")
+
+
+def judge_actuators(age: ActuatorAge) -> list[Finding]:
+    """What was wrong with the commands that came back; empty if nothing was."""
+    findings: list[Finding] = []
+    p99_ns = age.age.quantile_ns(0.99)
+    if age.age.count >= SHARE_NEEDS and p99_ns > ACTUATOR_AGE_P99_WARNING_NS:
+        text = (
+            f"one tick in a hundred used an actuator command older than {p99_ns / NS_PER_MS:.0f} ms: the control loop "
+            "is slower than in flight; is the link fast enough for about 200 commands per second?"
+        )
+        findings.append(Finding("warning", text))
+    if age.gap_count:
+        longest_ns = max(gap.length_ns for gap in age.gaps)
+        text = (
+            f"the actuator commands stopped {age.gap_count} times for more than {age.gap_ns / NS_PER_MS:.0f} ms "
+            f"(up to {longest_ns / NS_PER_MS:.0f} ms); meanwhile the motors kept their last command"
+        )
+        findings.append(Finding("warning", text))
+    return findings
+
+
+def _late_text(bad: int, offered: int, lost: int) -> str:
+    never = f", {lost} of them never sent" if lost else ""
+    return (
+        f"{100 * bad / offered:.2g} % of the samples were more than 20 ms late ({bad} of {offered}{never}); at 2.6 % "
+        "PX4 reports High Accelerometer Bias and hovers at a wrong height"
+    )
+
+
+def _remedy(stats: SendStats) -> str:
+    if stats.scheduling.startswith("SCHED_FIFO"):
+        return "; end other programs on this computer, or use a faster one"
+    return f"; the sender ran with {stats.scheduling}"
+
+
+def _judge_schedule(schedule: DeadlineSchedule) -> list[Finding]:
+    if not schedule.slip_count:
+        return []
+    text = (
+        f"the bench could not keep up with the wall clock: {schedule.slip_count} slips, simulated time is "
+        f"{schedule.slipped_ns / NS_PER_MS:.0f} ms behind; end other programs, or switch off slow sensors"
+    )
+    return [Finding("warning", text)]

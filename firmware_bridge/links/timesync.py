@@ -1,0 +1,151 @@
+"""Two clocks related by MAVLink TIMESYNC: the autopilot's time since boot and the bench's monotonic clock.
+
+    we ask     tc1 = 0, ts1 = t1 (our clock)
+    it answers tc1 = t  (its clock), ts1 = t1
+    we hear it at t2 (our clock)
+
+    rtt    = t2 - t1
+    offset = t - (t1 + t2) / 2          its clock minus ours, wrong by at most rtt / 2
+
+Queues only ever add to a round trip, so of several answers the one with the shortest is the best one (the clock filter
+of RFC 5905): one best answer is kept per block of time, and a line through the blocks gives the drift. An answer that
+contradicts the best one by more than both uncertainties allow means that the autopilot's clock jumped (it rebooted):
+all is begun anew. Times are passed in; nothing here looks at a clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from hil.signals.latency import LatencyHistogram
+from hil.signals.time import NS_PER_MS, NS_PER_S, period_ns_from_hz
+
+TIMESYNC = MSGID["TIMESYNC"]
+_Timesync = message_class("TIMESYNC")
+
+_BLOCK_NS = 2 * NS_PER_S
+_BLOCKS = 60  # the drift is that of the last two minutes
+_DRIFT_SPAN_NS = 10 * NS_PER_S  # below this the line through the blocks is mostly jitter
+_OUTSTANDING = 64
+# Crystals are within 100 ppm; this bound only has to tell a drift from a jump.
+_MAX_DRIFT = 500e-6
+_MIN_JUMP_NS = NS_PER_MS
+
+
+class ClockReading(NamedTuple):
+    """One answer: at `t_ns` of our clock theirs was `offset_ns` ahead, to within half of `rtt_ns`."""
+
+    t_ns: int
+    offset_ns: int
+    rtt_ns: int
+
+
+class TimeSync:
+    """Asks at `rate_hz` and keeps the relation of the clocks. `rtt` and `resets` are for the report."""
+
+    def __init__(self, *, rate_hz: float = 10.0) -> None:
+        self.rtt = LatencyHistogram()
+        self.resets = 0  # jumps of the autopilot's clock
+        self.unmatched = 0  # answers to questions that were not ours, or came twice
+        self._period_ns = period_ns_from_hz(rate_hz)
+        self._next_ns: int | None = None
+        self._asked: deque[int] = deque(maxlen=_OUTSTANDING)
+        self._blocks: deque[ClockReading] = deque(maxlen=_BLOCKS)  # best of each block, the last one still open
+        self._block_start_ns = 0
+
+    def request(self, now_ns: int) -> bytes | None:
+        """Payload of the question to send at `now_ns`, or None while none is due."""
+        if self._next_ns is not None and now_ns < self._next_ns:
+            return None
+        # From now, not from when it was due: after a pause one question is enough.
+        self._next_ns = now_ns + self._period_ns
+        self._asked.append(now_ns)
+        return pack(_Timesync(0, now_ns))
+
+    def take(self, frame: Frame, now_ns: int) -> ClockReading | None:
+        """A TIMESYNC heard at `now_ns`: the reading if it answers a question of ours, else None."""
+        message = unpack(frame)
+        if message.tc1 == 0:
+            return None  # the autopilot's own question
+        if message.ts1 not in self._asked:
+            self.unmatched += 1
+            return None
+        self._asked.remove(message.ts1)
+        rtt_ns = now_ns - message.ts1
+        if rtt_ns < 0:
+            self.unmatched += 1
+            return None
+        reading = ClockReading(now_ns, message.tc1 - (message.ts1 + now_ns) // 2, rtt_ns)
+        self.rtt.add(rtt_ns)
+        if self._jumped(reading):
+            self.resets += 1
+            self._blocks.clear()
+        self._keep(reading)
+        return reading
+
+    def _jumped(self, reading: ClockReading) -> bool:
+        if not self._blocks:
+            return False
+        last = self._blocks[-1]
+        drifted_ns = _MAX_DRIFT * (reading.t_ns - last.t_ns)
+        allowed_ns = (reading.rtt_ns + last.rtt_ns) / 2 + drifted_ns + _MIN_JUMP_NS
+        return abs(reading.offset_ns - last.offset_ns) > allowed_ns
+
+    def _keep(self, reading: ClockReading) -> None:
+        if not self._blocks or reading.t_ns - self._block_start_ns >= _BLOCK_NS:
+            self._block_start_ns = reading.t_ns
+            self._blocks.append(reading)
+        elif reading.rtt_ns < self._blocks[-1].rtt_ns:
+            self._blocks[-1] = reading
+
+    @property
+    def drift_ppm(self) -> float | None:
+        """How much faster the autopilot's clock runs than ours; None before 10 s of answers."""
+        drift = self._line()
+        return None if drift is None else drift * 1e6
+
+    def _line(self) -> float | None:
+        """Slope of offset over our time: least squares, each block weighted by how certain it is."""
+        blocks = self._blocks
+        if len(blocks) < 3 or blocks[-1].t_ns - blocks[0].t_ns < _DRIFT_SPAN_NS:
+            return None
+        t0_ns, offset0_ns = blocks[0].t_ns, blocks[0].offset_ns  # small numbers: floats hold them exactly
+        rows = [(1.0 / (b.rtt_ns + 1) ** 2, float(b.t_ns - t0_ns), float(b.offset_ns - offset0_ns)) for b in blocks]
+        total = sum(w for w, _, _ in rows)
+        t_mean = sum(w * t for w, t, _ in rows) / total
+        y_mean = sum(w * y for w, _, y in rows) / total
+        spread = sum(w * (t - t_mean) ** 2 for w, t, _ in rows)
+        if spread <= 0.0:
+            return None
+        return sum(w * (t - t_mean) * (y - y_mean) for w, t, y in rows) / spread
+
+    def best(self) -> ClockReading | None:
+        """The most certain reading of the last blocks, allowing for drift since; None before the first answer."""
+        if not self._blocks:
+            return None
+        now_ns = self._blocks[-1].t_ns
+        return min(self._blocks, key=lambda b: b.rtt_ns / 2 + _MAX_DRIFT * (now_ns - b.t_ns))
+
+    def offset_ns(self, t_ns: int) -> int | None:
+        """The autopilot's clock minus ours at `t_ns` of ours; None before the first answer."""
+        best = self.best()
+        if best is None:
+            return None
+        return best.offset_ns + round((self._line() or 0.0) * (t_ns - best.t_ns))
+
+    def ours_ns(self, theirs_ns: int) -> int | None:
+        """The instant of our clock at which the autopilot's showed `theirs_ns`; None before the first answer."""
+        best = self.best()
+        if best is None:
+            return None
+        since_ns = theirs_ns - (best.t_ns + best.offset_ns)
+        return best.t_ns + round(since_ns / (1.0 + (self._line() or 0.0)))
+
+
+def answer(frame: Frame, now_ns: int) -> bytes | None:
+    """Payload that answers another's question in `frame`, with our clock; None if it is no question."""
+    message = unpack(frame)
+    return pack(_Timesync(now_ns, message.ts1)) if message.tc1 == 0 else None

@@ -1,0 +1,167 @@
+"""Age of actuator commands, and what a run's timing is judged to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import pytest
+
+from firmware_bridge.links.actuator_age import ActuatorAge
+from firmware_bridge.links.deadline_schedule import DeadlineSchedule
+from firmware_bridge.links.realtime_health import judge_actuators, judge_sending
+from firmware_bridge.links.send_stats import CountedHistogram, SendStats
+from hil.signals.latency import LatencyHistogram
+
+MS = 1_000_000
+
+
+def stats(lateness_ns: Iterable[int], *, scheduling: str = "SCHED_FIFO 80, memory locked", **counts: int) -> SendStats:
+    all_ns = list(lateness_ns)
+    histogram = LatencyHistogram()
+    for each in all_ns:
+        histogram.add(each)
+    settled = {"dropped": 0, "stale": 0, "longest_gap_ns": 4 * MS, "refused": 0, "stalled": 0, "pending": 0, **counts}
+    return SendStats(
+        lateness=histogram,
+        pushed=len(all_ns) + settled["dropped"],
+        sent=len(all_ns),
+        late_2ms=sum(each > 2 * MS for each in all_ns),
+        late_20ms=sum(each > 20 * MS for each in all_ns),
+        worst=(),
+        scheduling=scheduling,
+        **settled,
+    )
+
+
+GOOD = [60_000] * 10_000
+
+
+def test_good_timing_has_no_findings() -> None:
+    assert judge_sending(stats(GOOD)) == []
+    assert judge_sending(stats([])) == []
+    # One hiccup in 10 000, as every computer has: below all limits.
+    assert judge_sending(stats([*GOOD, 21 * MS])) == []
+
+
+@pytest.mark.parametrize(
+    ("late", "level"), [(10, None), (11, "warning"), (100, "warning"), (102, "error"), (260, "error")]
+)
+def test_share_of_harmfully_late_samples(late: int, level: str | None) -> None:
+    findings = judge_sending(stats([60_000] * (10_000 - late) + [25 * MS] * late))
+    text = [f for f in findings if "more than 20 ms late" in f.text]
+    assert [f.level for f in text] == ([] if level is None else [level])
+    if level:
+        assert f"({late} of 10000)" in text[0].text
+        assert "High Accelerometer Bias" in text[0].text
+
+
+def test_samples_never_sent_count_as_late() -> None:
+    (finding,) = judge_sending(stats(GOOD, dropped=150, refused=50))
+    assert finding.level == "error"
+    assert "200 of 10200, 200 of them never sent" in finding.text
+
+
+@pytest.mark.parametrize(("ms", "level"), [(49, None), (60, "warning"), (250, "error")])
+def test_one_long_stall(ms: int, level: str | None) -> None:
+    assert [f.level for f in judge_sending(stats([*GOOD, ms * MS], longest_gap_ns=ms * MS))] == (
+        [] if level is None else [level]
+    )
+
+
+def test_p999_is_judged_below_the_harmful_limit() -> None:
+    (finding,) = judge_sending(stats([60_000] * 9_900 + [7 * MS] * 100))
+    assert finding.level == "warning"
+    assert "p99.9" in finding.text
+
+
+def test_the_remedy_depends_on_the_scheduling_that_was_granted() -> None:
+    late = [25 * MS] * 100
+    refused = "normal scheduling (no permission for SCHED_FIFO 80: to get it, add ...), memory not locked"
+    assert any(refused in f.text for f in judge_sending(stats(late, scheduling=refused)))
+    assert all("end other programs" in f.text for f in judge_sending(stats(late)))
+
+
+def test_a_full_line_is_named() -> None:
+    (finding,) = judge_sending(stats(GOOD, stalled=20))
+    assert "921600" in finding.text
+
+
+def _schedule_behind_by(ns: int) -> DeadlineSchedule:
+    now = [0]
+    clock: Callable[[], int] = lambda: now[0]  # noqa: E731
+    schedule = DeadlineSchedule(period_ns=4 * MS, lead_ns=0, clock_ns=clock, sleep_s=lambda s: None)
+    schedule.wait_until_due(0)
+    now[0] = 4 * MS + ns
+    schedule.wait_until_due(1)
+    return schedule
+
+
+def test_a_slip_is_a_hole_in_the_samples_though_none_was_late() -> None:
+    assert judge_sending(stats(GOOD), _schedule_behind_by(19 * MS)) == []
+    (finding,) = judge_sending(stats(GOOD), _schedule_behind_by(30 * MS))
+    assert "1 slips, simulated time is 30 ms behind" in finding.text
+    findings = judge_sending(stats(GOOD, longest_gap_ns=304 * MS), _schedule_behind_by(300 * MS))
+    assert [f.level for f in findings] == ["error", "warning"]
+    assert "304 ms" in findings[0].text
+
+
+def test_a_histogram_from_counts_is_the_histogram() -> None:
+    direct = LatencyHistogram()
+    for k in range(2000):
+        direct.add(k * k * 31)
+    copy = CountedHistogram(direct._bins, total_ns=direct.total_ns, max_ns=direct.max_ns)
+    assert copy.count == 2000
+    assert copy.bins() == direct.bins()
+    assert copy.mean_ns == direct.mean_ns
+    for q in (0.0, 0.5, 0.99, 0.999, 1.0):
+        assert copy.quantile_ns(q) == direct.quantile_ns(q)
+    with pytest.raises(ValueError, match="3 bins"):
+        CountedHistogram([1, 2, 3], total_ns=0, max_ns=0)
+
+
+def test_age_of_a_regular_stream() -> None:
+    age = ActuatorAge()
+    assert age.used(0) is None
+    arrivals = [k * 5 * MS for k in range(1, 401)]  # 200 Hz
+    ticks = [k * 4 * MS + 1 * MS for k in range(1, 500)]  # 250 Hz
+    events = sorted([(t, 0) for t in arrivals] + [(t, 1) for t in ticks])
+    ages = []
+    for t, is_tick in events:
+        if is_tick:
+            ages.append(age.used(t))
+        else:
+            age.arrived(t)
+    # Ticks at 4k+1 ms: ages cycle through 0, 4, 3, 2, 1 ms; every fifth tick uses the command of the tick before it.
+    assert ages[:5] == [0, 4 * MS, 3 * MS, 2 * MS, 1 * MS]
+    assert age.age.count == 499
+    assert age.age.max_ns == 4 * MS
+    assert age.before_first == 1
+    assert age.held == 499 - 399, "400 arrive, the last one after the last tick's"
+    assert age.superseded == 0
+    assert age.interval.quantile_ns(0.5) == pytest.approx(5 * MS, rel=0.02)
+    age.finish(2000 * MS + 19 * MS)
+    assert age.gap_count == 0
+    assert judge_actuators(age) == []
+
+
+def test_gaps_superseded_and_the_silence_at_the_end() -> None:
+    age = ActuatorAge()
+    for t in (0, 1, 2, 25, 30):
+        age.arrived(t * MS)
+    assert age.superseded == 4
+    assert age.gaps == [(25 * MS, 23 * MS)]
+    age.used(31 * MS)
+    age.finish(131 * MS)
+    assert age.gaps[-1] == (131 * MS, 101 * MS)
+    assert age.gap_count == 2
+    (finding,) = judge_actuators(age)
+    assert "2 times for more than 20 ms (up to 101 ms)" in finding.text
+
+
+def test_old_commands_are_a_warning() -> None:
+    age = ActuatorAge(gap_ns=10**12)
+    for k in range(200):
+        age.arrived(k * 30 * MS)
+        age.used(k * 30 * MS + 25 * MS)
+    (finding,) = judge_actuators(age)
+    assert "older than 25 ms" in finding.text
