@@ -84,7 +84,8 @@ class Hitl:
                 self._firmware.handle(frame)
         if not self.silent:
             self._run()
-        return self._outbox.take()
+        out = self._outbox.take()
+        return b"" if self._misbehaviour.stalled(self._firmware.vehicle.now_us) else out
 
     def _run(self) -> None:
         firmware = self._firmware

@@ -24,7 +24,7 @@ class SimulatedTime:
 
 
 class Cable:
-    """Between bench and board: brings each write `delay_us(tick)` late, in order, and lets the board run by its clock."""
+    """Between bench and board: brings each write `delay_us(tick)` late, in order, while the board runs by its clock."""
 
     def __init__(self, board: MockPixhawk, time: SimulatedTime) -> None:
         self.board, self.time = board, time
