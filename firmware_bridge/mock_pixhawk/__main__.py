@@ -1,6 +1,6 @@
 """The mock Pixhawk as a process on a serial port.
 
-    python -m firmware_bridge.mock_pixhawk --port /dev/pts/7 [--airframe x500] [--param NAME=VALUE ...]
+    python -m firmware_bridge.mock_pixhawk --port /dev/pts/7 [--hitl] [--airframe x500] [--param NAME=VALUE ...]
 
 Exit status: 0 when the port hangs up, the parent process ends or on SIGTERM; 2 for wrong arguments; 3 when the port
 cannot be opened; 70 for the injected fault `die`.
@@ -10,21 +10,20 @@ from __future__ import annotations
 
 import argparse
 import os
-import select
 import signal
 import sys
 from collections.abc import Callable, Sequence
 
 import serial
 
-from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.autopilot import DEFAULT_BAUD, MockPixhawk
+from firmware_bridge.mock_pixhawk.board_clock import BoardClock
 from firmware_bridge.mock_pixhawk.faults import EXIT_STATUS_DIED, Died, parse_fault
+from firmware_bridge.mock_pixhawk.line import serve
 from firmware_bridge.mock_pixhawk.params import airframes
 from hil.signals.errors import ConfigError
 
-_READ_SIZE = 65536
-_PARENT_CHECK_MS = 1000  # how often a silent line is taken as a reason to look for the parent process
-_HANG_UP = select.POLLHUP | select.POLLERR | select.POLLNVAL
+_MAX_DRIFT_PPM = 10_000.0
 
 
 def _whole_number(least: int, most: int) -> Callable[[str], int]:
@@ -38,17 +37,31 @@ def _whole_number(least: int, most: int) -> Callable[[str], int]:
     return parse
 
 
+def _ppm(text: str) -> float:
+    """Type of a clock's drift."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = _MAX_DRIFT_PPM + 1.0
+    if not abs(value) <= _MAX_DRIFT_PPM:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from -{_MAX_DRIFT_PPM:g} to {_MAX_DRIFT_PPM:g}")
+    return value
+
+
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m firmware_bridge.mock_pixhawk", description="Mock Pixhawk.")
     parser.add_argument("--port", required=True, help="serial device to talk on, such as /dev/pts/7")
     parser.add_argument(
-        "--baud", type=_whole_number(1200, 12_000_000), default=921600, help="of a real serial line (default 921600)"
+        "--baud",
+        type=_whole_number(1200, 12_000_000),
+        default=DEFAULT_BAUD,
+        help=f"of a real serial line (default {DEFAULT_BAUD}); with --hitl a slow line means no HIL, as on PX4",
     )
     parser.add_argument("--airframe", default="x500", help=f"one of {', '.join(airframes())} (default x500)")
     parser.add_argument(
         "--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first answer"
     )
-    parser.add_argument("--sysid", type=_whole_number(1, 250), default=1, help="MAVLink system id (default 1)")
+    parser.add_argument("--sysid", type=_whole_number(1, 250), help="MAVLink system id (default: MAV_SYS_ID, 1)")
     parser.add_argument(
         "--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter; repeatable"
     )
@@ -58,40 +71,16 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         action="store_true",
         help="do not fall silent, as PX4 does, when OFFBOARD is selected while disarmed without set-points",
     )
+    parser.add_argument(
+        "--hitl",
+        action="store_true",
+        help="run by the board's own clock, as a real board with SYS_HITL=1; without it in lockstep, as PX4 SITL",
+    )
+    parser.add_argument(
+        "--clock-offset-us", type=_whole_number(0, 1 << 50), default=0, help="HITL: what the clock shows at power-on"
+    )
+    parser.add_argument("--clock-drift-ppm", type=_ppm, default=0.0, help="HITL: how much too fast the clock runs")
     return parser.parse_args(argv)
-
-
-def _serve(autopilot: MockPixhawk, fd: int) -> None:
-    """Answer what arrives on `fd` until the other side hangs up or the parent is gone."""
-    parent = os.getppid()
-    poll = select.poll()
-    poll.register(fd, select.POLLIN)
-    wait, read, feed = poll.poll, os.read, autopilot.feed
-    try:
-        _write(fd, autopilot.boot())
-        while True:
-            events = wait(_PARENT_CHECK_MS)
-            if not events:
-                if os.getppid() != parent:
-                    return
-                continue
-            if events[0][1] & _HANG_UP:
-                return
-            data = read(fd, _READ_SIZE)
-            if not data:
-                return
-            out = feed(data)
-            if out:
-                _write(fd, out)
-    except OSError:
-        # EIO: the other end of the line was closed. There is nobody left to tell.
-        return
-
-
-def _write(fd: int, data: bytes) -> None:
-    written = os.write(fd, data)
-    while written < len(data):
-        written += os.write(fd, data[written:])
 
 
 def _end(signum: int, frame: object) -> None:  # noqa: ARG001
@@ -110,6 +99,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             params=arguments.param,
             faults=[parse_fault(text) for text in arguments.fault],
             offboard_silence=not arguments.answer_offboard,
+            mode="hitl" if arguments.hitl else "lockstep",
+            clock=BoardClock(offset_us=arguments.clock_offset_us, drift_ppm=arguments.clock_drift_ppm),
+            baud=arguments.baud,
         )
     except ConfigError as error:
         print(f"mock_pixhawk: {error}", file=sys.stderr)  # noqa: T201
@@ -119,9 +111,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (serial.SerialException, ValueError) as error:
         print(f"mock_pixhawk: cannot open {arguments.port}: {error}", file=sys.stderr)  # noqa: T201
         return 3
-    os.set_blocking(line.fileno(), True)
     try:
-        _serve(autopilot, line.fileno())
+        serve(autopilot, line.fileno())
     except Died as death:
         print(f"mock_pixhawk: {death}", file=sys.stderr, flush=True)  # noqa: T201
         os._exit(EXIT_STATUS_DIED)  # no clean-up: a crash has none

@@ -19,7 +19,7 @@ from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.navigator import Navigator
 from firmware_bridge.mock_pixhawk.offboard import Offboard
 from firmware_bridge.mock_pixhawk.params import ParamTable
-from firmware_bridge.mock_pixhawk.preflight import Preflight
+from firmware_bridge.mock_pixhawk.preflight import BIAS, Preflight
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Home, Vehicle
 
@@ -44,12 +44,16 @@ class Commander:
         say: Callable[[Severity, str], None],
         silence: Callable[[], None],
         offboard_silence: bool,
+        hitl: bool = False,
     ) -> None:
         self._vehicle, self._estimate, self._guidance, self._params = vehicle, estimate, guidance, params
         self._preflight, self._failsafe = preflight, failsafe
         self._navigator, self._offboard = navigator, offboard
         self._say, self._silence = say, silence
         self._offboard_silence = offboard_silence
+        self._hitl = hitl
+        self._bias_said = False
+        self._sensors_came = False  # all of them, in HITL
         self.hold = Hold(guidance, vehicle)
         self.takeoff = Takeoff(guidance, vehicle, params)
         by_attitude = ByAttitude(guidance, vehicle, params, holds_altitude=False)
@@ -192,14 +196,21 @@ class Commander:
         self._next_ready_us = now_us
 
     def terminate(self, now_us: int) -> None:
-        """Flight termination. In the air PX4 falls silent: its last message holds hover thrust and the armed bit."""
+        """Flight termination, once and for all: motors off until the next boot.
+
+        In lockstep PX4 falls silent in the air: its last answer holds hover thrust and the armed bit.
+        """
         vehicle = self._vehicle
+        if vehicle.terminated:
+            return
         vehicle.terminated = True
+        self._say(Severity.EMERGENCY, "Flight termination active")
         if vehicle.armed and not vehicle.landed:
-            self._say(Severity.EMERGENCY, "Flight termination activated")
+            self._navigator.stop()
+            self._guidance.off()
             self._silence()
         elif vehicle.armed:
-            self._disarm(now_us, "Flight termination activated: disarmed")
+            self._disarm(now_us, "Disarmed by flight termination")
 
     # -- every guidance step ------------------------------------------------------------------------------------
 
@@ -209,7 +220,7 @@ class Commander:
         if now_us >= self._next_ready_us:
             self._next_ready_us = now_us + _READY_PERIOD_US
             self._check_ready(now_us)
-        if not vehicle.armed:
+        if not vehicle.armed or vehicle.terminated:
             return
         self._act(self._failsafe.check(now_us), now_us)
         if not vehicle.armed or vehicle.terminated:
@@ -228,12 +239,25 @@ class Commander:
         if vehicle.home is None:
             self.set_home_here()
         vehicle.ready = not self._preflight.failures(now_us, Mode.LOITER)
+        self._check_arrivals()
         if vehicle.armed:
             return
-        for failure in self._preflight.sensor_failures(now_us):
-            if failure.endswith("STALE") and failure not in self._said:
+        failures = self._preflight.sensor_failures(now_us)
+        if self._hitl and not failures:
+            self._sensors_came = True
+            self._said.clear()
+        for failure in failures:
+            # Before the bench has connected, samples that do not come are no news.
+            news = failure.endswith("STALE") or self._sensors_came
+            if news and failure not in self._said:
                 self._said.add(failure)
                 self._say(Severity.CRITICAL, f"Preflight Fail: {failure}")
+
+    def _check_arrivals(self) -> None:
+        bad = self._preflight.arrivals_bad
+        if bad and not self._bias_said:
+            self._say(Severity.CRITICAL, BIAS if self._vehicle.armed else f"Preflight Fail: {BIAS}")
+        self._bias_said = bad
 
     def _act(self, action: Action | None, now_us: int) -> None:
         if action is None:

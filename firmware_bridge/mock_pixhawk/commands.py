@@ -48,10 +48,17 @@ class Commands:
     """The handlers. `run(command, now_us)` gives the result to be acknowledged."""
 
     def __init__(
-        self, commander: Commander, navigator: Navigator, vehicle: Vehicle, estimate: Estimate, streams: Streams
+        self,
+        commander: Commander,
+        navigator: Navigator,
+        vehicle: Vehicle,
+        estimate: Estimate,
+        streams: Streams,
+        reboot: Callable[[], None],
     ) -> None:
         self._commander, self._navigator = commander, navigator
         self._vehicle, self._estimate, self._streams = vehicle, estimate, streams
+        self._reboot = reboot
         self._handlers: dict[int, Callable[[Command, int], Result]] = {
             Cmd.COMPONENT_ARM_DISARM: self._arm_disarm,
             Cmd.DO_SET_MODE: self._set_mode,
@@ -63,6 +70,7 @@ class Commands:
             Cmd.DO_SET_HOME: self._set_home,
             Cmd.DO_SET_MISSION_CURRENT: self._set_mission_current,
             Cmd.DO_FLIGHTTERMINATION: self._terminate,
+            Cmd.PREFLIGHT_REBOOT_SHUTDOWN: self._reboot_shutdown,
             Cmd.MISSION_START: self._mission_start,
             Cmd.GET_HOME_POSITION: self._get_home,
             Cmd.SET_MESSAGE_INTERVAL: self._set_interval,
@@ -152,6 +160,15 @@ class Commands:
             return Result.DENIED
         self._commander.terminate(now_us)
         return Result.ACCEPTED
+
+    def _reboot_shutdown(self, c: Command, now_us: int) -> Result:  # noqa: ARG002
+        """Parameter 1: 0 nothing, 1 reboot. There is no power switch and no bootloader here."""
+        if self._vehicle.armed:
+            return Result.DENIED
+        if c.p1 == 1.0:
+            self._reboot()
+            return Result.ACCEPTED
+        return Result.ACCEPTED if c.p1 == 0.0 else Result.DENIED
 
     def _mission_start(self, c: Command, now_us: int) -> Result:
         if not self._navigator.items:

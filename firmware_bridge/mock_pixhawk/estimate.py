@@ -35,6 +35,7 @@ class Estimate:
         self._vehicle = vehicle
         self._state: list[float] = self._view.tolist()
         self._copied_at_us = -1
+        self.overwritten = False  # by HIL_STATE_QUATERNION: nothing here is an estimate any more
 
     def refresh(self, now_us: int) -> None:
         """Copy the state, once per `now_us`."""
@@ -58,11 +59,11 @@ class Estimate:
 
     @property
     def attitude_ok(self) -> bool:
-        return self._state[_ATTITUDE_OK] != 0.0
+        return self._state[_ATTITUDE_OK] != 0.0 and not self.overwritten
 
     @property
     def position_ok(self) -> bool:
-        return self._state[_POSITION_OK] != 0.0
+        return self._state[_POSITION_OK] != 0.0 and not self.overwritten
 
     @property
     def has_origin(self) -> bool:

@@ -11,11 +11,12 @@ from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.offboard import Offboard
 from firmware_bridge.mock_pixhawk.params import ParamTable
-from firmware_bridge.mock_pixhawk.sensors import ACCEL, BARO, GPS, GYRO, MAG, SensorIntake
+from firmware_bridge.mock_pixhawk.sensors import ACCEL, BARO, GPS, GYRO, LABELS, MAG, SensorIntake
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 _US_PER_S = 1_000_000
 _TERMINATION_BREAKER = 121212
+_HITL_IMU_PATIENCE_US = 2_000_000
 
 
 class Action(Enum):
@@ -56,9 +57,13 @@ class Failsafe:
         offboard: Offboard,
         params: ParamTable,
         say: Callable[[Severity, str], None],
+        *,
+        hitl: bool = False,
     ) -> None:
         self._vehicle, self._estimate, self._sensors = vehicle, estimate, sensors
         self._offboard, self._params, self._say = offboard, params, say
+        # A bench that pauses for a moment is no reason to fall: in HITL a lost IMU is only said at first.
+        self._imu_patience_us = _HITL_IMU_PATIENCE_US if hitl else 0
         self.last_gcs_us: int | None = None
         self.descending_blind = False
         self._raised: dict[str, bool] = {}
@@ -121,7 +126,16 @@ class Failsafe:
         return Action.TERMINATE if p["CBRK_FLIGHTTERM"] != _TERMINATION_BREAKER else None
 
     def _imu(self, now_us: int) -> Action | None:
-        lost = self._sensors.lost(ACCEL, now_us) or self._sensors.lost(GYRO, now_us)
+        sensors = self._sensors
+        lost = sensors.lost(ACCEL, now_us) or sensors.lost(GYRO, now_us)
+        if lost and self._imu_patience_us:
+            for sensor in (ACCEL, GYRO):
+                if self._edge(LABELS[sensor], sensors.lost(sensor, now_us)):
+                    self._say(Severity.EMERGENCY, f"{LABELS[sensor]} #0 failed: TIMEOUT!")
+            silent_us = max(sensors.lost_since_us(ACCEL, now_us), sensors.lost_since_us(GYRO, now_us))
+            lost = silent_us > self._imu_patience_us
+        elif self._imu_patience_us:
+            self._raised[LABELS[ACCEL]] = self._raised[LABELS[GYRO]] = False
         if self._edge("imu", lost):
             self._say(Severity.EMERGENCY, "Failsafe activated: IMU timeout")
             return Action.TERMINATE

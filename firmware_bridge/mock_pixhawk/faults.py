@@ -70,6 +70,10 @@ class Misbehaviour:
         wrong = any(f.kind == "wrong_time" and now_us >= f.t_us for f in self._faults)
         return now_us - 4000 if wrong and now_us >= 4000 else now_us
 
+    def stalled(self, now_us: int) -> bool:
+        """Nothing is said any more."""
+        return any(f.kind == "stall" and now_us >= f.t_us for f in self._faults)
+
     def output(self, now_us: int, telemetry: bytes, reply: bytes) -> bytes:
         """What is written instead of `telemetry + reply`. Raises `Died`."""
         for fault in self._faults:

@@ -16,6 +16,10 @@ from firmware_bridge.mock_pixhawk.vehicle import ManualControl, Vehicle
 _DEAD_ZONE = 0.1  # MPC_HOLD_DZ
 _YAW_RATE_SHARE = 0.5  # full yaw stick in position mode, as a share of MPC_MAN_Y_MAX
 _LOCK_SPEED_MPS = 0.8  # MPC_HOLD_MAX_XY
+_LAND_STICK = -0.5  # in altitude mode the pilot who pushes this far down and does not sink stands on the ground,
+_LAND_SPEED_SHARE = 0.2  # which is sinking less than this share of what is asked
+_LAND_AFTER_US = 300_000  # for this long;
+_LAND_THRUST_SHARE = 0.2  # then thrust falls to this share of hover's, and the land detector finds out
 _CENTRE = ManualControl(0, 0.0, 0.0, 0.5, 0.0)
 
 
@@ -32,13 +36,16 @@ class ByAttitude:
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable, *, holds_altitude: bool) -> None:
         self._guidance, self._vehicle, self._params = guidance, vehicle, params
         self._holds_altitude = holds_altitude
+        self._sinking_us = 0  # when the vehicle last sank as asked, or was not asked to
 
     def start(self, now_us: int) -> None:
-        """Nothing to prepare."""
+        self._sinking_us = now_us
 
-    def step(self, now_us: int) -> Mode | None:  # noqa: ARG002
+    def step(self, now_us: int) -> Mode | None:
         sticks = self._vehicle.manual or _CENTRE
         p, guidance = self._params, self._guidance
+        if self._vehicle.landed:
+            self._sinking_us = now_us
         if self._vehicle.landed and sticks.throttle < (0.55 if self._holds_altitude else 0.1):
             guidance.idle()
             return None
@@ -48,6 +55,10 @@ class ByAttitude:
             climb = _dead(2.0 * sticks.throttle - 1.0)
             limit = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
             thrust = guidance.climb_thrust(-climb * limit)
+            if climb > _LAND_STICK or self._vehicle.v_d > -climb * limit * _LAND_SPEED_SHARE:
+                self._sinking_us = now_us
+            elif now_us - self._sinking_us >= _LAND_AFTER_US:
+                thrust = p["MPC_THR_HOVER"] * _LAND_THRUST_SHARE
         else:
             # PX4's throttle curve: hover thrust at the middle, straight lines to both ends.
             hover, least, t = p["MPC_THR_HOVER"], p["MPC_THR_MIN"], sticks.throttle

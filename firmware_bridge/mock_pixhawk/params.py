@@ -81,17 +81,21 @@ class ParamTable:
     `on_change(name, value)` is called before each change and may refuse it by saying why; `after_change()` after it.
     """
 
-    def __init__(self, native: Iterable[tuple[str, float, float, float]] = ()) -> None:
-        """`native`: name, default, minimum, maximum of the flight core's parameters (not in `parameters.txt`)."""
+    def __init__(self, native: Iterable[tuple[str, float, float, float]] = (), *, hitl: bool = False) -> None:
+        """`native`: name, default, minimum, maximum of the flight core's parameters (not in `parameters.txt`).
+
+        `hitl`: with those that only a board built for HITL has (`parameters_hitl.txt`).
+        """
         params: dict[str, Param] = {}
-        for _, (name, kind, default, minimum, maximum) in _lines(_HERE / "parameters.txt"):
-            params[name] = Param(
-                name,
-                TYPE_INT32 if kind == "INT32" else TYPE_REAL32,
-                float(default),
-                _limit(minimum, float("-inf")),
-                _limit(maximum, float("inf")),
-            )
+        for file in ("parameters.txt", "parameters_hitl.txt") if hitl else ("parameters.txt",):
+            for _, (name, kind, default, minimum, maximum) in _lines(_HERE / file):
+                params[name] = Param(
+                    name,
+                    TYPE_INT32 if kind == "INT32" else TYPE_REAL32,
+                    float(default),
+                    _limit(minimum, float("-inf")),
+                    _limit(maximum, float("inf")),
+                )
         for name, value, low, high in native:
             native_kind = TYPE_INT32 if name in _NATIVE_INT32 else TYPE_REAL32
             params[name] = Param(name, native_kind, value, low, high)
@@ -99,6 +103,10 @@ class ParamTable:
         for index, param in enumerate(self._params):
             param.index = index
         self._by_name = {param.name: param for param in self._params}
+        self.forget_listeners()
+
+    def forget_listeners(self) -> None:
+        """Nobody is asked before a change, nor told after it."""
         self.on_change: Callable[[str, float], str | None] = _accept
         self.after_change: Callable[[], None] = lambda: None
 

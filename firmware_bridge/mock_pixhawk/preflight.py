@@ -12,6 +12,7 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 # time_usec is larger.
 _READY_US, _READY_LATE_US, _NEAR_ZERO_US = 4_300_000, 18_000_000, 1_000_000
 _CRITICAL_BATTERY = 0.07
+BIAS = "High Accelerometer Bias"  # what PX4 makes of samples that arrive unevenly
 
 
 class Preflight:
@@ -21,10 +22,18 @@ class Preflight:
         self._vehicle, self._estimate, self._sensors, self._params = vehicle, estimate, sensors, params
         self._earliest_us = 0
 
-    def begin(self, start_us: int) -> None:
-        """The clock starts at `start_us`."""
+    def begin(self, start_us: int, *, hitl: bool = False) -> None:
+        """The clock starts at `start_us`. In HITL that is the board's own, which starts with the board."""
+        if hitl:
+            self._earliest_us = start_us + _READY_US
+            return
         late = start_us > _NEAR_ZERO_US
         self._earliest_us = start_us + (_READY_LATE_US if late else _READY_US - start_us)
+
+    @property
+    def arrivals_bad(self) -> bool:
+        """IMU samples arrive too unevenly."""
+        return self._sensors.arrivals.bad
 
     def sensor_failures(self, now_us: int) -> list[str]:
         """Sensors that do not work, in PX4's words."""
@@ -46,6 +55,8 @@ class Preflight:
             failures.append("Attitude estimate not ready")
         elif now_us < self._earliest_us:
             failures.append("system still starting")
+        if self.arrivals_bad:
+            failures.append(BIAS)
         if mode.value.needs_position or not self._params["COM_ARM_WO_GPS"]:
             gps = self._sensors.gps
             if self._sensors.lost(GPS, now_us) or gps is None:

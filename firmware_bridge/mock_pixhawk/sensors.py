@@ -8,9 +8,11 @@ STALE (noise-free data is no data). Units here: m/s2, rad/s, gauss, hPa, NED/FRD
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from firmware_bridge.mock_pixhawk import elementary as el
+from firmware_bridge.mock_pixhawk.arrivals import Arrivals
 
 IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
 
@@ -19,6 +21,8 @@ LABELS = ("ACCEL", "GYRO", "MAG", "BARO", "GPS")
 
 STALE_SAMPLES = 100
 TIMEOUT_US = (100_000, 100_000, 1_000_000, 1_000_000, 2_000_000)  # without a sample that long: lost
+# Samples by serial line come less evenly: PX4 gives accelerometer and gyro half a second in HITL.
+HITL_TIMEOUT_US = (500_000, 500_000, *TIMEOUT_US[2:])
 
 # The estimator's drivers run at these periods at most; a sensor that comes with every IMU sample is thinned out.
 _MAG_PERIOD_US, _BARO_PERIOD_US = 10_000, 20_000
@@ -93,8 +97,10 @@ def _clipped(x: float, most: float) -> float:
 class SensorIntake:
     """Feeds the estimator and keeps one health record per sensor."""
 
-    def __init__(self, estimator: Estimator) -> None:
+    def __init__(self, estimator: Estimator, timeout_us: Sequence[int] = TIMEOUT_US) -> None:
         self._estimator = estimator
+        self._timeout_us = timeout_us
+        self.arrivals = Arrivals()  # of IMU samples; followed in HITL only
         self._last: list[bytes] = [b""] * 5  # bytes of the last sample
         self._same = [0] * 5  # samples in a row that were equal
         self.last_us: list[int | None] = [None] * 5
@@ -112,7 +118,12 @@ class SensorIntake:
     def lost(self, sensor: int, now_us: int) -> bool:
         """No sample came for too long, or never."""
         last = self.last_us[sensor]
-        return last is None or now_us - last > TIMEOUT_US[sensor]
+        return last is None or now_us - last > self._timeout_us[sensor]
+
+    def lost_since_us(self, sensor: int, now_us: int) -> int:
+        """For how long a sensor that was there once has given nothing."""
+        last = self.last_us[sensor]
+        return 0 if last is None else now_us - last
 
     def healthy(self, sensor: int, now_us: int) -> bool:
         """Present, not stale; for GPS also good enough."""

@@ -19,10 +19,11 @@ from firmware_bridge.mock_pixhawk.mission_item import UNKNOWN_PLACE
 from firmware_bridge.mock_pixhawk.mission_store import MissionStore
 from firmware_bridge.mock_pixhawk.modes import mode_from_custom_mode
 from firmware_bridge.mock_pixhawk.offboard import Offboard
-from firmware_bridge.mock_pixhawk.params import ParamService
+from firmware_bridge.mock_pixhawk.params import ParamService, ParamTable
 from firmware_bridge.mock_pixhawk.vehicle import ManualControl, Vehicle
 
 _TYPE_GCS = 6  # MAV_TYPE_GCS
+_NO_JOYSTICK = (0, 4)  # COM_RC_IN_MODE: a radio only; no sticks at all
 _Ack = message_class("COMMAND_ACK")
 _Timesync = message_class("TIMESYNC")
 _Ping = message_class("PING")
@@ -47,6 +48,7 @@ class Services:
         vehicle: Vehicle,
         commands: Commands,
         params: ParamService,
+        table: ParamTable,
         missions: MissionStore,
         offboard: Offboard,
         failsafe: Failsafe,
@@ -54,11 +56,11 @@ class Services:
         send: Callable[[Any], None],
     ) -> None:
         self._sysid = sysid
-        self._vehicle, self._commands, self._params = vehicle, commands, params
+        self._vehicle, self._commands, self._table = vehicle, commands, table
         self._missions, self._offboard, self._failsafe = missions, offboard, failsafe
         self._set_current, self._send = set_current, send
         self.misdirected = 0
-        table: dict[str, Callable[[Any, Sender, int], None]] = {
+        by_name: dict[str, Callable[[Any, Sender, int], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
             "SET_MODE": self._set_mode,
@@ -80,7 +82,7 @@ class Services:
             "FILE_TRANSFER_PROTOCOL": self._ftp,
         }
         self.handlers: dict[int, Callable[[Frame, int], None]] = {
-            MSGID[name]: self._decoded(handler) for name, handler in table.items()
+            MSGID[name]: self._decoded(handler) for name, handler in by_name.items()
         }
         self.handlers[MSGID["HEARTBEAT"]] = self._heartbeat
         self.handlers[MSGID["TIMESYNC"]] = self._timesync
@@ -136,6 +138,8 @@ class Services:
             self._failsafe.last_gcs_us = now_us
 
     def _manual_control(self, m: Any, sender: Sender, now_us: int) -> None:  # noqa: ARG002
+        if self._table["COM_RC_IN_MODE"] in _NO_JOYSTICK:
+            return
         if any(abs(axis) > 1000 for axis in (m.x, m.y, m.z, m.r)):
             return  # INT16_MAX marks an axis that is not there
         self._vehicle.manual = ManualControl(now_us, m.x / 1e3, m.y / 1e3, max(m.z, 0) / 1e3, m.r / 1e3)

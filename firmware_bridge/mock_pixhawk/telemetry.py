@@ -45,6 +45,7 @@ DEFAULT_PERIOD_US = {
     "HOME_POSITION": 2_000_000,
     "EXTENDED_SYS_STATE": 500_000,
 }
+_HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with a clock of its own asks for the other side's
 
 _PRESENT = int(
     Sensor.GYRO
@@ -101,17 +102,22 @@ class Telemetry:
         estimate: Estimate,
         sensors: SensorIntake,
         mission: Callable[[], tuple[int, int, MissionState]],
+        *,
+        hil: bool = False,
     ) -> None:
         self._v, self._estimate, self._sensors, self._mission = vehicle, estimate, sensors, mission
+        self._base_mode = int(BaseMode.CUSTOM | BaseMode.HIL if hil else BaseMode.CUSTOM)
         self.makers: dict[int, Callable[[int], Any]] = {}
-        for name in DEFAULT_PERIOD_US:
+        self.periods_us: dict[int, int] = {}  # by message id
+        for name, period_us in (DEFAULT_PERIOD_US | (_HITL_PERIOD_US if hil else {})).items():
             cls = message_class(name)
+            self.periods_us[cls.MSGID] = period_us
             self.makers[cls.MSGID] = partial(getattr(self, f"_{name.lower()}"), cls)
         self.controls: Sequence[float] = (0.0,) * 16
 
     def _heartbeat(self, cls: Any, now_us: int) -> Any:  # noqa: ARG002
         v = self._v
-        base = BaseMode.CUSTOM | v.mode.value.base_mode
+        base = self._base_mode | v.mode.value.base_mode
         if v.armed:
             base |= BaseMode.ARMED
         if v.terminated:
@@ -163,6 +169,9 @@ class Telemetry:
 
     def _cell_mv(self) -> int:
         return _CELL_EMPTY_MV + round((_CELL_FULL_MV - _CELL_EMPTY_MV) * self._v.battery_remaining)
+
+    def _timesync(self, cls: Any, now_us: int) -> Any:
+        return cls(0, now_us * 1000)  # tc1 0: a question
 
     def _system_time(self, cls: Any, now_us: int) -> Any:
         return cls(time_unix_usec=0, time_boot_ms=now_us // 1000 & 0xFFFFFFFF)

@@ -56,7 +56,7 @@ class Vehicle:
     )
 
     def __init__(self) -> None:
-        self.now_us = 0  # clock: HIL_SENSOR.time_usec of the last step
+        self.now_us = 0  # clock: HIL_SENSOR.time_usec of the last step; in HITL the board's own
         self.armed = False
         self.armed_at_us = 0
         self.mode = Mode.LOITER

@@ -106,7 +106,7 @@ def test_twenty_thousand_random_packets_raise_nothing_and_it_still_answers():
     rng = random.Random(20)
     world = World(offboard_silence=False)
     world.run(1.0)
-    spoken = sorted(world.autopilot._handlers)
+    spoken = sorted(world.autopilot.firmware.handlers)
     lengths = {msgid: len(_full_payload(msgid)) for msgid in spoken}
     encoder = FrameEncoder(255, 190)
     sent = 0
@@ -124,7 +124,7 @@ def test_twenty_thousand_random_packets_raise_nothing_and_it_still_answers():
             sent += 1
         world._outbox += batch
         world.step()
-        if world.autopilot._silent:
+        if world.autopilot.silent:
             # A random flight termination counts as behaviour; go on with another one.
             world = World(offboard_silence=False)
             world.run(0.2)

@@ -91,7 +91,7 @@ def test_another_airframe():
     world.command(192, 4, 1, 0, 0.0, 47.397742 + 20 / 111_174, 8.545594, NAN)
     world.run(10.0)
     assert east_north(world)[1] == pytest.approx(20.0, abs=0.4)
-    assert abs(world.autopilot._estimate.euler[2]) < 0.1  # told to look north
+    assert abs(world.autopilot.firmware.estimate.euler[2]) < 0.1  # told to look north
     set_mode(world, Mode.LAND)
     world.run_until(landed_and_disarmed, 30.0)
 
@@ -203,7 +203,7 @@ def test_offboard_attitude():
         if k == 2:
             set_mode(world, Mode.OFFBOARD)
         world.run(0.1)
-    assert world.autopilot._estimate.euler[1] == pytest.approx(angle, abs=0.03)
+    assert world.autopilot.firmware.estimate.euler[1] == pytest.approx(angle, abs=0.03)
 
 
 def sticks(world, seconds, *, x=0, y=0, z=500, r=0):

@@ -94,8 +94,8 @@ def test_integers_keep_every_bit(world):
 def test_parameters_of_the_flight_core_reach_it(world):
     put(world, "MPC_XY_P", 0.75, TYPE_REAL32)
     world.run(0.01)
-    core = world.autopilot._core
-    assert core.get_param(world.autopilot._native_index["MPC_XY_P"]) == 0.75
+    core = world.autopilot.firmware.core
+    assert core.get_param(world.autopilot.firmware.native_index["MPC_XY_P"]) == 0.75
 
 
 def test_requests_to_others_are_not_answered(world):

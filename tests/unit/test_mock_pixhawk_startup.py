@@ -146,7 +146,7 @@ def test_noisy_data_is_not():
 def test_incomplete_groups_are_ignored_and_counted(fields, group):
     rest = Rest(fields=fields)
     frames = rest.run(300)
-    intake = rest.autopilot._sensors
+    intake = rest.autopilot.firmware.sensors
     assert intake.incomplete_groups == 300
     assert len(actuators(frames)) == 280  # answered all the same
     lost = {"accel": 0, "gyro": 1, "mag": 2, "baro": 3}[group]

@@ -1,0 +1,267 @@
+"""One boot of the autopilot's software: its parts, wired together.
+
+It knows no wire and has no clock: a clocking (`lockstep`, `hitl`) hands it samples, other messages and the time, and
+writes what its outbox holds. Parameters and the mission come from before the boot and outlast it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from firmware_bridge import _native
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, message_class
+from firmware_bridge.mock_pixhawk.commander import Commander
+from firmware_bridge.mock_pixhawk.commands import Commands
+from firmware_bridge.mock_pixhawk.declination import declination_deg
+from firmware_bridge.mock_pixhawk.estimate import Estimate
+from firmware_bridge.mock_pixhawk.failsafe import Failsafe
+from firmware_bridge.mock_pixhawk.guidance import PERIOD_US, Guidance
+from firmware_bridge.mock_pixhawk.ids import MissionState, Severity
+from firmware_bridge.mock_pixhawk.mission_store import MissionStore
+from firmware_bridge.mock_pixhawk.navigator import Navigator
+from firmware_bridge.mock_pixhawk.offboard import Offboard
+from firmware_bridge.mock_pixhawk.outbox import Outbox
+from firmware_bridge.mock_pixhawk.params import ParamService, ParamTable
+from firmware_bridge.mock_pixhawk.preflight import Preflight
+from firmware_bridge.mock_pixhawk.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
+from firmware_bridge.mock_pixhawk.services import Services
+from firmware_bridge.mock_pixhawk.streams import Timer, Timers
+from firmware_bridge.mock_pixhawk.telemetry import Telemetry
+from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from firmware_bridge.mock_pixhawk.version import autopilot_version
+from hil.signals.errors import ConfigError, Problem
+from hil.signals.mission import MissionItem
+
+HEARTBEAT, AUTOPILOT_VERSION = MSGID["HEARTBEAT"], MSGID["AUTOPILOT_VERSION"]
+_PARAM_PERIOD_US, _MISSION_PERIOD_US = 8_000, 50_000
+_Reached = message_class("MISSION_ITEM_REACHED")
+
+
+class Host(Protocol):
+    """What the software needs of the board it runs on."""
+
+    def fall_silent(self) -> None:
+        """Stop answering for good, after what is in the outbox now."""
+
+    def request_reboot(self) -> None:
+        """Start over, after what is in the outbox now."""
+
+
+class Firmware:
+    """`hitl`: SYS_HITL was on at boot. `offboard_silence`: see `MockPixhawk`."""
+
+    def __init__(
+        self,
+        *,
+        params: ParamTable,
+        outbox: Outbox,
+        sysid: int,
+        hitl: bool,
+        host: Host,
+        mission: list[MissionItem],
+        offboard_silence: bool,
+    ) -> None:
+        self.params, self.outbox, self.hitl = params, outbox, hitl
+        self._sysid = sysid
+        self._origin_known = False
+        self.ignored = 0
+
+        names = list(_native.PARAM_NAMES)
+        self.native_index = {name: index for index, name in enumerate(names)}
+        try:
+            self.core = _native.FlightCore(np.array([float(params[name]) for name in names]))
+        except ValueError as error:  # each value is in range, but together they make no vehicle
+            raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
+        self.rotors = int(params["CA_ROTOR_COUNT"])
+
+        vehicle = self.vehicle = Vehicle()
+        self.estimate = Estimate(self.core, vehicle)
+        self.sensors = SensorIntake(self.core, HITL_TIMEOUT_US if hitl else TIMEOUT_US)
+        self._guidance = Guidance(self.core, vehicle, params)
+        self._offboard = Offboard(self.core, vehicle, self.estimate.ned)
+        self.preflight = Preflight(vehicle, self.estimate, self.sensors, params)
+        failsafe = Failsafe(vehicle, self.estimate, self.sensors, self._offboard, params, outbox.say, hitl=hitl)
+        self.navigator = Navigator(
+            self._guidance,
+            vehicle,
+            params,
+            project=self.estimate.ned,
+            reached=self._on_reached,
+            info=lambda text: outbox.say(Severity.INFO, text),
+            set_home=self._set_home,
+        )
+        self.commander = Commander(
+            vehicle,
+            self.estimate,
+            self._guidance,
+            params,
+            self.preflight,
+            failsafe,
+            self.navigator,
+            self._offboard,
+            say=outbox.say,
+            silence=host.fall_silent,
+            offboard_silence=offboard_silence,
+            hitl=hitl,
+        )
+        self.telemetry = Telemetry(vehicle, self.estimate, self.sensors, self._mission_state, hil=hitl)
+        self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission)
+        self.missions.items = mission
+        self.navigator.load(mission)
+        param_service = ParamService(params, outbox.send_payload, self._start_param_list, outbox.warn)
+        commands = Commands(self.commander, self.navigator, vehicle, self.estimate, self, host.request_reboot)
+        self.handlers = Services(
+            sysid=sysid,
+            vehicle=vehicle,
+            commands=commands,
+            params=param_service,
+            table=params,
+            missions=self.missions,
+            offboard=self._offboard,
+            failsafe=failsafe,
+            set_current=self._set_current,
+            send=outbox.send,
+        ).handlers
+        self._set_up_timers(param_service)
+        params.on_change = self._on_param
+        params.after_change = self._guidance.refresh_params
+        self._guidance.off()
+
+    def _set_up_timers(self, param_service: ParamService) -> None:
+        """Guidance first: telemetry of the same instant then tells what it decided."""
+        timers = self.timers = Timers()
+        self._guidance_timer = timers.add(self._guide)
+        self._mission_timer = timers.add(self.missions.tick)
+
+        def send_param(now_us: int) -> None:  # noqa: ARG001
+            if not param_service.send_next():
+                timers.stop(self._param_timer)
+
+        self._param_timer = timers.add(send_param)
+        self._streams: dict[int, Timer] = {}
+        for msgid, maker in self.telemetry.makers.items():
+
+            def tell(now_us: int, maker: Any = maker) -> None:
+                self.estimate.refresh(now_us)
+                message = maker(now_us)
+                if message is not None:
+                    self.outbox.send(message)
+
+            self._streams[msgid] = timers.add(tell)
+
+    # -- what a clocking calls ----------------------------------------------------------------------------------
+
+    def begin(self, now_us: int) -> None:
+        """The clock starts."""
+        self.vehicle.now_us = now_us
+        self.preflight.begin(now_us, hitl=self.hitl)
+        self.timers.start(self._guidance_timer, PERIOD_US, now_us)
+        self.timers.start(self._mission_timer, _MISSION_PERIOD_US, now_us)
+        for msgid, period_us in self.telemetry.periods_us.items():
+            if period_us:
+                self.timers.start(self._streams[msgid], period_us, now_us)
+
+    def handle(self, frame: Frame) -> None:
+        """Any message but those of HIL."""
+        handler = self.handlers.get(frame.msgid)
+        if handler is None:
+            self.ignored += 1
+            return
+        try:
+            handler(frame, self.vehicle.now_us)
+        except (CodecError, ArithmeticError, ValueError, IndexError, KeyError):
+            # A backstop: whatever one frame holds, it does not end the autopilot.
+            self.ignored += 1
+
+    def send_heartbeat(self) -> None:
+        """Say HEARTBEAT now, out of turn."""
+        self.outbox.send(self.telemetry.makers[HEARTBEAT](self.vehicle.now_us))
+
+    # -- what the parts need of the whole -----------------------------------------------------------------------
+
+    def _guide(self, now_us: int) -> None:
+        self.estimate.publish(now_us)
+        if not self._origin_known and self.estimate.has_origin:
+            self._on_origin()
+        self.commander.step(now_us)
+
+    def _on_origin(self) -> None:
+        """The first fix says where on Earth this is, and with that where magnetic north is."""
+        self._origin_known = True
+        if self.params["EKF_MAG_DECL"] == 0.0:
+            lat_deg, lon_deg, _ = self.estimate.geodetic(0.0, 0.0, 0.0)
+            self.params.set("EKF_MAG_DECL", declination_deg(lat_deg, lon_deg))
+
+    def _on_param(self, name: str, value: float) -> str | None:
+        index = self.native_index.get(name)
+        if index is not None:
+            try:
+                self.core.set_param(index, float(value))
+            except ValueError as error:
+                return str(error)
+        return None
+
+    def _start_param_list(self) -> None:
+        self.timers.start(self._param_timer, _PARAM_PERIOD_US, self.vehicle.now_us)
+
+    def _mission_state(self) -> tuple[int, int, MissionState]:
+        return self.navigator.current_seq(), len(self.navigator.items), self.navigator.state()
+
+    def _on_mission(self) -> None:
+        self.navigator.load(self.missions.items)
+
+    def _on_reached(self, seq: int) -> None:
+        self.outbox.send(_Reached(seq))
+        self.send_once(MSGID["MISSION_CURRENT"], self.vehicle.now_us)
+
+    def _set_home(self, place: tuple[float, float, float] | None) -> None:
+        if not self.commander.set_home(place):
+            self.outbox.warn("Home not set: no position")
+
+    def _set_current(self, seq: int, now_us: int) -> None:
+        if self.navigator.set_current(seq):
+            self.send_once(MSGID["MISSION_CURRENT"], now_us)
+        else:
+            self.outbox.warn(f"No mission item {seq}")
+
+    # -- streams, as commands ask for them ----------------------------------------------------------------------
+
+    def add_stream(self, msgid: int, action: Callable[[int], None], period_us: int, now_us: int) -> None:
+        """One more stream, which acts last of all that is due at an instant."""
+        self._streams[msgid] = timer = self.timers.add(action)
+        self.timers.start(timer, period_us, now_us)
+
+    def set_interval(self, msgid: int, period_us: int, now_us: int) -> bool:
+        """Send `msgid` every `period_us` (0: never). False if the mock has no such message."""
+        timer = self._streams.get(msgid)
+        if timer is None:
+            return False
+        if period_us > 0:
+            self.timers.start(timer, period_us, now_us)
+        else:
+            self.timers.stop(timer)
+        return True
+
+    def default_interval_us(self, msgid: int) -> int:
+        """The period a message has by default."""
+        return self.telemetry.periods_us.get(msgid, 0)
+
+    def send_once(self, msgid: int, now_us: int) -> bool:
+        """Send `msgid` now. False if the mock has no such message or nothing to say in it."""
+        if msgid == AUTOPILOT_VERSION:
+            self.outbox.send(autopilot_version(self._sysid))
+            return True
+        maker = self.telemetry.makers.get(msgid)
+        if maker is None:
+            return False
+        self.estimate.refresh(now_us)
+        message = maker(now_us)
+        if message is None:
+            return False
+        self.outbox.send(message)
+        return True

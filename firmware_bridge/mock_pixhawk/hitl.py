@@ -1,0 +1,133 @@
+"""HITL, as a real Pixhawk with SYS_HITL=1 has it: the board runs by its own clock, and nothing waits for anything.
+
+HIL_ACTUATOR_CONTROLS goes out at 200 Hz whatever comes in. HIL_SENSOR and HIL_GPS are stamped when they arrive;
+`time_usec` and `id` are not looked at, so a second IMU corrupts the first. HIL messages count only if SYS_HITL was on
+at boot and the link is fast enough; otherwise PX4 ignores them without a word, and sends no actuator controls.
+
+HIL_STATE_QUATERNION overwrites what the estimator works with. PX4 cannot fly on that; here the estimate counts as
+invalid from then on.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.mock_pixhawk.actuators import HitlOutputs
+from firmware_bridge.mock_pixhawk.board_clock import BoardClock
+from firmware_bridge.mock_pixhawk.faults import Misbehaviour
+from firmware_bridge.mock_pixhawk.firmware import Firmware
+from firmware_bridge.mock_pixhawk.outbox import Outbox
+from firmware_bridge.mock_pixhawk.sensors import IMU_BITS
+
+HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
+HIL_STATE_QUATERNION = MSGID["HIL_STATE_QUATERNION"]
+HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
+HIL_IN = frozenset({HIL_SENSOR, HIL_GPS, HIL_STATE_QUATERNION})
+
+OUTPUT_PERIOD_US = 5_000
+_MODE_DISARMED, _MODE_ARMED = 53, 181  # measured on PX4; 32 is the HIL bit
+_LEAST_RATE_BPS = 5000  # bytes/s
+_BAUD_PER_RATE = 20  # PX4 takes a twentieth of the baud rate as the link's data rate, where none is configured
+_MS2_PER_MG = 9.80665e-3
+
+_unpack_sensor = struct.Struct("<Q13fIB").unpack
+_pack_actuators = struct.Struct("<QQ16fB").pack
+
+
+def fast_enough(baud: int) -> bool:
+    """PX4 takes HIL on a link of that baud rate."""
+    return baud / _BAUD_PER_RATE > _LEAST_RATE_BPS
+
+
+class Hitl:
+    """Runs `firmware` by `clock`."""
+
+    def __init__(
+        self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, clock: BoardClock, *, baud: int
+    ) -> None:
+        self._firmware, self._outbox, self._misbehaviour, self._clock = firmware, outbox, misbehaviour, clock
+        self.hil_on = firmware.hitl and fast_enough(baud)
+        self.silent = False  # only while it reboots
+        self.steps = 0
+        self.ignored = 0
+        self.state_quaternions = 0
+        self._last_stamp_us = -1
+        outbox.holding = False
+        now_us = clock.now_us()
+        firmware.begin(now_us)
+        if self.hil_on:
+            self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core.controls, firmware.rotors)
+            firmware.add_stream(HIL_ACTUATOR_CONTROLS, self._output, OUTPUT_PERIOD_US, now_us)
+
+    def greet(self) -> None:
+        """A board that is on says who it is."""
+        self._firmware.send_heartbeat()
+
+    def fall_silent(self) -> None:
+        """Without lockstep nothing silences the board: it goes on telling what became of it."""
+
+    def next_due_us(self) -> int | None:
+        """When something is due next, by the board's clock."""
+        return self._firmware.timers.next_due_us
+
+    def take(self, frames: list[Frame]) -> bytes:
+        """Take what arrived by now, do what is due by now, and return what is written."""
+        for frame in frames:
+            if self.silent:
+                break
+            self._run()
+            if frame[0] in HIL_IN:
+                self._on_hil(frame)
+            else:
+                self._firmware.handle(frame)
+        if not self.silent:
+            self._run()
+        out = self._outbox.take()
+        return b"" if self._misbehaviour.stalled(self._firmware.vehicle.now_us) else out
+
+    def _run(self) -> None:
+        firmware = self._firmware
+        now_us = firmware.vehicle.now_us = self._clock.now_us()
+        if now_us >= firmware.timers.next_due_us:
+            firmware.timers.run(now_us)
+
+    def _on_hil(self, frame: Frame) -> None:
+        if not self.hil_on:
+            self.ignored += 1
+            return
+        # Two samples of one read arrive at almost one instant; the estimator wants time to advance.
+        firmware = self._firmware
+        t_us = self._last_stamp_us = max(firmware.vehicle.now_us, self._last_stamp_us + 1)
+        if frame[0] == HIL_SENSOR:
+            values = _unpack_sensor(frame[4])
+            if values[14] & IMU_BITS == IMU_BITS:
+                firmware.sensors.arrivals.note(t_us)
+            firmware.sensors.take(t_us, values, frame[4])
+            self.steps += 1
+        elif frame[0] == HIL_GPS:
+            firmware.sensors.take_gps(frame[4], t_us)
+        else:
+            self._overwrite(frame, t_us)
+
+    def _overwrite(self, frame: Frame, t_us: int) -> None:
+        self.state_quaternions += 1
+        self._firmware.estimate.overwritten = True
+        m = unpack(frame)
+        rates = (m.rollspeed, m.pitchspeed, m.yawspeed)
+        forces = (m.xacc * _MS2_PER_MG, m.yacc * _MS2_PER_MG, m.zacc * _MS2_PER_MG)
+        self._firmware.core.step(t_us, *rates, *forces)
+
+    def _output(self, now_us: int) -> None:
+        outbox = self._outbox
+        controls = self._firmware.telemetry.controls = self._outputs.controls()
+        mode = _MODE_ARMED if self._firmware.vehicle.armed else _MODE_DISARMED
+        t_us = now_us
+        misbehaving = now_us >= self._misbehaviour.earliest_us
+        if misbehaving:
+            t_us = self._misbehaviour.reply_time_us(now_us)
+        frame = outbox.frame(HIL_ACTUATOR_CONTROLS, _pack_actuators(t_us, 0, *controls, mode))
+        if misbehaving:
+            frame = self._misbehaviour.output(now_us, outbox.take(), frame)
+        outbox.push(frame)

@@ -1,0 +1,130 @@
+"""Lockstep, as PX4 SITL has it: the clock is HIL_SENSOR.time_usec, nothing else, and each step has one answer.
+
+One HIL_SENSOR (id 0), in this order:
+    1 the clock moves; a clock that goes backwards silences the autopilot for good, as in PX4
+    2 sensors go to the estimator; the flight core predicts, controls and mixes with the set-point it has
+    3 timers that are due: guidance (failsafes, mode, set-point for the next step), then telemetry
+    4 HIL_ACTUATOR_CONTROLS with the same time_usec
+Until `boot_sensors` samples have come nothing at all is written; what other messages gave rise to waits.
+
+What silences PX4 is told by its last words. Flight termination in the air: STATUSTEXT "Flight termination active" and
+a HEARTBEAT of system_status 8 (MAV_STATE_FLIGHT_TERMINATION), armed. OFFBOARD selected while disarmed: a HEARTBEAT of
+that mode, disarmed, system_status 3. A clock that went backwards: none.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, message_class
+from firmware_bridge.mock_pixhawk.actuators import CHANNELS, motor_commands
+from firmware_bridge.mock_pixhawk.faults import Misbehaviour
+from firmware_bridge.mock_pixhawk.firmware import Firmware
+from firmware_bridge.mock_pixhawk.ids import Cmd
+from firmware_bridge.mock_pixhawk.outbox import Outbox
+
+HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
+HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
+
+_unpack_sensor = struct.Struct("<Q13fIB").unpack
+_pack_actuators = struct.Struct("<QQ16fB").pack
+_FLAGS_LOCKSTEP = 1
+_MODE_DISARMED, _MODE_ARMED = 1, 129
+_LATEST_US = 1 << 60  # times beyond are no times: 36,000 years
+_HIL_SENSOR_INTERVAL_US = 5000.0  # what PX4 asks the simulator for: message 115 every 5 ms
+_HIL_STATE_QUATERNION = 115
+_CommandLong = message_class("COMMAND_LONG")
+
+
+class Lockstep:
+    """Steps `firmware` by what arrives."""
+
+    def __init__(self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, boot_sensors: int) -> None:
+        self._firmware, self._outbox, self._misbehaviour = firmware, outbox, misbehaviour
+        self._boot_left = boot_sensors
+        self._controls = firmware.core.controls
+        self._last_us = -1
+        self.silent = False
+        self._last_words = False
+        self.steps = 0
+        self.ignored = 0
+
+    def greet(self) -> None:
+        """What PX4 says before it has heard anything: it asks for HIL_STATE_QUATERNION, and one HEARTBEAT."""
+        request = (0, 0, int(Cmd.SET_MESSAGE_INTERVAL), 0, float(_HIL_STATE_QUATERNION), _HIL_SENSOR_INTERVAL_US)
+        self._outbox.send(_CommandLong(*request, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self._firmware.send_heartbeat()
+
+    def fall_silent(self) -> None:
+        """Time stands still from here on. What was queued so far, and a HEARTBEAT, are still written."""
+        if not self.silent:
+            self.silent = self._last_words = True
+            self._firmware.send_heartbeat()
+
+    def next_due_us(self) -> int | None:
+        """Nothing is ever due by itself."""
+        return None
+
+    def take(self, frames: list[Frame]) -> bytes:
+        """Take what arrived and return what is written because of it."""
+        for frame in frames:
+            msgid = frame[0]
+            if msgid == HIL_SENSOR:
+                self._on_sensor(frame[4])
+            elif msgid == HIL_GPS:
+                if not self.silent and self._last_us >= 0:
+                    self._firmware.sensors.take_gps(frame[4], self._last_us)
+            elif self.silent:
+                self.ignored += 1
+            else:
+                self._firmware.handle(frame)
+        outbox = self._outbox
+        if not outbox or outbox.holding or (self.silent and not self._last_words):
+            return b""
+        self._last_words = False
+        return outbox.take()
+
+    def _on_sensor(self, payload: bytes) -> None:
+        values = _unpack_sensor(payload)
+        now_us = values[0]
+        if values[15] != 0 or self.silent or now_us > _LATEST_US:
+            self.ignored += 1
+            return
+        last_us = self._last_us
+        if now_us <= last_us:
+            # The same instant twice is a duplicate; an earlier one is a clock that PX4 cannot follow.
+            self.silent = now_us < last_us
+            self.ignored += 1
+            return
+        firmware = self._firmware
+        self._last_us = firmware.vehicle.now_us = now_us
+        if last_us < 0:
+            firmware.begin(now_us)
+        self.steps += 1
+        firmware.sensors.take(now_us, values, payload)
+        if now_us >= firmware.timers.next_due_us:
+            firmware.timers.run(now_us)
+        if self._boot_left:
+            self._boot_left -= 1
+        elif not self.silent:
+            self._reply(now_us)
+
+    def _reply(self, now_us: int) -> None:
+        firmware, outbox = self._firmware, self._outbox
+        if firmware.vehicle.armed:
+            controls = motor_commands(self._controls, firmware.rotors)
+            mode = _MODE_ARMED
+        else:
+            controls = [0.0] * CHANNELS
+            mode = _MODE_DISARMED
+        firmware.telemetry.controls = controls
+        t_us = now_us
+        misbehaving = now_us >= self._misbehaviour.earliest_us
+        if misbehaving:
+            t_us = self._misbehaviour.reply_time_us(now_us)
+        frame = outbox.frame(HIL_ACTUATOR_CONTROLS, _pack_actuators(t_us, _FLAGS_LOCKSTEP, *controls, mode))
+        if misbehaving:
+            frame = self._misbehaviour.output(now_us, outbox.take(), frame)
+        outbox.push(frame)
+        outbox.holding = False
