@@ -10,16 +10,20 @@ import gc
 import time
 import traceback
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.free_running import FreeRunningLink
+from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.router import Endpoint, Router
-from hil.autopilots import make_autopilot
+from firmware_bridge.transports.transport import Transport
+from hil.autopilots import Surroundings, make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.missions.path import Leg, planned_path
 from hil.progress import Progress
@@ -116,6 +120,7 @@ class _Run:
         self.link: AutopilotLink | None = None
         self.station: GroundStation | None = None
         self.router: Router | None = None
+        self.faulty: FaultyTransport | None = None
         self.physics: QuadrotorPhysics | None = None
         self.slots: list[SensorSlot] = []
         self.measurement = FlightMeasurement(())
@@ -164,6 +169,7 @@ class _Run:
             outside_input=self.router is not None and self.router.received_any,
             left_out=self.skipped,
             timing_s=self.timing_s,
+            fault_hits=self.faulty.hits() if self.faulty is not None else {},
         )
 
     def _guard(self, step: Any) -> None:
@@ -227,13 +233,16 @@ class _Run:
         if self.bench.mission is not None:
             self.station = GroundStation(self.bench.mission.items)
             commands.append(self.station)
+        elif config.autopilot.kind != "mock":
+            # Real firmware wants to hear a ground station once a second.
+            commands.append(GroundStation((), fly=False))
         endpoints = [Endpoint(_address(a)) for a in (config.router.gcs, config.router.sdk) if a is not None]
         if endpoints:
             self.router = Router(endpoints)
             stack.callback(self.router.close)
             self.router.open()
             commands.append(RouterSource(self.router))
-        self.link = make_autopilot(self.bench, self.out)
+        self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event))
         stack.callback(self.link.close)
         self.link.open()
         chosen = config.autopilot_sensors()
@@ -254,6 +263,23 @@ class _Run:
             observers=[self.measurement.add],
             pace=config.pace,
         )
+
+    def _wrap(self, wire: Transport) -> Transport:
+        """The wire to the autopilot with the faults declared for it."""
+        faults = self.config.faults.links
+        if not faults:
+            return wire  # any fault costs a look at every frame
+        assert self.recorder is not None
+        self.faulty = FaultyTransport(wire, faults, self.config.seed, self._now_ns, self.recorder.event)
+        return self.faulty
+
+    def _now_ns(self) -> int:
+        return self.scheduler.t_ns if self.scheduler is not None else 0
+
+    def _event(self, kind: str, text: str) -> None:
+        """Something that a link has to say about this run."""
+        if self.recorder is not None:
+            self.recorder.event(self._now_ns(), kind, text)
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config = self.config
@@ -290,8 +316,10 @@ class _Run:
         gc.freeze()
         gc.disable()
         began_s = time.monotonic()
+        # An autopilot that waits for nobody: whoever prepares its samples must not wait for a processor either.
+        free_running = self.link is not None and not self.link.caps.lockstep
         try:
-            with progress:
+            with progress, RealtimeProducer() if free_running else nullcontext():
                 while scheduler.tick < end_tick:
                     scheduler.step()
                     progress.tick(scheduler.tick)
@@ -317,6 +345,9 @@ class _Run:
         if self.station is not None:
             for t_ns, severity, text in self.station.statustexts:
                 self.recorder.event(t_ns, _event_kind(severity), text)
+        if isinstance(self.link, FreeRunningLink) and self.scheduler is not None:
+            for finding in self.link.findings():
+                self.recorder.event(self.scheduler.t_ns, finding.level, finding.text)
         if self.error is not None and self.scheduler is not None:
             self.recorder.event(self.scheduler.t_ns, "error", f"{self.error[0]}: {self.error[1]}")
 

@@ -14,6 +14,9 @@
 The record of what arrived in phase 7 is written in phase 6 of the next tick (or by `flush`), so that writing
 overlaps the autopilot's own work. The order in the recording is unaffected.
 
+An autopilot that waits for nobody (`FreeRunning`) turns this round: each tick begins at its wall-clock time, with
+ActuatorFrame[k-1] being whatever was commanded last, and phase 7 is empty.
+
 When a phase fails: an exception of any phase ends the run. Phases 1 to 4 have no side effect outside, so the
 tick in which they fail was never sent. After a failure in 5 or 7 nothing further is sent and no command is
 invented; the actuator frame of the failed tick is undefined and is not latched. The caller calls `flush` and
@@ -39,6 +42,7 @@ from hil.signals.samples import (
     MagSample,
     Sample,
     TruthState,
+    Vec3,
 )
 from hil.signals.time import RateAccumulator
 
@@ -123,6 +127,7 @@ class Scheduler:
         recorder: Recorder,
         observers: Sequence[Callable[[TruthState], None]] = (),
         pace: float | None = None,
+        wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
     ) -> None:
         self.tick_ns = tick_ns
         self.tick = 0  # the next tick to run
@@ -134,6 +139,9 @@ class Scheduler:
         self._physics = physics
         self._sensors = tuple(sensors)
         self._link = link
+        self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
+        self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
+        self._wind_at = wind_at
         self._ports = ports
         self._commands = tuple(commands)
         self._recorder = recorder
@@ -157,10 +165,15 @@ class Scheduler:
 
     def step(self) -> None:
         """Run one tick. Raises HilError subclasses; see the header for what is undefined then."""
-        if self._tick_wall_ns is not None:
+        tick = self.tick
+        begun: ActuatorFrame | None = None
+        if self._begin is not None:
+            begun = self._begin(tick)
+            if begun is not None:
+                self._latched = begun
+        elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
         clock = time.perf_counter_ns
-        tick = self.tick
         t_ns = tick * self.tick_ns
 
         t0 = clock()
@@ -188,11 +201,15 @@ class Scheduler:
             extra += source.step(t_ns, self._frames)
 
         t3 = clock()
+        if self._observe is not None:
+            self._observe(truth, self._wind_at())
         sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
 
         t4 = clock()
         self._record_received()
         recorder = self._recorder
+        if begun is not None:
+            recorder.actuators(begun)
         recorder.truth(truth)
         for event in self._physics.take_events():
             recorder.event(event.t_ns, event.kind, event.text)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from firmware_bridge.faults.link_fault import LinkFault
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
 from sim.scene.wind import Wind
@@ -150,6 +151,7 @@ class Faults(Section):
 
     rotors: tuple[RotorFault, ...] = ()
     sensors: tuple[SensorFault, ...] = ()
+    links: tuple[LinkFault, ...] = ()  # on the wire to the autopilot
 
 
 class SensorConfig(BaseModel):
