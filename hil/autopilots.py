@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.devices.inventory import find_devices
+from firmware_bridge.links.ardupilot_sitl import copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.px4_process import px4_sitl_process
@@ -31,6 +33,9 @@ class Surroundings:
     out: Path  # what it starts logs here
     wrap: Wrap  # goes round the wire: declared faults
     on_event: Callable[[str, str], None]  # (kind, text), at the simulated time of now
+    home: tuple[
+        float, float, float, float
+    ]  # where the vehicle starts: latitude, longitude [deg], MSL [m], heading [deg]
 
 
 def make_autopilot(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -146,9 +151,39 @@ def _px4_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     )
 
 
+def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
+    config = bench.config
+    autopilot, vehicle = config.autopilot, bench.vehicle
+    settings: dict[str, Any] = {
+        "instance": autopilot.instance,
+        "on_restart": autopilot.on_restart,
+        "gravity_mps2": bench.scene.gravity_mps2,
+        "also": frozenset({"windvane"}),
+        "reply_limit_s": autopilot.reply_timeout_s if autopilot.on_restart == "error" else math.inf,
+        "boot_limit_s": autopilot.connect_timeout_s,
+    }
+    if not autopilot.start:
+        return make_link("ardupilot_sitl", mavlink=autopilot.mavlink_port or "tcp:5760", **settings)
+    return make_link(
+        "ardupilot_sitl",
+        binary=Path(str(autopilot.binary)),
+        folder=around.out / WORK_FOLDER,
+        home=around.home,
+        parameters=copter_parameters(
+            hover_control=vehicle.hover_control,
+            thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
+            tick_hz=config.tick_hz,
+            more=autopilot.params,
+        ),
+        arguments=autopilot.arguments,
+        **settings,
+    )
+
+
 _MAKERS: dict[str, Callable[[Bench, Surroundings], AutopilotLink]] = {
     "mock": _mock,
     "mock_hitl": _hitl,
     "px4_sitl": _px4_sitl,
     "px4_hitl": _hitl,
+    "ardupilot_sitl": _ardupilot_sitl,
 }

@@ -243,6 +243,11 @@ class Scheduler:
         self.own_ns.add(t5 - t0)
         self.step_ns.add(t6 - t0)
 
+    def skip_tick(self) -> None:
+        """Go on after the tick that failed, with all controls at zero: the autopilot has started again."""
+        self._latched = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)
+        self.tick += 1
+
     def flush(self) -> None:
         """Record what the last tick received. Call once, when no further tick will run."""
         self._record_received()

@@ -52,6 +52,10 @@ _REOPEN_S = 0.1
 Events = Callable[[str, str], None]
 
 
+def _nobody(kind: str, text: str) -> None:
+    """Takes events where nobody wants to hear them."""
+
+
 class FreeRunningLink:
     """HITL over `transport`, one tick each `period_ns` of wall clock.
 
@@ -78,7 +82,7 @@ class FreeRunningLink:
         self._period_ns = period_ns
         self._start_process = start_process
         self._prepare = prepare
-        self._on_event = on_event or (lambda kind, text: None)
+        self._on_event = on_event or _nobody
         self._native_sender = native_sender
         self._silence_limit_ns = int(silence_limit_s * NS_PER_S)
         self._heartbeat_limit_s = heartbeat_limit_s
@@ -310,7 +314,9 @@ class FreeRunningLink:
 
     def _tell_slips(self) -> None:
         for slip in self.schedule.slips[self._slips_told :]:
-            self._on_event("slip", f"the bench fell {slip.moved_ns / NS_PER_MS:.0f} ms behind the wall clock and let go")
+            self._on_event(
+                "slip", f"the bench fell {slip.moved_ns / NS_PER_MS:.0f} ms behind the wall clock and let go"
+            )
         self._slips_told = len(self.schedule.slips)
 
     def _reconnect(self, error: LinkClosed) -> None:

@@ -1,8 +1,8 @@
 """Is the board set up for PX4's hardware in the loop? Asked over MAVLink before the first sample; can be put right.
 
-    SYS_HITL         1 (HITL enabled); it takes effect at the next boot
-    HIL_ACT_FUNCn    100 + n for motor n: which output of the mixer goes into which slot of HIL_ACTUATOR_CONTROLS
-    data rate        above 5000 bytes/s, or PX4 ignores all HIL messages: HIL_ACTUATOR_CONTROLS then never come
+SYS_HITL         1 (HITL enabled); it takes effect at the next boot
+HIL_ACT_FUNCn    100 + n for motor n: which output of the mixer goes into which slot of HIL_ACTUATOR_CONTROLS
+data rate        above 5000 bytes/s, or PX4 ignores all HIL messages: HIL_ACTUATOR_CONTROLS then never come
 """
 
 from __future__ import annotations
@@ -153,9 +153,7 @@ class HitlSetup:
     def _say(self, message: Any) -> None:
         beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
         encoder = self._encoder
-        self._transport.write(
-            encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message))
-        )
+        self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))
 
 
 def _value(frame: Frame, message: Any) -> float:

@@ -30,7 +30,11 @@ class PacedLine:
         self._native = native
         self._before = before
         fd = transport.fileno()
-        self._sender = RealtimeSender(fd, period_ns=period_ns, slots=_SLOTS, stale_ns=_STALE_NS) if native and fd is not None else None
+        self._sender = (
+            RealtimeSender(fd, period_ns=period_ns, slots=_SLOTS, stale_ns=_STALE_NS)
+            if native and fd is not None
+            else None
+        )
         self._own = LatencyHistogram()
         self._late_2ms = self._late_20ms = 0
         self._stats: SendStats | None = None

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.links.ardupilot_sitl import ardupilot_sitl
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.free_running import FreeRunningLink
@@ -175,6 +176,7 @@ LINKS: dict[str, Callable[..., AutopilotLink]] = {
     "mock_serial": mock_over_serial,
     "px4_sitl": px4_sitl,
     "hitl": hitl,
+    "ardupilot_sitl": ardupilot_sitl,
 }
 
 
