@@ -25,6 +25,7 @@ class LinkCaps:
     deterministic: bool  # the same bytes in give the same bytes out, run after run
     max_rate_hz: float  # fastest tick at which one message gets one answer
     boot_sensors: int | None  # first HIL_SENSORs that get no answer; None: found out by running at wall-clock pace
+    busy_processors: int = 1  # that the autopilot keeps busy while it thinks, where it runs on this machine
     takes_truth: bool = False  # is told the vehicle's true state before each `send` (`TruthTaker`)
 
 

@@ -131,7 +131,14 @@ def px4_sitl(
     """
     return LockstepLink(
         wrap(TcpServer(PX4_SITL_PORT + instance if port is None else port)),
-        LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=_PX4_MAX_RATE_HZ, boot_sensors=None),
+        LinkCaps(
+            "px4_sitl",
+            lockstep=True,
+            deterministic=False,
+            max_rate_hz=_PX4_MAX_RATE_HZ,
+            boot_sensors=None,
+            busy_processors=2,
+        ),
         start_process=start,
         ground=GroundChannel(PX4_GROUND_PORT + instance),
         reply_limit_s=reply_limit_s,
