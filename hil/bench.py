@@ -13,6 +13,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,12 @@ from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartReque
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
+from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Endpoint, Router
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
+from hil.manual_flight import make_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
 from hil.missions.script import Injected, flight_actions
@@ -130,6 +133,7 @@ class _Run:
         self.station: GroundStation | None = None
         self.router: Router | None = None
         self.faulty_wire: FaultyTransport | None = None
+        self.manual: ManualControlSource | None = None
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
         self.measurement = FlightMeasurement(())
@@ -186,7 +190,8 @@ class _Run:
             physics=self.physics,
             slots=self.slots,
             digest=self.recorder.digest if self.recorder else "0" * 32,
-            outside_input=self.router is not None and self.router.received_any,
+            outside_input=(self.router is not None and self.router.received_any)
+            or (self.manual is not None and self.manual.sent > 0),
             left_out=self.skipped,
             timing_s=self.timing_s,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
@@ -259,20 +264,21 @@ class _Run:
         self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
-            self.station = GroundStation(self.bench.mission.items)
+            self.station = GroundStation(self.bench.mission.items, target_sysid=None)
             commands.append(self.station)
         elif self.bench.script is not None:
             # Nothing to upload and nobody to arm it but the script; the station sees it fly, land and disarm.
-            self.station = GroundStation((), fly=False)
+            self.station = GroundStation((), target_sysid=None, fly=False)
             commands.append(self.station)
         elif config.autopilot.kind != "mock" and config.autopilot.on_restart == "error":
             # Real firmware wants to hear a ground station once a second.
-            commands.append(GroundStation((), fly=False))
+            commands.append(GroundStation((), target_sysid=None, fly=False))
         if self.bench.script is not None:
             script = self.bench.script
             self.declared = DeclaredMeasurements(script.script.expect)
             self.actions = ActionSource(
                 flight_actions(script, self.bench.mission, self._inject, tick_ns=config.tick_ns),
+                target_sysid=None,
                 first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
                 on_event=self.recorder.event,
             )
@@ -283,6 +289,10 @@ class _Run:
             stack.callback(self.router.close)
             self.router.open()
             commands.append(RouterSource(self.router))
+        if config.manual.device is not None:
+            self.manual = make_manual(config)
+            stack.callback(self.manual.close)
+            commands.append(self.manual)
         self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event, self._home()))
         stack.callback(self.link.close)
         self.link.open()
@@ -290,8 +300,9 @@ class _Run:
         observers: list[Callable[[TruthState], None]] = [self.measurement.add]
         if self.bench.script is not None:
             observers.append(self.declared.add)
-        if isinstance(self.link, ArduPilotJsonLink):
-            observers.append(self._record_link_events)
+        for source in (self.link, self.manual):
+            if isinstance(source, ArduPilotJsonLink | ManualControlSource):
+                observers.append(partial(self._record_events, source))
         self.scheduler = Scheduler(
             tick_ns=config.tick_ns,
             physics=self.physics,
@@ -311,10 +322,10 @@ class _Run:
             wind_at=lambda: physics.wind_W_mps,
         )
 
-    def _record_link_events(self, truth: TruthState) -> None:  # noqa: ARG002
-        assert isinstance(self.link, ArduPilotJsonLink)
+    def _record_events(self, source: ArduPilotJsonLink | ManualControlSource, truth: TruthState) -> None:  # noqa: ARG002
+        """What a source of events has had to say since the tick before."""
         assert self.recorder is not None
-        for event in self.link.take_events():
+        for event in source.take_events():
             self.recorder.event(*event)
 
     def _home(self) -> tuple[float, float, float, float]:
