@@ -12,7 +12,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -165,6 +165,8 @@ class _Run:
 
     def write_provisional(self) -> None:
         """run.json of a run that is killed before it can write its own."""
+        with suppress(OSError):
+            (self.out / "traceback.txt").unlink(missing_ok=True)
         self.error = ("Killed", "the run is still going on, or it was killed before it could say how it ended")
         verdict = self._verdict()
         write_run_json(self.out / RUN_JSON_NAME, self._summary(verdict, "ERROR"))
@@ -457,6 +459,10 @@ class _Run:
                 rtt_bins_ns=self.link.stats.rtt.bins(),
                 phase_us={name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES},
             )
+            sent = self.link.send_stats() if isinstance(self.link, FreeRunningLink) else None
+            if isinstance(self.link, FreeRunningLink) and sent is not None:
+                ages = self.link.age.age.bins()
+                timing = replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=ages)
         points = [leg.end_W for leg in self.legs]
         write_report(self.out, run, self.recorder.track.arrays(), points, events=self.recorder.events, timing=timing)
 

@@ -18,7 +18,12 @@ def make_manual(config: BenchConfig) -> ManualControlSource:
     """
     manual = config.manual
     modes = ARDUCOPTER_MODES if config.autopilot.kind.startswith("ardupilot") else PX4_MODES
-    settings: dict[str, Any] = {"modes": modes, "rate_hz": manual.rate_hz, "neutral_s": manual.neutral_s, "target_sysid": None}
+    settings: dict[str, Any] = {
+        "modes": modes,
+        "rate_hz": manual.rate_hz,
+        "neutral_s": manual.neutral_s,
+        "target_sysid": None,
+    }
     if manual.device == "keyboard":
         return ManualControlSource(KeyboardSticks(Terminal()), **settings)
 
