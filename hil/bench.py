@@ -11,7 +11,7 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,9 @@ from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.free_running import FreeRunningLink
+from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
+from firmware_bridge.links.shared_processor import SharedProcessor
 from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Endpoint, Router
 from firmware_bridge.transports.transport import Transport
@@ -55,6 +57,11 @@ from sim.sensors.faults import FaultySensor
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
 _AFTER_DISARM_NS = 3 * NS_PER_S
+
+# Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: what the ground station asks of
+# them, it asks on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
+_ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
+_GRID_NS = NS_PER_S
 
 _TRUTH = Port("truth", TruthState)
 _ACTUATORS = Port("actuators", ActuatorFrame)
@@ -266,7 +273,11 @@ class _Run:
         self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
-            self.station = GroundStation(self.bench.mission.items, target_sysid=None)
+            self.station = GroundStation(
+                self.bench.mission.items,
+                target_sysid=None,
+                grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,
+            )
             commands.append(self.station)
         elif self.bench.script is not None:
             # Nothing to upload and nobody to arm it but the script; the station sees it fly, land and disarm.
@@ -408,10 +419,9 @@ class _Run:
         gc.freeze()
         gc.disable()
         began_s = time.monotonic()
-        # An autopilot that waits for nobody: whoever prepares its samples must not wait for a processor either.
-        free_running = self.link is not None and not self.link.caps.lockstep
         try:
-            with progress, RealtimeProducer() if free_running else nullcontext():
+            with progress, self._processor() as processor:
+                shared_ticks = self.config.tick_hz if isinstance(processor, SharedProcessor) else 0
                 while scheduler.tick < end_tick:
                     try:
                         scheduler.step()
@@ -419,6 +429,11 @@ class _Run:
                         self._start_again()
                         continue
                     progress.tick(scheduler.tick)
+                    if shared_ticks and scheduler.tick % shared_ticks == 0:
+                        given_up = processor.watch(shared_ticks * scheduler.tick_ns)
+                        if given_up is not None:
+                            shared_ticks = 0
+                            self._event("warning", given_up)
                     if station is not None:
                         if station.phase is Phase.DONE:
                             break
@@ -428,6 +443,16 @@ class _Run:
             self.timing_s["flight"] = time.monotonic() - began_s
             gc.enable()
             gc.unfreeze()
+
+    def _processor(self) -> AbstractContextManager[Any]:
+        """What the tick loop asks of the system's scheduler."""
+        link = self.link
+        if isinstance(link, FreeRunningLink):
+            # Whoever prepares the samples of an autopilot that waits for nobody must not wait for a processor either.
+            return RealtimeProducer()
+        if isinstance(link, LockstepLink) and self.config.autopilot.share_processor and link.caps.busy_processors > 1:
+            return SharedProcessor(link.pid)
+        return nullcontext()
 
     def _status(self) -> tuple[str, int, int]:
         if self.station is None:

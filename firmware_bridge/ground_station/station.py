@@ -64,7 +64,7 @@ class GroundStation:
 
     HandshakeError says what was asked, what was answered, and what to do. A mission whose last item is
     neither a landing nor a return is landed where it ends, by mode AUTO.LAND, unless `land_at_end` is
-    False.
+    False. With `grid_ns`, decisions fall on multiples of it only, whenever what they rest on was heard.
     """
 
     def __init__(
@@ -78,6 +78,7 @@ class GroundStation:
         takeoff_limit_s: float = 60.0,
         land_at_end: bool = True,
         fly: bool = True,
+        grid_ns: int = 0,
     ) -> None:
         if fly and not mission:
             raise refused("the mission has no items; there is nothing to fly")
@@ -93,6 +94,8 @@ class GroundStation:
         self._progress = Progress(mission)
         self._texts = StatusTexts()
         self._fly = fly
+        self._grid_ns = grid_ns
+        self._grid_cell = -1  # in which it last decided
         self._must_land = fly and land_at_end and not self._progress.lands_by_itself
         self.phase = Phase.CONNECTING
         self._phase_since_ns = 0
@@ -162,14 +165,19 @@ class GroundStation:
             self._started = True
             self._heartbeats.due_ns = self._phase_since_ns = t_ns
         self._heartbeats.step(t_ns)
+        cell = t_ns // self._grid_ns if self._grid_ns else -1
+        decides = cell < 0 or cell != self._grid_cell
+        self._grid_cell = cell
         before = None
-        while before is not self.phase:
+        while decides and before is not self.phase:
             before = self.phase
             _PHASES[before](self, t_ns)
         self._commands.step(t_ns)
         self._upload.step(t_ns)
         dues = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns, self._retry_ns or None)
         self._due_ns = min(due for due in dues if due is not None)
+        if self._grid_ns:
+            self._due_ns = min(self._due_ns, (cell + 1) * self._grid_ns)
         return self._wire.take()
 
     def _whom(self) -> str:

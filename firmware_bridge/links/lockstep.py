@@ -57,6 +57,9 @@ _BOOT_SENSORS_LIMIT = 2500
 # Finding out why an answer did not come: how much longer to listen, and what to ask after that. A heartbeat comes
 # once a (simulated) second.
 _LINGER_S = 1.0
+# While PX4 boots, simulated time goes this much slower than the wall clock: its start-up takes some 50 ms of processor
+# time, and the fewer ticks that is spread over, the more alike are two runs.
+_BOOT_SLOWNESS = 6
 _PROBE_STEP_NS = 4_000_000
 _PROBES = 350
 _PROBE_WAIT_S = 0.002
@@ -121,6 +124,11 @@ class LockstepLink:
             stats.garbage_bytes += parser.garbage_bytes
             stats.lost_frames += parser.lost
         return stats
+
+    @property
+    def pid(self) -> int | None:
+        """Of the autopilot, if the bench started it."""
+        return None if self._process is None else self._process.pid
 
     @property
     def name(self) -> str:
@@ -294,7 +302,7 @@ class LockstepLink:
         if self._last_t_ns is None:
             self._boot_due_ns = now_ns
         else:
-            self._boot_due_ns = max(self._boot_due_ns, now_ns) + t_ns - self._last_t_ns
+            self._boot_due_ns = max(self._boot_due_ns, now_ns) + _BOOT_SLOWNESS * (t_ns - self._last_t_ns)
         self._last_t_ns = t_ns
         while True:
             left_s = (self._boot_due_ns - time.perf_counter_ns()) * 1e-9
@@ -358,7 +366,10 @@ class LockstepLink:
             t_ns = want_us * 1000 + probe * _PROBE_STEP_NS
             asked.add(t_ns // 1000)
             # Time alone, no sensor's values: it makes the autopilot's clock go on, so that it can say how it is.
-            self._transport.write(self._encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, None, None, None)))
+            try:
+                self._transport.write(self._encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, None, None, None)))
+            except LinkClosed as error:
+                raise self._gone(error) from error
             if self._heard_answer(self._feed(_PROBE_WAIT_S) or self._parser.rescan(), asked):
                 return Verdict(
                     "lost", "it answers later messages: this one, or its answer, was lost or damaged on the wire"

@@ -78,6 +78,9 @@ class Autopilot(Section):
     reconnect_s: Annotated[float, Field(ge=0, le=600)] = (
         10.0  # free-running links: how long an unplugged board may stay
     )
+    # PX4 SITL: bench and autopilot on one processor, the autopilot first. Repeatable to centimetres, and no slower, but
+    # only on a machine with nothing else to do.
+    share_processor: bool = True
     # ArduPilot SITL that reboots in the run: an error, or the vehicle goes back to its start and the run goes on.
     on_restart: Literal["error", "reset"] = "error"
     faults: MockFaults = MockFaults()
