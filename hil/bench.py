@@ -9,16 +9,18 @@ from __future__ import annotations
 import gc
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.router import Endpoint, Router
+from firmware_bridge.router import Router
+from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from hil.autopilots import make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.missions.path import Leg, planned_path
@@ -58,15 +60,32 @@ class RunResult:
 
 
 class RouterSource:
-    """The router as a source of commands: hands the autopilot's words on, brings the clients' in."""
+    """The router as a source of commands: hands the autopilot's words on, brings the clients' in.
 
-    def __init__(self, router: Router) -> None:
+    What is collected goes to the autopilot and is recorded with everything else that does; what clients say only to
+    each other is taken by `on_overheard`.
+    """
+
+    def __init__(
+        self,
+        router: Router,
+        on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
+        on_overheard: Callable[[int, Sequence[Frame]], None] = lambda _t_ns, _frames: None,
+    ) -> None:
         self._router = router
+        self._on_event, self._on_overheard = on_event, on_overheard
 
-    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:  # noqa: ARG002 (clients run on wall time)
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
+        router = self._router
         if frames:
-            self._router.forward(frames)
-        return self._router.collect()
+            router.forward(frames)
+        data = router.collect(t_ns)
+        for kind, text in router.take_events():
+            self._on_event(t_ns, kind, text)
+        overheard = router.take_overheard()
+        if overheard:
+            self._on_overheard(t_ns, overheard)
+        return data
 
 
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
@@ -150,7 +169,8 @@ class _Run:
         self.error = None
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
-        return summarise(
+        routed = {} if self.router is None else {"router": self.router.report()}
+        return routed | summarise(
             self.bench,
             verdict,
             status=status,
@@ -161,7 +181,9 @@ class _Run:
             physics=self.physics,
             slots=self.slots,
             digest=self.recorder.digest if self.recorder else "0" * 32,
-            outside_input=self.router is not None and self.router.received_any,
+            # Signatures carry wall-clock time.
+            outside_input=self.config.autopilot.signing_key_file is not None
+            or (self.router is not None and self.router.received_any),
             left_out=self.skipped,
             timing_s=self.timing_s,
         )
@@ -227,12 +249,15 @@ class _Run:
         if self.bench.mission is not None:
             self.station = GroundStation(self.bench.mission.items)
             commands.append(self.station)
-        endpoints = [Endpoint(_address(a)) for a in (config.router.gcs, config.router.sdk) if a is not None]
-        if endpoints:
-            self.router = Router(endpoints)
+        autopilot_signs = None
+        if config.autopilot.signing_key_file is not None:
+            autopilot_signs = AutopilotSide(self._key(config.autopilot.signing_key_file))
+            commands = [SignedCommands(source, autopilot_signs) for source in commands]
+        self.router = self._router(autopilot_signs)
+        if self.router is not None:
             stack.callback(self.router.close)
             self.router.open()
-            commands.append(RouterSource(self.router))
+            commands.append(RouterSource(self.router, self.recorder.event))
         self.link = make_autopilot(self.bench, self.out)
         stack.callback(self.link.close)
         self.link.open()
@@ -254,6 +279,26 @@ class _Run:
             observers=[self.measurement.add],
             pace=config.pace,
         )
+
+    def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
+        config = self.config
+        endpoints = config.router.endpoints()
+        if not endpoints:
+            return None
+        key = config.router.signing_key_file
+        faster = config.autopilot.lockstep and (config.pace is None or config.pace > 1.0)
+        return Router(
+            endpoints,
+            hold=config.router.hold_heartbeats and faster,
+            clients_sign=None if key is None else ClientSide(self._key(key)),
+            autopilot_signs=autopilot_signs,
+        )
+
+    def _key(self, path: str) -> SigningKey:
+        key, warning = read_key(Path(path))
+        if warning and self.recorder is not None:
+            self.recorder.event(0, "warning", warning)
+        return key
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config = self.config
@@ -355,9 +400,3 @@ class _FlightOver:
 def _event_kind(severity: int) -> str:
     """MAV_SEVERITY 0 (emergency) to 7 (debug) as a kind of event."""
     return "error" if severity <= 3 else "warning" if severity == 4 else "status"
-
-
-def _address(text: str) -> tuple[str, int]:
-    """'udp:HOST:PORT', already checked by the configuration."""
-    _, host, port = text.split(":")
-    return host, int(port)
