@@ -8,7 +8,8 @@ last set-point at the rate, now of simulated time, at which the client was measu
 A copy is the client's own frame, sequence number included, sent to the autopilot only. Nothing is repeated for a client
 that has been silent for 2 s of wall clock, nor set-points of a stream that has ended (5 periods, at least 0.5 s and at
 most 2 s), nor a set-point that was sent only once. A client's death is therefore noticed up to 2 s x speed late in
-simulated time. Nothing is repeated where the originals come often enough.
+simulated time. The first copy waits a quarter of a period longer, so that nothing is repeated where the originals
+come often enough: at real time, or slower.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ class Hold:
             source = self._sources[key] = _Source(client)
         if msgid == HEARTBEAT:
             source.heartbeat = frame
-            source.heartbeat_due_ns = t_ns + _NS_PER_S
+            source.heartbeat_due_ns = t_ns + _NS_PER_S * 5 // 4
             return
         arrivals = source.arrivals_wall_ns
         if arrivals and wall_ns - arrivals[-1] > _ALIVE_NS:
@@ -84,7 +85,7 @@ class Hold:
         arrivals.append(wall_ns)
         del arrivals[:-_ARRIVALS]
         source.setpoint = frame
-        source.setpoint_due_ns = t_ns + source.period_ns()
+        source.setpoint_due_ns = t_ns + source.period_ns() * 5 // 4
 
     def due(self, t_ns: int, wall_ns: int) -> list[Frame]:
         """The copies to send now."""
