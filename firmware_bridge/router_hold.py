@@ -6,7 +6,7 @@ COM_OF_LOSS_T takes it for lost. So the last heartbeat of each client is repeate
 last set-point at the rate, now of simulated time, at which the client was measured to send by the wall clock.
 
 A copy is the client's own frame, sequence number included, sent to the autopilot only. Nothing is repeated for a client
-that has been silent for 2 s of wall clock, nor set-points of a stream that has ended (5 periods, at least 0.5 s and at
+that has been silent for 2 s of wall clock, nor set-points of a stream that has ended (5 periods, at least 1 s and at
 most 2 s), nor a set-point that was sent only once. A client's death is therefore noticed up to 2 s x speed late in
 simulated time. The first copy waits a quarter of a period longer, so that nothing is repeated where the originals
 come often enough: at real time, or slower.
@@ -27,7 +27,7 @@ SETPOINTS = frozenset(
 
 _NS_PER_S = 1_000_000_000
 _ALIVE_NS = 2 * _NS_PER_S
-_STREAM_MIN_NS = _NS_PER_S // 2
+_STREAM_MIN_NS = _NS_PER_S
 _STREAM_PERIODS = 5
 _PERIOD_MIN_NS = 10_000_000
 _ARRIVALS = 10  # over which a rate is measured

@@ -113,7 +113,7 @@ def test_a_client_that_dies_is_not_kept_alive(rig: Rig) -> None:
     stream(rig, 10)
     died_ms = rig.t_ns / MS
     rig.run(5000)
-    assert died_ms < rig.times_ms(SETPOINT)[-1] <= died_ms + 20 * 500 + 100
+    assert died_ms < rig.times_ms(SETPOINT)[-1] <= died_ms + 20 * 1000 + 100
     assert died_ms + 20 * 1000 < rig.times_ms(HEARTBEAT)[-1] <= died_ms + 20 * 2000
 
 
@@ -124,7 +124,7 @@ def test_a_stream_that_ends_is_not_continued_by_heartbeats(rig: Rig) -> None:
     for _ in range(4):
         rig.run(1000)
         rig.say(heartbeat(rig.client.encoder))
-    assert rig.times_ms(SETPOINT)[-1] <= ended_ms + 20 * 500 + 100
+    assert rig.times_ms(SETPOINT)[-1] <= ended_ms + 20 * 1000 + 100
     assert max(gaps(rig.times_ms(HEARTBEAT))) <= 1254.0
 
 
