@@ -89,10 +89,25 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
         # Parameters: all of them, then one set and read back.
         value = first.ask(first.link.param_fetch_all, "PARAM_VALUE")
         names = {value.param_id}
-        until(lambda: names.add(_next_parameter(first).param_id) or len(names) == value.param_count, "every parameter")
-        # The second client has the first one's list before its own answer.
-        second.link.param_set_send("MPC_XY_CRUISE", 3.5)
-        until(lambda: _is(_next_parameter(second), "MPC_XY_CRUISE", 3.5), "the changed parameter")
+
+        def all_named() -> bool:
+            message = first.link.recv_match(type="PARAM_VALUE", blocking=True, timeout=5)
+            if message is None:
+                first.link.param_fetch_all()  # something was lost
+            else:
+                names.add(message.param_id)
+            return len(names) == value.param_count
+
+        until(all_named, "every parameter")
+        # The second client was sent the first one's list too, and left it unread.
+        while second.link.recv_match() is not None:
+            pass
+
+        def changed() -> bool:
+            value = second.ask(lambda: second.link.param_set_send("MPC_XY_CRUISE", 3.5), "PARAM_VALUE")
+            return (value.param_id, value.param_value) == ("MPC_XY_CRUISE", 3.5)
+
+        until(changed, "the changed parameter")
 
         # A mission by one client, read by another.
         frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
@@ -132,13 +147,3 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
         senders.add((message.get_type(), message.get_srcSystem()))
     assert senders >= {("HEARTBEAT", 245), ("HEARTBEAT", 246), ("HEARTBEAT", 247), ("HEARTBEAT", 1)}
     assert senders >= {("PARAM_REQUEST_LIST", 245), ("MISSION_ITEM_INT", 247), ("MISSION_ITEM_INT", 1)}
-
-
-def _next_parameter(peer: Peer) -> Any:
-    message = peer.link.recv_match(type="PARAM_VALUE", blocking=True, timeout=10)
-    assert message is not None
-    return message
-
-
-def _is(parameter: Any, name: str, value: float) -> bool:
-    return (parameter.param_id, parameter.param_value) == (name, value)
