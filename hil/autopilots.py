@@ -2,28 +2,49 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.devices.inventory import find_devices
+from firmware_bridge.links.ardupilot_sitl import copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.px4_process import px4_sitl_process
-from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, make_link
+from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, Wrap, make_link, mock_command
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import parse_fault
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.serial import SerialTransport
+from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, BenchConfig
+from hil.signals.errors import PortNotFound
 
 LOG_NAME = "autopilot.log"
 WORK_FOLDER = "autopilot"  # of firmware that the bench starts: parameters, missions, its own logs
 
 
-def make_autopilot(bench: Bench, out: Path) -> AutopilotLink:
-    """The link of this bench's autopilot, not yet open. What it starts logs into `out`."""
-    return _MAKERS[bench.config.autopilot.kind](bench, out)
+@dataclass(frozen=True)
+class Surroundings:
+    """What a link is told of the run that it is part of."""
+
+    out: Path  # what it starts logs here
+    wrap: Wrap  # goes round the wire: declared faults
+    on_event: Callable[[str, str], None]  # (kind, text), at the simulated time of now
+    home: tuple[
+        float, float, float, float
+    ]  # where the vehicle starts: latitude, longitude [deg], MSL [m], heading [deg]
 
 
-def _mock(bench: Bench, out: Path) -> AutopilotLink:
-    config = bench.config
+def make_autopilot(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """The link of this bench's autopilot, not yet open. LinkError where something it needs is not there."""
+    return _MAKERS[bench.config.autopilot.kind](bench, around)
+
+
+def _mock(bench: Bench, around: Surroundings) -> AutopilotLink:
+    config, out = bench.config, around.out
     autopilot = config.autopilot
     # Unknown (null) cannot be for the mock: it is told the number.
     boot_sensors = MOCK_BOOT_SENSORS if autopilot.boot_sensors is None else autopilot.boot_sensors
@@ -31,6 +52,7 @@ def _mock(bench: Bench, out: Path) -> AutopilotLink:
         "boot_sensors": boot_sensors,
         "reply_limit_s": autopilot.reply_timeout_s,
         "heartbeat_limit_s": autopilot.connect_timeout_s,
+        "wrap": around.wrap,
     }
     if autopilot.port is not None:
         return make_link("mock_serial", port=autopilot.port, baud=autopilot.baud, **common)
@@ -58,8 +80,53 @@ def _mock_arguments(config: BenchConfig) -> list[str]:
     return arguments
 
 
-def _px4_sitl(bench: Bench, out: Path) -> AutopilotLink:
+def _hitl(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """PX4 in HITL: the mock on a pty, or a board on a serial port."""
     config = bench.config
+    autopilot = config.autopilot
+    start = None
+    transport: Transport
+    if autopilot.kind == "mock_hitl" and autopilot.port is None:
+        pty = PtyTransport()
+        transport = pty
+        arguments = ["--hitl", *_mock_arguments(config)]
+
+        def start() -> ChildProcess:
+            argv = mock_command(pty.far_path, boot_sensors=0, arguments=arguments)
+            return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
+    else:
+        transport = SerialTransport(autopilot.port or _only_board(), baud=autopilot.baud, follow=True)
+    return make_link(
+        "hitl",
+        kind=autopilot.kind,
+        transport=around.wrap(transport),
+        period_ns=config.tick_ns,
+        motors=len(bench.vehicle.rotors),
+        start=start,
+        params=None if autopilot.is_mock else autopilot.params,
+        on_event=around.on_event,
+        native_sender=not config.faults.links,
+        silence_limit_s=autopilot.reply_timeout_s,
+        heartbeat_limit_s=autopilot.connect_timeout_s,
+        reconnect_s=autopilot.reconnect_s,
+    )
+
+
+def _only_board() -> str:
+    """Serial port of the one autopilot on USB."""
+    boards = find_devices().autopilots
+    ports = [board.port for board in boards if board.port]
+    if len(ports) == 1:
+        return str(ports[0])
+    found = f"{len(ports)} are there ({', '.join(map(str, ports))})" if ports else "none is there"
+    raise PortNotFound(
+        "autopilot.port", f"names no serial port, and of autopilots on USB {found}; see `hil devices`, then "
+        "--set autopilot.port=/dev/ttyACM0"
+    )  # fmt: skip
+
+
+def _px4_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
+    config, out = bench.config, around.out
     autopilot = config.autopilot
     process = None
     if autopilot.start:
@@ -80,10 +147,43 @@ def _px4_sitl(bench: Bench, out: Path) -> AutopilotLink:
         start=None if process is None else lambda: process,
         reply_limit_s=autopilot.reply_timeout_s,
         heartbeat_limit_s=autopilot.connect_timeout_s,
+        wrap=around.wrap,
     )
 
 
-_MAKERS: dict[str, Callable[[Bench, Path], AutopilotLink]] = {
+def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
+    config = bench.config
+    autopilot, vehicle = config.autopilot, bench.vehicle
+    settings: dict[str, Any] = {
+        "instance": autopilot.instance,
+        "on_restart": autopilot.on_restart,
+        "gravity_mps2": bench.scene.gravity_mps2,
+        "also": frozenset({"windvane"}),
+        "reply_limit_s": autopilot.reply_timeout_s if autopilot.on_restart == "error" else math.inf,
+        "boot_limit_s": autopilot.connect_timeout_s,
+    }
+    if not autopilot.start:
+        return make_link("ardupilot_sitl", mavlink=autopilot.mavlink_port or "tcp:5760", **settings)
+    return make_link(
+        "ardupilot_sitl",
+        binary=Path(str(autopilot.binary)),
+        folder=around.out / WORK_FOLDER,
+        home=around.home,
+        parameters=copter_parameters(
+            hover_control=vehicle.hover_control,
+            thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
+            tick_hz=config.tick_hz,
+            more=autopilot.params,
+        ),
+        arguments=autopilot.arguments,
+        **settings,
+    )
+
+
+_MAKERS: dict[str, Callable[[Bench, Surroundings], AutopilotLink]] = {
     "mock": _mock,
+    "mock_hitl": _hitl,
     "px4_sitl": _px4_sitl,
+    "px4_hitl": _hitl,
+    "ardupilot_sitl": _ardupilot_sitl,
 }

@@ -7,26 +7,36 @@ opening, and what was recorded up to there is readable.
 from __future__ import annotations
 
 import gc
+import math
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.signing import SigningKey
+from firmware_bridge.faults.faulty_transport import FaultyTransport
+from firmware_bridge.ground_station.actions import ActionSource
 from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.free_running import FreeRunningLink
+from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.router import Router
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
-from hil.autopilots import make_autopilot
+from firmware_bridge.transports.transport import Transport
+from hil.autopilots import Surroundings, make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
+from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
+from hil.missions.script import Injected, flight_actions
 from hil.progress import Progress
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
+from hil.restartable_physics import RestartablePhysics
 from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState
@@ -34,7 +44,10 @@ from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Port, Skipped, StageSpec, plan_stages
 from hil.summary import summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
+from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
+from sim.scene.geodesy import LocalFrame
+from sim.scene.wind import GustEvent
 from sim.sensors.catalog import KINDS, make_sensor
 from sim.sensors.faults import FaultySensor
 
@@ -135,9 +148,13 @@ class _Run:
         self.link: AutopilotLink | None = None
         self.station: GroundStation | None = None
         self.router: Router | None = None
-        self.physics: QuadrotorPhysics | None = None
+        self.faulty_wire: FaultyTransport | None = None
+        self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
         self.measurement = FlightMeasurement(())
+        self.declared = DeclaredMeasurements(())
+        self.actions: ActionSource | None = None
+        self.faulty: dict[str, FaultySensor] = {}  # by sensor: what a script can break during the flight
         self.attachments: dict[str, bytes] = {}
 
     def result(self) -> RunResult:
@@ -145,7 +162,7 @@ class _Run:
         self._guard(self._prepare_and_fly)
         if self.recorder is not None:
             self._guard(self._finish_recording)
-        verdict = judge(self.measurement.result(), self.config.limits)
+        verdict = self._verdict()
         status = "ERROR" if self.error else verdict.status
         if self.recorder is not None:
             recorder = self.recorder
@@ -164,9 +181,17 @@ class _Run:
     def write_provisional(self) -> None:
         """run.json of a run that is killed before it can write its own."""
         self.error = ("Killed", "the run is still going on, or it was killed before it could say how it ended")
-        verdict = judge(self.measurement.result(), self.config.limits)
+        verdict = self._verdict()
         write_run_json(self.out / RUN_JSON_NAME, self._summary(verdict, "ERROR"))
         self.error = None
+
+    def _verdict(self) -> Verdict:
+        script = self.bench.script
+        if script is None:
+            return judge(self.measurement.result(), self.config.limits)
+        records = self.actions.records if self.actions is not None else ()
+        declared = self.declared.results()
+        return judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
         routed = {} if self.router is None else {"router": self.router.report()}
@@ -186,6 +211,8 @@ class _Run:
             or (self.router is not None and self.router.received_any),
             left_out=self.skipped,
             timing_s=self.timing_s,
+            fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
+            actions=self.actions.records if self.actions is not None else (),
         )
 
     def _guard(self, step: Any) -> None:
@@ -221,17 +248,24 @@ class _Run:
         config = self.config
         plan = plan_stages(stage_specs(config))
         self.skipped = list(plan.skipped)
-        self.physics = QuadrotorPhysics(
-            self.bench.vehicle,
-            self.bench.scene,
-            config.tick_ns,
-            contact_skipping=config.physics.contact_skipping,
-            effects=config.physics.effects,
-            faults=config.faults.rotors,
-            wind=config.wind,
-            seed=config.seed,
-            step_ns=None if config.physics.step_us is None else config.physics.step_us * 1000,
-        )
+
+        def vehicle() -> QuadrotorPhysics:
+            return QuadrotorPhysics(
+                self.bench.vehicle,
+                self.bench.scene,
+                config.tick_ns,
+                contact_skipping=config.physics.contact_skipping,
+                effects=config.physics.effects,
+                faults=config.faults.rotors,
+                wind=config.wind,
+                seed=config.seed,
+                step_ns=None if config.physics.step_us is None else config.physics.step_us * 1000,
+            )
+
+        physics: Any = vehicle()
+        if config.autopilot.on_restart == "reset":
+            physics = RestartablePhysics(vehicle, tick_ns=config.tick_ns)
+        self.physics = physics
         if self.bench.mission is not None:
             x, y, z = self.physics.state[:3].tolist()
             self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
@@ -249,6 +283,22 @@ class _Run:
         if self.bench.mission is not None:
             self.station = GroundStation(self.bench.mission.items)
             commands.append(self.station)
+        elif self.bench.script is not None:
+            # Nothing to upload and nobody to arm it but the script; the station sees it fly, land and disarm.
+            self.station = GroundStation((), fly=False)
+            commands.append(self.station)
+        elif config.autopilot.kind != "mock" and config.autopilot.on_restart == "error":
+            # Real firmware wants to hear a ground station once a second.
+            commands.append(GroundStation((), fly=False))
+        if self.bench.script is not None:
+            script = self.bench.script
+            self.declared = DeclaredMeasurements(script.script.expect)
+            self.actions = ActionSource(
+                flight_actions(script, self.bench.mission, self._inject, tick_ns=config.tick_ns),
+                first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
+                on_event=self.recorder.event,
+            )
+            commands.append(self.actions)
         autopilot_signs = None
         if config.autopilot.signing_key_file is not None:
             autopilot_signs = AutopilotSide(self._key(config.autopilot.signing_key_file))
@@ -258,10 +308,15 @@ class _Run:
             stack.callback(self.router.close)
             self.router.open()
             commands.append(RouterSource(self.router, self.recorder.event))
-        self.link = make_autopilot(self.bench, self.out)
+        self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event, self._home()))
         stack.callback(self.link.close)
         self.link.open()
         chosen = config.autopilot_sensors()
+        observers: list[Callable[[TruthState], None]] = [self.measurement.add]
+        if self.bench.script is not None:
+            observers.append(self.declared.add)
+        if isinstance(self.link, ArduPilotJsonLink):
+            observers.append(self._record_link_events)
         self.scheduler = Scheduler(
             tick_ns=config.tick_ns,
             physics=self.physics,
@@ -276,8 +331,9 @@ class _Run:
             ),
             commands=commands,
             recorder=self.recorder,
-            observers=[self.measurement.add],
+            observers=observers,
             pace=config.pace,
+            wind_at=lambda: physics.wind_W_mps,
         )
 
     def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
@@ -300,6 +356,44 @@ class _Run:
             self.recorder.event(0, "warning", warning)
         return key
 
+    def _record_link_events(self, truth: TruthState) -> None:  # noqa: ARG002
+        assert isinstance(self.link, ArduPilotJsonLink)
+        assert self.recorder is not None
+        for event in self.link.take_events():
+            self.recorder.event(*event)
+
+    def _home(self) -> tuple[float, float, float, float]:
+        """Where the vehicle starts: latitude and longitude [deg], altitude [m MSL], heading [deg from north]."""
+        assert self.physics is not None
+        x, y, z, qw, qx, qy, qz = self.physics.state[:7].tolist()
+        latitude, longitude, altitude = LocalFrame(self.bench.scene.site).geodetic_from_enu((x, y, z))
+        yaw_deg = math.degrees(math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
+        return latitude, longitude, altitude, (90.0 - yaw_deg) % 360.0
+
+    def _start_again(self) -> None:
+        """The autopilot has rebooted: the vehicle goes back to where it began, and the bench's time goes on."""
+        assert self.scheduler is not None
+        physics: Any = self.physics
+        physics.restart()
+        self.scheduler.skip_tick()
+
+    def _wrap(self, wire: Transport) -> Transport:
+        """The wire to the autopilot with the faults declared for it."""
+        faults = self.config.faults.links
+        if not faults:
+            return wire  # any fault costs a look at every frame
+        assert self.recorder is not None
+        self.faulty_wire = FaultyTransport(wire, faults, self.config.seed, self._now_ns, self.recorder.event)
+        return self.faulty_wire
+
+    def _now_ns(self) -> int:
+        return self.scheduler.t_ns if self.scheduler is not None else 0
+
+    def _event(self, kind: str, text: str) -> None:
+        """Something that a link has to say about this run."""
+        if self.recorder is not None:
+            self.recorder.event(self._now_ns(), kind, text)
+
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config = self.config
         simulated = make_sensor(
@@ -313,15 +407,26 @@ class _Run:
         )
         assert self.recorder is not None
         faults = [fault for fault in config.faults.sensors if fault.sensor == name]
-        made: Sensor = FaultySensor(simulated, faults, on_event=self.recorder.event) if faults else simulated
+        made: Sensor = simulated
+        if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
+            made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
         event_mhz = round(sensor.rate_hz * 1000)
         return SensorSlot(made, RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000))
+
+    def _inject(self, what: Injected) -> None:
+        """A gust or fault that a script lets begin now."""
+        assert self.physics is not None
+        if isinstance(what, GustEvent | RotorFault):
+            self.physics.inject(what)
+        else:
+            self.faulty[what.sensor].inject(what)
 
     def _fly(self) -> None:
         scheduler, station = self.scheduler, self.station
         assert scheduler is not None
         end_tick = round(self.config.duration_s * self.config.tick_hz)
         flight_over = _FlightOver(self.config.tick_ns)
+        serving = self.config.autopilot.on_restart == "reset"  # whoever reboots it decides when it is over
         progress = Progress(
             tick_ns=self.config.tick_ns,
             sim_limit_ns=end_tick * self.config.tick_ns,
@@ -335,15 +440,21 @@ class _Run:
         gc.freeze()
         gc.disable()
         began_s = time.monotonic()
+        # An autopilot that waits for nobody: whoever prepares its samples must not wait for a processor either.
+        free_running = self.link is not None and not self.link.caps.lockstep
         try:
-            with progress:
+            with progress, RealtimeProducer() if free_running else nullcontext():
                 while scheduler.tick < end_tick:
-                    scheduler.step()
+                    try:
+                        scheduler.step()
+                    except RestartRequested:
+                        self._start_again()
+                        continue
                     progress.tick(scheduler.tick)
                     if station is not None:
                         if station.phase is Phase.DONE:
                             break
-                    elif flight_over.after(scheduler.tick, scheduler.actuators.armed):
+                    elif not serving and flight_over.after(scheduler.tick, scheduler.actuators.armed):
                         break
         finally:
             self.timing_s["flight"] = time.monotonic() - began_s
@@ -362,6 +473,9 @@ class _Run:
         if self.station is not None:
             for t_ns, severity, text in self.station.statustexts:
                 self.recorder.event(t_ns, _event_kind(severity), text)
+        if isinstance(self.link, FreeRunningLink) and self.scheduler is not None:
+            for finding in self.link.findings():
+                self.recorder.event(self.scheduler.t_ns, finding.level, finding.text)
         if self.error is not None and self.scheduler is not None:
             self.recorder.event(self.scheduler.t_ns, "error", f"{self.error[0]}: {self.error[1]}")
 

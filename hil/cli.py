@@ -37,7 +37,7 @@ _err = Console(stderr=True, highlight=False, soft_wrap=True)
 ConfigArgument = Annotated[Path | None, typer.Argument(help="Bench file; default ./hil.yaml.", metavar="[CONFIG]")]
 RigOption = Annotated[str | None, typer.Option(help="Rig: which autopilot, over which wires (rigs/*.yaml).")]
 SceneOption = Annotated[str | None, typer.Option(help="Scene (rigs/scenes/*.yaml).")]
-MissionOption = Annotated[str | None, typer.Option(help="Mission: a .plan or .waypoints file.")]
+MissionOption = Annotated[str | None, typer.Option(help="Mission: a .plan or .waypoints file, or a script (.yaml).")]
 SeedOption = Annotated[int | None, typer.Option(help="Seed of all noise.")]
 SetOption = Annotated[
     list[str] | None,
@@ -133,6 +133,8 @@ def check(
         raise typer.Exit(CONFIG_STATUS) from None
     c = bench.config
     flown = f"{len(bench.mission.items)} mission items" if bench.mission else "no mission"
+    if bench.script is not None:
+        flown += f", {len(bench.script.script.actions)} actions"
     _out.print(f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {flown}, sensors {', '.join(c.sensors)}")
 
 
@@ -178,6 +180,31 @@ def bench(
         complain(error)
         raise typer.Exit(ERROR_STATUS) from None
     raise typer.Exit(0 if met else 1)
+
+
+@app.command()
+def devices(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Then print every change until Ctrl-C.")] = False,
+    check: Annotated[
+        str | None,
+        typer.Option("--check", help="Ask the board on this port whether it is set up for HITL.", metavar="PORT"),
+    ] = None,
+    fix: Annotated[bool, typer.Option("--fix", help="With --check: set what is wrong and restart the board.")] = False,
+    baud: Annotated[int, typer.Option(help="With --check: of a real serial line.")] = 921_600,
+) -> None:
+    """Serial ports, USB autopilots, gamepads."""
+    from hil.devices_command import check_board, print_devices
+
+    if check is None:
+        print_devices(_out, as_json=json, watch=watch)
+        return
+    try:
+        ready = check_board(_out, check, baud=baud, fix=fix)
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    raise typer.Exit(0 if ready else 1)
 
 
 def _check_wiring(bench: Bench) -> None:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 from rich.console import Console
 from rich.markup import escape
 
+from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.devices.inventory import (
     NO_PORT_ACCESS,
     Autopilot,
@@ -20,8 +22,14 @@ from firmware_bridge.devices.inventory import (
 )
 from firmware_bridge.devices.usb_boards import PX4
 from firmware_bridge.devices.watch import DeviceWatch, Plugged, Unplugged
+from firmware_bridge.links.hitl_setup import HitlSetup
+from firmware_bridge.transports.serial import SerialTransport
+from hil.signals.errors import HandshakeError
 
 _POLL_S = 0.5
+_MOTORS = 4
+_HEARTBEAT_S = 5.0
+_HEARTBEAT = MSGID["HEARTBEAT"]
 
 _NO_AUTOPILOT = (
     "none found. Is the cable a data cable (many only charge)? Does the board's light come on? On Linux, "
@@ -154,3 +162,49 @@ def _print_table(console: Console, header: Sequence[str], rows: Sequence[Sequenc
     console.print(f"[dim]{escape(line(header))}[/]", soft_wrap=True)
     for row in rows:
         console.print(line(row), markup=False, soft_wrap=True)
+
+
+def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
+    """Ask the board on `port` whether it is set up for hardware in the loop; with `fix`, set what is wrong.
+
+    True if it is ready now. LinkError where the port cannot be had or nothing that speaks MAVLink is on it.
+    """
+    line = SerialTransport(port, baud=baud)
+    line.open()
+    try:
+        parser = FrameParser()
+        _await_heartbeat(line, parser)
+        setup = HitlSetup(line, parser, motors=_MOTORS)
+        problems = setup.problems()
+        for problem in problems:
+            console.print(f"[yellow]wrong[/]  {problem}")
+        settable = {problem.name: problem.wanted for problem in problems if problem.found is not None}
+        if not problems:
+            console.print("[green]right[/]  SYS_HITL and the motors' outputs (HIL_ACT_FUNCn)")
+            if setup.commands_come():
+                console.print("[green]right[/]  it sends motor commands: the line is fast enough")
+                return True
+            console.print(
+                "[yellow]wrong[/]  it sends no HIL_ACTUATOR_CONTROLS: not restarted yet, or the line too slow"
+            )
+        if fix and (settable or not problems):
+            setup.set(settable)
+            setup.reboot()
+            console.print(f"set {', '.join(settable) or 'nothing'}; the board restarts. Check again in ten seconds.")
+        elif not fix:
+            console.print("to set it and restart the board: the same command with --fix")
+        return False
+    finally:
+        line.close()
+
+
+def _await_heartbeat(line: SerialTransport, parser: FrameParser) -> None:
+    deadline = time.monotonic() + _HEARTBEAT_S
+    while time.monotonic() < deadline:
+        if any(frame.msgid == _HEARTBEAT for frame in parser.feed(line.read(0.1))):
+            return
+    raise HandshakeError(
+        line.name,
+        f"no heartbeat within {_HEARTBEAT_S:g} s: powered? the right port, the right baud rate? Boards with two USB "
+        "ports speak MAVLink on one of them",
+    )

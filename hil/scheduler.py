@@ -11,8 +11,14 @@
     7 wait       for the reply that answers t_k           -> ActuatorFrame[k]
     8 latch      check and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
+Where the autopilot keeps more than one processor busy (PX4's threads), phase 6 comes before phase 5 but for the
+bytes sent: there is no processor left to write on while it thinks.
+
 The record of what arrived in phase 7 is written in phase 6 of the next tick (or by `flush`), so that writing
-overlaps the autopilot's own work. The order in the recording is unaffected.
+overlaps the autopilot's own work. The order in the recording is the same either way.
+
+An autopilot that waits for nobody (`FreeRunning`) turns this round: each tick begins at its wall-clock time, with
+ActuatorFrame[k-1] being whatever was commanded last, and phase 7 is empty.
 
 When a phase fails: an exception of any phase ends the run. Phases 1 to 4 have no side effect outside, so the
 tick in which they fail was never sent. After a failure in 5 or 7 nothing further is sent and no command is
@@ -39,6 +45,7 @@ from hil.signals.samples import (
     MagSample,
     Sample,
     TruthState,
+    Vec3,
 )
 from hil.signals.time import RateAccumulator
 
@@ -123,6 +130,7 @@ class Scheduler:
         recorder: Recorder,
         observers: Sequence[Callable[[TruthState], None]] = (),
         pace: float | None = None,
+        wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
     ) -> None:
         self.tick_ns = tick_ns
         self.tick = 0  # the next tick to run
@@ -134,6 +142,10 @@ class Scheduler:
         self._physics = physics
         self._sensors = tuple(sensors)
         self._link = link
+        self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
+        self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
+        self._wind_at = wind_at
+        self._record_first = link.caps.busy_processors > 1
         self._ports = ports
         self._commands = tuple(commands)
         self._recorder = recorder
@@ -157,10 +169,15 @@ class Scheduler:
 
     def step(self) -> None:
         """Run one tick. Raises HilError subclasses; see the header for what is undefined then."""
-        if self._tick_wall_ns is not None:
+        tick = self.tick
+        begun: ActuatorFrame | None = None
+        if self._begin is not None:
+            begun = self._begin(tick)
+            if begun is not None:
+                self._latched = begun
+        elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
         clock = time.perf_counter_ns
-        tick = self.tick
         t_ns = tick * self.tick_ns
 
         t0 = clock()
@@ -188,20 +205,18 @@ class Scheduler:
             extra += source.step(t_ns, self._frames)
 
         t3 = clock()
+        recorded_first = self._record_first
+        if recorded_first:
+            self._record(truth, begun, released)
+        r3 = clock()
+        if self._observe is not None:
+            self._observe(truth, self._wind_at())
         sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
 
         t4 = clock()
-        self._record_received()
-        recorder = self._recorder
-        recorder.truth(truth)
-        for event in self._physics.take_events():
-            recorder.event(event.t_ns, event.kind, event.text)
-        for port, sample in released:
-            recorder.sample(port, sample)
-        recorder.sent(tick, t_ns, sent)
-        for observe in self._observers:
-            observe(truth)
-
+        if not recorded_first:
+            self._record(truth, begun, released)
+        self._recorder.sent(tick, t_ns, sent)
         t5 = clock()
         try:
             actuators = self._link.wait(tick, t_ns)
@@ -220,11 +235,31 @@ class Scheduler:
         phase["physics"].add(t1 - t0)
         phase["sensors"].add(t2 - t1)
         phase["commands"].add(t3 - t2)
-        phase["send"].add(t4 - t3)
-        phase["record"].add(t5 - t4)
+        phase["send"].add(t4 - r3)
+        phase["record"].add(t5 - t4 + r3 - t3)
         phase["wait"].add(t6 - t5)
         self.own_ns.add(t5 - t0)
         self.step_ns.add(t6 - t0)
+
+    def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
+        """What is known before the tick is sent; its bytes follow, and the order in the recording is always this."""
+        self._record_received()
+        recorder = self._recorder
+        if begun is not None:
+            recorder.actuators(begun)
+        recorder.truth(truth)
+        for event in self._physics.take_events():
+            recorder.event(event.t_ns, event.kind, event.text)
+        for port, sample in released:
+            recorder.sample(port, sample)
+        for observe in self._observers:
+            observe(truth)
+
+
+    def skip_tick(self) -> None:
+        """Go on after the tick that failed, with all controls at zero: the autopilot has started again."""
+        self._latched = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)
+        self.tick += 1
 
     def flush(self) -> None:
         """Record what the last tick received. Call once, when no further tick will run."""

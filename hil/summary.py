@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from firmware_bridge.ground_station.actions import Record
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.free_running import FreeRunningLink
 from hil.config import Bench, BenchConfig
 from hil.scheduler import PHASES, Scheduler, SensorSlot
 from hil.signals.latency import LatencyHistogram
@@ -30,6 +32,8 @@ def summarise(
     outside_input: bool,
     left_out: Sequence[Skipped],
     timing_s: Mapping[str, float],
+    fault_hits: Mapping[int, int] | None = None,
+    actions: Sequence[Record] = (),
 ) -> dict[str, Any]:
     """The content of run.json. Parts that a failed run never built are None."""
     config, m = bench.config, verdict.measurements
@@ -98,6 +102,13 @@ def summarise(
             }
             if stats
             else {},
+            **({"realtime": _realtime(link)} if isinstance(link, FreeRunningLink) else {}),
+        },
+        "faults": {
+            "links": [
+                {"kind": fault.kind, "hits": (fault_hits or {}).get(index, 0)}
+                for index, fault in enumerate(config.faults.links)
+            ],
         },
         "sensors": {
             name: {
@@ -117,6 +128,15 @@ def summarise(
                 {"name": r.name, "value": r.value, "limit": r.limit, "unit": r.unit, "ok": r.ok} for r in verdict.rows
             ],
         },
+        "actions": [
+            {
+                "name": record.name,
+                "t_s": None if record.t_ns is None else record.t_ns / NS_PER_S,
+                "outcome": record.outcome,
+                "required": record.required,
+            }
+            for record in actions
+        ],
         "timing": {
             "setup_s": timing_s.get("setup", 0.0),
             "total_s": timing_s.get("total", 0.0),
@@ -126,6 +146,35 @@ def summarise(
             "phase_us": {name: _quantiles(scheduler.phase_ns[name]) for name in PHASES} if scheduler else None,
         },
     }
+
+
+def _realtime(link: FreeRunningLink) -> dict[str, Any]:
+    """How well a free-running autopilot was served, and how well it served us."""
+    sent, clock = link.send_stats(), link.timesync
+    best = clock.best()
+    return (
+        {
+            "send_lateness_us": _quantiles(sent.lateness) | {"p999": sent.lateness.quantile_ns(0.999) / 1000},
+            "late_2ms": sent.late_2ms,
+            "late_20ms": sent.late_20ms,
+            "sent": sent.sent,
+            "dropped": sent.dropped + sent.refused,
+            "longest_gap_ms": sent.longest_gap_ns / 1e6,
+            "scheduling": sent.scheduling,
+            "slips": link.schedule.slip_count,
+            "slipped_ms": link.schedule.slipped_ns / 1e6,
+            "actuator_age_us": _quantiles(link.age.age),
+            "actuator_interval_us": _quantiles(link.age.interval),
+            "actuator_gaps": link.age.gap_count,
+            "clock_offset_us": best.offset_ns / 1000 if best else None,
+            "clock_drift_ppm": clock.drift_ppm,
+            "clock_resets": clock.resets,
+            "reconnects": link.reconnects,
+            "findings": [{"level": f.level, "text": f.text} for f in link.findings()],
+        }
+        if sent is not None
+        else {}
+    )
 
 
 def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:

@@ -48,6 +48,6 @@ def _shape(msgid: int) -> MessageShape:
     return MessageShape(crc_extra=m.crc_extra, base_length=base_length, length=m.unpacker.size)
 
 
-SHAPES: dict[int, MessageShape] = {
-    msgid: MessageShape(*shape) for msgid, (_, *shape) in FRAMING_ONLY.items()
-} | {msgid: _shape(msgid) for msgid in MAVLINK_MAP}
+SHAPES: dict[int, MessageShape] = {msgid: MessageShape(*shape) for msgid, (_, *shape) in FRAMING_ONLY.items()} | {
+    msgid: _shape(msgid) for msgid in MAVLINK_MAP
+}

@@ -1,4 +1,4 @@
-"""Messages that pymavlink's dialects leave out (work in progress in MAVLink's XML) and that autopilots send all the same.
+"""Messages that pymavlink leaves out (work in progress in MAVLink's XML) and that autopilots send all the same.
 
 Only framing knows them: their frames are checked, counted and handed on to ground stations, never unpacked here.
 Source: MAVLink message definitions `common`, `minimal` and `development` of August 2025; (crc_extra, length without

@@ -17,6 +17,7 @@ _ACCEPTED = 0
 _MISSION_TYPE_MISSION = 0
 _ANSWER_LIMIT_NS = NS_PER_S
 _TRIES = 5
+_PATIENT_REFUSALS = 20
 
 # What a person can do about the refusals that happen.
 _HINTS = {
@@ -35,11 +36,16 @@ class MissionUpload:
         self._items = items
         self._tries = 0
         self._asked = 0  # how many items the vehicle has pulled
+        self._refusals_left = 0  # that may yet be because the vehicle has not finished starting
         self.due_ns: int | None = None
         self.done = False
 
-    def start(self, t_ns: int, items: Sequence[MissionItem] | None = None) -> None:
-        """Offer the mission, or `items` in its place. HandshakeError if it is too long for the protocol."""
+    def start(self, t_ns: int, items: Sequence[MissionItem] | None = None, *, patient: bool = False) -> None:
+        """Offer the mission, or `items` in its place. HandshakeError if it is too long for the protocol.
+
+        `patient`: a refusal at once is asked about again for a while. ArduPilot has no room until it has started.
+        """
+        self._refusals_left = _PATIENT_REFUSALS if patient else 0
         if items is not None:
             self._items = items
         if len(self._items) > MAX_COUNT:
@@ -86,6 +92,10 @@ class MissionUpload:
     def on_ack(self, message: Any) -> None:
         if self.due_ns is None or message.mission_type != _MISSION_TYPE_MISSION or not self._wire.for_us(message):
             return
+        if message.type != _ACCEPTED and not self._asked and self._refusals_left:
+            self._refusals_left -= 1
+            self._tries = 0
+            return  # offered anew when the answer is overdue
         if message.type != _ACCEPTED:
             result = enum_name("MAV_MISSION_RESULT", message.type)
             hint = _HINTS.get(result, "see the autopilot's messages")

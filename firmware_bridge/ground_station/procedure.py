@@ -1,8 +1,8 @@
 """How a mission is given to an autopilot and started: the steps differ between firmwares, the mission does not.
 
-                PX4                            ArduPilot
-    items       as they are                    behind a place-holder for home, which is its item 0; no open (NaN) params
-    start       mode AUTO.MISSION, arm         mode GUIDED, arm, MISSION_START (it does not arm in AUTO)
+            PX4                            ArduPilot
+items       as they are                    behind a place-holder for home, which is its item 0; no open (NaN) params
+start       mode AUTO.MISSION, arm         mode GUIDED, arm, MISSION_START (it does not arm in AUTO)
 """
 
 from __future__ import annotations
@@ -61,6 +61,4 @@ def _ardupilot_item(item: MissionItem, shift: int) -> MissionItem:
     params = [0.0 if math.isnan(p) else p for p in item[5:9]]
     if item.command == _DO_JUMP:
         params[0] += shift
-    return item._replace(
-        seq=item.seq + shift, param1=params[0], param2=params[1], param3=params[2], param4=params[3]
-    )
+    return item._replace(seq=item.seq + shift, param1=params[0], param2=params[1], param3=params[2], param4=params[3])

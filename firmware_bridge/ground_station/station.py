@@ -196,7 +196,7 @@ class GroundStation:
             autopilot = self._heartbeats.autopilot
             self._steps = start_steps(autopilot)
             self._progress.first_seq = first_seq(autopilot)
-            self._upload.start(t_ns, items_for(autopilot, self._mission))
+            self._upload.start(t_ns, items_for(autopilot, self._mission), patient=autopilot == ARDUPILOT)
             self._enter(Phase.UPLOADING, t_ns)
         else:
             self._enter(Phase.ARMING, t_ns)

@@ -9,7 +9,7 @@ from typing import Protocol
 from firmware_bridge.codecs.mavlink_frame import Frame
 from hil.signals.errors import LinkError
 from hil.signals.latency import LatencyHistogram
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample, TruthState, Vec3
 
 
 class InvalidControls(LinkError, ValueError):
@@ -25,6 +25,8 @@ class LinkCaps:
     deterministic: bool  # the same bytes in give the same bytes out, run after run
     max_rate_hz: float  # fastest tick at which one message gets one answer
     boot_sensors: int | None  # first HIL_SENSORs that get no answer; None: found out by running at wall-clock pace
+    busy_processors: int = 1  # that the autopilot keeps busy while it thinks, where it runs on this machine
+    takes_truth: bool = False  # is told the vehicle's true state before each `send` (`TruthTaker`)
 
 
 @dataclass
@@ -41,6 +43,22 @@ class LinkStats:
     bad_crc: int = 0
     garbage_bytes: int = 0
     lost_frames: int = 0  # gaps in the autopilot's sequence numbers
+
+
+class FreeRunning(Protocol):
+    """What a link to an autopilot that waits for nobody (`caps.lockstep` False) has besides."""
+
+    def begin(self, tick: int) -> ActuatorFrame | None:
+        """Wait for the tick's wall-clock time; the newest command, None if none came since the last tick."""
+        ...
+
+
+class TruthTaker(Protocol):
+    """What a link has besides whose autopilot simulates its own sensors from the vehicle's pose."""
+
+    def observe(self, truth: TruthState, wind_W: Vec3) -> None:
+        """The state of this tick and the wind at the vehicle [m/s, W]. Called before `send`."""
+        ...
 
 
 class AutopilotLink(Protocol):

@@ -39,7 +39,7 @@ from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.ground_channel import GroundChannel
-from firmware_bridge.links.silence import Verdict, VehicleWatch, process_is_stopped
+from firmware_bridge.links.silence import VehicleWatch, Verdict, process_is_stopped
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
@@ -372,8 +372,7 @@ class LockstepLink:
         self._frames += frames
         self._watch.heard(frames)
         return any(
-            frame[0] == HIL_ACTUATOR_CONTROLS and int.from_bytes(frame[4][:8], "little") in times_us
-            for frame in frames
+            frame[0] == HIL_ACTUATOR_CONTROLS and int.from_bytes(frame[4][:8], "little") in times_us for frame in frames
         )
 
     def _wrong_time(self, got_us: int, want_us: int) -> str:

@@ -62,7 +62,8 @@ def _data_folder(binary: Path) -> Path:
         if (data / "init.d-posix" / "rcS").is_file():
             return data
     raise PortNotFound(
-        str(binary), f"has no start scripts: {binary.parent.parent / 'etc'} is not PX4's etc folder; is it a SITL build?"
+        str(binary),
+        f"has no start scripts: {binary.parent.parent / 'etc'} is not PX4's etc folder; is it a SITL build?",
     )
 
 
@@ -77,4 +78,6 @@ def _airframe(data: Path, airframe: str) -> tuple[str, str]:
         if airframe in (number, name):
             return number, name
     near = ", ".join(f"{number} {name}" for number, name in known.items() if name.startswith("none_"))
-    raise PortNotFound(str(data), f"PX4 has no airframe {airframe!r}; for an outside simulator it has: {near or 'none'}")
+    raise PortNotFound(
+        str(data), f"PX4 has no airframe {airframe!r}; for an outside simulator it has: {near or 'none'}"
+    )

@@ -6,27 +6,40 @@ Each maker is a short function: transport + capabilities + what to start. A new 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.links.ardupilot_sitl import ardupilot_sitl
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.ground_channel import GroundChannel
+from firmware_bridge.links.hitl_setup import HitlSetup
 from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.faults import Died
 from firmware_bridge.transports.loopback import LoopbackTransport, Peer
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
 from firmware_bridge.transports.tcp import TcpServer
+from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import LinkError
 
 # PX4 answers one to one up to here with IMU_INTEG_RATE raised (see `px4_process`); the mock has no limit of its own.
 _PX4_MAX_RATE_HZ = 1000.0
 _MOCK_MAX_RATE_HZ = 1000.0
+_HITL_MAX_RATE_HZ = 1000.0  # a 921600 baud line is full at about 700
 MOCK_BOOT_SENSORS = 20
 PX4_SITL_PORT = 4560  # where PX4 looks for its simulator; instances count up from it
 PX4_GROUND_PORT = 18570  # where PX4 SITL listens for ground stations
+
+# Puts something between a link and its wire: declared faults.
+Wrap = Callable[[Transport], Transport]
+
+
+def _plain(transport: Transport) -> Transport:
+    return transport
 
 
 def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
@@ -50,6 +63,7 @@ def mock_over_pty(
     stderr_path: Path | None = None,
     reply_limit_s: float = 10.0,
     heartbeat_limit_s: float = 20.0,
+    wrap: Wrap = _plain,
 ) -> AutopilotLink:
     """The mock in its own process on a real serial device."""
     transport = PtyTransport()
@@ -59,7 +73,7 @@ def mock_over_pty(
         return ChildProcess(argv, stderr_path=stderr_path)
 
     return LockstepLink(
-        transport,
+        wrap(transport),
         LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
         start_process=start,
         reply_limit_s=reply_limit_s,
@@ -68,11 +82,16 @@ def mock_over_pty(
 
 
 def mock_in_memory(
-    *, peer: Peer, boot_sensors: int = MOCK_BOOT_SENSORS, reply_limit_s: float = 10.0, heartbeat_limit_s: float = 20.0
+    *,
+    peer: Peer,
+    boot_sensors: int = MOCK_BOOT_SENSORS,
+    reply_limit_s: float = 10.0,
+    heartbeat_limit_s: float = 20.0,
+    wrap: Wrap = _plain,
 ) -> AutopilotLink:
     """The mock (`peer`) in this process: the same bytes without a kernel between."""
     return LockstepLink(
-        LoopbackTransport(peer, deaths=(Died,)),
+        wrap(LoopbackTransport(peer, deaths=(Died,))),
         LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
         reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
@@ -86,10 +105,11 @@ def mock_over_serial(
     boot_sensors: int = MOCK_BOOT_SENSORS,
     reply_limit_s: float = 10.0,
     heartbeat_limit_s: float = 20.0,
+    wrap: Wrap = _plain,
 ) -> AutopilotLink:
     """A mock, or another lockstep autopilot of known boot, that somebody else started on serial port `port`."""
     return LockstepLink(
-        SerialTransport(port, baud=baud),
+        wrap(SerialTransport(port, baud=baud)),
         LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
         reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
@@ -103,18 +123,57 @@ def px4_sitl(
     start: Callable[[], ChildProcess] | None = None,
     reply_limit_s: float = 10.0,
     heartbeat_limit_s: float = 60.0,
+    wrap: Wrap = _plain,
 ) -> AutopilotLink:
     """PX4 SITL, which connects to us: started by `start`, or by somebody else.
 
     Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit.
     """
     return LockstepLink(
-        TcpServer(PX4_SITL_PORT + instance if port is None else port),
-        LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=_PX4_MAX_RATE_HZ, boot_sensors=None),
+        wrap(TcpServer(PX4_SITL_PORT + instance if port is None else port)),
+        LinkCaps(
+            "px4_sitl",
+            lockstep=True,
+            deterministic=False,
+            max_rate_hz=_PX4_MAX_RATE_HZ,
+            boot_sensors=None,
+            busy_processors=2,
+        ),
         start_process=start,
         ground=GroundChannel(PX4_GROUND_PORT + instance),
         reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
+    )
+
+
+def hitl(
+    *,
+    kind: str,
+    transport: Transport,
+    period_ns: int,
+    motors: int,
+    start: Callable[[], ChildProcess] | None = None,
+    params: Mapping[str, float] | None = None,
+    **settings: Any,
+) -> AutopilotLink:
+    """A PX4 board in HITL, real or mocked, over `transport`: checked for its set-up, `params` set before it flies.
+
+    `settings`: those of `FreeRunningLink`.
+    """
+
+    def prepare(line: Transport, parser: FrameParser) -> None:
+        setup = HitlSetup(line, parser, motors=motors)
+        if params:
+            setup.set(params)
+        setup.require()
+
+    return FreeRunningLink(
+        transport,
+        LinkCaps(kind, lockstep=False, deterministic=False, max_rate_hz=_HITL_MAX_RATE_HZ, boot_sensors=0),
+        period_ns=period_ns,
+        start_process=start,
+        prepare=prepare,
+        **settings,
     )
 
 
@@ -123,12 +182,14 @@ LINKS: dict[str, Callable[..., AutopilotLink]] = {
     "mock_memory": mock_in_memory,
     "mock_serial": mock_over_serial,
     "px4_sitl": px4_sitl,
+    "hitl": hitl,
+    "ardupilot_sitl": ardupilot_sitl,
 }
 
 
-def make_link(kind: str, **settings: Any) -> AutopilotLink:
+def make_link(link: str, /, **settings: Any) -> AutopilotLink:
     """The link of that kind, not yet open. LinkError lists the kinds there are; settings as in the maker."""
-    maker = LINKS.get(kind)
+    maker = LINKS.get(link)
     if maker is None:
-        raise LinkError(kind, f"no such kind of autopilot link; there are {', '.join(sorted(LINKS))}")
+        raise LinkError(link, f"no such kind of autopilot link; there are {', '.join(sorted(LINKS))}")
     return maker(**settings)

@@ -8,6 +8,7 @@ system calls.
 from __future__ import annotations
 
 import errno
+from typing import Any, NamedTuple
 
 import serial
 from serial.tools import list_ports
@@ -24,12 +25,41 @@ def serial_ports() -> list[str]:
     return sorted(port.device for port in list_ports.comports())
 
 
-class SerialTransport:
-    """The serial port at `path`, held exclusively while open."""
+class _UsbIdentity(NamedTuple):
+    """What stays the same of a USB device, whatever the system calls its port."""
 
-    def __init__(self, path: str, *, baud: int = DEFAULT_BAUD) -> None:
+    vid: int
+    pid: int
+    serial_number: str
+    interface: str | None
+
+    def path(self) -> str | None:
+        """Where it is now; None if it is not there."""
+        return next((port.device for port in list_ports.comports() if _identity_of(port) == self), None)
+
+
+def _identity_of(port: Any) -> _UsbIdentity | None:
+    if port.vid is None or not port.serial_number:
+        return None
+    return _UsbIdentity(port.vid, port.pid, port.serial_number, port.interface)
+
+
+def _usb_identity(path: str) -> _UsbIdentity | None:
+    return next((_identity_of(port) for port in list_ports.comports() if port.device == path), None)
+
+
+class SerialTransport:
+    """The serial port at `path`, held exclusively while open.
+
+    With `follow`, a USB device that was opened once is found again by its USB identity when it comes back under
+    another path, as boards do that are unplugged while their port is open.
+    """
+
+    def __init__(self, path: str, *, baud: int = DEFAULT_BAUD, follow: bool = False) -> None:
         self._path = path
         self._baud = baud
+        self._follow = follow
+        self._identity: _UsbIdentity | None = None
         self._port: serial.Serial | None = None
         self._stream: FdStream | None = None
 
@@ -42,6 +72,8 @@ class SerialTransport:
 
         PortNotFound (with the ports there are), PortBusy, or LinkError (not a serial port).
         """
+        if self._identity is not None:
+            self._path = self._identity.path() or self._path
         try:
             self._port = serial.Serial(
                 self._path,
@@ -56,6 +88,8 @@ class SerialTransport:
             raise self._refusal(error) from error
         except (ValueError, OverflowError) as error:
             raise LinkError(self._path, f"cannot be set to {self._baud} baud: {error}") from error
+        if self._follow:
+            self._identity = _usb_identity(self._path) or self._identity
         self._stream = FdStream(self._port.fileno(), self._path)
 
     def _refusal(self, error: serial.SerialException) -> LinkError:

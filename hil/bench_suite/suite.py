@@ -17,6 +17,7 @@ from hil.signals.errors import RecordingError
 # error against time, `plot(result, title, path)`; title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
+    "link": ("hil.bench_suite.link", "Links: lateness, message errors and flight errors against time"),
     "physics": ("hil.bench_suite.physics", "Flight physics: error against wall time"),
     "stability": ("hil.bench_suite.stability", "Stability: where each method stays finite and within tolerance"),
 }

@@ -14,7 +14,7 @@ from hil.signals.errors import Problem
 @cache
 def _table() -> ParamTable:
     columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
-    return ParamTable(zip(*columns, strict=True))
+    return ParamTable(zip(*columns, strict=True), hitl=True)
 
 
 def param_problems(params: Mapping[str, float], located: Located) -> list[Problem]:

@@ -26,6 +26,8 @@ from hil.documents.document import Document, Place, shown_path
 from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from hil.documents.yaml_lines import CORE_SCHEMA, read_yaml
 from hil.missions import Geopoint, Mission, load_mission
+from hil.missions.script import MissionScript
+from hil.missions.script_file import bench_problems, is_script, lay_script, mission_problems, read_script, with_gusts
 from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
@@ -42,7 +44,8 @@ Model = TypeVar("Model", bound=BaseModel)
 class Bench:
     """A bench that has been checked: its settings, and what the files they name hold.
 
-    `files` says which file each part came from: 'bench', 'rig', 'vehicle', 'scene', 'mission', as far as there is one.
+    `files` says which file each part came from: 'bench', 'rig', 'vehicle', 'scene', 'mission', as far as there is one,
+    and 'plan' where the mission is a script that flies one.
     """
 
     config: BenchConfig
@@ -50,6 +53,7 @@ class Bench:
     scene: Scene
     mission: Mission | None
     files: Mapping[str, Path]
+    script: MissionScript | None = None
 
 
 def load_bench(
@@ -187,9 +191,26 @@ class _Loading:
         self.problems += problems
         return loaded
 
-    def _mission(self, scene: Scene | None) -> Mission | None:
+    def _mission_path(self) -> Path | None:
         name = self.settings.data.get("mission")
-        path = self._file("mission", name, self.settings) if name is not None else None
+        return self._file("mission", name, self.settings) if name is not None else None
+
+    def _script(self, path: Path | None) -> MissionScript | None:
+        """The mission, where it is a script: its limits and faults are laid over the settings."""
+        if path is None or not is_script(path):
+            return None
+        try:
+            script = read_script(path)
+        except ConfigError as error:
+            self.problems += error.problems
+            return None
+        if script.plan_path is not None:
+            self.files["plan"] = script.plan_path
+        if not self.complete:  # else the file says them already
+            lay_script(self.settings, script)
+        return script
+
+    def _mission(self, path: Path | None, scene: Scene | None) -> Mission | None:
         if path is None:
             return None
         try:
@@ -199,6 +220,8 @@ class _Loading:
             return None
 
     def bench(self) -> Bench:
+        mission_path = self._mission_path()
+        script = self._script(mission_path)
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, wrong = validate(BenchConfig, data, self.settings)
@@ -212,7 +235,16 @@ class _Loading:
         if config is not None and vehicle is not None:
             self.problems += _vehicle_checks(config, vehicle, self.settings)
         scene = self._model("scene", Scene)
-        mission = self._mission(scene)
+        if mission_path is not None and is_script(mission_path):
+            mission_path = script.plan_path if script is not None else None
+        mission = self._mission(mission_path, scene)
+        if script is not None:
+            self.problems += mission_problems(script, mission)
+            if config is not None and vehicle is not None:
+                types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
+                self.problems += bench_problems(script, sensors=types, rotors=len(vehicle.rotors))
+            if config is not None and scene is not None and not self.complete:
+                config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not problems:
             fed = config.autopilot_sensors()
             missing = [kind for kind in FLIGHT_KINDS if kind not in fed]
@@ -221,7 +253,7 @@ class _Loading:
                 self.problems.append(at(self.settings, ("sensors",), message))
         if self.problems or config is None or vehicle is None or scene is None:
             raise ConfigError(_in_order(self.problems))
-        return Bench(config, vehicle, scene, mission, self.files)
+        return Bench(config, vehicle, scene, mission, self.files, script)
 
 
 def site_of(scene: Scene) -> Geopoint:
@@ -342,7 +374,7 @@ for _tag, _pattern, _first in CORE_SCHEMA:
 
 def save_bench(bench: Bench, folder: Path) -> Path:
     """Put the bench into a folder so that it can be loaded from there for ever: bench.yaml with everything in it,
-    and copies of the vehicle, the scene and the mission. Returns the path of bench.yaml.
+    and copies of the vehicle, the scene, the mission and a script's plan. Returns the path of bench.yaml.
     """
     folder.mkdir(parents=True, exist_ok=True)
     names: dict[str, str] = {}
@@ -351,6 +383,8 @@ def save_bench(bench: Bench, folder: Path) -> Path:
             source = bench.files[what]
             names[what] = f"{what}{source.suffix}"
             (folder / names[what]).write_bytes(source.read_bytes())
+    if "plan" in bench.files:  # a script finds its plan by name beside itself
+        (folder / bench.files["plan"].name).write_bytes(bench.files["plan"].read_bytes())
     path = folder / "bench.yaml"
     text = resolved_yaml(bench.config.model_copy(update=names))
     temporary = path.with_suffix(".part")

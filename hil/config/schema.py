@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
+from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router_endpoint import Endpoint
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
@@ -66,7 +67,9 @@ class Autopilot(Section):
     connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 20.0  # wall clock, for the first sign of life
     start: bool = True  # false: the user starts it
     port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
-    mavlink_port: str | None = None  # second serial device: MAVLink of a board whose `port` is fed another protocol
+    # MAVLink where it has a wire of its own: a second serial device (ardupilot_eahrs); udp:PORT, tcp:PORT or none
+    # (ardupilot_sitl that somebody else starts).
+    mavlink_port: str | None = None
     baud: Annotated[int, Field(ge=1200, le=12_000_000)] = 921_600  # of a real serial line; USB takes any
     binary: str | None = None  # the user's own firmware build, for rigs that need one
     instance: Annotated[int, Field(ge=0, le=99)] = 0  # of a simulated autopilot: its network ports count up with it
@@ -76,6 +79,8 @@ class Autopilot(Section):
     reconnect_s: Annotated[float, Field(ge=0, le=600)] = (
         10.0  # free-running links: how long an unplugged board may stay
     )
+    # ArduPilot SITL that reboots in the run: an error, or the vehicle goes back to its start and the run goes on.
+    on_restart: Literal["error", "reset"] = "error"
     signing_key_file: str | None = None  # what the bench itself says is signed with this key; null: unsigned
     faults: MockFaults = MockFaults()
 
@@ -166,6 +171,7 @@ class Faults(Section):
 
     rotors: tuple[RotorFault, ...] = ()
     sensors: tuple[SensorFault, ...] = ()
+    links: tuple[LinkFault, ...] = ()  # on the wire to the autopilot
 
 
 class SensorConfig(BaseModel):
@@ -191,7 +197,7 @@ class BenchConfig(Section):
     features: tuple[str, ...] = ()  # hardware that the rig has; tests choose by it
     scene: str = "airfield"
     vehicle: str = "x500"
-    mission: str | None = None  # a .plan or .waypoints file; null: only clients of the router command
+    mission: str | None = None  # .plan, .waypoints or script; null: only the router's clients command
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends

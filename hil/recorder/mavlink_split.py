@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 _MAVLINK_1, _MAVLINK_2 = 0xFE, 0xFD
 _SIGNED = 0x01  # incompatibility flag: 13 bytes of signature follow the checksum
 NO_FRAME = 0xFFFFFFFF  # stands for the message id of bytes that are no frame
+
+
+_start_byte = re.compile(b"[\xfd\xfe]").search
 
 
 def split_frames(data: bytes) -> list[tuple[int, bytes]]:
@@ -26,9 +31,10 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
             end = at + 8 + data[at + 1]
             msgid = data[at + 5]
         else:
-            end, msgid = at + 1, NO_FRAME
+            end, msgid = size + 1, NO_FRAME
         if end > size:
-            end, msgid = at + 1, NO_FRAME
+            start = _start_byte(data, at + 1)
+            end, msgid = start.start() if start else size, NO_FRAME
         if msgid == NO_FRAME and found and found[-1][0] == NO_FRAME:
             found[-1] = (NO_FRAME, found[-1][1] + data[at:end])
         else:

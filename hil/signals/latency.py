@@ -21,15 +21,25 @@ class LatencyHistogram:
         self.max_ns = 0
 
     def add(self, duration_ns: int) -> None:
+        """Count one duration; a negative one, of a clock that was set back, counts as 0."""
+        if duration_ns < 0:
+            duration_ns = 0
         shift = duration_ns.bit_length() - 1 - _SUB_BITS
         if shift > 0:
             self._bins[(shift << _SUB_BITS) + (duration_ns >> shift)] += 1
         else:
-            self._bins[duration_ns if duration_ns > 0 else 0] += 1
+            self._bins[duration_ns] += 1
         self.count += 1
         self.total_ns += duration_ns
         if duration_ns > self.max_ns:
             self.max_ns = duration_ns
+
+    def merge(self, other: LatencyHistogram) -> None:
+        """Count all that `other` has counted."""
+        self._bins = [a + b for a, b in zip(self._bins, other._bins, strict=True)]
+        self.count += other.count
+        self.total_ns += other.total_ns
+        self.max_ns = max(self.max_ns, other.max_ns)
 
     def quantile_ns(self, q: float) -> float:
         """The q-quantile (0..1) as the middle of its bin; 0 when nothing was counted."""

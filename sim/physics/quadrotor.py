@@ -42,7 +42,7 @@ from sim.physics.faults import RotorFault, check_faults
 from sim.physics.vehicle import Vehicle
 from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
-from sim.scene.wind import Wind, WindAtVehicle
+from sim.scene.wind import GustEvent, Wind, WindAtVehicle
 
 # Upper bounds of a free-flight step; the error they leave: `hil bench physics`.
 FREE_STEP_NS = {"order8": 4 * NS_PER_MS, "classical": 1 * NS_PER_MS}
@@ -284,6 +284,22 @@ class QuadrotorPhysics:
         """Faults and gusts that began or ended since the last call, in order."""
         events, self._events = self._events, []
         return events
+
+    def inject(self, what: RotorFault | GustEvent) -> None:
+        """Let a fault or gust happen that was not known at the start. ValueError if it would begin before the next
+        tick, or names a rotor that is not there.
+        """
+        coming: list[tuple[int, str, str, RotorFault | None]]
+        if isinstance(what, GustEvent):
+            coming = [(event.tick, "gust", event.text, None) for event in self._wind.add(what)]
+        else:
+            check_faults((what,), len(self.vehicle.rotors))
+            coming = [(what.start_tick(self.tick_ns), "fault", what.text, what)]
+        if coming[0][0] <= self._tick:
+            raise ValueError(f"{coming[0][2]}: begins at tick {coming[0][0]}, and tick {self._tick} is over")
+        # `_to_come` ends with what comes next; of one tick, what was known earlier stays first.
+        self._to_come = sorted([*self._to_come[::-1], *coming], key=lambda item: item[0])[::-1]
+        self._next_change = self._to_come[-1][0]
 
     def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
         """(tick, kind, text, fault) of everything that will happen, the next one last."""

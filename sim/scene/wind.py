@@ -15,6 +15,7 @@ The noise comes from the stream named "wind": no other source's numbers change w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
 
 import pydantic
@@ -140,10 +141,19 @@ class WindAtVehicle:
             rough = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
         return self._sum(tick, rough)
 
+    def add(self, gust: GustEvent) -> list[WindEvent]:
+        """One more gust, and what it does. It must not have begun."""
+        self.wind = self.wind.model_copy(update={"gusts": (*self.wind.gusts, gust)})
+        self.constant = False
+        return self._events_of((gust,))
+
     def events(self) -> list[WindEvent]:
         """What the gusts do, by tick."""
+        return self._events_of(self.wind.gusts)
+
+    def _events_of(self, gusts: Sequence[GustEvent]) -> list[WindEvent]:
         found = []
-        for gust in self.wind.gusts:
+        for gust in gusts:
             found.append(WindEvent(self._tick_of(gust.at_s), gust.text))
             if gust.end_s is not None:
                 found.append(WindEvent(self._tick_of(gust.end_s), "gust is over"))

@@ -159,6 +159,13 @@ class FaultySensor:
         self._last: tuple[Any, ...] | None = None
         self._on_event = on_event
 
+    def inject(self, fault: Any) -> None:
+        """One more fault, known only now. ValueError if it does not fit the sensor."""
+        for _, key, text in fault_problems((fault,), {self.name: self.sample_type}):
+            raise ValueError(f"fault of {fault.sensor}: {key} {text}")
+        self._spans.append((fault, *fault.span_ns))
+        self._active.append(False)
+
     def sample(self, truth: TruthState, seq: int) -> Sample | None:
         """Sample `seq` with whatever faults are active at `truth.t_ns`; None during a dropout."""
         sample = self._sensor.sample(truth, seq)

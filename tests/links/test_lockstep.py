@@ -268,7 +268,11 @@ def test_fifty_thousand_packets_of_rubbish_between_answers(fake):
 
 
 def test_registry_makes_every_kind_and_names_them_when_asked_for_another(fake):
-    settings = {"mock_memory": {"peer": fake.FakeAutopilot()}, "mock_serial": {"port": "/dev/ttyX"}}
+    settings = {
+        "mock_memory": {"peer": fake.FakeAutopilot()},
+        "mock_serial": {"port": "/dev/ttyX"},
+        "hitl": {"kind": "mock_hitl", "transport": PtyTransport(), "period_ns": 4_000_000, "motors": 4},
+    }
     for kind in LINKS:
         link = make_link(kind, **settings.get(kind, {}))
         assert link.caps.lockstep

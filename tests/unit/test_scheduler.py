@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from firmware_bridge.links.autopilot_link import LinkCaps
 from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
 from hil.signals.errors import LockstepLost, ModelRangeError
 from hil.signals.samples import ActuatorFrame, BaroSample, ImuSample, TruthState
@@ -17,6 +18,8 @@ TICK_NS = 4_000_000
 
 class Script:
     """Stands for physics, sensor, link, ground station and recorder at once, and writes down who called what."""
+
+    caps = LinkCaps("script", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=0)
 
     name = "imu"
 

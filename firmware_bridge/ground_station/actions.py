@@ -1,0 +1,416 @@
+"""What a mission script says to the autopilot, at simulated times or after something has happened.
+
+A pure function of (simulated time, frames received), as the ground station is: no I/O and no clock of its own. It
+speaks as a component of its own on the ground station's system, so that answers to the two are never confused.
+
+What talks to the autopilot is done one after the other, in the order in which it falls due, each until it has been
+answered; an `Effect` (a gust, a fault) happens at its instant whatever else is under way. Nothing is said before the
+vehicle's first heartbeat, which tells whose modes and parameters these are.
+
+    command     asked again each second while nobody answers or while it is rejected for now, five times
+    mode        DO_SET_MODE with the numbers of this autopilot
+    parameter   read first, for its type, then set; done when the autopilot echoes the value
+"""
+
+from __future__ import annotations
+
+import heapq
+import struct
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
+from firmware_bridge.codecs.messages import MSGID, message_class, unpack
+from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
+from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
+from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name
+from hil.signals.errors import HandshakeError
+
+_ParamRequestRead = message_class("PARAM_REQUEST_READ")
+_ParamSet = message_class("PARAM_SET")
+
+SCRIPT_COMPID = 25  # MAV_COMP_ID_USER1: none of the numbers that ground stations and SDKs use
+_DO_SET_MODE = 176
+_SAFETY_ARMED = 0x80
+_LANDED_ON_GROUND = 1
+_LANDED_IN_AIR = (2, 3, 4)  # in the air, taking off, landing
+_REAL32 = 9  # MAV_PARAM_TYPE; below it the integers
+
+_TRIES = 5
+_RETRY_NS = NS_PER_S
+_HEARTBEAT_LIMIT_NS = 30 * NS_PER_S  # from when an action is due
+
+
+class Happening(NamedTuple):
+    """Something the autopilot reports. It counts when it is reported for the first time.
+
+    `kind`: armed, disarmed, takeoff, landed, item (mission item `number` reached) or mode (changed to `word`).
+    """
+
+    kind: str
+    number: int = 0
+    word: str = ""
+
+
+class SetMode(NamedTuple):
+    """Enter the mode called `word` (see `modes`)."""
+
+    word: str
+
+
+class SetParam(NamedTuple):
+    """Give a parameter a value."""
+
+    name: str
+    value: float
+
+
+class RunCommand(NamedTuple):
+    """Any COMMAND_LONG; up to seven parameters, the others zero."""
+
+    command: int
+    params: tuple[float, ...]
+
+
+class Effect(NamedTuple):
+    """Something done to the world, not said to the autopilot: `run` is called with the simulated time [ns]."""
+
+    run: Callable[[int], None]
+
+
+class Action(NamedTuple):
+    """One entry of a script: what, and when: `at_ns`, or `delay_ns` after a happening.
+
+    `name` is how people call it ('flight.yaml:12: set_mode HOLD'). One that is not `required` may be refused.
+    """
+
+    name: str
+    do: SetMode | SetParam | RunCommand | Effect
+    at_ns: int | None = None
+    after: Happening | None = None
+    delay_ns: int = 0
+    required: bool = True
+
+
+class Record(NamedTuple):
+    """What became of an action: when it began [ns], and in one word how it ended."""
+
+    name: str
+    required: bool
+    t_ns: int | None  # None: it never fell due
+    outcome: str  # waiting, running, done or refused
+
+
+class _Job(Protocol):
+    """An action under way. `step` says whether it is done; HandshakeError if it never will be."""
+
+    @property
+    def due_ns(self) -> int: ...
+
+    def step(self, t_ns: int) -> bool: ...
+
+
+class ActionSource:
+    """Carries out `actions`. A required one that is refused ends the run as a HandshakeError that names it.
+
+    `first_item` is the number the autopilot gives to the mission's first item (1 where home counts as 0).
+    `on_event(t_ns, kind, text)` is told what is done and what was refused.
+    """
+
+    def __init__(
+        self,
+        actions: Sequence[Action],
+        *,
+        target_sysid: int = 1,
+        target_compid: int = 1,
+        first_item: int = 0,
+        on_event: Callable[[int, str, str], None] | None = None,
+    ) -> None:
+        self._actions = tuple(actions)
+        self._wire = _ScriptWire(target_sysid=target_sysid, target_compid=target_compid)
+        self._commands = Commands(self._wire)
+        self._first_item = first_item
+        self._on_event = on_event
+        self._due: list[tuple[int, int]] = []
+        self._waiting: dict[Happening, list[int]] = {}
+        for index, action in enumerate(self._actions):
+            if action.after is not None:
+                self._waiting.setdefault(action.after, []).append(index)
+            else:
+                heapq.heappush(self._due, (action.at_ns or 0, index))
+        self._queue: deque[tuple[int, int]] = deque()  # (when it fell due, index)
+        self._running: int | None = None
+        self._job: _Job | None = None
+        self._began_ns: list[int | None] = [None] * len(self._actions)
+        self._outcome = ["waiting"] * len(self._actions)
+        self._autopilot: int | None = None
+        self._armed = False
+        self._custom_mode: int | None = None
+        self._flown = False
+        self._t_ns = 0
+        self._next_ns = 0
+        self._handlers: dict[int, Callable[[Any], None]] = {
+            MSGID["HEARTBEAT"]: self._on_heartbeat,
+            MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
+            MSGID["PARAM_VALUE"]: self._on_param_value,
+            MSGID["MISSION_ITEM_REACHED"]: lambda m: self._happened(Happening("item", m.seq - self._first_item)),
+            MSGID["EXTENDED_SYS_STATE"]: self._on_extended_sys_state,
+        }
+
+    @property
+    def records(self) -> list[Record]:
+        """What has become of every action so far, in the order of the script."""
+        columns = zip(self._actions, self._began_ns, self._outcome, strict=True)
+        return [Record(action.name, action.required, t_ns, outcome) for action, t_ns, outcome in columns]
+
+    def step(self, t_ns: int, frames: Iterable[Frame]) -> bytes:
+        """Take last tick's `frames`; return the bytes to send at `t_ns`."""
+        handlers = self._handlers
+        sysid, compid = self._wire.target_sysid, self._wire.target_compid
+        heard = False
+        for frame in frames:
+            handler = handlers.get(frame[0])
+            if handler is not None and frame[1] == sysid and frame[2] == compid:
+                self._t_ns = t_ns
+                handler(unpack(frame))
+                heard = True
+        if not heard and t_ns < self._next_ns:
+            return b""
+        self._t_ns = t_ns
+        while self._due and self._due[0][0] <= t_ns:
+            due_ns, index = heapq.heappop(self._due)
+            do = self._actions[index].do
+            if isinstance(do, Effect):
+                self._begin(index, t_ns)
+                do.run(t_ns)
+                self._outcome[index] = "done"
+            else:
+                self._queue.append((due_ns, index))
+        while self._work(t_ns):
+            pass
+        self._next_ns = self._wake_ns()
+        return self._wire.take()
+
+    def _work(self, t_ns: int) -> bool:
+        """Go on with the action under way, or begin the next one. False when there is nothing more to do now."""
+        if self._job is None:
+            if not self._queue:
+                return False
+            due_ns, index = self._queue[0]
+            if self._autopilot is None:
+                if t_ns - due_ns < _HEARTBEAT_LIMIT_NS:
+                    return False
+                self._queue.popleft()
+                self._refuse(index, t_ns, "the vehicle has sent no heartbeat, so nobody is there to be told")
+                return True
+            self._queue.popleft()
+            self._running = index
+            self._begin(index, t_ns)
+            try:
+                self._job = self._start(self._actions[index], self._autopilot, t_ns)
+            except HandshakeError as error:
+                self._end(t_ns, error)
+                return True
+        assert self._running is not None
+        try:
+            done = self._job.step(t_ns)
+        except HandshakeError as error:
+            self._end(t_ns, error)
+            return True
+        if done:
+            self._outcome[self._running] = "done"
+            self._job = self._running = None
+        return done
+
+    def _start(self, action: Action, autopilot: int, t_ns: int) -> _Job:
+        do = action.do
+        if isinstance(do, SetMode):
+            return _CommandJob(self._commands, _DO_SET_MODE, mode_params(autopilot, do.word), t_ns)
+        if isinstance(do, SetParam):
+            return _ParamJob(self._wire, do, bytewise=autopilot != ARDUPILOT, t_ns=t_ns)
+        assert isinstance(do, RunCommand)
+        return _CommandJob(self._commands, do.command, do.params, t_ns)
+
+    def _begin(self, index: int, t_ns: int) -> None:
+        self._began_ns[index] = t_ns
+        self._outcome[index] = "running"
+        self._tell(t_ns, "action", self._actions[index].name)
+
+    def _end(self, t_ns: int, error: HandshakeError) -> None:
+        index = self._running
+        assert index is not None
+        self._job = self._running = None
+        self._refuse(index, t_ns, str(error).removeprefix(f"{error.port}: "))
+
+    def _refuse(self, index: int, t_ns: int, why: str) -> None:
+        action = self._actions[index]
+        self._outcome[index] = "refused"
+        self._tell(t_ns, "warning", f"{action.name}: {why}")
+        if action.required:
+            raise HandshakeError("mission script", f"{action.name}: {why} (required: false would let the flight go on)")
+
+    def _tell(self, t_ns: int, kind: str, text: str) -> None:
+        if self._on_event is not None:
+            self._on_event(t_ns, kind, text)
+
+    def _wake_ns(self) -> int:
+        """When there is something to do again if nobody says anything."""
+        wake = [self._due[0][0]] if self._due else []
+        if self._job is not None:
+            wake.append(self._job.due_ns)
+        elif self._queue:
+            wake.append(self._queue[0][0] + _HEARTBEAT_LIMIT_NS)
+        return min(wake, default=1 << 62)
+
+    # -- what the vehicle says --------------------------------------------------------------------------------
+
+    def _happened(self, what: Happening) -> None:
+        for index in self._waiting.pop(what, ()):
+            heapq.heappush(self._due, (self._t_ns + self._actions[index].delay_ns, index))
+
+    def _on_heartbeat(self, message: Any) -> None:
+        self._autopilot = message.autopilot
+        armed = bool(message.base_mode & _SAFETY_ARMED)
+        if armed != self._armed:
+            self._armed = armed
+            self._happened(Happening("armed" if armed else "disarmed"))
+        if message.custom_mode != self._custom_mode:
+            first, self._custom_mode = self._custom_mode is None, message.custom_mode
+            if not first:
+                self._happened(Happening("mode", word=mode_word(message.autopilot, message.custom_mode)))
+
+    def _on_extended_sys_state(self, message: Any) -> None:
+        if message.landed_state in _LANDED_IN_AIR:
+            if not self._flown:
+                self._flown = True
+                self._happened(Happening("takeoff"))
+        elif message.landed_state == _LANDED_ON_GROUND and self._flown:
+            self._happened(Happening("landed"))
+
+    def _on_param_value(self, message: Any) -> None:
+        if isinstance(self._job, _ParamJob):
+            self._job.on_value(self._t_ns, message)
+
+
+class _ScriptWire(Wire):
+    """The wire of the script's own component."""
+
+    def __init__(self, *, target_sysid: int, target_compid: int) -> None:
+        super().__init__(target_sysid=target_sysid, target_compid=target_compid)
+        self._encoder = FrameEncoder(GCS_SYSID, SCRIPT_COMPID)
+
+    def for_us(self, message: Any) -> bool:
+        return message.target_system in (0, GCS_SYSID) and message.target_component in (0, SCRIPT_COMPID)
+
+
+class _CommandJob:
+    """Asks until it is accepted."""
+
+    def __init__(self, commands: Commands, command: int, params: tuple[float, ...], t_ns: int) -> None:
+        self._commands, self._command, self._params = commands, command, params
+        self._rejections = 0
+        self._retry_ns: int | None = None
+        commands.ask(t_ns, command, params)
+
+    @property
+    def due_ns(self) -> int:
+        due = self._retry_ns if self._retry_ns is not None else self._commands.due_ns
+        assert due is not None
+        return due
+
+    def step(self, t_ns: int) -> bool:
+        commands = self._commands
+        if self._retry_ns is not None:
+            if t_ns >= self._retry_ns:
+                self._retry_ns = None
+                commands.ask(t_ns, self._command, self._params)
+            return False
+        if commands.busy:
+            commands.step(t_ns)
+            return False
+        if commands.result == ACCEPTED:
+            return True
+        self._rejections += 1
+        if commands.result != TEMPORARILY_REJECTED or self._rejections >= _TRIES:
+            assert commands.result is not None
+            result = enum_name("MAV_RESULT", commands.result)
+            asked = f"asked {self._rejections} times, " if self._rejections > 1 else ""
+            raise HandshakeError("mission script", f"{asked}the autopilot answered {result}")
+        self._retry_ns = t_ns + _RETRY_NS
+        return False
+
+
+class _ParamJob:
+    """Reads the parameter for its type, sets it, and waits for the echo."""
+
+    def __init__(self, wire: Wire, wanted: SetParam, *, bytewise: bool, t_ns: int) -> None:
+        self._wire, self._wanted, self._bytewise = wire, wanted, bytewise
+        self._kind: int | None = None  # MAV_PARAM_TYPE, once it is known
+        self._value = 0.0  # as the autopilot can hold it
+        self._done = False
+        self._unfit: HandshakeError | None = None
+        self._tries = 0
+        self.due_ns = t_ns
+
+    def step(self, t_ns: int) -> bool:
+        if self._unfit is not None:
+            raise self._unfit
+        if self._done or t_ns < self.due_ns:
+            return self._done
+        if self._tries >= _TRIES:
+            name = self._wanted.name
+            if self._kind is None:
+                raise HandshakeError(
+                    "mission script", f"asked {_TRIES} times for the parameter {name}, never answered: has it one?"
+                )
+            raise HandshakeError(
+                "mission script", f"{name} was set {_TRIES} times and never became {self._value:g}: out of range?"
+            )
+        self._tries += 1
+        self.due_ns = t_ns + _RETRY_NS
+        wire, name = self._wire, self._wanted.name
+        if self._kind is None:
+            wire.say(_ParamRequestRead(wire.target_sysid, wire.target_compid, name, -1))
+        else:
+            bits = _as_sent(self._value, self._kind, bytewise=self._bytewise)
+            wire.say(_ParamSet(wire.target_sysid, wire.target_compid, name, bits, self._kind))
+        return False
+
+    def on_value(self, t_ns: int, message: Any) -> None:
+        if message.param_id != self._wanted.name:
+            return
+        if self._kind is None:
+            self._kind = message.param_type
+            try:
+                self._value = _as_held(self._wanted, message.param_type)
+            except HandshakeError as error:
+                self._unfit = error  # raised in `step`, where it is this action's
+            self._tries = 0
+            self.due_ns = t_ns
+        elif _as_read(message.param_value, self._kind, bytewise=self._bytewise) == self._value:
+            self._done = True
+
+
+def _as_held(wanted: SetParam, kind: int) -> float:
+    """The value as a parameter of this type can hold it. HandshakeError where it cannot."""
+    if kind >= _REAL32:
+        held: float = struct.unpack("<f", struct.pack("<f", wanted.value))[0]
+        return held
+    if wanted.value != int(wanted.value) or abs(wanted.value) >= 2**31:
+        raise HandshakeError("mission script", f"{wanted.name} takes a whole number of 32 bits, not {wanted.value:g}")
+    return float(int(wanted.value))
+
+
+def _as_sent(value: float, kind: int, *, bytewise: bool) -> float:
+    """The float that carries a value: PX4 puts an integer's own bits there, ArduPilot its nearest float."""
+    if kind >= _REAL32 or not bytewise:
+        return value
+    carried: float = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+    return carried
+
+
+def _as_read(carried: float, kind: int, *, bytewise: bool) -> float:
+    if kind >= _REAL32 or not bytewise:
+        return carried
+    return float(struct.unpack("<i", struct.pack("<f", carried))[0])

@@ -1,0 +1,138 @@
+"""MAVLink beside the JSON interface: the ground station's and the clients' words to ArduPilot SITL, and its telemetry.
+
+UDP (`--serial0 udpclient:127.0.0.1:PORT`): SITL sends to our port from one of its own, which is a new one after every
+reboot. TCP (its default): SITL waits for us on 5760 + 10 * instance, before its first servo packet and again after
+every reboot; and it stands still while a TCP client leaves more than 1 kB unread.
+
+SITL reads its serial port once per step, right after the step's state has come: what is written before the state is
+acted upon in that step.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
+from firmware_bridge.links.ground_channel import frame_size
+from firmware_bridge.transports.tcp import TcpClient
+from firmware_bridge.transports.udp import UdpTransport
+from hil.signals.errors import LinkClosed, PortNotFound
+
+_DATAGRAM_LIMIT = 1400
+_KEPT_LIMIT = 65536
+_RETRY_S = 0.1
+
+
+class MavlinkSide:
+    """Frames in and out. Over UDP on `transport`'s port, or to SITL's TCP port, connected as soon as it listens."""
+
+    def __init__(self, transport: UdpTransport | TcpClient) -> None:
+        self._transport = transport
+        self._tcp = isinstance(transport, TcpClient)
+        self._connected = False
+        self._retry_at_s = 0.0
+        self._kept = b""  # words for an autopilot that has not been heard yet
+        self.parser = FrameParser()
+        self.tx_bytes = 0
+        self.rx_bytes = 0
+
+    @property
+    def name(self) -> str:
+        return self._transport.name
+
+    @property
+    def udp_port(self) -> int | None:
+        """The port that SITL is to send to; None over TCP. Known after `open`."""
+        return self._transport.port if isinstance(self._transport, UdpTransport) else None
+
+    def open(self) -> None:
+        """UDP: bind. TCP: nothing yet, SITL may not be up; every `read` tries."""
+        self.parser = FrameParser()
+        self._kept = b""
+        self.tx_bytes = self.rx_bytes = 0
+        self._retry_at_s = 0.0
+        self._connected = False
+        if not self._tcp:
+            self._transport.open()
+
+    def close(self) -> None:
+        self._transport.close()
+        self._connected = False
+
+    def fileno(self) -> int | None:
+        """To be polled while waiting; None while there is no connection."""
+        return self._transport.fileno() if self._connected or not self._tcp else None
+
+    def start_again(self) -> None:
+        """The autopilot has rebooted: what was meant for the one before is dropped."""
+        self._kept = b""
+        self.parser = FrameParser()
+        if self._tcp:
+            self._hang_up()
+
+    def write(self, data: bytes) -> None:
+        """Send whole frames. Kept until the autopilot has been heard, for lack of an address until then."""
+        data = self._kept + data
+        self._kept = b""
+        if not data:
+            return
+        try:
+            if self._tcp:
+                if not self._connect():
+                    raise LinkClosed(self.name, "not connected yet")
+                self._transport.write(data)
+            else:
+                for datagram in _datagrams(data):
+                    self._transport.write(datagram)
+            self.tx_bytes += len(data)
+        except LinkClosed:
+            self._hang_up()
+            self._kept = data if len(data) <= _KEPT_LIMIT else b""
+
+    def read(self) -> list[Frame]:
+        """Frames of everything that has arrived. Never waits."""
+        frames: list[Frame] = []
+        if self._tcp and not self._connect():
+            return frames
+        while True:
+            try:
+                data = self._transport.read(0.0)
+            except LinkClosed:
+                self._hang_up()
+                return frames
+            if not data:
+                return frames
+            self.rx_bytes += len(data)
+            frames += self.parser.feed(data)
+
+    def _connect(self) -> bool:
+        if self._connected:
+            return True
+        now_s = time.monotonic()
+        if now_s < self._retry_at_s:
+            return False
+        try:
+            self._transport.open()
+        except PortNotFound:
+            self._retry_at_s = now_s + _RETRY_S
+            return False
+        self._connected = True
+        return True
+
+    def _hang_up(self) -> None:
+        if self._tcp:
+            self._transport.close()
+            self._connected = False
+
+
+def _datagrams(data: bytes) -> Iterator[bytes]:
+    """`data`, whole frames, cut at their borders."""
+    start = pos = 0
+    while pos < len(data):
+        size = frame_size(data, pos)
+        if pos + size - start > _DATAGRAM_LIMIT and pos > start:
+            yield data[start:pos]
+            start = pos
+        pos += size
+    yield data[start:]

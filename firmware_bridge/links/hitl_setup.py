@@ -1,0 +1,162 @@
+"""Is the board set up for PX4's hardware in the loop? Asked over MAVLink before the first sample; can be put right.
+
+SYS_HITL         1 (HITL enabled); it takes effect at the next boot
+HIL_ACT_FUNCn    100 + n for motor n: which output of the mixer goes into which slot of HIL_ACTUATOR_CONTROLS
+data rate        above 5000 bytes/s, or PX4 ignores all HIL messages: HIL_ACTUATOR_CONTROLS then never come
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.transports.transport import Transport
+from hil.signals.errors import HandshakeError
+
+_PARAM_VALUE = MSGID["PARAM_VALUE"]
+_HEARTBEAT = MSGID["HEARTBEAT"]
+_ParamRequestRead = message_class("PARAM_REQUEST_READ")
+_ParamSet = message_class("PARAM_SET")
+_CommandLong = message_class("COMMAND_LONG")
+_Heartbeat = message_class("HEARTBEAT")
+
+_INT32 = 6  # MAV_PARAM_TYPE; PX4 sends such a value's bits in the float field
+_TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
+_REBOOT = 246
+_GCS = (255, 190)
+_TRIES, _TRY_S = 5, 1.0
+_LISTEN_S = 3.0
+_SLICE_S = 0.05
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One parameter that is not as HITL needs it. `found` is None where the board does not know it."""
+
+    name: str
+    found: float | None
+    wanted: float
+
+    def __str__(self) -> str:
+        if self.found is None:
+            return f"{self.name} is unknown to it: this firmware has no HITL outputs (pwm_out_sim); flash one that has"
+        return f"{self.name} is {self.found:g}, must be {self.wanted:g}"
+
+
+class HitlSetup:
+    """Asks and sets over `transport`, which is open and has been heard. `heard` collects all frames that came."""
+
+    def __init__(self, transport: Transport, parser: FrameParser, *, motors: int, sysid: int = 1) -> None:
+        self._transport = transport
+        self._parser = parser
+        self._encoder = FrameEncoder(*_GCS)
+        self._sysid = sysid
+        self.wanted = {"SYS_HITL": 1.0} | {f"HIL_ACT_FUNC{n}": 100.0 + n for n in range(1, motors + 1)}
+        self.heard: list[Frame] = []
+        self._types: dict[str, int] = {}
+
+    def read(self, names: Sequence[str]) -> dict[str, float | None]:
+        """Values of parameters by name; None for those it does not answer for. HandshakeError if it answers none."""
+        values: dict[str, float | None] = {name: self._read(name) for name in names}
+        if all(value is None for value in values.values()):
+            raise HandshakeError(
+                self._transport.name,
+                f"it was asked for the parameters {', '.join(names)} and answered none: is it PX4, and is its "
+                "MAVLink on this port not in a reduced mode?",
+            )
+        return values
+
+    def problems(self) -> list[Setting]:
+        """What is not as it must be."""
+        found = self.read(list(self.wanted))
+        return [Setting(name, found[name], wanted) for name, wanted in self.wanted.items() if found[name] != wanted]
+
+    def commands_come(self) -> bool:
+        """Whether HIL_ACTUATOR_CONTROLS come: then HITL is on, and the line fast enough."""
+        deadline = time.monotonic() + _LISTEN_S
+        while time.monotonic() < deadline:
+            if any(frame.msgid == HIL_ACTUATOR_CONTROLS for frame in self._listen(_SLICE_S)):
+                return True
+        return False
+
+    def set(self, params: Mapping[str, float]) -> None:
+        """Set parameters. HandshakeError names the first one that the board does not take."""
+        for name, value in params.items():
+            if self._set(name, value) != value:
+                raise HandshakeError(self._transport.name, f"does not take {name} = {value:g}")
+
+    def reboot(self) -> None:
+        """Ask the board to start anew; the line may go away meanwhile."""
+        self._say(_CommandLong(self._sysid, 1, _REBOOT, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+    def require(self) -> None:
+        """HandshakeError with all that is wrong and what to do about it, if anything is."""
+        problems = self.problems()
+        advice = "`hil devices --check PORT --fix` sets what can be set and restarts the board"
+        if problems:
+            raise HandshakeError(
+                self._transport.name,
+                "the board is not set up for hardware in the loop: " + "; ".join(map(str, problems)) + f". {advice}",
+                cause="setup",
+            )
+        if not self.commands_come():
+            raise HandshakeError(
+                self._transport.name,
+                "its parameters are right, but it sends no HIL_ACTUATOR_CONTROLS: it has not been restarted since "
+                "SYS_HITL was set, or the line's data rate is not above 5000 bytes/s (57600 baud is not; USB and "
+                f"921600 are). {advice}",
+                cause="setup",
+            )
+
+    def _read(self, name: str) -> float | None:
+        for _ in range(_TRIES):
+            self._say(_ParamRequestRead(self._sysid, 1, name, -1))
+            value = self._await_value(name)
+            if value is not None:
+                return value
+            if self.heard and name not in self._types and self._types:
+                return None  # it answers others: it does not have this one
+        return None
+
+    def _set(self, name: str, value: float) -> float | None:
+        kind = self._types.get(name, _INT32 if value == int(value) else 9)
+        carried = struct.unpack("<f", struct.pack("<i", int(value)))[0] if kind == _INT32 else value
+        for _ in range(_TRIES):
+            self._say(_ParamSet(self._sysid, 1, name, carried, kind))
+            answer = self._await_value(name)
+            if answer is not None:
+                return answer
+        return None
+
+    def _await_value(self, name: str) -> float | None:
+        deadline = time.monotonic() + _TRY_S
+        while time.monotonic() < deadline:
+            for frame in self._listen(_SLICE_S):
+                if frame.msgid == _PARAM_VALUE and frame.sysid == self._sysid:
+                    message = unpack(frame)
+                    if message.param_id == name:
+                        self._types[name] = message.param_type
+                        return _value(frame, message)
+        return None
+
+    def _listen(self, for_s: float) -> list[Frame]:
+        frames = self._parser.feed(self._transport.read(for_s))
+        self.heard += frames
+        return frames
+
+    def _say(self, message: Any) -> None:
+        beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
+        encoder = self._encoder
+        self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))
+
+
+def _value(frame: Frame, message: Any) -> float:
+    if message.param_type == _INT32:
+        return float(struct.unpack("<i", frame.payload[:4])[0])
+    return float(message.param_value)

@@ -1,0 +1,35 @@
+"""A vehicle that can be put back to where it began while the bench's time goes on: for autopilots that reboot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hil.signals.samples import TruthState
+from sim.physics.quadrotor import QuadrotorPhysics
+
+
+class RestartablePhysics:
+    """Stands for the `QuadrotorPhysics` that `make` gives; `restart` takes a new one from the next tick on.
+
+    Wind and declared faults are those of the vehicle's own time: they happen again.
+    """
+
+    def __init__(self, make: Callable[[], QuadrotorPhysics], *, tick_ns: int) -> None:
+        self._make = make
+        self._tick_ns = tick_ns
+        self._physics = make()
+        self._first_tick: int | None = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._physics, name)
+
+    def restart(self) -> None:
+        self._physics = self._make()
+        self._first_tick = None
+
+    def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
+        if self._first_tick is None:
+            self._first_tick = tick
+        truth = self._physics.advance(tick - self._first_tick, controls)
+        return truth._replace(tick=tick, t_ns=tick * self._tick_ns)
