@@ -41,7 +41,7 @@ _OVERHEARD_LIMIT = 4096
 _ECHO_NS = 500_000_000  # of wall clock: how long an echo through another router may take
 _ECHOES_REMEMBERED = 512
 _ECHO_REPEATS = 50  # the same frame from the same client so often within that time: it goes round in a circle
-_EVENTS_LIMIT = 200
+_EVENTS_LIMIT = 500  # per run
 _REFUSALS = {
     Check.UNSIGNED: "its messages are not signed, and this router wants them signed; they are dropped",
     Check.FORGED: "its messages are signed with another key, or altered; they are dropped",
@@ -107,6 +107,7 @@ class Router:
         self._hold = Hold()
         self._stats = RouterStats()
         self._events: list[tuple[str, str]] = []
+        self._said = 0
         self._overheard: list[Frame] = []
         self._autopilot_ids: set[tuple[int, int]] = set()  # (system, component) heard on the autopilot's wire
         self._shown: dict[bytes, _Shown] = {}  # what clients said last that others were shown
@@ -348,7 +349,9 @@ class Router:
             self._say("warning", f"{client.name}: {text}")
 
     def _say(self, kind: str, text: str) -> None:
-        if len(self._events) < _EVENTS_LIMIT:
+        # Whoever connects and leaves all day long must not fill the recording.
+        if self._said < _EVENTS_LIMIT:
+            self._said += 1
             self._events.append((kind, text))
 
 

@@ -251,7 +251,8 @@ class TcpPort:
 def _bound(endpoint: Endpoint, kind: int, remote: Address | None) -> socket.socket:
     """A non-blocking socket at the endpoint's local address. PortBusy or PortNotFound where it cannot be had."""
     host, port = endpoint.local
-    name = f"{'tcp' if endpoint.tcp else 'udp'} {host}:{port}"
+    named = remote if remote is not None and not host else endpoint.local
+    name = f"{'tcp' if endpoint.tcp else 'udp'} {named[0]}:{named[1]}"
     sock = socket.socket(socket.AF_INET, kind)
     try:
         if not host and remote is not None:
