@@ -12,7 +12,8 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,13 @@ from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartReque
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
+from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Router
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
+from hil.manual_flight import make_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
 from hil.missions.script import Injected, flight_actions
@@ -149,6 +152,7 @@ class _Run:
         self.station: GroundStation | None = None
         self.router: Router | None = None
         self.faulty_wire: FaultyTransport | None = None
+        self.manual: ManualControlSource | None = None
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
         self.measurement = FlightMeasurement(())
@@ -180,6 +184,8 @@ class _Run:
 
     def write_provisional(self) -> None:
         """run.json of a run that is killed before it can write its own."""
+        with suppress(OSError):
+            (self.out / "traceback.txt").unlink(missing_ok=True)
         self.error = ("Killed", "the run is still going on, or it was killed before it could say how it ended")
         verdict = self._verdict()
         write_run_json(self.out / RUN_JSON_NAME, self._summary(verdict, "ERROR"))
@@ -208,7 +214,8 @@ class _Run:
             digest=self.recorder.digest if self.recorder else "0" * 32,
             # Signatures carry wall-clock time.
             outside_input=self.config.autopilot.signing_key_file is not None
-            or (self.router is not None and self.router.received_any),
+            or (self.router is not None and self.router.received_any)
+            or (self.manual is not None and self.manual.sent > 0),
             left_out=self.skipped,
             timing_s=self.timing_s,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
@@ -281,24 +288,29 @@ class _Run:
         self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
-            self.station = GroundStation(self.bench.mission.items)
+            self.station = GroundStation(self.bench.mission.items, target_sysid=None)
             commands.append(self.station)
         elif self.bench.script is not None:
             # Nothing to upload and nobody to arm it but the script; the station sees it fly, land and disarm.
-            self.station = GroundStation((), fly=False)
+            self.station = GroundStation((), target_sysid=None, fly=False)
             commands.append(self.station)
         elif config.autopilot.kind != "mock" and config.autopilot.on_restart == "error":
             # Real firmware wants to hear a ground station once a second.
-            commands.append(GroundStation((), fly=False))
+            commands.append(GroundStation((), target_sysid=None, fly=False))
         if self.bench.script is not None:
             script = self.bench.script
             self.declared = DeclaredMeasurements(script.script.expect)
             self.actions = ActionSource(
                 flight_actions(script, self.bench.mission, self._inject, tick_ns=config.tick_ns),
+                target_sysid=None,
                 first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
                 on_event=self.recorder.event,
             )
             commands.append(self.actions)
+        if config.manual.device is not None:
+            self.manual = make_manual(config)
+            stack.callback(self.manual.close)
+            commands.append(self.manual)
         autopilot_signs = None
         if config.autopilot.signing_key_file is not None:
             autopilot_signs = AutopilotSide(self._key(config.autopilot.signing_key_file))
@@ -315,8 +327,9 @@ class _Run:
         observers: list[Callable[[TruthState], None]] = [self.measurement.add]
         if self.bench.script is not None:
             observers.append(self.declared.add)
-        if isinstance(self.link, ArduPilotJsonLink):
-            observers.append(self._record_link_events)
+        for source in (self.link, self.manual):
+            if isinstance(source, ArduPilotJsonLink | ManualControlSource):
+                observers.append(partial(self._record_events, source))
         self.scheduler = Scheduler(
             tick_ns=config.tick_ns,
             physics=self.physics,
@@ -356,10 +369,10 @@ class _Run:
             self.recorder.event(0, "warning", warning)
         return key
 
-    def _record_link_events(self, truth: TruthState) -> None:  # noqa: ARG002
-        assert isinstance(self.link, ArduPilotJsonLink)
+    def _record_events(self, source: ArduPilotJsonLink | ManualControlSource, truth: TruthState) -> None:  # noqa: ARG002
+        """What a source of events has had to say since the tick before."""
         assert self.recorder is not None
-        for event in self.link.take_events():
+        for event in source.take_events():
             self.recorder.event(*event)
 
     def _home(self) -> tuple[float, float, float, float]:
@@ -491,6 +504,10 @@ class _Run:
                 rtt_bins_ns=self.link.stats.rtt.bins(),
                 phase_us={name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES},
             )
+            sent = self.link.send_stats() if isinstance(self.link, FreeRunningLink) else None
+            if isinstance(self.link, FreeRunningLink) and sent is not None:
+                ages = self.link.age.age.bins()
+                timing = replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=ages)
         points = [leg.end_W for leg in self.legs]
         write_report(self.out, run, self.recorder.track.arrays(), points, events=self.recorder.events, timing=timing)
 

@@ -173,8 +173,7 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
     line.open()
     try:
         parser = FrameParser()
-        _await_heartbeat(line, parser)
-        setup = HitlSetup(line, parser, motors=_MOTORS)
+        setup = HitlSetup(line, parser, motors=_MOTORS, sysid=_await_heartbeat(line, parser))
         problems = setup.problems()
         for problem in problems:
             console.print(f"[yellow]wrong[/]  {problem}")
@@ -198,11 +197,13 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
         line.close()
 
 
-def _await_heartbeat(line: SerialTransport, parser: FrameParser) -> None:
+def _await_heartbeat(line: SerialTransport, parser: FrameParser) -> int:
+    """System id of the autopilot on the line."""
     deadline = time.monotonic() + _HEARTBEAT_S
     while time.monotonic() < deadline:
-        if any(frame.msgid == _HEARTBEAT for frame in parser.feed(line.read(0.1))):
-            return
+        for frame in parser.feed(line.read(0.1)):
+            if frame.msgid == _HEARTBEAT and frame.compid == 1:
+                return frame.sysid
     raise HandshakeError(
         line.name,
         f"no heartbeat within {_HEARTBEAT_S:g} s: powered? the right port, the right baud rate? Boards with two USB "

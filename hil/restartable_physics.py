@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.signals.samples import TruthState
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.quadrotor import PhysicsEvent, QuadrotorPhysics
 
 
 class RestartablePhysics:
@@ -33,3 +33,8 @@ class RestartablePhysics:
             self._first_tick = tick
         truth = self._physics.advance(tick - self._first_tick, controls)
         return truth._replace(tick=tick, t_ns=tick * self._tick_ns)
+
+    def take_events(self) -> list[PhysicsEvent]:
+        """What the vehicle underwent, at the bench's time."""
+        shift_ns = (self._first_tick or 0) * self._tick_ns
+        return [event._replace(t_ns=event.t_ns + shift_ns) for event in self._physics.take_events()]

@@ -255,7 +255,6 @@ class Scheduler:
         for observe in self._observers:
             observe(truth)
 
-
     def skip_tick(self) -> None:
         """Go on after the tick that failed, with all controls at zero: the autopilot has started again."""
         self._latched = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)

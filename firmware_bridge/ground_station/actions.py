@@ -17,14 +17,14 @@ from __future__ import annotations
 import heapq
 import struct
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class, unpack
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
-from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name
+from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name, first_autopilot
 from hil.signals.errors import HandshakeError
 
 _ParamRequestRead = message_class("PARAM_REQUEST_READ")
@@ -122,13 +122,13 @@ class ActionSource:
         self,
         actions: Sequence[Action],
         *,
-        target_sysid: int = 1,
+        target_sysid: int | None = 1,
         target_compid: int = 1,
         first_item: int = 0,
         on_event: Callable[[int, str, str], None] | None = None,
     ) -> None:
         self._actions = tuple(actions)
-        self._wire = _ScriptWire(target_sysid=target_sysid, target_compid=target_compid)
+        self._wire = _ScriptWire(target_sysid=target_sysid or 0, target_compid=target_compid)
         self._commands = Commands(self._wire)
         self._first_item = first_item
         self._on_event = on_event
@@ -164,10 +164,12 @@ class ActionSource:
         columns = zip(self._actions, self._began_ns, self._outcome, strict=True)
         return [Record(action.name, action.required, t_ns, outcome) for action, t_ns, outcome in columns]
 
-    def step(self, t_ns: int, frames: Iterable[Frame]) -> bytes:
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the bytes to send at `t_ns`."""
         handlers = self._handlers
         sysid, compid = self._wire.target_sysid, self._wire.target_compid
+        if not sysid:
+            sysid = self._wire.target_sysid = first_autopilot(frames, compid)
         heard = False
         for frame in frames:
             handler = handlers.get(frame[0])

@@ -15,7 +15,7 @@ and returns the bytes to send in this one; it costs about a microsecond when the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any
 
@@ -29,7 +29,7 @@ from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from firmware_bridge.ground_station.procedure import Step, first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, first_autopilot, refused
 from hil.signals.mission import MissionItem
 
 _SET_MESSAGE_INTERVAL = 511
@@ -60,7 +60,7 @@ class Phase(Enum):
 
 
 class GroundStation:
-    """Flies `mission` on vehicle `target_sysid`. All limits are simulated time.
+    """Flies `mission` on vehicle `target_sysid`, None being the first autopilot heard. All limits are simulated time.
 
     HandshakeError says what was asked, what was answered, and what to do. A mission whose last item is
     neither a landing nor a return is landed where it ends, by mode AUTO.LAND, unless `land_at_end` is
@@ -71,7 +71,7 @@ class GroundStation:
         self,
         mission: Sequence[MissionItem],
         *,
-        target_sysid: int = 1,
+        target_sysid: int | None = 1,
         target_compid: int = 1,
         heartbeat_limit_s: float = 30.0,
         preflight_limit_s: float = 60.0,
@@ -81,7 +81,7 @@ class GroundStation:
     ) -> None:
         if fly and not mission:
             raise refused("the mission has no items; there is nothing to fly")
-        self._wire = Wire(target_sysid=target_sysid, target_compid=target_compid)
+        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid)
         self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
         self._preflight_limit_ns = round(preflight_limit_s * NS_PER_S)
         self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
@@ -142,10 +142,12 @@ class GroundStation:
     def armed(self) -> bool:
         return self._heartbeats.armed
 
-    def step(self, t_ns: int, frames: Iterable[Frame]) -> bytes:
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the bytes to send at `t_ns`."""
         handlers = self._handlers
         sysid, compid = self._wire.target_sysid, self._wire.target_compid
+        if not sysid:
+            sysid = self._wire.target_sysid = first_autopilot(frames, compid)
         heard = False
         for frame in frames:
             handler = handlers.get(frame[0])
@@ -170,6 +172,10 @@ class GroundStation:
         self._due_ns = min(due for due in dues if due is not None)
         return self._wire.take()
 
+    def _whom(self) -> str:
+        sysid = self._wire.target_sysid
+        return f"vehicle {sysid}" if sysid else "any autopilot"
+
     def _enter(self, phase: Phase, t_ns: int) -> None:
         self.phase = phase
         self._phase_since_ns = t_ns
@@ -180,7 +186,7 @@ class GroundStation:
         if not self._heartbeats.connected:
             if t_ns - self._phase_since_ns >= self._heartbeat_limit_ns:
                 raise refused(
-                    f"no heartbeat of vehicle {self._wire.target_sysid} within "
+                    f"no heartbeat of {self._whom()} within "
                     f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; has it another system id?"
                 )
             return

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder
-from firmware_bridge.codecs.messages import pack
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
+from firmware_bridge.codecs.messages import MSGID, pack
 from hil.signals.errors import HandshakeError
 
 GCS_SYSID = 255
 GCS_COMPID = 190  # MAV_COMP_ID_MISSIONPLANNER: what ground stations use
+_HEARTBEAT = MSGID["HEARTBEAT"]
 NS_PER_S = 1_000_000_000
 
 
@@ -38,6 +40,14 @@ class Wire:
         data = b"".join(self._out)
         self._out.clear()
         return data
+
+
+def first_autopilot(frames: Iterable[Frame], compid: int) -> int:
+    """System id of the first autopilot among the senders of these heartbeats; 0 if there is none."""
+    for frame in frames:
+        if frame[0] == _HEARTBEAT and frame[2] == compid and frame[1] != GCS_SYSID:
+            return frame[1]
+    return 0
 
 
 def refused(message: str) -> HandshakeError:

@@ -59,7 +59,8 @@ def _nobody(kind: str, text: str) -> None:
 class FreeRunningLink:
     """HITL over `transport`, one tick each `period_ns` of wall clock.
 
-    `prepare`, if given, is called once the board has been heard: it may ask the board about its set-up, and raise.
+    `prepare`, if given, is called once the board has been heard, with its system id: it may ask the board about its
+    set-up, and raise.
     `on_event(kind, text)` hears of unplugging, replugging and slips.
     """
 
@@ -70,7 +71,7 @@ class FreeRunningLink:
         *,
         period_ns: int,
         start_process: Callable[[], ChildProcess] | None = None,
-        prepare: Callable[[Transport, FrameParser], None] | None = None,
+        prepare: Callable[[Transport, FrameParser, int], None] | None = None,
         on_event: Events | None = None,
         native_sender: bool = True,
         silence_limit_s: float = 5.0,
@@ -148,9 +149,9 @@ class FreeRunningLink:
             if self._start_process is not None:
                 self._process = self._start_process()
                 self._process.start()
-            self._await_heartbeat()
+            sysid = self._await_heartbeat()
             if self._prepare is not None:
-                self._prepare(self._transport, self._parser)
+                self._prepare(self._transport, self._parser, sysid)
             self._line = PacedLine(self._transport, period_ns=self._period_ns, native=self._native_sender)
         except BaseException:
             self.close()
@@ -166,13 +167,15 @@ class FreeRunningLink:
         if process is not None:
             process.close()
 
-    def _await_heartbeat(self) -> None:
+    def _await_heartbeat(self) -> int:
+        """System id of the autopilot that sent the first heartbeat."""
         deadline = time.monotonic() + self._heartbeat_limit_s
         while True:
             frames = self._parser.feed(self._transport.read(_SLICE_S))
             self._frames += frames
-            if any(frame.msgid == _HEARTBEAT and frame.compid == 1 for frame in frames):
-                return
+            for frame in frames:
+                if frame.msgid == _HEARTBEAT and frame.compid == 1:
+                    return frame.sysid
             if self._process is not None and not self._process.running():
                 text = f"ended before its first heartbeat: {self._process.describe_end()}"
                 raise LinkClosed(self.name, text, cause="crashed")
@@ -321,9 +324,9 @@ class FreeRunningLink:
 
     def _reconnect(self, error: LinkClosed) -> None:
         """Wait for the board to come back; simulated time stands still. LinkClosed if it does not, or may not."""
-        process = self._process
-        if process is not None and not process.running():
-            raise LinkClosed(self.name, f"{error}; {process.describe_end()}", cause="crashed") from error
+        if self._process is not None:
+            # It may not have quite ended yet; and nobody would be on the far side of a new pseudo-terminal.
+            raise LinkClosed(self.name, f"{error}; {self._process.describe_end()}", cause="crashed") from error
         if self._reconnect_s <= 0.0:
             raise LinkClosed(self.name, str(error), cause="unplugged") from error
         gone_ns = time.monotonic_ns()

@@ -31,6 +31,7 @@ _TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
 _REBOOT = 246
 _GCS = (255, 190)
 _TRIES, _TRY_S = 5, 1.0
+_TRIES_OF_A_TALKER = 3  # one that answers for other parameters: it does not have this one, or an answer was lost
 _LISTEN_S = 3.0
 _SLICE_S = 0.05
 
@@ -86,9 +87,12 @@ class HitlSetup:
         return False
 
     def set(self, params: Mapping[str, float]) -> None:
-        """Set parameters. HandshakeError names the first one that the board does not take."""
+        """Set parameters. HandshakeError names the first one that the board does not have or does not take."""
         for name, value in params.items():
-            if self._set(name, value) != value:
+            # PX4 takes a value only in the parameter's own type, which is known from reading it.
+            if name not in self._types and self._read(name) is None:
+                raise HandshakeError(self._transport.name, f"does not answer for the parameter {name}: has it one?")
+            if self._set(name, value) != _carried(value, self._types[name]):
                 raise HandshakeError(self._transport.name, f"does not take {name} = {value:g}")
 
     def reboot(self) -> None:
@@ -115,17 +119,17 @@ class HitlSetup:
             )
 
     def _read(self, name: str) -> float | None:
-        for _ in range(_TRIES):
+        for tries in range(1, _TRIES + 1):
             self._say(_ParamRequestRead(self._sysid, 1, name, -1))
             value = self._await_value(name)
             if value is not None:
                 return value
-            if self.heard and name not in self._types and self._types:
-                return None  # it answers others: it does not have this one
+            if self._types and tries >= _TRIES_OF_A_TALKER:
+                break
         return None
 
     def _set(self, name: str, value: float) -> float | None:
-        kind = self._types.get(name, _INT32 if value == int(value) else 9)
+        kind = self._types[name]
         carried = struct.unpack("<f", struct.pack("<i", int(value)))[0] if kind == _INT32 else value
         for _ in range(_TRIES):
             self._say(_ParamSet(self._sysid, 1, name, carried, kind))
@@ -154,6 +158,11 @@ class HitlSetup:
         beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
         encoder = self._encoder
         self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))
+
+
+def _carried(value: float, kind: int) -> float:
+    """`value` as a parameter of that type holds it: PX4's are 32 bits wide."""
+    return float(int(value)) if kind == _INT32 else float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
 def _value(frame: Frame, message: Any) -> float:

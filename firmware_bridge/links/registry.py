@@ -161,8 +161,8 @@ def hitl(
     `settings`: those of `FreeRunningLink`.
     """
 
-    def prepare(line: Transport, parser: FrameParser) -> None:
-        setup = HitlSetup(line, parser, motors=motors)
+    def prepare(line: Transport, parser: FrameParser, sysid: int) -> None:
+        setup = HitlSetup(line, parser, motors=motors, sysid=sysid)
         if params:
             setup.set(params)
         setup.require()

@@ -36,6 +36,11 @@ class HidGamepad:
         self._state: HidState | None = None
         self._tapped: frozenset[int] = frozenset()  # pressed at any moment since the last poll
 
+    @property
+    def mapping(self) -> StickMapping:
+        """What its axes and buttons mean."""
+        return self._mapping
+
     def poll(self) -> StickState | None:
         """The newest state; None before the first report. StickLost when unplugged, or for nothing but garbage."""
         self._tapped = frozenset()

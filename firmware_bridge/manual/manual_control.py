@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.ground_station.wire import GCS_SYSID, enum_name
+from firmware_bridge.ground_station.wire import GCS_SYSID, enum_name, first_autopilot
 from firmware_bridge.manual.axes import StickMapping, manual_control_axes
 from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickDevice, StickLost, StickState
 
@@ -109,7 +109,7 @@ class ManualControlSource:
         rate_hz: float = 25.0,
         neutral_s: float = 0.5,
         retry_s: float = 1.0,
-        target_sysid: int = 1,
+        target_sysid: int | None = 1,
         target_compid: int = 1,
     ) -> None:
         if not 1.0 <= rate_hz <= 250.0:
@@ -125,7 +125,7 @@ class ManualControlSource:
         self._buttons, self._modes = buttons, modes
         self._rate_mhz = round(rate_hz * 1000)
         self._neutral_ns, self._retry_ns = round(neutral_s * _NS), round(retry_s * _NS)
-        self._target = (target_sysid, target_compid)
+        self._target = (target_sysid or 0, target_compid)  # 0: the first autopilot heard
         self._encoder = FrameEncoder(GCS_SYSID, _COMPID)
         self._next = 0  # number of the next poll
         self._released_at_ns = 0
@@ -143,6 +143,8 @@ class ManualControlSource:
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """One tick: bytes for the autopilot."""
+        if not self._target[0]:
+            self._target = (first_autopilot(frames, self._target[1]), self._target[1])
         for frame in frames:
             if frame.msgid == _COMMAND_ACK:
                 self._on_ack(t_ns, unpack(frame))

@@ -139,6 +139,15 @@ class Router(Section):
         return [Endpoint.parse(address, name) for name, address in named if address is not None]
 
 
+class Manual(Section):
+    """Flying by hand: sticks become MANUAL_CONTROL. They count only while the dead-man switch is held."""
+
+    device: Literal["gamepad", "keyboard"] | None = None  # gamepad: the first on HID, also one plugged in later
+    rate_hz: Annotated[float, Field(ge=1, le=250)] = 25.0  # of simulated time
+    neutral_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # centred sticks after release or loss, then silence
+    needs_dead_man: bool = True  # false: a gamepad whose mapping names no dead-man switch will do
+
+
 class Record(Section):
     """What is kept of a run, besides run.json."""
 
@@ -204,6 +213,7 @@ class BenchConfig(Section):
     pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as it goes
     autopilot: Autopilot = Autopilot()
     router: Router = Router()
+    manual: Manual = Manual()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     physics: Physics = Physics()
     wind: Wind | None = None  # null: the scene's steady wind

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from hil.recorder.track import TrackArrays
@@ -186,16 +186,7 @@ def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[st
     trips, phases = figure.subplots(1, 2)
     trips.set(title="Round trip to the autopilot", xlabel="wall time [\N{MICRO SIGN}s], logarithmic", ylabel="ticks")
     if rtt_bins_ns:
-        middle_us = np.array([b[0] for b in rtt_bins_ns]) / 1e3
-        counts = np.array([b[1] for b in rtt_bins_ns])
-        low, high = max(middle_us.min(), 0.1) * 0.95, max(middle_us.max(), 0.2) * 1.05
-        edges = np.geomspace(low, high, 36)  # wider than the 3 % bins that come in, so that none falls empty
-        trips.hist(middle_us, bins=edges.tolist(), weights=counts, color=_BLUE)
-        trips.set_xscale("log")
-        trips.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        trips.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        trips.xaxis.set_minor_formatter(NullFormatter())
-        trips.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=5))
+        _durations(trips, rtt_bins_ns)
     names, values = list(phase_us), [float(v) for v in phase_us.values()]
     bars = phases.barh(names, values, color=[_MOTORS[i % len(_MOTORS)] for i in range(len(names))], height=0.62)
     total = sum(values) or 1.0
@@ -205,6 +196,43 @@ def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[st
     phases.margins(x=0.25)
     phases.set(title="Wall time per tick by phase", xlabel="mean [\N{MICRO SIGN}s]")
     return figure
+
+
+def realtime_figure(
+    lateness_bins_ns: Sequence[tuple[float, int]], age_bins_ns: Sequence[tuple[float, int]], harmful_ms: float
+) -> Figure:
+    """Histograms of how late samples left, and of how old the motor commands were when a tick used them."""
+    figure = Figure(figsize=(12.0, 3.2), layout="constrained")
+    late, age = figure.subplots(1, 2)
+    unit = "wall time [\N{MICRO SIGN}s], logarithmic"
+    late.set(title="Samples: sent so long after their time", xlabel=unit, ylabel="ticks")
+    age.set(title="Motor commands: age when used", xlabel=unit, ylabel="ticks")
+    for axes, bins in ((late, lateness_bins_ns), (age, age_bins_ns)):
+        if bins:
+            _durations(axes, bins)
+    late.axvline(harmful_ms * 1e3, color=_INK, linestyle="--", linewidth=1.2)
+    note = " PX4's estimator suffers\n if 1 in 100 is later"
+    place = late.get_xaxis_transform()
+    late.text(harmful_ms * 1e3, 0.97, note, transform=place, va="top", ha="left", fontsize=8, color=_INK)
+    late.xaxis.set_major_locator(LogLocator())
+    late.set_xlim(right=harmful_ms * 1e3 * 20)
+    return figure
+
+
+def _durations(axes: Any, bins_ns: Sequence[tuple[float, int]]) -> None:
+    """A histogram over a logarithmic axis in microseconds. Counts on a logarithmic axis too: the tail is the point."""
+    middle_us = np.array([b[0] for b in bins_ns]) / 1e3
+    counts = np.array([b[1] for b in bins_ns])
+    low, high = max(middle_us.min(), 0.1) * 0.95, max(middle_us.max(), 0.2) * 1.05
+    edges = np.geomspace(low, high, 36)  # wider than the 3 % bins that come in, so that none falls empty
+    axes.hist(middle_us, bins=edges.tolist(), weights=counts, color=_BLUE)
+    axes.set_xscale("log")
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(bottom=0)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 300 else (1.0,)))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
 def save(figure: Figure, path: Path) -> None:

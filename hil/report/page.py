@@ -18,14 +18,17 @@ from hil.signals.time import NS_PER_S
 PAGE_NAME = "report.html"
 FLIGHT_NAME = "flight.png"
 _EVENTS_SHOWN = 300
+_HARMFUL_MS = 20.0  # samples this late were seen to hurt PX4's estimator: firmware_bridge.links.realtime_health
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall-clock figures of a run. `rtt_bins_ns`: (middle [ns], count); `phase_us`: mean per tick by phase."""
+    """Wall-clock figures of a run. `..._bins_ns`: (middle [ns], count); `phase_us`: mean per tick by phase."""
 
     rtt_bins_ns: Sequence[tuple[float, int]] = ()
     phase_us: Mapping[str, float] = field(default_factory=dict)
+    lateness_bins_ns: Sequence[tuple[float, int]] = ()  # of the samples, free-running autopilots only
+    age_bins_ns: Sequence[tuple[float, int]] = ()  # of the motor commands, likewise
 
 
 def write_report(
@@ -77,6 +80,10 @@ def _draw(
             path = out_dir / "timing.png"
             figures.save(figures.timing_figure(timing.rtt_bins_ns, timing.phase_us), path)
             pictures.append(("Round trips and wall time by phase", path))
+        if timing.lateness_bins_ns:
+            path = out_dir / "realtime.png"
+            figures.save(figures.realtime_figure(timing.lateness_bins_ns, timing.age_bins_ns, _HARMFUL_MS), path)
+            pictures.append(("Punctuality of samples and motor commands", path))
     return pictures
 
 
@@ -133,6 +140,21 @@ def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Round trip p50", _text(rtt.get("p50"), "\N{MICRO SIGN}s")),
         ("Round trip p99", _text(rtt.get("p99"), "\N{MICRO SIGN}s")),
         ("Round trip max", _text(rtt.get("max"), "\N{MICRO SIGN}s")),
+        *_realtime_rows(autopilot.get("realtime") or {}),
+    ]
+
+
+def _realtime_rows(realtime: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How punctually a free-running autopilot was served."""
+    if not realtime:
+        return []
+    late, age = realtime["send_lateness_us"], realtime["actuator_age_us"]
+    return [
+        ("Samples late p50, p99.9, max", f"{late['p50']:.0f}, {late['p999']:.0f}, {late['max']:.0f} \N{MICRO SIGN}s"),
+        ("Motor commands' age p50, p99", f"{age['p50']:.0f}, {age['p99']:.0f} \N{MICRO SIGN}s"),
+        ("Samples not sent, gaps in commands", f"{realtime['dropped']}, {realtime['actuator_gaps']}"),
+        ("Board's clock drifts by", _text(realtime["clock_drift_ppm"], "ppm")),
+        ("Sending thread", realtime["scheduling"]),
     ]
 
 
