@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.ground_station.actions import ActionSource
 from firmware_bridge.ground_station.station import GroundStation, Phase
@@ -28,7 +29,8 @@ from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.links.shared_processor import SharedProcessor
 from firmware_bridge.manual.manual_control import ManualControlSource
-from firmware_bridge.router import Endpoint, Router
+from firmware_bridge.router import Router
+from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
@@ -81,15 +83,32 @@ class RunResult:
 
 
 class RouterSource:
-    """The router as a source of commands: hands the autopilot's words on, brings the clients' in."""
+    """The router as a source of commands: hands the autopilot's words on, brings the clients' in.
 
-    def __init__(self, router: Router) -> None:
+    What is collected goes to the autopilot and is recorded with everything else that does; what clients say only to
+    each other is taken by `on_overheard`.
+    """
+
+    def __init__(
+        self,
+        router: Router,
+        on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
+        on_overheard: Callable[[int, Sequence[Frame]], None] = lambda _t_ns, _frames: None,
+    ) -> None:
         self._router = router
+        self._on_event, self._on_overheard = on_event, on_overheard
 
-    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:  # noqa: ARG002 (clients run on wall time)
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
+        router = self._router
         if frames:
-            self._router.forward(frames)
-        return self._router.collect()
+            router.forward(frames)
+        data = router.collect(t_ns)
+        for kind, text in router.take_events():
+            self._on_event(t_ns, kind, text)
+        overheard = router.take_overheard()
+        if overheard:
+            self._on_overheard(t_ns, overheard)
+        return data
 
 
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
@@ -188,7 +207,8 @@ class _Run:
         return judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
-        return summarise(
+        routed = {} if self.router is None else {"router": self.router.report()}
+        return routed | summarise(
             self.bench,
             verdict,
             status=status,
@@ -199,7 +219,9 @@ class _Run:
             physics=self.physics,
             slots=self.slots,
             digest=self.recorder.digest if self.recorder else "0" * 32,
-            outside_input=(self.router is not None and self.router.received_any)
+            # Signatures carry wall-clock time.
+            outside_input=self.config.autopilot.signing_key_file is not None
+            or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0),
             left_out=self.skipped,
             timing_s=self.timing_s,
@@ -296,16 +318,19 @@ class _Run:
                 on_event=self.recorder.event,
             )
             commands.append(self.actions)
-        endpoints = [Endpoint(_address(a)) for a in (config.router.gcs, config.router.sdk) if a is not None]
-        if endpoints:
-            self.router = Router(endpoints)
-            stack.callback(self.router.close)
-            self.router.open()
-            commands.append(RouterSource(self.router))
         if config.manual.device is not None:
             self.manual = make_manual(config)
             stack.callback(self.manual.close)
             commands.append(self.manual)
+        autopilot_signs = None
+        if config.autopilot.signing_key_file is not None:
+            autopilot_signs = AutopilotSide(self._key(config.autopilot.signing_key_file))
+            commands = [SignedCommands(source, autopilot_signs) for source in commands]
+        self.router = self._router(autopilot_signs)
+        if self.router is not None:
+            stack.callback(self.router.close)
+            self.router.open()
+            commands.append(RouterSource(self.router, self.recorder.event))
         self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event, self._home()))
         stack.callback(self.link.close)
         self.link.open()
@@ -334,6 +359,26 @@ class _Run:
             pace=config.pace,
             wind_at=lambda: physics.wind_W_mps,
         )
+
+    def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
+        config = self.config
+        endpoints = config.router.endpoints()
+        if not endpoints:
+            return None
+        key = config.router.signing_key_file
+        faster = config.autopilot.lockstep and (config.pace is None or config.pace > 1.0)
+        return Router(
+            endpoints,
+            hold=config.router.hold_heartbeats and faster,
+            clients_sign=None if key is None else ClientSide(self._key(key)),
+            autopilot_signs=autopilot_signs,
+        )
+
+    def _key(self, path: str) -> SigningKey:
+        key, warning = read_key(Path(path))
+        if warning and self.recorder is not None:
+            self.recorder.event(0, "warning", warning)
+        return key
 
     def _record_events(self, source: ArduPilotJsonLink | ManualControlSource, truth: TruthState) -> None:  # noqa: ARG002
         """What a source of events has had to say since the tick before."""
@@ -511,9 +556,3 @@ class _FlightOver:
 def _event_kind(severity: int) -> str:
     """MAV_SEVERITY 0 (emergency) to 7 (debug) as a kind of event."""
     return "error" if severity <= 3 else "warning" if severity == 4 else "status"
-
-
-def _address(text: str) -> tuple[str, int]:
-    """'udp:HOST:PORT', already checked by the configuration."""
-    _, host, port = text.split(":")
-    return host, int(port)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.router_endpoint import Endpoint
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
 from sim.scene.wind import Wind
@@ -83,6 +84,7 @@ class Autopilot(Section):
     share_processor: bool = True
     # ArduPilot SITL that reboots in the run: an error, or the vehicle goes back to its start and the run goes on.
     on_restart: Literal["error", "reset"] = "error"
+    signing_key_file: str | None = None  # what the bench itself says is signed with this key; null: unsigned
     faults: MockFaults = MockFaults()
 
     @property
@@ -110,22 +112,34 @@ class Autopilot(Section):
         return params
 
 
-def _udp_address(address: str | None) -> str | None:
-    """'udp:HOST:PORT'."""
-    if address is not None:
-        match = re.fullmatch(r"udp:([^:\s]+):([0-9]{1,5})", address)
-        if not match or not 1 <= int(match[2]) <= 65535:
-            raise ValueError(f"must look like udp:127.0.0.1:14550, not {address!r}")
+def _endpoint(address: str) -> str:
+    Endpoint.parse(address)
     return address
 
 
+ClientAddress = Annotated[str, AfterValidator(_endpoint)]
+
+
 class Router(Section):
-    """Where the autopilot's MAVLink is passed on to; null: nobody. Both may be the same machine."""
+    """Where the autopilot's MAVLink is passed on to; null: nobody.
 
-    gcs: str | None = None  # a ground station such as QGroundControl, which listens on 14550
-    sdk: str | None = None  # an SDK such as MAVSDK, which listens on 14540
+    `udp:HOST:PORT` clients listen there; `udpin:HOST:PORT`, `tcp:HOST:PORT` they come to us there (docs/router.md).
+    """
 
-    _check = field_validator("gcs", "sdk")(_udp_address)
+    gcs: ClientAddress | None = None  # a ground station such as QGroundControl, which listens on 14550
+    sdk: ClientAddress | None = None  # an SDK such as MAVSDK, which listens on 14540
+    companion: ClientAddress | None = None  # the companion computer
+    more: tuple[ClientAddress, ...] = ()  # further ones
+    # Repeat clients' heartbeats and OFFBOARD set-points in simulated time when the run is faster than real time.
+    hold_heartbeats: bool = True
+    # What clients say must be signed with the key in this file, and what they hear is; null: as it comes.
+    signing_key_file: str | None = None
+
+    def endpoints(self) -> list[Endpoint]:
+        """In the order of the keys."""
+        named = [("gcs", self.gcs), ("sdk", self.sdk), ("companion", self.companion)]
+        named += [("client", address) for address in self.more]
+        return [Endpoint.parse(address, name) for name, address in named if address is not None]
 
 
 class Manual(Section):

@@ -114,7 +114,8 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("autopilot: {start: false}\n",
          "b.yaml:1: autopilot.start is false, but no autopilot.port says where the autopilot is"),
         ("router:\n  gcs: localhost\n",
-         "b.yaml:2: router.gcs: must look like udp:127.0.0.1:14550, not 'localhost'"),
+         "b.yaml:2: router.gcs: must look like udp:127.0.0.1:14550 (clients listen there), udpin:127.0.0.1:14551 or"
+         " tcp:127.0.0.1:5790 (they come to us), not 'localhost'"),
         ("rig: moc\n", "b.yaml:1: rig is unknown: 'moc' (did you mean 'mock'?)"),
         ("rig: 5\n", "b.yaml:1: rig must be text, not 5 (put it in quotes)"),
         ("scene: airfeld\n", "b.yaml:1: scene is unknown: 'airfeld' (did you mean 'airfield'?)"),

@@ -1,0 +1,167 @@
+"""Signing at the router: passed through, demanded of clients, done for the autopilot. pymavlink is the client."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import all as dialect
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.signing import Signer, SigningKey, is_signed, stamp, strip_signature, wall_timestamp
+from firmware_bridge.router import Endpoint, Router
+from firmware_bridge.router_signing import (
+    AutopilotSide,
+    ClientSide,
+    SignedCommands,
+    copy_for_autopilot,
+    for_autopilot,
+    read_key,
+)
+from hil.signals.errors import ConfigError
+from tests.links.router_client import UdpClient, command, framed, heartbeat, raw, until
+
+KEY = SigningKey(bytes(range(32)))
+OTHER_KEY = SigningKey(bytes(range(1, 33)))
+VEHICLE = FrameEncoder(1, 1)
+HEARTBEAT = framed(raw(VEHICLE, "HEARTBEAT", 2, 12, 0, 0, 0, 3))
+ATTITUDE = framed(raw(VEHICLE, "ATTITUDE", 1, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0))
+
+
+def pymavlink(key: SigningKey | None) -> dialect.MAVLink:
+    peer = dialect.MAVLink(None, srcSystem=200, srcComponent=190)
+    if key is not None:
+        peer.signing.secret_key = key.secret
+        peer.signing.sign_outgoing = True
+        peer.signing.timestamp = wall_timestamp()
+    peer.robust_parsing = True
+    return peer
+
+
+def said(peer: dialect.MAVLink) -> bytes:
+    return bytes(peer.heartbeat_encode(6, 8, 0, 0, 4).pack(peer))
+
+
+def opened(**options) -> Router:
+    router = Router([Endpoint(None, name="gcs")], **options)
+    router.open()
+    router.forward([HEARTBEAT])
+    return router
+
+
+@pytest.fixture
+def client() -> Iterator[UdpClient]:
+    client = UdpClient()
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def demanding() -> Iterator[Router]:
+    router = opened(clients_sign=ClientSide(KEY))
+    yield router
+    router.close()
+
+
+def test_signed_frames_pass_untouched_both_ways_where_the_bench_has_no_key(client: UdpClient) -> None:
+    router = opened()
+    peer = pymavlink(KEY)
+    words = said(peer)
+    client.say(words, router.local_addresses[0])
+    assert until(router, lambda data: words in data) == words
+    signed = framed(Signer(KEY, 0).sign(ATTITUDE.raw))
+    router.forward([signed, ATTITUDE])
+    until(router, lambda _: len(client.hear()) == 2)
+    assert [frame.raw for frame in client.heard] == [signed.raw, ATTITUDE.raw]
+    router.close()
+
+
+def test_who_signs_is_heard_and_hears_what_it_can_trust(demanding: Router, client: UdpClient) -> None:
+    peer = pymavlink(KEY)
+    words = said(peer)
+    client.say(words, demanding.local_addresses[0])
+    # The signature is kept: an autopilot with the same key can check it too.
+    assert until(demanding, lambda data: words in data) == words
+    already = framed(Signer(KEY, 0).sign(HEARTBEAT.raw))
+    demanding.forward([ATTITUDE, already])
+    until(demanding, lambda _: len(client.hear()) == 2)
+    heard = [frame.raw for frame in client.heard]
+    assert heard[1] == already.raw
+    assert strip_signature(heard[0]) == ATTITUDE.raw
+    assert [m.get_type() for data in heard for m in peer.parse_buffer(data)] == ["ATTITUDE", "HEARTBEAT"]
+
+
+def test_who_does_not_sign_is_neither_heard_nor_told(demanding: Router, client: UdpClient) -> None:
+    to = demanding.local_addresses[0]
+    good = UdpClient()
+    signed = said(pymavlink(KEY))
+    client.say(heartbeat(client.encoder) + command(client.encoder, 1, 1), to)
+    client.say(said(pymavlink(OTHER_KEY)), to)
+    good.say(signed, to)
+    assert until(demanding, lambda data: signed in data) == signed
+    client.say(signed, to)  # overheard and played back, from elsewhere
+    until(demanding, lambda _: demanding.stats.replayed)
+    demanding.forward([ATTITUDE])
+    until(demanding, lambda _: good.hear())
+    assert client.hear() == []
+    stats = demanding.stats
+    assert (stats.unsigned, stats.forged, stats.replayed, stats.from_clients) == (2, 1, 1, 1)
+    assert [kind for kind, _ in demanding.take_events()] == ["warning", "warning", "status", "warning"]
+    good.close()
+
+
+def test_a_radio_need_not_sign(demanding: Router, client: UdpClient) -> None:
+    status = raw(client.encoder, "RADIO_STATUS", 1, 1, 1, 1, 1, 0, 0)
+    client.say(status, demanding.local_addresses[0])
+    assert until(demanding, lambda data: status in data) == status
+
+
+def test_the_benchs_own_words_are_signed_for_the_autopilot() -> None:
+    words = [heartbeat(FrameEncoder(255, 190)) + command(FrameEncoder(255, 190), 1, 1), b""]
+
+    class Station:
+        def step(self, t_ns, frames):
+            return words.pop(0)
+
+    source = SignedCommands(Station(), AutopilotSide(KEY))
+    autopilot = pymavlink(KEY)
+    # Its clock is ahead, as after a simulated GPS fix: followed, or what is said would be refused as too old.
+    autopilot.signing.timestamp += 10**9
+    ahead = framed(said(autopilot))
+    sent = source.step(0, [ahead])
+    assert [m.get_type() for m in autopilot.parse_buffer(sent)] == ["HEARTBEAT", "COMMAND_LONG"]
+    assert source.step(4_000_000, []) == b""
+
+
+def test_which_frames_are_signed_anew() -> None:
+    plain = heartbeat(FrameEncoder(200, 190))
+    signed = Signer(KEY, 0).sign(plain)
+    clients, same, other = ClientSide(KEY), AutopilotSide(KEY), AutopilotSide(OTHER_KEY)
+    assert for_autopilot(signed, clients, None) == signed
+    assert for_autopilot(signed, None, other) == signed  # nobody here has checked it
+    assert for_autopilot(signed, clients, same) == signed
+    anew = for_autopilot(signed, clients, other)
+    assert [m.get_type() for m in pymavlink(OTHER_KEY).parse_buffer(anew)] == ["HEARTBEAT"]
+    # A copy with the old signature would be a replay.
+    assert copy_for_autopilot(signed, None, None) == plain
+    again = copy_for_autopilot(signed, None, same)
+    assert stamp(again)[1] > stamp(signed)[1]
+    assert copy_for_autopilot(signed, None, other) == signed
+    assert not is_signed(copy_for_autopilot(plain, None, same))
+
+
+def test_key_files(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    path.write_text(KEY.secret.hex())
+    path.chmod(0o600)
+    assert read_key(path) == (KEY, "")
+    path.chmod(0o640)
+    key, warning = read_key(path)
+    assert key == KEY
+    assert "chmod 600" in warning
+    path.write_text("\n")
+    with pytest.raises(ConfigError, match="holds no signing key"):
+        read_key(path)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_key(tmp_path / "nowhere")
