@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.devices.inventory import find_devices
+from firmware_bridge.links.ardupilot_eahrs import HeldPty, arducopter_on_ptys, sitl_parameters
 from firmware_bridge.links.ardupilot_sitl import copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.px4_process import px4_sitl_process
 from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, Wrap, make_link, mock_command
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
@@ -21,6 +24,7 @@ from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, BenchConfig
 from hil.signals.errors import PortNotFound
+from sim.scene.geodesy import LocalFrame
 
 LOG_NAME = "autopilot.log"
 WORK_FOLDER = "autopilot"  # of firmware that the bench starts: parameters, missions, its own logs
@@ -180,10 +184,63 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     )
 
 
+def _ardupilot_eahrs(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """ArduPilot fed by an External AHRS: a board on two serial ports, or the user's SITL on two pseudo-terminals."""
+    config, vehicle = bench.config, bench.vehicle
+    autopilot = config.autopilot
+    sensor: Transport
+    mavlink: Transport
+    start = None
+    if autopilot.binary is not None:
+        sensor, mavlink = near, far = HeldPty(), HeldPty()
+        start = arducopter_on_ptys(
+            Path(autopilot.binary),
+            near,
+            far,
+            folder=around.out / WORK_FOLDER,
+            log=around.out / LOG_NAME,
+            home=around.home,
+            parameters=sitl_parameters(
+                hover_control=vehicle.hover_control,
+                thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
+                tick_hz=config.tick_hz,
+                more=autopilot.params,
+            ),
+            arguments=autopilot.arguments,
+            env=autopilot.env,
+        )
+    else:
+        if autopilot.port is None:
+            raise PortNotFound(
+                "autopilot.port",
+                "names no serial port for the External AHRS: --set autopilot.port=/dev/ttyUSB0 (at the board's SERIALn "
+                "with protocol 36), and autopilot.mavlink_port for its MAVLink; or --set autopilot.binary=PATH of your "
+                "own SITL build",
+            )
+        sensor = SerialTransport(autopilot.port, baud=autopilot.baud, follow=True)
+        mavlink = SerialTransport(autopilot.mavlink_port or _only_board(), baud=autopilot.baud, follow=True)
+    params = autopilot.params
+    return ExternalAhrsLink(
+        sensor,
+        around.wrap(mavlink),  # declared faults know frames of MAVLink
+        period_ns=config.tick_ns,
+        geodetic=LocalFrame(bench.scene.site).geodetic_from_enu,
+        seed=config.seed,
+        pwm=PwmRange(round(params.get("MOT_PWM_MIN", 1000)), round(params.get("MOT_PWM_MAX", 2000))),
+        baud=None if start is not None else autopilot.baud,
+        start_process=start,
+        on_event=around.on_event,
+        silence_limit_s=autopilot.reply_timeout_s,
+        heartbeat_limit_s=autopilot.connect_timeout_s,
+        reconnect_s=autopilot.reconnect_s,
+    )
+
+
 _MAKERS: dict[str, Callable[[Bench, Surroundings], AutopilotLink]] = {
     "mock": _mock,
     "mock_hitl": _hitl,
     "px4_sitl": _px4_sitl,
     "px4_hitl": _hitl,
     "ardupilot_sitl": _ardupilot_sitl,
+    "ardupilot_eahrs": _ardupilot_eahrs,
 }

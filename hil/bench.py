@@ -24,7 +24,6 @@ from firmware_bridge.ground_station.actions import ActionSource
 from firmware_bridge.ground_station.station import GroundStation, Phase
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.links.shared_processor import SharedProcessor
@@ -47,7 +46,7 @@ from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Port, Skipped, StageSpec, plan_stages
-from hil.summary import summarise
+from hil.summary import FREE_RUNNING, summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
@@ -330,7 +329,7 @@ class _Run:
         if self.router is not None:
             stack.callback(self.router.close)
             self.router.open()
-            commands.append(RouterSource(self.router, self.recorder.event))
+            commands.append(RouterSource(self.router, self.recorder.event, self.recorder.overheard))
         self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event, self._home()))
         stack.callback(self.link.close)
         self.link.open()
@@ -492,11 +491,12 @@ class _Run:
     def _processor(self) -> AbstractContextManager[Any]:
         """What the tick loop asks of the system's scheduler."""
         link = self.link
-        if isinstance(link, FreeRunningLink):
+        if isinstance(link, FREE_RUNNING):
             # Whoever prepares the samples of an autopilot that waits for nobody must not wait for a processor either.
             return RealtimeProducer()
-        if isinstance(link, LockstepLink) and self.config.autopilot.share_processor and link.caps.busy_processors > 1:
-            return SharedProcessor(link.pid)
+        config = self.config
+        if isinstance(link, LockstepLink) and link.caps.busy_processors > 1 and config.pace is None:
+            return SharedProcessor(link.pid if config.autopilot.share_processor else None)
         return nullcontext()
 
     def _status(self) -> tuple[str, int, int]:
@@ -511,7 +511,7 @@ class _Run:
         if self.station is not None:
             for t_ns, severity, text in self.station.statustexts:
                 self.recorder.event(t_ns, _event_kind(severity), text)
-        if isinstance(self.link, FreeRunningLink) and self.scheduler is not None:
+        if isinstance(self.link, FREE_RUNNING) and self.scheduler is not None:
             for finding in self.link.findings():
                 self.recorder.event(self.scheduler.t_ns, finding.level, finding.text)
         if self.error is not None and self.scheduler is not None:
@@ -529,8 +529,8 @@ class _Run:
                 rtt_bins_ns=self.link.stats.rtt.bins(),
                 phase_us={name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES},
             )
-            sent = self.link.send_stats() if isinstance(self.link, FreeRunningLink) else None
-            if isinstance(self.link, FreeRunningLink) and sent is not None:
+            sent = self.link.send_stats() if isinstance(self.link, FREE_RUNNING) else None
+            if isinstance(self.link, FREE_RUNNING) and sent is not None:
                 ages = self.link.age.age.bins()
                 timing = replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=ages)
         points = [leg.end_W for leg in self.legs]

@@ -97,8 +97,9 @@ def _print_tables(console: Console, devices: Devices) -> None:
                 _note(console, f"{a.product or a.board}: {note}")
         first = next((a for a in devices.autopilots if a.port and a.ports[0].accessible), None)
         if first is not None:
-            rig = "px4_hitl" if PX4 in first.firmwares else "ardupilot_eahrs"
-            _note(console, f"to fly with it: hil run --rig {rig} --set autopilot.port={first.port}")
+            # With ArduPilot the USB carries MAVLink only; its sensors come in on a second serial port.
+            rig, key = ("px4_hitl", "port") if PX4 in first.firmwares else ("ardupilot_eahrs", "mavlink_port")
+            _note(console, f"to fly with it: hil run --rig {rig} --set autopilot.{key}={first.port}")
     else:
         _note(console, _NO_AUTOPILOT)
     _heading(console, "Other serial ports")

@@ -7,6 +7,7 @@ from typing import Any
 
 from firmware_bridge.ground_station.actions import Record
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.free_running import FreeRunningLink
 from hil.config import Bench, BenchConfig
 from hil.scheduler import PHASES, Scheduler, SensorSlot
@@ -15,6 +16,9 @@ from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Skipped
 from hil.verdict import Verdict
 from sim.physics.quadrotor import QuadrotorPhysics
+
+# The links to autopilots that wait for nobody, which keep statistics of punctuality.
+FREE_RUNNING = (FreeRunningLink, ExternalAhrsLink)
 
 
 def summarise(
@@ -102,7 +106,7 @@ def summarise(
             }
             if stats
             else {},
-            **({"realtime": _realtime(link)} if isinstance(link, FreeRunningLink) else {}),
+            **({"realtime": _realtime(link)} if isinstance(link, FREE_RUNNING) else {}),
         },
         "faults": {
             "links": [
@@ -148,7 +152,7 @@ def summarise(
     }
 
 
-def _realtime(link: FreeRunningLink) -> dict[str, Any]:
+def _realtime(link: FreeRunningLink | ExternalAhrsLink) -> dict[str, Any]:
     """How well a free-running autopilot was served, and how well it served us."""
     sent, clock = link.send_stats(), link.timesync
     best = clock.best()

@@ -12,6 +12,8 @@ SERVO_OUTPUT_RAW = MSGID["SERVO_OUTPUT_RAW"]
 _unpack = struct.Struct("<I8HB8H").unpack_from
 _LENGTH = 37
 _TIME_WRAP_US = 1 << 32
+_ORDER_US = 1_000_000  # what is back by less has been overtaken on its way
+_PAUSE_US = 60_000_000  # longest silence in which it may have wrapped
 
 
 def servo_output(frame: Frame) -> tuple[int, tuple[int, ...]] | None:
@@ -24,8 +26,7 @@ def servo_output(frame: Frame) -> tuple[int, tuple[int, ...]] | None:
     return None if values[9] != 0 else (values[0], values[1:9] + values[10:18])
 
 
-def booted_between(before_us: int, after_us: int, *, slack_us: int = 10_000_000) -> bool:
-    """Whether the time since boot began anew. It wraps after 71.6 minutes; messages may overtake by `slack_us`."""
-    return slack_us < (before_us - after_us) % _TIME_WRAP_US < _TIME_WRAP_US // 2 or (
-        after_us < before_us <= slack_us and before_us - after_us > slack_us // 10
-    )
+def began_anew(before_us: int, after_us: int) -> bool:
+    """Whether the time since boot fell back: a reboot. It wraps after 71.6 minutes, which is none."""
+    back_us = before_us - after_us
+    return _ORDER_US < back_us < _TIME_WRAP_US - _PAUSE_US

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
@@ -64,8 +64,8 @@ class VehicleWatch:
 
     def verdict(self) -> Verdict | None:
         """What explains a silence, if what was said and heard explains it."""
-        terminated = self._told_command(_DO_FLIGHTTERMINATION, param1=1.0)
-        offboard = self._told_command(_DO_SET_MODE, param2=6.0)
+        terminated = any(m.param1 == 1.0 for m in self._told_commands(_DO_FLIGHTTERMINATION))
+        offboard = [m.param2 for m in self._told_commands(_DO_SET_MODE)][-1:] == [_PX4_OFFBOARD >> 16]
         armed = False
         if self._heartbeat is not None:
             beat = unpack(self._heartbeat)
@@ -89,14 +89,11 @@ class VehicleWatch:
             )
         return None
 
-    def _told_command(self, command: int, **params: float) -> bool:
-        parser = FrameParser()
-        for frame in parser.feed(b"".join(self._told)):
-            if frame.msgid == _COMMAND_LONG:
-                message = unpack(frame)
-                if message.command == command and all(getattr(message, k) == v for k, v in params.items()):
-                    return True
-        return False
+    def _told_commands(self, command: int) -> list[Any]:
+        """Those that it was told, the last one last."""
+        frames = FrameParser().feed(b"".join(self._told))
+        messages = [unpack(frame) for frame in frames if frame.msgid == _COMMAND_LONG]
+        return [message for message in messages if message.command == command]
 
 
 def process_is_stopped(pid: int | None) -> bool:

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
-from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, BenchConfig, MockFaults
+from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, Autopilot, BenchConfig, MockFaults
 from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
 from hil.documents.document import Document, Place, shown_path
 from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
@@ -36,6 +36,14 @@ from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
 
 MAX_PROBLEMS = 100
+# Keys of the section `autopilot` that are not for every firmware, and whose they are.
+_KEYS_OF_KINDS = {
+    "binary": PROGRAM_KINDS | {"ardupilot_eahrs"},
+    "arguments": PROGRAM_KINDS | {"ardupilot_eahrs"},
+    "env": {"px4_sitl"},
+    "port": {"px4_hitl", "ardupilot_eahrs"},
+    "mavlink_port": {"ardupilot_sitl", "ardupilot_eahrs"},
+}
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -298,12 +306,23 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
             hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
             wrong(("autopilot", "airframe"), f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
         problems += param_problems(autopilot.params, settings)
-    else:
-        if autopilot.transport == "loopback":
-            wrong(("autopilot", "transport"), "is 'loopback', which only the mock autopilot can", "leave it out")
-        if autopilot.faults != MockFaults():
-            wrong(("autopilot", "faults"), "are the mock autopilot's", "see faults.links for faults of any wire")
+    elif autopilot.faults != MockFaults():
+        wrong(("autopilot", "faults"), "are the mock autopilot's", "see faults.links for faults of any wire")
+    if autopilot.transport == "loopback" and autopilot.kind != "mock":
+        wrong(("autopilot", "transport"), "is 'loopback', which only the mock in lockstep can", "leave it out")
+    for key, kinds in _KEYS_OF_KINDS.items():
+        given = getattr(autopilot, key) != Autopilot.model_fields[key].get_default(call_default_factory=True)
+        if given and autopilot.kind not in kinds and not autopilot.is_mock:
+            wrong(("autopilot", key), f"has no meaning for {autopilot.kind}", "leave it out or choose another rig")
+    if autopilot.on_restart != "error" and autopilot.kind != "ardupilot_sitl":
+        wrong(("autopilot", "on_restart"), f"has no meaning for {autopilot.kind}", "leave it out")
+    if config.faults.links and autopilot.kind == "ardupilot_sitl":
+        wrong(("faults", "links"), "cannot be laid on ArduPilot SITL's wires", "see faults.sensors and faults.rotors")
     if autopilot.kind in PROGRAM_KINDS:
+        for key in ("params", "arguments", "env"):
+            if getattr(autopilot, key) and not autopilot.start:
+                message = "has no effect: the bench does not start the autopilot (autopilot.start is false)"
+                wrong(("autopilot", key), message, "give it to the program that you start")
         if autopilot.start and autopilot.binary is None:
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"

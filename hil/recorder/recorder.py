@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from firmware_bridge.codecs.signing import SETUP_SIGNING
 from hil.recorder.digest import Digest, RawFrame
 from hil.recorder.mavlink_split import split_frames
 from hil.recorder.mcap_file import SafeFile, open_unbuffered
@@ -121,7 +122,7 @@ class Recorder:
         del tick
         self._digest.sent(data)
         if self._frames_wanted and data:
-            pieces = split_frames(data)
+            pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # it carries the key
             if self._mcap:
                 self._mcap.sent(t_ns, pieces)
             if self._tlog:
@@ -131,6 +132,15 @@ class Recorder:
         """`frames` came from the autopilot in this tick."""
         del tick
         self._digest.received(frames)
+        if any(frame.msgid == SETUP_SIGNING for frame in frames):
+            frames = [frame for frame in frames if frame.msgid != SETUP_SIGNING]
+        if self._mcap:
+            self._mcap.received(t_ns, frames)
+        if self._tlog:
+            self._tlog.received(t_ns, frames)
+
+    def overheard(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
+        """What the router's clients said to one another: recorded, but not of the autopilot's wire, so not hashed."""
         if self._mcap:
             self._mcap.received(t_ns, frames)
         if self._tlog:

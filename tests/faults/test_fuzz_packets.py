@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -142,7 +143,8 @@ def test_memory_stays_bounded() -> None:
         for data in batches:
             for piece in pieces(data[: len(data) // 2], 1):
                 for frame in parser.feed(piece):
-                    unpack(frame)
+                    with suppress(CodecError):  # of a message that only framing knows
+                        unpack(frame)
                 splitter.feed(piece)
                 mock.feed(piece)
             mock.feed(sensor_frame(mock.steps))  # what waits to be said is said
@@ -182,7 +184,7 @@ def test_the_mock_is_ended_by_nothing(boot_sensors: int) -> None:
             for frame in parser.feed(mock.feed(data[at : at + 500])):
                 unpack(frame)
                 heard += 1
-            if mock._silent:
+            if mock.silent:
                 silenced += 1
                 mock = MockPixhawk(boot_sensors=boot_sensors)
                 mock.feed(sensor_frame(0))

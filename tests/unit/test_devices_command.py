@@ -51,7 +51,7 @@ def test_ardupilot_boards_are_sent_to_their_own_rig_and_closed_ports_are_not_pro
     desk.plug_board(0x1209, 0x5741, accessible=False)
     assert "to fly with it" not in printed(desk)
     desk.plug_board(0x1209, 0x5741)
-    assert "--rig ardupilot_eahrs --set autopilot.port=/dev/ttyACM1" in printed(desk)
+    assert "--rig ardupilot_eahrs --set autopilot.mavlink_port=/dev/ttyACM1" in printed(desk)
 
 
 def test_missing_libraries_are_notes():

@@ -1,0 +1,171 @@
+"""Starting a user's own ArduCopter SITL with our External AHRS in place of its simulated sensors.
+
+SITL goes on simulating a vehicle of its own (`--model quad`), in the dark: its IMU, barometer, compass and GPS are
+switched off, and so are its motors: nobody looks at where it is. What is left of it is the battery.
+
+Its two serial ports are pseudo-terminals of the bench. SITL looks after its ports once in each round of its main loop
+(and every 10 ms), where a board's UART interrupts at each byte: packets reach the autopilot in pairs, up to a round
+late, and its outputs leave it as late. At 200 Hz that is a round trip of 2.6 ms in the median and 4.8 ms in 99 % of all
+cases (TIMESYNC). A port holds 512 bytes: should the main loop stall for 13 ms at 400 packets a second, some are lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from firmware_bridge.links.ardupilot_sitl import copter_parameters, write_defaults
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.transports.pty import PtyTransport
+from hil.signals.errors import LinkClosed, LinkError, PortNotFound
+
+BAUD = 921_600
+SENSOR_SERIAL = 4  # SERIAL4 of SITL has our VectorNav, SERIAL0 MAVLink
+EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's
+EKF_OWN = 3  # EKF3 on the device's IMU, magnetometer, barometer and GPS
+
+_DEVICE_TYPE_IMU = 0x320000  # of an accelerometer behind an External AHRS
+_BUS_SERIAL = 6
+_NO_SIMULATED_COMPASS = 1 << 13
+_ALL_MOTORS = 0xFF
+_CORNER_CM = 50  # WPNAV_RADIUS: the usual 200 cuts a corner by 0.8 m
+
+
+class HeldPty(PtyTransport):
+    """A pseudo-terminal whose far end stays open here too: firmware that reboots, and lets go of it meanwhile, has not
+    hung up. Whether it still runs is known of its process."""
+
+    def read(self, timeout_s: float) -> bytes:
+        if self._stream is None:
+            raise LinkClosed(self.name, "the pty is not open")
+        return self._stream.read(timeout_s)
+
+
+def board_parameters(*, serial: int, has_ins: bool = True, ekf: int = EKF_EXTERNAL, rate_hz: int) -> dict[str, float]:
+    """What a board needs on which the External AHRS, at SERIAL`serial`, is to be the only source of measurements.
+
+    The device ids make accelerometer and compass count as calibrated (with offsets that are not zero).
+    """
+    where = serial * 8 + _BUS_SERIAL
+    # Arming compares variances that an External AHRS does not fill in (4.7-dev): memory left over from something else.
+    unchecked = {"FS_EKF_THRESH": 0} if ekf == EKF_EXTERNAL else {}
+    return {
+        "EAHRS_TYPE": 1,
+        "EAHRS_RATE": rate_hz,
+        "EAHRS_SENSORS": 15 if has_ins else 14,
+        "EAHRS_OPTIONS": 0,
+        f"SERIAL{serial}_PROTOCOL": 36,
+        f"SERIAL{serial}_BAUD": BAUD,
+        "AHRS_EKF_TYPE": ekf,
+        "GPS1_TYPE": 21 if has_ins else 1,
+        "GPS2_TYPE": 0,
+        "COMPASS_USE2": 0,
+        "COMPASS_USE3": 0,
+        "COMPASS_DEV_ID": where,
+        "COMPASS_PRIO1_ID": where,
+        "COMPASS_PRIO2_ID": 0,
+        "COMPASS_PRIO3_ID": 0,
+        "COMPASS_OFS_X": 1,
+        "COMPASS_OFS_Y": 1,
+        "COMPASS_OFS_Z": 1,
+        "INS_GYR_CAL": 0,
+        "INS_ACC_ID": _DEVICE_TYPE_IMU + 0x200 + where,
+        "INS_ACCSCAL_X": 1.0,
+        "INS_ACCSCAL_Y": 1.0,
+        "INS_ACCSCAL_Z": 1.0,
+        **unchecked,
+        **{f"INS_ACC2OFFS_{axis}": 0 for axis in "XYZ"},
+        **{f"INS_ACC2SCAL_{axis}": 1 for axis in "XYZ"},
+    }
+
+
+def sitl_parameters(
+    *,
+    hover_control: float,
+    thrust_model_factor: float,
+    tick_hz: float,
+    ekf: int = EKF_EXTERNAL,
+    more: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """Parameters of an ArduCopter SITL that sees nothing but our device; `more` comes last and wins.
+
+    EAHRS_RATE is the tick's rate and SCHED_LOOP_RATE half of it at most: the loop waits for packets.
+    """
+    copter = copter_parameters(hover_control=hover_control, thrust_model_factor=thrust_model_factor, tick_hz=tick_hz)
+    del copter["SIM_RATE_HZ"]  # of the simulation that nobody looks at
+    copter["WPNAV_RADIUS"] = _CORNER_CM
+    simulated = {
+        "SIM_IMU_COUNT": 0,
+        "SIM_BARO_COUNT": 0,
+        "SIM_GPS1_ENABLE": 0,
+        "SIM_GPS2_ENABLE": 0,
+        "SERIAL3_PROTOCOL": -1,
+        "COMPASS_DISBLMSK": _NO_SIMULATED_COMPASS,
+        "SIM_ENGINE_FAIL": _ALL_MOTORS,
+        "SIM_ENGINE_MUL": 0,
+    }
+    board = board_parameters(serial=SENSOR_SERIAL, ekf=ekf, rate_hz=round(tick_hz))
+    return copter | board | simulated | dict(more or {})
+
+
+def arducopter_eahrs_command(
+    binary: str | Path,
+    *,
+    home: tuple[float, float, float, float],
+    defaults: str | Path,
+    sensor_path: str,
+    mavlink_path: str,
+    arguments: Sequence[str] = (),
+) -> list[str]:
+    """Command line of an ArduCopter whose SERIAL4 is `sensor_path` and whose SERIAL0 is `mavlink_path`."""
+    latitude, longitude, altitude, heading = home
+    if latitude == 0.0 and longitude == 0.0:
+        raise LinkError(str(binary), "home 0, 0: ArduPilot takes that for 'none given' and starts in Canberra")
+    command = [
+        str(binary),
+        "-w",
+        "--model",
+        "quad",
+        "--speedup",
+        "1",
+        "--home",
+        f"{latitude:.9f},{longitude:.9f},{altitude:.4f},{heading:.4f}",
+        "--defaults",
+        str(defaults),
+    ]
+    ports = {0: f"uart:{mavlink_path}:{BAUD}", SENSOR_SERIAL: f"uart:{sensor_path}:{BAUD}"}
+    for port in range(9):
+        command += [f"--serial{port}", ports.get(port, "none")]
+    return command + list(arguments)
+
+
+def arducopter_on_ptys(
+    binary: Path,
+    sensor: PtyTransport,
+    mavlink: PtyTransport,
+    *,
+    folder: Path,
+    log: Path,
+    home: tuple[float, float, float, float],
+    parameters: Mapping[str, float],
+    arguments: Sequence[str] = (),
+    env: Mapping[str, str] | None = None,
+) -> Callable[[], ChildProcess]:
+    """What starts `binary` in `folder`, once the two pseudo-terminals are open. PortNotFound if there is no program."""
+    program = binary.expanduser().resolve()
+    if not program.is_file():
+        raise PortNotFound(str(binary), "no such program; build it with `./waf configure --board sitl && ./waf copter`")
+    where = folder.resolve()
+
+    def start() -> ChildProcess:
+        command = arducopter_eahrs_command(
+            program,
+            home=home,
+            defaults=write_defaults(where / "bench.parm", parameters),
+            sensor_path=sensor.far_path,
+            mavlink_path=mavlink.far_path,
+            arguments=arguments,
+        )
+        return ChildProcess(command, stderr_path=log.resolve(), cwd=where, env=env, log_output=True)
+
+    return start

@@ -1,0 +1,113 @@
+"""Motor commands out of ArduPilot's SERVO_OUTPUT_RAW: asked for, checked, turned into controls.
+
+A copter sends none of it unless asked, and forgets at each boot that it was. Asked for more than 0.8 of its main loop's
+rate it says no, to the ground station too: then it is asked for fewer, step by step. Its time since boot tells of a
+reboot.
+"""
+
+from __future__ import annotations
+
+from firmware_bridge.codecs.ardupilot_json import CONTROLS, PwmRange
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.codecs.servo_output import SERVO_OUTPUT_RAW, began_anew, servo_output
+from hil.signals.samples import ActuatorFrame
+from hil.signals.time import NS_PER_S
+
+_HEARTBEAT = MSGID["HEARTBEAT"]
+_COMMAND_ACK = MSGID["COMMAND_ACK"]
+_CommandLong = message_class("COMMAND_LONG")
+_SET_MESSAGE_INTERVAL = 511
+_ACCEPTED = 0
+_ARMED_BIT = 0x80
+
+# 3000 us is the least for a main loop of 400 Hz, 6000 us for one of 200 Hz, 10,000 us for one of 125 Hz.
+INTERVALS_US = (3000, 4000, 6000, 8000, 10_000, 14_000, 20_000)
+_SHARE_OF_LOOP = 0.8
+_ASK_AGAIN_NS = NS_PER_S
+
+
+class ServoOutputs:
+    """The newest outputs of autopilot `sysid`, whose main loop has `loop_hz` or less. `encoder` is whoever asks."""
+
+    def __init__(self, encoder: FrameEncoder, pwm: PwmRange, *, loop_hz: float = 400.0, sysid: int = 1) -> None:
+        self._encoder = encoder
+        self._pwm = pwm
+        self._sysid = sysid
+        self._mode = 0
+        self._time_us: int | None = None
+        self._came_ns: int | None = None
+        self._asked_ns: int | None = None
+        least_us = 1000 * (1000 // (_SHARE_OF_LOOP * loop_hz))  # it counts whole milliseconds
+        self._step = sum(interval_us < least_us for interval_us in INTERVALS_US[:-1])
+        self._alive = False
+        self._new: tuple[int, tuple[float, ...]] | None = None
+        self.granted_us: int | None = None
+        self.result: int | None = None  # MAV_RESULT of the last answer
+        self.count = 0
+
+    def heard(self, frame: Frame, now_ns: int) -> bool:
+        """Take a frame; whether it shows that the autopilot has started anew."""
+        if frame[1] != self._sysid:
+            return False
+        if frame[0] == SERVO_OUTPUT_RAW:
+            return self._take_outputs(frame, now_ns)
+        if frame[0] == _HEARTBEAT and frame[2] == 1:
+            self._alive = True
+            self._mode = unpack(frame).base_mode
+        elif frame[0] == _COMMAND_ACK:
+            self._take_ack(frame)
+        return False
+
+    def _take_outputs(self, frame: Frame, now_ns: int) -> bool:
+        outputs = servo_output(frame)
+        if outputs is None:
+            return False
+        time_us, widths_us = outputs
+        anew = self._time_us is not None and began_anew(self._time_us, time_us)
+        self._time_us = time_us
+        self._came_ns = now_ns
+        self.count += 1
+        self._new = (time_us * 1000, self._pwm.controls(widths_us))
+        return anew
+
+    def _take_ack(self, frame: Frame) -> None:
+        ack = unpack(frame)
+        if ack.command != _SET_MESSAGE_INTERVAL or ack.target_system != self._encoder.sysid:
+            return
+        self.result = ack.result
+        if ack.result == _ACCEPTED:
+            self.granted_us = INTERVALS_US[self._step]
+        elif self._step + 1 < len(INTERVALS_US):
+            self._step += 1
+            self._asked_ns = None
+
+    def request(self, now_ns: int) -> bytes:
+        """The question, if one is due: the autopilot talks, but its outputs do not come."""
+        if not self._alive or (self._came_ns is not None and now_ns - self._came_ns < _ASK_AGAIN_NS):
+            return b""
+        if self._asked_ns is not None and now_ns - self._asked_ns < _ASK_AGAIN_NS:
+            return b""
+        self._asked_ns = now_ns
+        interval_us = float(INTERVALS_US[self._step])
+        message = _CommandLong(
+            self._sysid, 1, _SET_MESSAGE_INTERVAL, 0, float(SERVO_OUTPUT_RAW), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
+        )
+        return self._encoder.frame(message.MSGID, pack(message))
+
+    def start_again(self) -> None:
+        """The autopilot has rebooted: its motors have stopped, and it has forgotten what it was asked."""
+        self._mode &= ~_ARMED_BIT
+        self._new = (0, (0.0,) * CONTROLS)
+        self._time_us = self._came_ns = self._asked_ns = None
+        self._alive = False
+
+    def take(self, tick: int) -> ActuatorFrame | None:
+        """The newest outputs, once; None if none came since."""
+        new, self._new = self._new, None
+        if new is None:
+            return None
+        t_ns, controls = new
+        # A heartbeat comes once a second; turning motors tell at once.
+        armed = self._mode & _ARMED_BIT != 0 or any(controls[:8])
+        return ActuatorFrame(tick, t_ns, controls, armed, self._mode | _ARMED_BIT if armed else self._mode)

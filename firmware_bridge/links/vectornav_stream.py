@@ -1,0 +1,157 @@
+"""What the played VectorNav sends at each tick, out of the bench's samples and the truth.
+
+IMU packet        IMU, magnetometer, barometer: the bench's samples, with their errors. Only for a tick with a new
+                  IMU sample: the autopilot's main loop takes each packet for one. None before each of the three
+                  sensors has given a sample
+solution          the truth, with errors of its own (`ins_solution`). With a position in it: from the first fix on
+GNSS packet       the newest GPS sample, if there is one that has not been sent yet: a dropout stays a dropout
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from firmware_bridge.codecs.vectornav import (
+    INS_GNSS_FIX,
+    INS_TRACKING,
+    BinaryOutput,
+    Readings,
+    VectorNavDevice,
+)
+from firmware_bridge.links.ins_solution import InsSolution
+from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, TruthState
+from hil.signals.time import NS_PER_S, RateAccumulator
+
+# GPS time (since 6 January 1980) at the start of a run: 1 January 2026, 12:00 UTC; 18 leap seconds.
+GPS_START_NS = (1_767_268_800 - 315_964_800 + 18) * NS_PER_S
+_FIX_3D = 3
+_FIX_LOST_NS = NS_PER_S
+_BITS_PER_BYTE = 10  # 8N1
+_NEARLY = 1.1  # divisors are whole numbers: 266.7 packets a second may be asked for where 250 were meant
+
+
+class _Due(NamedTuple):
+    output: BinaryOutput
+    due: Callable[[], bool]
+
+
+class VectorNavStream:
+    """The measurements of `device`, tick by tick."""
+
+    def __init__(self, device: VectorNavDevice, solution: InsSolution, *, period_ns: int) -> None:
+        self.device = device
+        self._solution = solution
+        self._period_ns = period_ns
+        self._tick_mhz = 1000 * NS_PER_S // period_ns
+        self._readings = Readings()
+        self._seen: set[str] = set()
+        self._outputs: dict[int, BinaryOutput] = {}
+        self._rates: tuple[_Due, ...] = ()
+        self._fix_ns: int | None = None
+        self._gps_is_new = False
+
+    @property
+    def missing(self) -> list[str]:
+        """Sensors whose first sample an IMU packet still waits for."""
+        return [name for name in ("IMU", "magnetometer", "barometer") if name not in self._seen]
+
+    def problems(self, baud: int | None) -> list[str]:
+        """What cannot be as the autopilot has asked for it, in words."""
+        device, found = self.device, []
+        tick_hz = self._tick_mhz / 1000
+        asked_hz = max((device.base_rate_hz / out.divisor for out in device.outputs.values()), default=0.0)
+        if asked_hz > _NEARLY * tick_hz:
+            found.append(
+                f"the autopilot asked for {asked_hz:g} IMU packets a second and gets one a tick, {tick_hz:g}: set "
+                f"EAHRS_RATE {tick_hz:g} with SCHED_LOOP_RATE {tick_hz / 2:g}, or tick_hz {asked_hz:g}"
+            )
+        if baud is not None and device.load_bytes_per_s * _BITS_PER_BYTE > 0.9 * baud:
+            share = device.load_bytes_per_s * _BITS_PER_BYTE / baud
+            found.append(
+                f"what the autopilot asked for fills the sensor line of {baud} baud by {share:.0%}: use 921600, or a "
+                "lower EAHRS_RATE"
+            )
+        return found
+
+    def packets(
+        self,
+        t_ns: int,
+        truth: TruthState,
+        imu: ImuSample | None,
+        mag: MagSample | None,
+        baro: BaroSample | None,
+        gps: GpsSample | None,
+    ) -> bytes:
+        """Take the tick's samples; the packets due at `t_ns`. CodecError if a sample is not a number."""
+        readings = self._readings
+        self._take(imu, mag, baro, gps)
+        device = self.device
+        if device.outputs != self._outputs:
+            self._set_rates()
+        if not device.streaming:
+            return b""
+        readings.startup_ns = t_ns
+        data = b""
+        solved = False
+        for output, due in self._rates:
+            if not due():
+                continue
+            packet = output.packet
+            if packet.is_gnss:
+                if not self._gps_is_new or self._fix_ns is None:
+                    continue
+                self._gps_is_new = False
+            elif packet.is_solution:
+                if packet.needs_position and self._fix_ns is None:
+                    continue
+                if not solved:
+                    self._solve(t_ns, truth)
+                    solved = True
+            elif imu is None or self.missing:
+                continue
+            data += packet.encode(readings)
+        return data
+
+    def _take(
+        self, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None, gps: GpsSample | None
+    ) -> None:
+        readings, seen = self._readings, self._seen
+        if imu is not None:
+            readings.take_imu(imu)
+            seen.add("IMU")
+        if mag is not None:
+            readings.take_mag(mag)
+            seen.add("magnetometer")
+        if baro is not None:
+            readings.take_baro(baro)
+            seen.add("barometer")
+        if gps is not None:
+            readings.take_gps(gps, GPS_START_NS + gps.t_capture_ns)
+            self._gps_is_new = True
+            if gps.fix_type >= _FIX_3D:
+                self._fix_ns = gps.t_available_ns
+
+    def _solve(self, t_ns: int, truth: TruthState) -> None:
+        attitude, place, velocity = self._solution.solve(truth)
+        fix = self._fix_ns is not None and t_ns - self._fix_ns < _FIX_LOST_NS
+        errors = self._solution.errors
+        self._readings.take_solution(
+            attitude,
+            place,
+            velocity,
+            attitude_sigma_deg=errors.attitude_deg,
+            position_sigma_m=errors.position_m,
+            velocity_sigma_mps=errors.velocity_mps,
+            status=INS_TRACKING | (INS_GNSS_FIX if fix else 0),
+        )
+
+    def _set_rates(self) -> None:
+        """The device has been told to send something else."""
+        self._outputs = dict(self.device.outputs)
+        base_mhz = self.device.base_rate_hz * 1000
+        rates = []
+        for _, output in sorted(self._outputs.items()):
+            event_mhz = min(round(base_mhz / output.divisor), self._tick_mhz)
+            rates.append(_Due(output, RateAccumulator(event_mhz=event_mhz, tick_mhz=self._tick_mhz).due))
+        self._rates = tuple(rates)

@@ -1,0 +1,166 @@
+"""What a bench file may say of each kind of autopilot: every rig loads, and what does not fit is said where it stands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.autopilots import _MAKERS
+from hil.cli import app
+from hil.config import Bench, load_bench
+from hil.config.schema import FIRMWARE_KINDS, LOCKSTEP_KINDS, PROGRAM_KINDS, Autopilot
+from hil.signals.errors import ConfigError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+RIGS = sorted(path.stem for path in (REPOSITORY / "rigs").glob("*.yaml"))
+KINDS = get_args(Autopilot.model_fields["kind"].annotation)
+NEEDS = {
+    "px4_sitl": "autopilot.start=false",
+    "ardupilot_sitl": "autopilot.start=false",
+}
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def load(text: str, **options: Any) -> Bench:
+    Path("b.yaml").write_text(text, encoding="utf-8")
+    return load_bench("b.yaml", **options)
+
+
+def refused(text: str, **options: Any) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load(text, **options)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_each_kind_has_its_rig() -> None:
+    kinds = {load("", rig=rig, settings=[NEEDS[rig]] if rig in NEEDS else []).config.autopilot.kind for rig in RIGS}
+    assert kinds == set(KINDS)
+    assert set(KINDS) >= LOCKSTEP_KINDS | FIRMWARE_KINDS | PROGRAM_KINDS
+    assert set(_MAKERS) <= set(KINDS)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_each_rig_loads_with_the_default_bench(rig: str) -> None:
+    settings = [NEEDS[rig]] if rig in NEEDS else []
+    bench = load_bench(rig=rig, settings=settings)
+    assert bench.config.rig == rig
+    assert bench.mission is not None
+    assert bench.config.description
+    assert bench.vehicle.rotors
+    if not bench.config.autopilot.lockstep:
+        assert bench.config.pace == 1.0
+    else:
+        assert bench.config.pace is None
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_hil_check_says_what_each_rig_needs(rig: str) -> None:
+    """As a person types it, from anywhere."""
+
+    def check(*more: str) -> tuple[int, str]:
+        done = CliRunner().invoke(app, ["check", "--rig", rig, *more])
+        return done.exit_code, " ".join(done.output.split())
+
+    if rig in NEEDS:
+        status, said = check()
+        assert status == 2
+        assert f"{rig}.yaml:" in said
+        assert "autopilot.binary must name your own build of the firmware" in said
+        assert "--set autopilot.start=false" in said
+    status, said = check(*(["--set", NEEDS[rig]] if rig in NEEDS else []))
+    assert status == 0, said
+    assert f"ok: rig {rig}," in said
+
+
+HEAD = "rig: {rig}\nautopilot:\n  boot_sensors: 0\n"  # what is wrong then stands on line 4
+MOCK = "has no meaning for the mock autopilot (leave it out or choose another rig)"
+
+
+@pytest.mark.parametrize(
+    ("rig", "line", "says"),
+    [
+        ("mock", "  binary: px4", f"autopilot.binary {MOCK}"),
+        ("mock", "  mavlink_port: tcp:5760", f"autopilot.mavlink_port {MOCK}"),
+        ("mock", "  arguments: [-v]", f"autopilot.arguments {MOCK}"),
+        ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
+        ("mock_hitl", "  start: false", "autopilot.start is false, but no autopilot.port says where the autopilot is"),
+        ("mock_hitl", "  airframe: x499", "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
+        ("mock_hitl", "  params: {MPC_XY_PP: 1}", "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
+        ("mock_hitl", "  transport: loopback",
+         "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
+        ("px4_hitl", "  transport: loopback",
+         "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
+        ("px4_hitl", "  faults: {die_at_s: 1}",
+         "autopilot.faults are the mock autopilot's (see faults.links for faults of any wire)"),
+        ("px4_hitl", "  binary: px4", "autopilot.binary has no meaning for px4_hitl (leave it out or choose another rig)"),
+        ("px4_hitl", "  env: {A: b}", "autopilot.env has no meaning for px4_hitl (leave it out or choose another rig)"),
+        ("px4_hitl", "  mavlink_port: /dev/ttyACM1",
+         "autopilot.mavlink_port has no meaning for px4_hitl (leave it out or choose another rig)"),
+        ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
+        ("mock", "  on_restart: reset", "autopilot.on_restart has no meaning for mock (leave it out)"),
+        ("px4_sitl", "  binary: no/such/px4", "autopilot.binary names a program that does not exist: no/such/px4"),
+        ("px4_sitl", "  {start: false, port: /dev/ttyACM0}", "autopilot.port has no meaning for px4_sitl (leave it out or choose another rig)"),
+        ("px4_sitl", "  {start: false, params: {MPC_XY_P: 1}}",
+         "autopilot.params has no effect: the bench does not start the autopilot (autopilot.start is false) "
+         "(give it to the program that you start)"),
+        ("ardupilot_sitl", "  {start: false, arguments: [-w]}",
+         "autopilot.arguments has no effect: the bench does not start the autopilot (autopilot.start is false) "
+         "(give it to the program that you start)"),
+        ("ardupilot_sitl", "  {start: false, env: {A: b}}",
+         "autopilot.env has no meaning for ardupilot_sitl (leave it out or choose another rig)"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_the_kind_is_said_at_its_line(rig: str, line: str, says: str) -> None:
+    if line.lstrip().startswith("{"):
+        text = f"rig: {rig}\n\n\nautopilot: {line.strip()}\n"
+    else:
+        text = HEAD.format(rig=rig) + line + "\n"
+    assert f"b.yaml:4: {says}" in refused(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("rig: mock_hitl\npace: 2\n",
+         "b.yaml:2: pace must be 1 or null, not 2: a free-running autopilot keeps wall-clock time"),
+        ("rig: px4_hitl\npace: 0.5\n",
+         "b.yaml:2: pace must be 1 or null, not 0.5: a free-running autopilot keeps wall-clock time"),
+        ("rig: ardupilot_sitl\nautopilot: {start: false}\nfaults:\n  links:\n    - {kind: drop, at_s: 1, rate: 1}\n",
+         "b.yaml:4: faults.links cannot be laid on ArduPilot SITL's wires (see faults.sensors and faults.rotors)"),
+        ("rig: px4_sitl\nautopilot:\n  binary: .\n", "b.yaml:3: autopilot.binary names a program that does not exist: ."),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:
+    assert says in refused(text)
+
+
+def test_the_same_from_the_command_line() -> None:
+    (found,) = refused("rig: px4_sitl\n", settings=["autopilot.binary=nowhere"])
+    assert found == "--set autopilot.binary: names a program that does not exist: nowhere"
+
+
+def test_what_fits() -> None:
+    Path("px4").write_text("")
+    text = (
+        "rig: px4_sitl\nautopilot: {binary: px4, params: {ANY_NAME: 3}, env: {A: b}, arguments: [-x], airframe: '1'}\n"
+    )
+    assert load(text).config.autopilot.params == {"ANY_NAME": 3.0}
+    assert load("rig: ardupilot_sitl\nautopilot: {start: false, mavlink_port: 'udp:14550', on_restart: reset}\n")
+    assert (
+        load("rig: px4_hitl\npace: null\nautopilot: {port: /dev/ttyACM0, params: {MPC_XY_P: 1}}\n").config.pace is None
+    )
+    assert load("rig: mock_hitl\nautopilot: {port: /dev/ttyUSB0, start: false}\n")
+    assert load("rig: mock_hitl\nfaults: {links: [{kind: drop, at_s: 1, rate: 0.1}]}\n").config.faults.links
+    assert load("rig: mock\nautopilot: {transport: loopback}\n")
+
+
+def test_environment_variables_have_names() -> None:
+    (found,) = refused("rig: px4_sitl\nautopilot:\n  start: false\n  env: {'A=B': c}\n")[:1]
+    assert found == "b.yaml:4: autopilot.env: 'A=B' cannot be an environment variable"

@@ -1,0 +1,227 @@
+"""The tick's other orders: an autopilot that waits for nobody, one that keeps every processor busy, one that restarts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.transports.loopback import LoopbackTransport
+from hil.bench import run_bench
+from hil.config import load_bench
+from hil.scheduler import PHASES, AutopilotPorts, Scheduler, SensorSlot
+from hil.signals.errors import LockstepLost
+from hil.signals.samples import ActuatorFrame, ImuSample, TruthState
+from hil.signals.time import RateAccumulator
+
+TICK_NS = 4_000_000
+
+
+class Script:
+    """Stands for physics, sensor, link, commands and recorder at once, and writes down who called what."""
+
+    name = "imu"
+
+    def __init__(self, **caps: Any) -> None:
+        settings = {"lockstep": True, "deterministic": True, "max_rate_hz": 1000.0, "boot_sensors": 0} | caps
+        self.caps = LinkCaps("script", **settings)
+        self.calls: list[tuple[Any, ...]] = []
+        self.commands: dict[int, ActuatorFrame] = {}  # free-running: by the tick at whose beginning they are there
+        self.fail_at: int | None = None
+
+    def note(self, *what: Any) -> None:
+        self.calls.append(what)
+
+    def names(self) -> list[str]:
+        return [call[0] for call in self.calls]
+
+    # physics, sensor, ground station
+
+    def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
+        self.note("advance", tick, controls[0])
+        zero = (0.0, 0.0, 0.0)
+        return TruthState(tick, tick * TICK_NS, zero, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
+
+    def take_events(self) -> list[Any]:
+        return []
+
+    def sample(self, truth: TruthState, seq: int) -> ImuSample:
+        self.note("imu", seq)
+        return ImuSample(seq, truth.t_ns, truth.t_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0)
+
+    def step(self, t_ns: int, frames: Sequence[Any]) -> bytes:
+        self.note("commands", list(frames))
+        return b""
+
+    # link
+
+    def begin(self, tick: int) -> ActuatorFrame | None:
+        self.note("begin", tick)
+        return self.commands.get(tick)
+
+    def observe(self, truth: TruthState, wind: Any) -> None:
+        self.note("observe", truth.tick, wind)
+
+    def send(self, tick: int, *rest: Any) -> bytes:
+        self.note("send", tick)
+        return b"sent"
+
+    def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
+        self.note("wait", tick)
+        if tick == self.fail_at:
+            raise LockstepLost("script", "rebooted")
+        if self.caps.lockstep:
+            return ActuatorFrame(tick, t_ns, (0.1 * tick,) + (0.0,) * 15, True, 129)
+        return None
+
+    def take_frames(self) -> list[Any]:
+        self.note("take")
+        return ["frame"]
+
+    # recorder
+
+    @property
+    def recorder(self) -> Any:
+        script = self
+
+        class Recorder:
+            def __getattr__(self, what: str) -> Any:
+                return lambda *values: script.note(f"rec {what}", *values)
+
+        return Recorder()
+
+
+def make(script: Script, **settings: Any) -> Scheduler:
+    return Scheduler(
+        tick_ns=TICK_NS,
+        physics=script,
+        sensors=[SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
+        link=script,  # type: ignore[arg-type]
+        ports=AutopilotPorts(imu="imu", gps=None, baro=None, mag=None),
+        commands=[script],
+        recorder=script.recorder,
+        **settings,
+    )
+
+
+def command(tick: int, value: float) -> ActuatorFrame:
+    return ActuatorFrame(tick, tick * TICK_NS, (value,) + (0.0,) * 15, True, 181)
+
+
+def test_a_free_running_tick_begins_with_the_newest_command() -> None:
+    script = Script(lockstep=False, deterministic=False)
+    script.commands = {2: command(2, 0.5), 3: command(3, 0.6)}
+    scheduler = make(script, pace=1.0)  # whose clock is the link's: no other one
+    for _ in range(5):
+        scheduler.step()
+    ticks = " ".join(script.names()).split("begin")[1:]
+    assert [tick.split()[0] for tick in ticks] == ["advance"] * 5
+    assert script.names()[:9] == [
+        "begin", "advance", "imu", "commands", "send", "rec truth", "rec sample", "rec sent", "wait",
+    ]  # fmt: skip
+    # It moves the vehicle in the tick at whose beginning it was there, and until another one comes.
+    assert [call[2] for call in script.calls if call[0] == "advance"] == [0.0, 0.0, 0.5, 0.6, 0.6]
+    # Recorded once, in the tick in which it counts, behind what that tick's listening heard.
+    recorded = [call for call in script.calls if call[0] in ("rec actuators", "rec received", "rec truth")]
+    names = [(call[0], call[1].tick if call[0] == "rec actuators" else None) for call in recorded]
+    begins = names.index(("rec actuators", 2))
+    assert names[begins - 1][0] == "rec received"
+    assert names[begins + 1][0] == "rec truth"
+    assert [tick for what, tick in names if what == "rec actuators"] == [2, 3]
+    assert scheduler.actuators == script.commands[3]
+    assert scheduler.late == 0
+
+
+def test_what_arrived_last_is_flushed() -> None:
+    script = Script(lockstep=False)
+    scheduler = make(script)
+    scheduler.step()
+    assert "rec received" not in script.names()
+    scheduler.flush()
+    scheduler.flush()
+    assert script.names().count("rec received") == 1
+
+
+@pytest.mark.parametrize(
+    ("processors", "order"),
+    [
+        (1, ["send", "rec truth", "rec sample", "rec sent", "wait"]),
+        (2, ["rec truth", "rec sample", "send", "rec sent", "wait"]),
+    ],
+)
+def test_the_record_comes_first_where_no_processor_is_left(processors: int, order: list[str]) -> None:
+    script = Script(busy_processors=processors)
+    scheduler = make(script)
+    scheduler.step()
+    names = script.names()
+    assert names[names.index("commands") + 1 : names.index("take")] == order
+    assert all(scheduler.phase_ns[name].count == 1 for name in PHASES)
+
+
+def test_one_that_takes_truth_is_told_before_the_send() -> None:
+    script = Script(takes_truth=True)
+    scheduler = make(script, wind_at=lambda: (1.0, 2.0, 3.0))
+    scheduler.step()
+    at = script.names().index("observe")
+    assert script.calls[at : at + 2] == [("observe", 0, (1.0, 2.0, 3.0)), ("send", 0)]
+
+
+def test_recorded_alike_in_either_order() -> None:
+    """What the recorder is told, in which order: the same."""
+    told = []
+    for processors in (1, 2):
+        script = Script(busy_processors=processors)
+        scheduler = make(script)
+        for _ in range(20):
+            scheduler.step()
+        scheduler.flush()
+        told.append([call for call in script.calls if call[0].startswith("rec ")])
+    assert told[0] == told[1]
+
+
+def test_after_a_skipped_tick_all_controls_are_zero() -> None:
+    script = Script()
+    scheduler = make(script)
+    for _ in range(4):
+        scheduler.step()
+    assert scheduler.actuators.controls[0] == pytest.approx(0.3)
+    script.fail_at = 4
+    with pytest.raises(LockstepLost):
+        scheduler.step()
+    scheduler.skip_tick()
+    assert (scheduler.tick, scheduler.actuators.armed) == (5, False)
+    scheduler.step()
+    assert [call[1:] for call in script.calls if call[0] == "advance"][-1] == (5, 0.0)
+    # What the failed tick received is on record, in its place.
+    received = [call[1] for call in script.calls if call[0] == "rec received"]
+    assert received == [0, 1, 2, 3, 4]
+
+
+def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight of the mock, once as if it kept one processor busy, once two."""
+    (tmp_path / "bench.yaml").write_text("")
+    settings = ("autopilot.transport=loopback", "duration_s=12", "record.report=false")
+    mission = "rigs/missions/square.waypoints"
+    bench = load_bench(
+        tmp_path / "bench.yaml", mission=str(Path(__file__).resolve().parents[2] / mission), settings=settings
+    )
+    digests = []
+    for processors in (1, 2):
+        caps = LinkCaps(
+            "mock", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=20, busy_processors=processors
+        )
+        link = LockstepLink(LoopbackTransport(MockPixhawk(boot_sensors=20)), caps)
+        monkeypatch.setattr("hil.bench.make_autopilot", lambda bench, around, link=link: link)
+        out = tmp_path / str(processors)
+        result = run_bench(bench, out, quiet=True)
+        assert result.run["error"] is None
+        assert result.run["sim_s"] == 12.0
+        files = [hashlib.sha256((out / name).read_bytes()).hexdigest() for name in ("run.mcap", "flight.tlog")]
+        digests.append((result.run["digest"], *files))
+    assert digests[0] == digests[1]
