@@ -11,7 +11,7 @@ from typing import Any
 from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.devices.inventory import find_devices
 from firmware_bridge.links.ardupilot_eahrs import HeldPty, arducopter_on_ptys, sitl_parameters
-from firmware_bridge.links.ardupilot_sitl import copter_parameters
+from firmware_bridge.links.ardupilot_sitl import TCP_PORT, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
@@ -167,7 +167,9 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         "boot_limit_s": autopilot.connect_timeout_s,
     }
     if not autopilot.start:
-        return make_link("ardupilot_sitl", mavlink=autopilot.mavlink_port or "tcp:5760", **settings)
+        return make_link(
+            "ardupilot_sitl", mavlink=autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}", **settings
+        )
     return make_link(
         "ardupilot_sitl",
         binary=Path(str(autopilot.binary)),

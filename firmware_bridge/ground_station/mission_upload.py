@@ -36,6 +36,7 @@ class MissionUpload:
         self._items = items
         self._tries = 0
         self._asked = 0  # how many items the vehicle has pulled
+        self._unconfirmed = 0  # uploads of which the end was not acknowledged
         self._refusals_left = 0  # that may yet be because the vehicle has not finished starting
         self.due_ns: int | None = None
         self.done = False
@@ -99,6 +100,9 @@ class MissionUpload:
         if message.type != _ACCEPTED:
             result = enum_name("MAV_MISSION_RESULT", message.type)
             hint = _HINTS.get(result, "see the autopilot's messages")
+            last = self._items[self._asked - 1] if self._asked else None
+            if last is not None:
+                hint += f" (last asked for: item {last.seq}, command {last.command}, frame {last.frame})"
             raise refused(
                 f"the mission of {len(self._items)} items was refused after {self._asked} of them: {result}; {hint}"
             )
@@ -114,12 +118,16 @@ class MissionUpload:
         """
         if self.due_ns is None or t_ns < self.due_ns:
             return
-        if self._tries >= _TRIES:
+        if self._tries >= _TRIES or self._unconfirmed >= _TRIES:
             raise refused(
                 f"mission upload: {self._asked} of {len(self._items)} items were asked for, then nothing for "
                 f"{_TRIES} s of simulated time; is the autopilot's mission service running?"
             )
-        if self._asked:
+        if self._asked == len(self._items):
+            # It has them all, or asks again for the last one by itself; so the acknowledgement was lost.
+            self._unconfirmed += 1
+            self._offer(t_ns)
+        elif self._asked:
             # The vehicle asks again for a lost item by itself; offering anew would start over.
             self._tries += 1
             self.due_ns = t_ns + _ANSWER_LIMIT_NS

@@ -19,7 +19,12 @@ _DO_JUMP = 177
 _COMPONENT_ARM_DISARM = 400
 _MISSION_START = 300
 _WAYPOINT = 16
-_FRAME_GLOBAL = 0
+_FRAME_GLOBAL, _FRAME_MISSION = 0, 2
+# These name no place, so their frame means nothing: planners write 0 or 3 as often as 2, and PX4 takes only 2.
+# RTL; CONDITION_DELAY, _DISTANCE, _YAW; DO_JUMP, CHANGE_SPEED, relay, servo, actuator, mount, gripper, camera.
+_PLACELESS = frozenset(
+    (20, 93, 112, 114, 115, 177, 178, 181, 183, 187, 197, 205, 206, 211, 212, 214, 530, 2000, 2001, 2500, 2501, 3000)
+)
 
 
 class Step(NamedTuple):
@@ -51,10 +56,18 @@ def first_seq(autopilot: int) -> int:
 def items_for(autopilot: int, items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     """`items` as `autopilot` wants them uploaded."""
     if autopilot != ARDUPILOT:
-        return tuple(items)
+        return tuple(_frame_of_its_own(item) for item in items)
     shift = first_seq(autopilot)
     home = MissionItem(0, _FRAME_GLOBAL, _WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
     return (home, *(_ardupilot_item(item, shift) for item in items))
+
+
+def _frame_of_its_own(item: MissionItem) -> MissionItem:
+    """An item without a place, in the frame that says so: params 5 and 6 are plain numbers then, not degrees."""
+    if item.command not in _PLACELESS or item.frame == _FRAME_MISSION:
+        return item
+    x, y = round(item.lat_degE7 / 1e7), round(item.lon_degE7 / 1e7)
+    return item._replace(frame=_FRAME_MISSION, lat_degE7=x, lon_degE7=y)
 
 
 def _ardupilot_item(item: MissionItem, shift: int) -> MissionItem:

@@ -24,6 +24,6 @@ class StatusTexts:
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
 
     def last(self, count: int = 3) -> str:
-        """The latest texts, for an error message; "" if there are none."""
-        latest = [text for _, _, text in self.texts[-count:]]
-        return f"; it last said: {' | '.join(latest)}" if latest else ""
+        """The latest texts that differ, for an error message; "" if there are none."""
+        latest = list(dict.fromkeys(text.strip() for _, _, text in reversed(self.texts)))[:count]
+        return f"; it last said: {' | '.join(reversed(latest))}" if latest else ""

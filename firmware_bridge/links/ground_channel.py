@@ -97,17 +97,26 @@ class GroundChannel:
             time.sleep(0.00005)
         time.sleep(_ACT_S)
 
+    def far_side_bound(self) -> bool:
+        """Whether a program listens on the far port: a PX4 that has started. False where the system does not tell."""
+        return self._far_socket() is not None
+
     def _unread(self) -> bool:
         """Whether bytes wait in the far side's socket. False where the system does not tell."""
+        fields = self._far_socket()
+        return fields is not None and fields[4].partition(":")[2] != "00000000"
+
+    def _far_socket(self) -> list[str] | None:
+        """The system's line about the socket on the far port."""
         try:
             lines = _PROC_UDP.read_text().splitlines()[1:]
         except OSError:
-            return False
+            return None
         for line in lines:
             fields = line.split()
             if fields[1].endswith(self._far_port):
-                return fields[4].partition(":")[2] != "00000000"
-        return False
+                return fields
+        return None
 
 
 def _datagrams(data: bytes) -> Iterable[bytes]:

@@ -167,6 +167,7 @@ class LockstepLink:
                 if frame.msgid == _HEARTBEAT:
                     self._frames += frames[: i + 1]
                     self._held = frames[i + 1 :]
+                    self._check_ours()
                     return
             self._frames += frames
             if self._process is not None and not self._process.running():
@@ -176,7 +177,25 @@ class LockstepLink:
             if left_s <= 0.0 or (not frames and self._transport.fileno() is None):
                 raise HandshakeError(self.name, self._no_heartbeat())
 
+    def _check_ours(self) -> None:
+        """That it is the program we started that answers: another of its kind may have been waiting here."""
+        if self._process is not None and not self._process.running():
+            raise LinkClosed(
+                self.name,
+                "another program answers in place of the one that was started, which has ended: stop it, or choose "
+                f"another autopilot.instance; {self._process.describe_end()}",
+                cause="second_autopilot",
+            )
+
     def _no_heartbeat(self) -> str:
+        if self._ground is not None and self._process is None and not self._stats.rx_bytes:
+            why = (
+                "a PX4 of this instance runs but does not connect: once its simulator has gone it never connects "
+                "again; start PX4 anew for every run"
+                if self._ground.far_side_bound()
+                else "nobody connected; start PX4 with PX4_SIM_MODEL=none_iris, of the same instance"
+            )
+            return f"no heartbeat within {self._heartbeat_limit_s:g} s of wall clock: {why}"
         parser = self._parser
         heard = (
             f"{parser.frames} other messages came"
@@ -312,6 +331,7 @@ class LockstepLink:
                 # time.
                 if frame[0] == HIL_ACTUATOR_CONTROLS and int.from_bytes(frame[4][:8], "little") == want_us:
                     self._booting = False
+                    self._check_ours()
                     self._frames += frames[: i + 1]
                     self._held = frames[i + 1 :]
                     return self._decode(tick, frame)

@@ -45,7 +45,7 @@ def px4_sitl_process(
     fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
     for key, value in (fast | dict(params)).items():
         settings[f"PX4_PARAM_{key}"] = f"{int(value)}" if value == int(value) else repr(value)
-    shutil.rmtree(folder, ignore_errors=True)
+    _clean(folder)
     return ChildProcess(
         [str(binary), "-i", str(instance), "-d", *arguments, str(data)],
         stderr_path=log,
@@ -54,6 +54,14 @@ def px4_sitl_process(
         log_output=True,
         own_group=True,
     )
+
+
+def _clean(folder: Path) -> None:
+    """Remove what an earlier run left there. PortNotFound if the folder is somebody else's."""
+    ours = (folder / "dataman").exists() or (folder / "etc").is_symlink()
+    if folder.is_dir() and any(folder.iterdir()) and not ours:
+        raise PortNotFound(str(folder), "is not empty and not a working folder of PX4's: choose another --out")
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _data_folder(binary: Path) -> Path:

@@ -46,7 +46,7 @@ def judge_sending(stats: SendStats, schedule: DeadlineSchedule | None = None) ->
     longest_ns = stats.longest_gap_ns
     if longest_ns > STALL_WARNING_NS:
         level = "error" if longest_ns > STALL_ERROR_NS else "warning"
-        text = f"the samples stopped for {longest_ns / NS_PER_MS:.0f} ms: long stalls end in PX4's termination"
+        text = f"the samples stopped for {longest_ns / NS_PER_MS:.0f} ms: long stalls end in the autopilot's failsafe"
         findings.append(Finding(level, text + _remedy(stats)))
     p999_ns = stats.lateness.quantile_ns(0.999)
     if stats.sent >= SHARE_NEEDS and p999_ns > P999_WARNING_NS and not findings:
@@ -87,7 +87,7 @@ def _late_text(bad: int, offered: int, lost: int) -> str:
     never = f", {lost} of them never sent" if lost else ""
     return (
         f"{100 * bad / offered:.2g} % of the samples were more than 20 ms late ({bad} of {offered}{never}); at 2.6 % "
-        "PX4 reports High Accelerometer Bias and hovers at a wrong height"
+        "PX4 was seen to report High Accelerometer Bias and to hover at a wrong height"
     )
 
 

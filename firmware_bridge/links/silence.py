@@ -60,7 +60,7 @@ class VehicleWatch:
                 if frame[2] == 1:  # the autopilot's own, not that of a camera or gimbal on the same link
                     self._heartbeat = frame
             elif frame[0] == _STATUSTEXT:
-                self.texts.append(unpack(frame).text)
+                self.texts.append(unpack(frame).text.strip())
 
     def verdict(self) -> Verdict | None:
         """What explains a silence, if what was said and heard explains it."""

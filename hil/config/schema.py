@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router_endpoint import Endpoint
@@ -55,12 +55,19 @@ PROGRAM_KINDS = frozenset({"px4_sitl", "ardupilot_sitl"})
 ENV_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 
 
+def _number_as_text(value: Any) -> Any:
+    """An airframe's number need not stand in quotes."""
+    return str(value) if type(value) is int else value
+
+
 class Autopilot(Section):
     """The flight controller and the wire to it."""
 
     kind: Literal["mock", "mock_hitl", "px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"] = "mock"
     transport: Literal["pty", "loopback"] = "pty"  # mock only; loopback: in this process, same bytes, no serial line
-    airframe: str = "x500"  # what the flight controller takes the vehicle for; PX4: name or number of an airframe
+    airframe: Annotated[str, BeforeValidator(_number_as_text)] = (
+        "x500"  # what the flight controller takes the vehicle for; PX4: name or number of an airframe
+    )
     # HIL_SENSORs at the start that get no reply. null: unknown, so the bench free-runs until the first reply.
     boot_sensors: Annotated[int, Field(ge=0, le=300)] | None = 20
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
