@@ -155,6 +155,11 @@ def _px4_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     )
 
 
+def _windy(bench: Bench) -> bool:
+    """Whether there can be any wind: its direction costs time to tell."""
+    return bench.config.wind is not None or bench.scene.wind_W_mps != (0.0, 0.0, 0.0)
+
+
 def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     config = bench.config
     autopilot, vehicle = config.autopilot, bench.vehicle
@@ -162,7 +167,7 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         "instance": autopilot.instance,
         "on_restart": autopilot.on_restart,
         "gravity_mps2": bench.scene.gravity_mps2,
-        "also": frozenset({"windvane"}),
+        "also": frozenset({"windvane"}) if _windy(bench) else frozenset(),
         "reply_limit_s": autopilot.reply_timeout_s if autopilot.on_restart == "error" else math.inf,
         "boot_limit_s": autopilot.connect_timeout_s,
     }

@@ -495,7 +495,7 @@ class _Run:
             # Whoever prepares the samples of an autopilot that waits for nobody must not wait for a processor either.
             return RealtimeProducer()
         config = self.config
-        if isinstance(link, LockstepLink) and link.caps.busy_processors > 1 and config.pace is None:
+        if isinstance(link, LockstepLink | ArduPilotJsonLink) and link.caps.busy_processors > 1 and config.pace is None:
             return SharedProcessor(link.pid if config.autopilot.share_processor else None)
         return nullcontext()
 

@@ -161,6 +161,7 @@ class ArduPilotJsonLink:
             deterministic=False,  # SITL's boot takes a few steps more or less, as its threads get the processor
             max_rate_hz=1200.0,
             boot_sensors=0,
+            busy_processors=2,  # its threads for input and output run on wall-clock time
             takes_truth=True,
         )
         self._stats = ArduPilotStats()
@@ -204,6 +205,11 @@ class ArduPilotJsonLink:
             stats.garbage_bytes = parser.garbage_bytes
             stats.lost_frames = parser.lost
         return stats
+
+    @property
+    def pid(self) -> int | None:
+        """Of the autopilot, if the bench started it."""
+        return None if self._process is None else self._process.pid
 
     @property
     def name(self) -> str:

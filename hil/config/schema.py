@@ -86,8 +86,8 @@ class Autopilot(Section):
     reconnect_s: Annotated[float, Field(ge=0, le=600)] = (
         10.0  # free-running links: how long an unplugged board may stay
     )
-    # PX4 SITL: bench and autopilot on one processor, the autopilot first. Repeatable to centimetres, and no slower, but
-    # only on a machine with nothing else to do.
+    # Firmware started by the bench: both on one processor, the autopilot first. More repeatable and no slower on a
+    # machine with nothing else to do; given up by itself on a busy one.
     share_processor: bool = True
     # ArduPilot SITL that reboots in the run: an error, or the vehicle goes back to its start and the run goes on.
     on_restart: Literal["error", "reset"] = "error"
