@@ -191,6 +191,16 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     )
 
 
+def unknown_parameters(bench: Bench, out: Path) -> list[str]:
+    """Names in `autopilot.params` of which PX4's log says that it does not have them."""
+    autopilot = bench.config.autopilot
+    log = out / LOG_NAME
+    if autopilot.kind != "px4_sitl" or not autopilot.params or not log.is_file():
+        return []
+    text = log.read_text(errors="replace")
+    return [name for name in autopilot.params if f"Parameter {name} not found" in text]
+
+
 def _ardupilot_eahrs(bench: Bench, around: Surroundings) -> AutopilotLink:
     """ArduPilot fed by an External AHRS: a board on two serial ports, or the user's SITL on two pseudo-terminals."""
     config, vehicle = bench.config, bench.vehicle

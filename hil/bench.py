@@ -31,7 +31,7 @@ from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Router
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from firmware_bridge.transports.transport import Transport
-from hil.autopilots import Surroundings, make_autopilot
+from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.manual_flight import make_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
@@ -304,7 +304,11 @@ class _Run:
             # Nothing to upload and nobody to arm it but the script; the station sees it fly, land and disarm.
             self.station = GroundStation((), target_sysid=None, fly=False)
             commands.append(self.station)
-        elif config.autopilot.kind != "mock" and config.autopilot.on_restart == "error":
+        elif (
+            config.autopilot.kind != "mock"
+            and config.autopilot.on_restart == "error"
+            and config.autopilot.mavlink_port != "none"
+        ):
             # Real firmware wants to hear a ground station once a second.
             commands.append(GroundStation((), target_sysid=None, fly=False))
         if self.bench.script is not None:
@@ -511,6 +515,8 @@ class _Run:
         if self.station is not None:
             for t_ns, severity, text in self.station.statustexts:
                 self.recorder.event(t_ns, _event_kind(severity), text)
+        for name in unknown_parameters(self.bench, self.out):
+            self._event("warning", f"the firmware has no parameter {name}: autopilot.params has set nothing")
         if isinstance(self.link, FREE_RUNNING) and self.scheduler is not None:
             for finding in self.link.findings():
                 self.recorder.event(self.scheduler.t_ns, finding.level, finding.text)

@@ -237,6 +237,8 @@ class GroundStation:
         if armed and not self._steps:
             self._enter(Phase.FLYING, t_ns)
             return
+        if self._fly and not self._steps and t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
+            raise refused(f"the vehicle took the mission, but is not armed and does not fly{self._texts.last(6)}")
         commands = self._commands
         if not self._steps or commands.busy or t_ns < self._retry_ns:
             return

@@ -49,10 +49,15 @@ class VehicleWatch:
         self.texts: deque[str] = deque(maxlen=_TEXTS)
         self._heartbeat: Frame | None = None
         self._told: deque[bytes] = deque(maxlen=256)
+        self._probing = False
 
     def told(self, data: bytes) -> None:
         """Commands that went to the vehicle in one tick."""
         self._told.append(data)
+
+    def probing(self) -> None:
+        """From now on it says what the probe made it say: sensors that seem to fail."""
+        self._probing = True
 
     def heard(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
@@ -60,7 +65,9 @@ class VehicleWatch:
                 if frame[2] == 1:  # the autopilot's own, not that of a camera or gimbal on the same link
                     self._heartbeat = frame
             elif frame[0] == _STATUSTEXT:
-                self.texts.append(unpack(frame).text.strip())
+                text = unpack(frame).text.strip()
+                if not self._probing or "terminat" in text.lower():
+                    self.texts.append(text)
 
     def verdict(self) -> Verdict | None:
         """What explains a silence, if what was said and heard explains it."""

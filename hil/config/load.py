@@ -329,6 +329,8 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
             wrong(("autopilot", "binary"), message, hint)
         elif autopilot.start and not Path(str(autopilot.binary)).expanduser().is_file():
             wrong(("autopilot", "binary"), f"names a program that does not exist: {autopilot.binary}")
+    if autopilot.mavlink_port == "none" and config.mission is not None:
+        wrong(("autopilot", "mavlink_port"), "is none, so nobody can be told to fly the mission", "--set mission=null")
     if not autopilot.lockstep and config.pace not in (None, 1.0):
         wrong(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems

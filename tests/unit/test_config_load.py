@@ -43,7 +43,7 @@ def test_the_default_bench_is_found_from_anywhere() -> None:
     assert bench.config.rig == "mock"
     assert bench.config.tick_ns == 4_000_000
     assert bench.mission is not None
-    assert len(bench.mission.waypoints) == 5
+    assert len(bench.mission.waypoints) == 6
     assert bench.files["bench"] == REPOSITORY / "hil.yaml"
     sensors = bench.config.autopilot_sensors()
     assert sensors == {"imu": "imu", "gps": "gps", "barometer": "baro", "magnetometer": "mag"}
