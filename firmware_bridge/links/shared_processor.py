@@ -2,7 +2,7 @@
 
 A lockstep simulator and its autopilot take turns, but an autopilot with many threads (PX4) answers a step before all of
 them are done with it: what is left over happens at another simulated time in each run. On one processor, with the bench
-at the lowest priority there is (SCHED_IDLE, for which no permission is needed), the next step is only sent when no
+at the lowest priority there is (SCHED_IDLE, where the system would let it out again), the next step is only sent when no
 thread of the autopilot wants to run. That also saves waking up a second processor at every step.
 
 Whatever else wants to run on that processor goes first, too. `watch`, called now and then, gives the arrangement up
@@ -12,10 +12,19 @@ where that has made the bench slow.
 from __future__ import annotations
 
 import os
+import resource
 import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+
+
+def _may_come_back() -> bool:
+    """Whether this process may leave SCHED_IDLE again: anybody may enter, but not everybody leave (RLIMIT_NICE)."""
+    if os.geteuid() == 0:
+        return True
+    limit = resource.getrlimit(resource.RLIMIT_NICE)[0]
+    return limit == resource.RLIM_INFINITY or limit >= 20 - os.getpriority(os.PRIO_PROCESS, 0)
 
 
 class SharedProcessor:
@@ -46,13 +55,15 @@ class SharedProcessor:
                 os.sched_setaffinity(int(task.name), {processor})
             before = (allowed, os.sched_getscheduler(0))
             os.sched_setaffinity(0, {processor})
-            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+            if _may_come_back():
+                os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         except OSError as error:
             self.granted = f"no processor shared ({error.strerror})"
             return self
         self._before = before
         self._looked_ns = time.monotonic_ns()
-        self.granted = f"processor {processor} shared with the autopilot, which goes first"
+        first = "which goes first" if os.sched_getscheduler(0) == os.SCHED_IDLE else "both alike"
+        self.granted = f"processor {processor} shared with the autopilot, {first}"
         return self
 
     def __exit__(
@@ -65,7 +76,8 @@ class SharedProcessor:
         assert self._before is not None
         allowed, policy = self._before
         self._before = None
-        os.sched_setscheduler(0, policy, os.sched_param(0))
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, policy, os.sched_param(0))
         os.sched_setaffinity(0, allowed)
         with suppress(OSError):  # the autopilot may have ended
             for task in Path(f"/proc/{self._pid}/task").iterdir():

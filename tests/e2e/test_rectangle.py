@@ -38,7 +38,7 @@ def test_run_json_follows_the_contract(flown: Path) -> None:
     assert run["status"] == "PASS"
     assert run["deterministic"] is True
     assert run["mission"]["completed"] is True
-    assert run["mission"]["reached"] == run["mission"]["waypoints"] == 5
+    assert run["mission"]["reached"] == run["mission"]["waypoints"] == 6
     assert run["autopilot"]["steps"] == round(run["sim_s"] * 250)
     assert run["autopilot"]["link"] | {"tx_bytes": 0, "rx_bytes": 0} == {
         "tx_bytes": 0,

@@ -1,4 +1,4 @@
-"""What a bench file may say of each kind of autopilot: every rig loads, and what does not fit is said where it stands."""
+"""What a bench file may say of each kind of autopilot: every rig loads; what does not fit is said where it stands."""
 
 from __future__ import annotations
 
@@ -80,6 +80,7 @@ def test_hil_check_says_what_each_rig_needs(rig: str) -> None:
 
 
 HEAD = "rig: {rig}\nautopilot:\n  boot_sensors: 0\n"  # what is wrong then stands on line 4
+OTHER = "(leave it out or choose another rig)"
 MOCK = "has no meaning for the mock autopilot (leave it out or choose another rig)"
 
 
@@ -91,22 +92,25 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
         ("mock", "  arguments: [-v]", f"autopilot.arguments {MOCK}"),
         ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
         ("mock_hitl", "  start: false", "autopilot.start is false, but no autopilot.port says where the autopilot is"),
-        ("mock_hitl", "  airframe: x499", "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
-        ("mock_hitl", "  params: {MPC_XY_PP: 1}", "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
+        ("mock_hitl", "  airframe: x499",
+         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
+        ("mock_hitl", "  params: {MPC_XY_PP: 1}",
+         "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
         ("mock_hitl", "  transport: loopback",
          "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
         ("px4_hitl", "  transport: loopback",
          "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
         ("px4_hitl", "  faults: {die_at_s: 1}",
          "autopilot.faults are the mock autopilot's (see faults.links for faults of any wire)"),
-        ("px4_hitl", "  binary: px4", "autopilot.binary has no meaning for px4_hitl (leave it out or choose another rig)"),
-        ("px4_hitl", "  env: {A: b}", "autopilot.env has no meaning for px4_hitl (leave it out or choose another rig)"),
+        ("px4_hitl", "  binary: px4", f"autopilot.binary has no meaning for px4_hitl {OTHER}"),
+        ("px4_hitl", "  env: {A: b}", f"autopilot.env has no meaning for px4_hitl {OTHER}"),
         ("px4_hitl", "  mavlink_port: /dev/ttyACM1",
-         "autopilot.mavlink_port has no meaning for px4_hitl (leave it out or choose another rig)"),
+         f"autopilot.mavlink_port has no meaning for px4_hitl {OTHER}"),
         ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
         ("mock", "  on_restart: reset", "autopilot.on_restart has no meaning for mock (leave it out)"),
         ("px4_sitl", "  binary: no/such/px4", "autopilot.binary names a program that does not exist: no/such/px4"),
-        ("px4_sitl", "  {start: false, port: /dev/ttyACM0}", "autopilot.port has no meaning for px4_sitl (leave it out or choose another rig)"),
+        ("px4_sitl", "  {start: false, port: /dev/ttyACM0}",
+         f"autopilot.port has no meaning for px4_sitl {OTHER}"),
         ("px4_sitl", "  {start: false, params: {MPC_XY_P: 1}}",
          "autopilot.params has no effect: the bench does not start the autopilot (autopilot.start is false) "
          "(give it to the program that you start)"),
@@ -114,7 +118,7 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
          "autopilot.arguments has no effect: the bench does not start the autopilot (autopilot.start is false) "
          "(give it to the program that you start)"),
         ("ardupilot_sitl", "  {start: false, env: {A: b}}",
-         "autopilot.env has no meaning for ardupilot_sitl (leave it out or choose another rig)"),
+         f"autopilot.env has no meaning for ardupilot_sitl {OTHER}"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_the_kind_is_said_at_its_line(rig: str, line: str, says: str) -> None:
@@ -134,7 +138,8 @@ def test_what_does_not_fit_the_kind_is_said_at_its_line(rig: str, line: str, say
          "b.yaml:2: pace must be 1 or null, not 0.5: a free-running autopilot keeps wall-clock time"),
         ("rig: ardupilot_sitl\nautopilot: {start: false}\nfaults:\n  links:\n    - {kind: drop, at_s: 1, rate: 1}\n",
          "b.yaml:4: faults.links cannot be laid on ArduPilot SITL's wires (see faults.sensors and faults.rotors)"),
-        ("rig: px4_sitl\nautopilot:\n  binary: .\n", "b.yaml:3: autopilot.binary names a program that does not exist: ."),
+        ("rig: px4_sitl\nautopilot:\n  binary: .\n",
+         "b.yaml:3: autopilot.binary names a program that does not exist: ."),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:

@@ -72,7 +72,7 @@ def test_the_rectangle():
 
     world.each_tick = note
     world.run_until(lambda w: station.phase is Phase.DONE, 200.0)
-    assert reached == list(range(8))
+    assert reached == list(range(9))
     assert station.mission_completed
     flown = np.array(track)
     assert max(distance_to_rectangle(p) for p in flown[:, :2]) < 0.5

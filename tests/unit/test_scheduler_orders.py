@@ -1,4 +1,4 @@
-"""The tick's other orders: an autopilot that waits for nobody, one that keeps every processor busy, one that restarts."""
+"""The tick's other orders: autopilots that wait for nobody, that keep every processor busy, that restart."""
 
 from __future__ import annotations
 

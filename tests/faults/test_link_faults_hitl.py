@@ -1,0 +1,155 @@
+"""The mock in HITL flown in real time over a wire with declared faults: it flies well, or ends with a named error.
+
+A flight takes as long as it takes; so all of them fly at once, each in a process of its own, and the tests look at what
+came of them. In each flight 1 % of the units are hit on the way up, and 10 % of them on the way.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT_S = 240.0
+KINDS = ("drop", "delay", "duplicate", "reorder", "corrupt")
+
+# Up, four metres north, down: 27 s.
+HOP = """QGC WPL 110
+0	1	0	16	0	0	0	0	47.39774200	8.54559400	488.0	1
+1	0	3	22	0	0	0	0	47.39774200	8.54559400	3.0	1
+2	0	3	16	0	0	0	0	47.39774200	8.54559400	3.0	1
+3	0	3	16	0	0	0	0	47.39777800	8.54559400	3.0	1
+4	0	3	21	0	0	0	0	47.39777800	8.54559400	0.0	1
+"""
+
+
+def rated(kind: str, **more: Any) -> list[dict[str, Any]]:
+    """The fault at both rates: 1 % from boot to take-off, 10 % in the air."""
+    held = {"delay_s": 0.01} if kind == "delay" else {}
+    fault = {"kind": kind, **held, **more}
+    return [fault | {"at_s": 0, "for_s": 8, "rate": 0.01}, fault | {"at_s": 8, "for_s": 8, "rate": 0.1}]
+
+
+FLIGHTS: dict[str, list[dict[str, Any]]] = {
+    **{kind: rated(kind) for kind in KINDS},
+    "stall": [
+        {"kind": "stall", "at_s": 10, "for_s": 0.1, "direction": way} for way in ("to_autopilot", "from_autopilot")
+    ],
+    "stall for good": [{"kind": "stall", "at_s": 5, "direction": "from_autopilot"}],
+    "unplug": [{"kind": "unplug", "at_s": 5, "for_s": 1}],
+}
+SLOW_FLIGHTS: dict[str, list[dict[str, Any]]] = {
+    f"{kind} {direction} {unit}": rated(kind, direction=direction, unit=unit)
+    for kind in KINDS
+    for direction in ("to_autopilot", "from_autopilot")
+    for unit in ("message", "byte")
+    if unit == "message" or kind in ("drop", "corrupt")
+}
+
+
+def fly(flights: dict[str, list[dict[str, Any]]], folder: Path) -> dict[str, dict[str, Any]]:
+    """run.json of each, all flown at once."""
+    (folder / "hop.waypoints").write_text(HOP)
+    (folder / "bench.yaml").write_text("")
+    started = {}
+    for number, (name, faults) in enumerate(flights.items()):
+        code = (
+            "import sys, pathlib\n"
+            "from hil.bench import run_bench\n"
+            "from hil.config import load_bench\n"
+            "bench, mission, out, *settings = sys.argv[1:]\n"
+            "loaded = load_bench(bench, rig='mock_hitl', mission=mission, settings=settings)\n"
+            "run_bench(loaded, pathlib.Path(out), quiet=True)\n"
+        )
+        out = folder / str(number)
+        settings = ("record.mcap=false", "record.tlog=false", "record.report=false", "duration_s=120")
+        argv = [sys.executable, "-c", code, "bench.yaml", "hop.waypoints", str(out), *settings]
+        env = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+        started[name] = (
+            out,
+            subprocess.Popen(
+                [*argv, f"faults.links={json.dumps(faults)}"], cwd=folder, env=env, stderr=subprocess.PIPE, text=True
+            ),
+        )
+    runs = {}
+    try:
+        for name, (out, child) in started.items():
+            _, said = child.communicate(timeout=LIMIT_S)
+            assert child.returncode == 0, said
+            runs[name] = json.loads((out / "run.json").read_text())
+    finally:
+        for _, child in started.values():
+            if child.poll() is None:
+                child.kill()
+                child.communicate()
+    return runs
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    return fly(FLIGHTS, tmp_path_factory.mktemp("hitl"))
+
+
+def kept_pace(run: dict[str, Any]) -> bool:
+    """The machine was free enough for this flight's figures to mean something."""
+    timing = run["autopilot"]["realtime"]
+    return timing["slips"] == 0 and timing["late_20ms"] == 0 and timing["longest_gap_ms"] < 50.0
+
+
+def judge(run: dict[str, Any], *, hit_at_least: int) -> None:
+    """It flew within its limits, or says by name why not; never a defect of the bench."""
+    assert run["status"] in ("PASS", "FAIL", "ERROR")
+    hits = [fault["hits"] for fault in run["faults"]["links"]]
+    # One that ends early may not have met the fault that was still to come.
+    assert all(hit >= hit_at_least for hit in (hits[:1] if run["error"] else hits)), hits
+    if run["status"] == "ERROR":
+        assert run["error"]["type"] in ("LinkError", "LinkClosed", "HandshakeError", "ModelRangeError"), run["error"]
+    elif run["status"] == "FAIL":
+        assert not kept_pace(run), run["verdict"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_and_ten_percent(flown: dict[str, dict[str, Any]], kind: str) -> None:
+    run = flown[kind]
+    judge(run, hit_at_least=20)
+    if kept_pace(run):
+        assert run["status"] == "PASS", (run["error"], run["verdict"])
+        assert run["mission"]["reached"] == run["mission"]["waypoints"]
+    link = run["autopilot"]["link"]
+    if kind == "drop":
+        assert link["lost_frames"] > 0
+    if kind == "corrupt":
+        assert link["bad_crc"] > 0
+
+
+def test_a_short_stall_is_flown_through(flown: dict[str, dict[str, Any]]) -> None:
+    judge(flown["stall"], hit_at_least=1)
+
+
+def test_a_stall_for_good_is_named(flown: dict[str, dict[str, Any]]) -> None:
+    error = flown["stall for good"]["error"]
+    assert (error["type"], error["cause"]) == ("LinkError", "silent")
+
+
+def test_a_pulled_plug_is_named(flown: dict[str, dict[str, Any]]) -> None:
+    run = flown["unplug"]
+    assert run["error"]["type"] == "LinkClosed"
+    assert "unplugged by the declared link fault 0 at 5 s" in run["error"]["message"]
+    assert run["sim_s"] == pytest.approx(5.0, abs=0.01)
+
+
+@pytest.mark.slow
+def test_each_way_alone_and_by_the_byte(tmp_path: Path) -> None:
+    names = list(SLOW_FLIGHTS)
+    for begin in range(0, len(names), 7):
+        part = {name: SLOW_FLIGHTS[name] for name in names[begin : begin + 7]}
+        for run in fly(part, tmp_path).values():
+            judge(run, hit_at_least=1)

@@ -1,0 +1,465 @@
+"""The free-running link against the mock in HITL, in real time. No bound here depends on how fast the machine is."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, NAME, message_class, pack
+from firmware_bridge.faults.faulty_transport import FaultyTransport
+from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.links import hitl_setup
+from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.free_running import FreeRunningLink
+from firmware_bridge.links.hitl_setup import HitlSetup
+from firmware_bridge.links.registry import make_link
+from firmware_bridge.transports.serial import SerialTransport
+from firmware_bridge.transports.transport import Transport
+from hil.bench import RunResult, run_bench
+from hil.config import load_bench
+from hil.devices_command import check_board
+from hil.signals.errors import HandshakeError, LinkClosed, LinkError
+from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, RangeSample
+from tests.links.hitl_board import HitlBoard
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
+
+TICK_NS = 4_000_000
+CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, max_rate_hz=1000.0, boot_sensors=0)
+ARM, FORCE = 400, 21196.0
+
+
+@pytest.fixture
+def board() -> Iterator[Callable[..., HitlBoard]]:
+    made: list[HitlBoard] = []
+
+    def make(**settings: Any) -> HitlBoard:
+        made.append(HitlBoard(**settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.unplug()
+
+
+class Drive:
+    """A link over `transport`, and ticks of a vehicle at rest."""
+
+    def __init__(self, transport: Transport, *, checked: bool = False, **settings: Any) -> None:
+        self.events: list[tuple[str, str]] = []
+        self.tick = 0
+        self.seen: list[Any] = []
+        self.frames: list[Any] = []
+        self.encoder = FrameEncoder(255, 190)
+        settings = {"silence_limit_s": 30.0, "on_event": lambda kind, text: self.events.append((kind, text))} | settings
+        if checked:
+            self.link = make_link("hitl", kind="px4_hitl", transport=transport, period_ns=TICK_NS, motors=4, **settings)
+        else:
+            self.link = FreeRunningLink(transport, CAPS, period_ns=TICK_NS, **settings)
+
+    def now_ns(self) -> int:
+        return self.tick * TICK_NS
+
+    def words(self, name: str, *values: object) -> bytes:
+        message = message_class(name)(*values)
+        return self.encoder.frame(message.MSGID, pack(message))
+
+    def step(self, extra: bytes = b"") -> bytes:
+        begun = self.link.begin(self.tick)  # type: ignore[attr-defined]
+        if begun is not None:
+            self.seen.append(begun)
+        t_ns = self.now_ns()
+        wobble = 1e-3 * (self.tick % 7)
+        sent = self.link.send(
+            self.tick,
+            t_ns,
+            ImuSample(self.tick, t_ns, t_ns, (wobble, 0.0, 9.80665), (0.0, wobble * 0.1, 0.0), 20.0),
+            MagSample(self.tick, t_ns, t_ns, (2.1e-5, 1e-6, -4.2e-5)),
+            BaroSample(self.tick, t_ns, t_ns, 95600.0 + wobble, 488.0, 15.0),
+            GpsSample(self.tick, t_ns, t_ns, 47.4, 8.5, 488.0, (0.0, 0.0, 0.0), 0.8, 1.2, 3, 12)
+            if self.tick % 25 == 0
+            else None,
+            extra,
+        )
+        assert self.link.wait(self.tick, t_ns) is None
+        self.frames += self.link.take_frames()
+        self.tick += 1
+        return sent
+
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.step()
+
+    def run_until(self, done: Callable[[], bool], limit: int = 7500) -> None:
+        for _ in range(limit):
+            if done():
+                return
+            self.step()
+        raise AssertionError("it did not happen")
+
+
+@pytest.fixture
+def drive() -> Iterator[Callable[..., Drive]]:
+    made: list[Drive] = []
+
+    def make(transport: Transport, **settings: Any) -> Drive:
+        made.append(Drive(transport, **settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.link.close()
+
+
+def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
+    board: Callable[..., HitlBoard], drive: Callable[..., Drive]
+) -> None:
+    far = board()
+    driven = drive(SerialTransport(far.port), checked=True)
+    driven.link.open()
+    began_ns = time.monotonic_ns()
+    driven.run(250)
+    assert time.monotonic_ns() - began_ns >= 249 * TICK_NS - 2_000_000
+    assert driven.seen
+    assert all(frame.controls == (0.0,) * 16 and not frame.armed for frame in driven.seen)
+    # What is written is what arrives: whole ticks, each once.
+    link = driven.link
+    assert far.wait_for(lambda: link.send_stats().pending == 0)  # type: ignore[attr-defined]
+    sent = link.send_stats()  # type: ignore[attr-defined]
+    assert sent.sent + sent.dropped + sent.refused == 250
+    assert far.wait_for(lambda: far.mock.steps == sent.sent)
+    heard = [NAME[number] for number in far.tap.heard if number is not None]
+    assert None not in far.tap.heard
+    assert "TIMESYNC" in heard
+    assert "HIL_STATE_QUATERNION" not in heard
+    assert far.mock.clocking.state_quaternions == 0  # type: ignore[union-attr]
+    # Armed by force, its commands come through, whatever they are.
+    driven.step(driven.words("COMMAND_LONG", 1, 1, ARM, 0, 1.0, FORCE, 0.0, 0.0, 0.0, 0.0, 0.0))
+    driven.run_until(lambda: driven.seen[-1].armed)
+    assert driven.seen[-1].tick == driven.tick - 1
+    kinds = {frame.msgid for frame in driven.frames}
+    assert {MSGID["HEARTBEAT"], MSGID["HIL_ACTUATOR_CONTROLS"], MSGID["ATTITUDE"]} <= kinds
+    assert link.stats.steps == driven.tick
+    assert link.stats.bad_crc == link.stats.garbage_bytes == 0
+    assert link.stats.rtt.count > 0
+    assert link.timesync.offset_ns is not None  # type: ignore[attr-defined]
+
+
+def test_the_bytes_of_a_tick_in_their_order(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    driven = drive(SerialTransport(board().port))
+    driven.link.open()
+    t_ns = 0
+    driven.link.begin(0)  # type: ignore[attr-defined]
+    extra = driven.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+    sent = driven.link.send(
+        0,
+        t_ns,
+        ImuSample(0, 0, 0, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0),
+        None,
+        None,
+        GpsSample(0, 0, 0, 47.4, 8.5, 488.0, (0.0, 0.0, 0.0), 0.8, 1.2, 3, 12),
+        extra,
+        [RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100)],
+    )
+    names = [NAME[frame.msgid] for frame in FrameParser().feed(sent)]
+    assert names == ["HEARTBEAT", "DISTANCE_SENSOR", "TIMESYNC", "HIL_GPS", "HIL_SENSOR"]
+
+
+def test_a_bench_that_falls_behind_lets_go_and_says_so(
+    board: Callable[..., HitlBoard], drive: Callable[..., Drive]
+) -> None:
+    driven = drive(SerialTransport(board().port))
+    driven.link.open()
+    driven.run(10)
+    driven.events.clear()
+    time.sleep(0.3)
+    driven.run(10)
+    schedule = driven.link.schedule  # type: ignore[attr-defined]
+    assert schedule.slip_count >= 1
+    assert schedule.longest_slip_ns >= 250_000_000
+    (kind, text), *_ = driven.events
+    assert kind == "slip"
+    assert "behind the wall clock and let go" in text
+    assert len(driven.events) <= schedule.slip_count  # each told once
+    assert any("could not keep up" in finding.text for finding in driven.link.findings())  # type: ignore[attr-defined]
+
+
+# -- unplugged ------------------------------------------------------------------------------------------------------
+
+
+def test_unplugged_and_back_by_a_declared_fault(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    far = board()
+    fault = LinkFault(kind="unplug", at_s=0.4, for_s=0.5)
+    told: list[tuple[int, str, str]] = []
+    wire = FaultyTransport(
+        SerialTransport(far.port, follow=True),
+        [fault],
+        1,
+        lambda: driven.now_ns(),
+        lambda t_ns, kind, text: told.append((t_ns, kind, text)),
+    )
+    driven = drive(wire, native_sender=False, reconnect_s=60.0)
+    driven.link.open()
+    driven.run(100)
+    assert {kind for kind, _ in driven.events} <= {"slip"}
+    steps = far.mock.steps
+    driven.run(100)
+    kinds = [kind for kind, _ in driven.events if kind != "slip"]
+    assert kinds == ["unplugged", "replugged"]
+    assert any(kind == "slip" for kind, _ in driven.events)  # it had to wait meanwhile
+    assert driven.link.reconnects == 1  # type: ignore[attr-defined]
+    assert [text for _, _, text in told] == ["link fault 0: unplugged", "link fault 0: plugged in again"]
+    assert {t_ns for t_ns, _, _ in told} == {400_000_000}  # simulated time stood still
+    assert far.wait_for(lambda: far.mock.steps >= steps + 90)
+    driven.seen.clear()
+    driven.run_until(lambda: bool(driven.seen))
+    assert driven.link.send_stats().sent >= 190  # type: ignore[attr-defined]
+
+
+def test_a_board_that_is_really_unplugged_and_put_back(
+    board: Callable[..., HitlBoard], drive: Callable[..., Drive], tmp_path: Path
+) -> None:
+    first = board()
+    port = tmp_path / "ttyACM0"
+    port.symlink_to(first.port)
+    driven = drive(SerialTransport(str(port)), reconnect_s=60.0)
+    driven.link.open()
+    driven.run(50)
+    before = driven.link.send_stats().sent  # type: ignore[attr-defined]
+    first.unplug()
+    second = board()
+    port.unlink()
+    port.symlink_to(second.port)
+    driven.run_until(lambda: second.mock.steps >= 20)
+    assert [kind for kind, _ in driven.events if kind != "slip"] == ["unplugged", "replugged"]
+    assert "is back after" in driven.events[[kind for kind, _ in driven.events].index("replugged")][1]
+    assert driven.link.send_stats().sent >= before + 20  # type: ignore[attr-defined]
+    assert driven.link.send_stats().scheduling  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("reconnect_s", [0.0, 0.3])
+def test_a_board_that_does_not_come_back(
+    board: Callable[..., HitlBoard], drive: Callable[..., Drive], tmp_path: Path, reconnect_s: float
+) -> None:
+    far = board()
+    port = tmp_path / "ttyACM0"
+    port.symlink_to(far.port)
+    driven = drive(SerialTransport(str(port)), reconnect_s=reconnect_s)
+    driven.link.open()
+    driven.run(20)
+    far.unplug()
+    port.unlink()
+    with pytest.raises(LinkClosed) as caught:
+        driven.run(2000)
+    assert caught.value.cause == "unplugged"
+    if reconnect_s:
+        assert "did not come back within 0.3 s" in str(caught.value)
+        assert "no such serial port" in str(caught.value)
+        assert [kind for kind, _ in driven.events if kind != "slip"] == ["unplugged"]
+
+
+# -- silent ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_board_that_says_nothing_any_more(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    far = board()
+    driven = drive(SerialTransport(far.port), silence_limit_s=1.0)
+    driven.link.open()
+    driven.run(50)
+    far.tap.mute.add("all")
+    with pytest.raises(LinkError, match=r"nothing was heard of it for 1\.\d s") as caught:
+        driven.run(5000)
+    assert caught.value.cause == "silent"
+
+
+def test_a_board_that_talks_but_commands_nothing(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    far = board(mute=["HIL_ACTUATOR_CONTROLS"])
+    driven = drive(SerialTransport(far.port), silence_limit_s=1.5)
+    driven.link.open()
+    with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 1\.5 s: is SYS_HITL 1") as caught:
+        driven.run(5000)
+    assert caught.value.cause == "no_controls"
+    assert driven.seen == []
+
+
+def test_no_heartbeat(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    far = board(mute=["HEARTBEAT"])
+    driven = drive(SerialTransport(far.port), heartbeat_limit_s=0.5)
+    with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
+        driven.link.open()
+    assert driven.link.send_stats() is None  # type: ignore[attr-defined]
+
+
+# -- set up ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def setup(board: Callable[..., HitlBoard]) -> Iterator[Callable[..., tuple[HitlBoard, HitlSetup]]]:
+    lines: list[SerialTransport] = []
+
+    def make(**settings: Any) -> tuple[HitlBoard, HitlSetup]:
+        far = board(**settings)
+        line = SerialTransport(far.port)
+        line.open()
+        lines.append(line)
+        return far, HitlSetup(line, FrameParser(), motors=4)
+
+    yield make
+    for line in lines:
+        line.close()
+
+
+Setup = Callable[..., tuple[HitlBoard, HitlSetup]]
+
+
+def test_parameters_are_set_in_their_own_type(setup: Setup) -> None:
+    """PX4 refuses a value in another type: a whole number for a float, say."""
+    far, asked = setup()
+    asked.set({"MPC_XY_P": 1.0, "MPC_XY_VEL_MAX": 5.7, "COM_RC_IN_MODE": 4.0})
+    assert far.mock.params["MPC_XY_P"] == 1.0
+    assert far.mock.params["MPC_XY_VEL_MAX"] == pytest.approx(5.7)
+    assert far.mock.params["COM_RC_IN_MODE"] == 4
+    assert asked.read(["COM_RC_IN_MODE", "MPC_XY_VEL_MAX"]) == {
+        "COM_RC_IN_MODE": 4.0,
+        "MPC_XY_VEL_MAX": pytest.approx(5.7),
+    }
+
+
+def test_what_it_does_not_take_or_have_is_named(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hitl_setup, "_TRY_S", 0.3)
+    _, asked = setup()
+    assert asked.problems() == []
+    with pytest.raises(HandshakeError, match="does not take HIL_ACT_FUNC1 = 5000"):
+        asked.set({"HIL_ACT_FUNC1": 5000.0})
+    with pytest.raises(HandshakeError, match="does not answer for the parameter NOT_A_PARAM"):
+        asked.set({"NOT_A_PARAM": 1.0})
+
+
+def test_a_lost_answer_is_no_missing_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hitl_setup, "_TRY_S", 2.0)
+    far, asked = setup()
+    feed, lost = far.mock.feed, []
+
+    def lossy(data: bytes) -> bytes:
+        out = feed(data)
+        if b"HIL_ACT_FUNC3" in out and not lost:
+            lost.append(out)
+            return b""
+        return out
+
+    far.mock.feed = lossy  # type: ignore[method-assign]
+    assert asked.problems() == []
+    assert lost
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({"params": ["SYS_HITL=0", "HIL_ACT_FUNC2=0"]}, "SYS_HITL is 0, must be 1; HIL_ACT_FUNC2 is 0, must be 102"),
+        ({"mute": ["HIL_ACTUATOR_CONTROLS"]}, "parameters are right, but it sends no HIL_ACTUATOR_CONTROLS"),
+        ({"baud": 57600}, "57600 baud is not"),
+    ],
+)
+def test_a_board_not_set_up_is_refused_with_advice(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], says: str
+) -> None:
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.5)
+    _, asked = setup(**settings)
+    with pytest.raises(HandshakeError, match="`hil devices --check PORT --fix`") as caught:
+        asked.require()
+    assert says in str(caught.value)
+    assert caught.value.cause == "setup"
+
+
+def test_one_that_answers_for_no_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
+    _, asked = setup(mute=["PARAM_VALUE"])
+    with pytest.raises(HandshakeError, match="answered none: is it PX4"):
+        asked.require()
+
+
+def check(port: str, *, fix: bool = False) -> tuple[bool, str]:
+    out = io.StringIO()
+    ready = check_board(Console(file=out, width=200), port, baud=921_600, fix=fix)
+    return ready, out.getvalue()
+
+
+def test_a_board_is_checked_and_put_right(board: Callable[..., HitlBoard], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
+    far = board(params=["SYS_HITL=0", "HIL_ACT_FUNC4=0"])
+    ready, text = check(far.port)
+    assert not ready
+    assert "SYS_HITL is 0, must be 1" in text
+    assert "HIL_ACT_FUNC4 is 0, must be 104" in text
+    assert "--fix" in text
+    assert far.mock.params["SYS_HITL"] == 0  # only looked at
+    ready, text = check(far.port, fix=True)
+    assert not ready  # not before it has restarted
+    assert "set SYS_HITL, HIL_ACT_FUNC4; the board restarts" in text
+    assert far.wait_for(lambda: far.mock.boots == 2)
+    ready, text = check(far.port)
+    assert ready
+    assert "wrong" not in text
+    assert text.count("right") == 2
+
+
+def test_a_board_that_has_not_been_restarted(board: Callable[..., HitlBoard], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.3)
+    far = board(params=["SYS_HITL=0"])
+    far.mock.params.set("SYS_HITL", 1.0)
+    ready, text = check(far.port)
+    assert (ready, far.mock.boots) == (False, 1)
+    assert "not restarted yet, or the line too slow" in text
+    assert not check(far.port, fix=True)[0]
+    assert far.wait_for(lambda: far.mock.boots == 2)
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
+    assert check(far.port)[0]
+
+
+# -- the rig --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Callable[..., RunResult]:
+    def run(*settings: str) -> RunResult:
+        bench = tmp_path / "bench.yaml"
+        bench.write_text("")
+        keep = ("record.mcap=false", "record.tlog=false", "record.report=false")
+        return run_bench(load_bench(bench, rig="mock_hitl", settings=(*keep, *settings)), tmp_path / "out", quiet=True)
+
+    return run
+
+
+def test_the_rig_without_a_mission(fly: Callable[..., RunResult]) -> None:
+    result = fly("duration_s=2")
+    assert result.run["error"] is None
+    assert result.run["sim_s"] == 2.0
+    assert result.run["deterministic"] is False
+    timing = result.run["autopilot"]["realtime"]
+    assert timing["sent"] + timing["dropped"] >= 500
+    assert result.run["autopilot"]["link"]["bad_crc"] == 0
+
+
+@pytest.mark.parametrize(
+    ("setting", "kind", "cause", "says"),
+    [
+        ("autopilot.faults.die_at_s=1.5", "LinkClosed", "crashed", "exit status 70"),
+        ("autopilot.faults.stall_at_s=1.5", "LinkError", "silent", "its process still runs"),
+        ("faults.links=[{kind: unplug, at_s: 0.5, for_s: 0.2}]", "LinkClosed", "crashed", "declared link fault 0"),
+        ("autopilot.params.SYS_HITL=0", "HandshakeError", "setup", "--fix"),
+    ],
+)
+def test_how_the_rig_ends(fly: Callable[..., RunResult], setting: str, kind: str, cause: str, says: str) -> None:
+    result = fly("duration_s=60", "autopilot.reply_timeout_s=1.5", setting)
+    error = result.run["error"]
+    assert (result.status, error["type"], error["cause"]) == ("ERROR", kind, cause)
+    assert says in json.dumps(error)

@@ -1,0 +1,429 @@
+"""PX4 SITL as the bench starts, flies and loses it, against a stand-in on PX4's own wires (`fake_px4`)."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shlex
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.messages import message_class, pack
+from firmware_bridge.links import child_process, ground_channel, lockstep
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.px4_process import px4_sitl_process
+from firmware_bridge.links.registry import make_link
+from hil.bench import RunResult, run_bench
+from hil.config import load_bench
+from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from hil.signals.samples import BaroSample, ImuSample, MagSample
+from tests.links.fake_px4 import FakePx4
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="PX4 SITL does not run there")
+
+FAKE = Path(__file__).with_name("fake_px4.py")
+TICK_NS = 4_000_000
+ARM, SET_MODE, TERMINATE = 400, 176, 185
+OFFBOARD = 6.0
+
+# Up, ten metres north, down.
+HOP = """QGC WPL 110
+0	1	0	16	0	0	0	0	47.39774200	8.54559400	488.0	1
+1	0	3	22	0	0	0	0	47.39774200	8.54559400	4.0	1
+2	0	3	16	0	0	0	0	47.39774200	8.54559400	4.0	1
+3	0	3	16	0	0	0	0	47.39783200	8.54559400	4.0	1
+4	0	3	21	0	0	0	0	47.39783200	8.54559400	0.0	1
+"""
+
+
+@pytest.fixture
+def instance() -> int:
+    """One whose two ports are free."""
+    for number in random.sample(range(20, 100), 80):
+        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                tcp.bind(("127.0.0.1", 4560 + number))
+                udp.bind(("127.0.0.1", 18570 + number))
+            except OSError:
+                continue
+            return number
+    raise AssertionError("no instance is free")
+
+
+@pytest.fixture
+def build(tmp_path: Path) -> Path:
+    """PX4's program in a build tree."""
+    tree = tmp_path / "build of px4"
+    airframes = tree / "etc/init.d-posix/airframes"
+    airframes.mkdir(parents=True)
+    (tree / "etc/init.d-posix/rcS").write_text("#!/bin/sh\n")
+    for name in ("10016_none_iris", "10040_sihsim_quadx", "4001_gz_x500", "CMakeLists.txt"):
+        (airframes / name).write_text("")
+    binary = tree / "bin/px4"
+    binary.parent.mkdir()
+    binary.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(FAKE))} "$@"\n')
+    binary.chmod(0o755)
+    return binary
+
+
+@pytest.fixture
+def fly(tmp_path: Path, build: Path, instance: int) -> Callable[..., RunResult]:
+    """A run of the rig px4_sitl with the stand-in."""
+
+    def run(*settings: str, mission: str | None = HOP, out: str = "out") -> RunResult:
+        path = None
+        if mission is not None:
+            path = tmp_path / "hop.waypoints"
+            path.write_text(mission)
+        bench = tmp_path / "bench.yaml"
+        bench.write_text("")
+        keep = ("record.mcap=false", "record.tlog=false", "record.report=false")
+        chosen = (f"autopilot.binary='{build}'", f"autopilot.instance={instance}", *keep, *settings)
+        loaded = load_bench(bench, rig="px4_sitl", mission=None if path is None else str(path), settings=chosen)
+        return run_bench(loaded, tmp_path / out, quiet=True)
+
+    return run
+
+
+def gone(pid: int) -> bool:
+    """Nothing of the process is left that could run."""
+    for _ in range(200):
+        try:
+            os.kill(pid, 0)
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+        except (ProcessLookupError, FileNotFoundError):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+# -- started by the bench -------------------------------------------------------------------------------------------
+
+
+def test_a_mission_with_a_px4_that_the_bench_starts(fly: Callable[..., RunResult], tmp_path: Path) -> None:
+    left = tmp_path / "out/autopilot"
+    left.mkdir(parents=True)
+    (left / "parameters.bson").write_text("of an earlier run")
+    (left / "dataman").write_text("")  # by which a working folder of PX4's is known
+    result = fly(
+        "autopilot.params.MPC_XY_P=0.9", "autopilot.params.COM_RC_IN_MODE=4", "autopilot.env={FAKE_PX4_CHILD: '1'}"
+    )
+    assert (result.status, result.run["error"]) == ("PASS", None)
+    assert result.run["mission"]["reached"] == result.run["mission"]["waypoints"]
+    assert result.run["deterministic"] is False
+    started = json.loads((left / "started.json").read_text())
+    assert started["found"] == []  # a clean folder
+    assert started["data"] == [str(tmp_path / "build of px4/etc")]
+    env = started["env"]
+    assert (env["PX4_SIM_MODEL"], env["PX4_SYS_AUTOSTART"]) == ("none_iris", "10016")
+    assert {name: value for name, value in env.items() if name.startswith("PX4_PARAM_")} == {
+        "PX4_PARAM_MPC_XY_P": "0.9",
+        "PX4_PARAM_COM_RC_IN_MODE": "4",
+    }
+    assert "INFO  [fake] airframe 10016" in (tmp_path / "out/autopilot.log").read_text()
+    assert gone(started["pid"])
+    assert gone(started["child"])  # the whole group
+    assert result.run["autopilot"]["link"]["bad_crc"] == 0
+
+
+def test_one_that_somebody_else_starts(fly: Callable[..., RunResult], instance: int, tmp_path: Path) -> None:
+    px4 = FakePx4(instance)
+    thread = threading.Thread(target=px4.serve, daemon=True)
+    thread.start()
+    result = fly("autopilot.start=false", "duration_s=3", mission=None)
+    assert (result.run["error"], result.run["sim_s"]) == (None, 3.0)
+    assert px4.ended.wait(10.0)
+    assert not (tmp_path / "out/autopilot.log").exists()
+    times = [time_us for what, time_us in px4.order if what == "sensor"]
+    assert times == [tick * 4000 for tick in range(750)]
+
+
+@pytest.mark.parametrize(("how", "status"), [("exit", "exit status 7"), ("kill", "signal SIGKILL")])
+def test_a_crash_is_told_with_its_last_words(fly: Callable[..., RunResult], how: str, status: str) -> None:
+    result = fly(f"autopilot.env={{FAKE_PX4: {how}@500}}", "duration_s=10", mission=None)
+    error = result.run["error"]
+    assert (result.status, error["type"]) == ("ERROR", "LinkClosed")
+    assert error["cause"] == "crashed"
+    assert status in json.dumps(error)
+    assert "airframe 10016" in json.dumps(error)
+    assert result.run["sim_s"] == pytest.approx(499 * 0.004, abs=0.01)
+
+
+def process(build: Path, folder: Path, **more: Any) -> Any:
+    settings: dict[str, Any] = {"airframe": "none_iris", "tick_hz": 250, "params": {}, "env": {}} | more
+    return px4_sitl_process(build, folder=folder, log=folder.parent / "log", **settings)
+
+
+@pytest.mark.parametrize("airframe", ["none_iris", "10016"])
+def test_the_airframe_by_name_or_number(build: Path, tmp_path: Path, airframe: str) -> None:
+    env = process(build, tmp_path / "w", airframe=airframe)._env
+    assert env == {"PX4_SIM_MODEL": "none_iris", "PX4_SYS_AUTOSTART": "10016"}
+    assert process(build, tmp_path / "w", airframe="gz_x500")._env["PX4_SYS_AUTOSTART"] == "4001"
+
+
+def test_a_fast_tick_raises_the_rate_at_which_px4_integrates(build: Path, tmp_path: Path) -> None:
+    slow = process(build, tmp_path / "w", tick_hz=250)._env
+    assert not [name for name in slow if name.startswith("PX4_PARAM")]
+    fast = process(build, tmp_path / "w", tick_hz=500, params={"SDLOG_MODE": 1.0}, env={"PX4_PARAM_X": "y"})._env
+    assert fast["PX4_PARAM_IMU_INTEG_RATE"] == "500"
+    assert fast["PX4_PARAM_SDLOG_MODE"] == "1"  # what the user says counts
+    assert fast["PX4_PARAM_X"] == "y"
+
+
+def test_what_is_no_build_is_said_before_anything_starts(build: Path, tmp_path: Path) -> None:
+    with pytest.raises(PortNotFound, match=r"no such program; autopilot\.binary names"):
+        process(tmp_path / "nothing", tmp_path / "w")
+    with pytest.raises(PortNotFound, match=r"no airframe 'none_hexa'; .*it has: 10016 none_iris$"):
+        process(build, tmp_path / "w", airframe="none_hexa")
+    lone = tmp_path / "px4"
+    lone.write_text("")
+    with pytest.raises(PortNotFound, match=r"has no start scripts: .*SITL build"):
+        process(lone, tmp_path / "w")
+    installed = tmp_path / "usr/bin/px4"
+    installed.parent.mkdir(parents=True)
+    installed.write_text("")
+    (build.parent.parent / "etc").rename(tmp_path / "etc")
+    (tmp_path / "usr/share/px4").mkdir(parents=True)
+    (tmp_path / "etc").rename(tmp_path / "usr/share/px4/etc")
+    assert process(installed, tmp_path / "w").argv[-1].endswith("usr/share/px4/etc")
+
+
+def test_a_program_that_ends_before_it_connects(fly: Callable[..., RunResult]) -> None:
+    result = fly("autopilot.arguments=['--nonsense']", mission=None)
+    assert result.run["error"]["cause"] == "crashed"
+    assert "ended before its first heartbeat" in json.dumps(result.run["error"])
+    assert "--nonsense" in json.dumps(result.run["error"])
+
+
+def test_a_folder_that_is_not_px4_s_is_left_alone(fly: Callable[..., RunResult], tmp_path: Path) -> None:
+    mine = tmp_path / "out/autopilot/thesis.tex"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("years of work")
+    result = fly(mission=None)
+    assert result.run["error"]["type"] == "PortNotFound"
+    assert "choose another --out" in result.run["error"]["message"]
+    assert mine.read_text() == "years of work"
+
+
+def test_a_port_that_is_taken_is_named(fly: Callable[..., RunResult], instance: int) -> None:
+    with socket.socket() as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("127.0.0.1", 4560 + instance))
+        other.listen()
+        result = fly(mission=None)
+    assert "PortBusy" in json.dumps(result.run["error"])
+
+
+# -- the link -------------------------------------------------------------------------------------------------------
+
+
+class Drive:
+    """A link to a stand-in in this process, and ticks of a vehicle at rest."""
+
+    def __init__(self, instance: int, *, script: str = "", start: Any = None, reply_limit_s: float = 0.7) -> None:
+        self.px4 = None
+        if start is None:
+            self.px4 = FakePx4(instance, script=script)
+            threading.Thread(target=self.px4.serve, daemon=True).start()
+        self.link: AutopilotLink = make_link(
+            "px4_sitl", instance=instance, start=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=60.0
+        )
+        self.encoder = FrameEncoder(255, 190)
+        self.tick = 0
+        self.answered = 0
+        self.link.open()
+
+    def words(self, name: str, *values: object) -> bytes:
+        message = message_class(name)(*values)
+        return self.encoder.frame(message.MSGID, pack(message))
+
+    def command(self, number: int, *params: float) -> bytes:
+        return self.words("COMMAND_LONG", 1, 1, number, 0, *params, *(0.0,) * (7 - len(params)))
+
+    def step(self, extra: bytes = b"") -> None:
+        t_ns = self.tick * TICK_NS
+        if self.tick == 0:
+            extra += self.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
+        wobble = 1e-3 * (self.tick % 7)
+        self.link.send(
+            self.tick,
+            t_ns,
+            ImuSample(self.tick, t_ns, t_ns, (wobble, 0.0, 9.80665), (0.0, wobble * 0.1, 0.0), 20.0),
+            MagSample(self.tick, t_ns, t_ns, (2.1e-5, 1e-6, -4.2e-5)),
+            BaroSample(self.tick, t_ns, t_ns, 95600.0 + wobble, 488.0, 15.0),
+            None,
+            extra,
+        )
+        try:
+            self.answered += self.link.wait(self.tick, t_ns) is not None
+        finally:
+            self.link.take_frames()
+        self.tick += 1
+
+    def run(self, ticks: int) -> None:
+        for _ in range(ticks):
+            self.step()
+
+
+@pytest.fixture
+def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Drive]]:
+    made: list[Drive] = []
+    monkeypatch.setattr(lockstep, "_LINGER_S", 0.2)
+    # However busy the machine is: the far side reads in the end.
+    monkeypatch.setattr(ground_channel, "_TAKEN_LIMIT_S", 30.0)
+
+    def make(**settings: Any) -> Drive:
+        made.append(Drive(instance, **settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.link.close()
+        assert one.px4 is None or one.px4.ended.wait(30.0)
+
+
+def test_the_boot_is_found_out_and_then_each_sensor_has_its_answer(drive: Callable[..., Drive]) -> None:
+    driven = drive(reply_limit_s=30.0)
+    driven.run(200)
+    assert 1 <= driven.answered <= 200 - 17
+    answered = driven.answered
+    driven.run(50)
+    assert driven.answered == answered + 50
+
+
+@pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell what has been read")
+def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Callable[..., Drive]) -> None:
+    driven = drive(reply_limit_s=30.0)
+    driven.run(60)
+    for number in range(40):
+        driven.run(1)
+        driven.step(driven.command(1000 + number))
+    assert driven.px4 is not None
+    order = driven.px4.order
+    for number in range(40):
+        tick = 60 + 2 * number + 1
+        assert order[order.index(("command", 1000 + number)) + 1] == ("sensor", tick * 4000)
+
+
+def lost(driven: Drive, ticks: int = 400) -> LinkError:
+    with pytest.raises(LinkError) as caught:
+        driven.run(ticks)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("script", "cause", "says"),
+    [
+        ("heartbeat@100", "terminated", "terminated: PX4 answers nothing afterwards"),
+        ("late_heartbeat@100", "terminated", "terminated"),
+        ("text@100", "terminated", "it last said: Flight termination active"),
+        ("lost@100", "lost", "it answers later messages"),
+        ("silent@100", "silent", "no answer to time_usec 396000"),
+    ],
+)
+def test_why_it_fell_silent(drive: Callable[..., Drive], script: str, cause: str, says: str) -> None:
+    error = lost(drive(script=script))
+    assert isinstance(error, LockstepLost)
+    assert error.cause == cause
+    assert "396000" in str(error)
+    assert says in str(error)
+
+
+def test_silent_after_it_was_told_to_terminate(drive: Callable[..., Drive]) -> None:
+    driven = drive()
+    driven.run(60)
+    with pytest.raises(LockstepLost) as caught:
+        driven.step(driven.command(TERMINATE, 1.0))
+    assert caught.value.cause == "terminated"
+
+
+def test_silent_in_offboard_without_set_points(drive: Callable[..., Drive]) -> None:
+    driven = drive()
+    driven.run(60)
+    with pytest.raises(LockstepLost) as caught:
+        driven.step(driven.command(SET_MODE, 1.0, OFFBOARD))
+    assert caught.value.cause == "offboard_without_setpoints"
+    assert "Send set-points first" in str(caught.value)
+
+
+def test_an_offboard_that_has_been_left_explains_no_silence(drive: Callable[..., Drive]) -> None:
+    """In flight, say; what counts is what it was told last."""
+    driven = drive(script="silent@100")
+    driven.run(60)
+    driven.link._watch.told(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))  # type: ignore[attr-defined]
+    assert lost(driven).cause == "silent"
+
+
+def test_slow_is_told_from_silent(drive: Callable[..., Drive], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lockstep, "_LINGER_S", 60.0)
+    error = lost(drive(script="slow@100"))
+    assert error.cause == "slow"
+    assert "reply_timeout_s" in str(error)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell")
+def test_a_halted_process_is_told_and_ended(
+    drive: Callable[..., Drive], build: Path, tmp_path: Path, instance: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "_TERMINATE_S", 0.2)  # a halted process does not hear that it is to end
+    child = process(build, tmp_path / "w", env={"FAKE_PX4": "stop@100"}, instance=instance)
+    driven = drive(start=lambda: child, reply_limit_s=2.0)
+    error = lost(driven)
+    assert error.cause == "stopped"
+    pid = child.pid
+    driven.link.close()
+    assert gone(pid)
+
+
+def test_a_wire_that_hangs_up_is_a_crash(drive: Callable[..., Drive]) -> None:
+    driven = drive(script="hang_up@100", reply_limit_s=30.0)
+    with pytest.raises(LinkClosed) as caught:
+        driven.run(200)
+    assert caught.value.cause == "crashed"
+
+
+def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int) -> None:
+    other = FakePx4(instance)
+    threading.Thread(target=other.serve, daemon=True).start()
+    ended = child_process.ChildProcess(["/bin/sh", "-c", "echo port is taken >&2; exit 3"])
+    link = make_link("px4_sitl", instance=instance, start=lambda: ended, reply_limit_s=30.0)
+
+    def fly() -> None:
+        link.open()
+        for tick in range(100):
+            link.send(tick, tick * TICK_NS, None, None, None, None, b"")
+            link.wait(tick, tick * TICK_NS)
+
+    with pytest.raises(LinkClosed, match=r"(?s)another program answers.*exit status 3.*port is taken") as caught:
+        fly()
+    link.close()
+    assert caught.value.cause == "second_autopilot"
+    assert other.ended.wait(30.0)
+
+
+@pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell who listens")
+def test_a_px4_that_has_lost_its_simulator_before(instance: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as left_over:
+        left_over.bind(("127.0.0.1", 18570 + instance))
+        with pytest.raises(HandshakeError, match="never connects again; start PX4 anew"):
+            make_link("px4_sitl", instance=instance, heartbeat_limit_s=0.2).open()
+
+
+def test_nobody_connects(instance: int) -> None:
+    link = make_link("px4_sitl", instance=instance, heartbeat_limit_s=0.2)
+    with pytest.raises(HandshakeError, match="nobody connected; start PX4 with PX4_SIM_MODEL=none_iris"):
+        link.open()
+    # The port is free again.
+    with pytest.raises(HandshakeError):
+        link.open()
