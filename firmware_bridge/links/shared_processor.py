@@ -2,8 +2,8 @@
 
 A lockstep simulator and its autopilot take turns, but an autopilot with many threads (PX4) answers a step before all of
 them are done with it: what is left over happens at another simulated time in each run. On one processor, with the bench
-at the lowest priority there is (SCHED_IDLE, where the system would let it out again), the next step is only sent when no
-thread of the autopilot wants to run. That also saves waking up a second processor at every step.
+at the lowest priority there is (SCHED_IDLE, if the system lets it out again), the next step is only sent when no thread
+of the autopilot wants to run. That also saves waking up a second processor at every step.
 
 Whatever else wants to run on that processor goes first, too. `watch`, called now and then, gives the arrangement up
 where that has made the bench slow.
