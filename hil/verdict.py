@@ -15,7 +15,8 @@ max_cross_track_m  From the first waypoint reached to the last: the greatest hor
                    single waypoint is measured on the leg that leads to it, from the end of the climb.
 altitude_error_m   While cross-track is measured and the leg being flown is level: greatest |z - planned z|. After a
                    climb or a sloping leg the first `SETTLE_M` of level flight do not count.
-final_error_m      Horizontal distance from the last truth sample to where the plan ends; where the plan ends on the
+final_error_m      Horizontal distance from the last truth sample to where the plan ends, at a waypoint: to the edge of
+                   its acceptance radius, where autopilots take it for reached; where the plan ends on the
                    ground, only if the vehicle landed.
 landing_speed_mps  Greatest downward speed just before the ground was touched, after having been in the air.
 landed_tilt_deg    Greatest angle between the body's z axis and the vertical, from touch-down on.
@@ -184,6 +185,8 @@ class FlightMeasurement:
         if last is not None and plan_end is not None and self._airborne and (landed or not to_ground):
             dx, dy = last.p_WB[0] - plan_end.end_W[0], last.p_WB[1] - plan_end.end_W[1]
             final_error_m = math.sqrt(dx * dx + dy * dy)
+            if plan_end.kind is LegKind.FLY:  # the plan asks for no more than its acceptance radius
+                final_error_m = max(0.0, final_error_m - plan_end.acceptance_radius_m)
         tilt_deg = None
         if self._least_upright is not None:
             tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._least_upright))))

@@ -44,7 +44,6 @@ _STREAMS = (
 
 _RETRY_NS = NS_PER_S
 _SETTLE_NS = NS_PER_S
-_ARRIVE_NS = 3 * NS_PER_S
 _ARMINGS_LIMIT = 5
 
 
@@ -294,11 +293,6 @@ class GroundStation:
             self._enter(Phase.LANDED, t_ns)
             self._retry_ns = t_ns + _SETTLE_NS
         elif self._must_land and progress.completed and not self._commands.busy:
-            # "Reached" comes within the acceptance radius: let it arrive.
-            if not self._retry_ns:
-                self._retry_ns = t_ns + _ARRIVE_NS
-            if t_ns < self._retry_ns:
-                return
             self._must_land = False
             self._commands.ask(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
 

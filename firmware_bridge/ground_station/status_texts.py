@@ -16,7 +16,7 @@ class StatusTexts:
         self._chunk_next = 0
 
     def on_statustext(self, t_ns: int, message: Any) -> None:
-        if message.id and message.id == self._chunk_id and message.chunk_seq == self._chunk_next and self.texts:
+        if message.chunk_seq and message.id == self._chunk_id and message.chunk_seq == self._chunk_next and self.texts:
             first_ns, severity, text = self.texts[-1]
             self.texts[-1] = (first_ns, severity, text + message.text)
         elif len(self.texts) < _LIMIT:

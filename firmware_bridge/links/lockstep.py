@@ -64,6 +64,7 @@ _PROBE_STEP_NS = 4_000_000
 _PROBES = 350
 _PROBE_WAIT_S = 0.002
 
+_NO_IMU = "this tick's HIL_SENSOR carried no IMU sample (a declared drop-out?), and PX4 answers only those that do"
 _LOST = "it answers later messages: this one, or its answer, was lost or damaged on the wire"
 # Over TCP nothing is lost.
 _FALLS_BEHIND = (
@@ -104,6 +105,10 @@ class LockstepLink:
         self._parser = FrameParser()
         self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
         self._watch = VehicleWatch()
+        self._imu_sent = True
+        self._imu: ImuSample | None = None  # the newest of each that was sent
+        self._mag: MagSample | None = None
+        self._baro: BaroSample | None = None
         self._frames: list[Frame] = []  # for take_frames
         self._held: list[Frame] = []  # came behind the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
@@ -240,6 +245,8 @@ class LockstepLink:
             data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
             stats.tx_frames += 1
         data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
+        self._imu_sent = imu is not None
+        self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
             self._transport.write(data)
         except LinkClosed as error:
@@ -393,12 +400,17 @@ class LockstepLink:
         for probe in range(1, _PROBES + 1):
             t_ns = want_us * 1000 + probe * _PROBE_STEP_NS
             asked.add(t_ns // 1000)
-            # Time alone, no sensor's values: it makes the autopilot's clock go on, so that it can say how it is.
+            # The last values again, at later times: an autopilot that only missed one message answers the next, one
+            # that is past answering still says how it is. (PX4 answers none without an IMU, and ends the flight when
+            # its sensors fall silent.)
+            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro)
             try:
-                self._transport.write(self._encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, None, None, None)))
+                self._transport.write(self._encoder.frame(HIL_SENSOR, payload))
             except LinkClosed as error:
                 raise self._gone(error) from error
             if self._heard_answer(self._feed(_PROBE_WAIT_S) or self._parser.rescan(), asked):
+                if not self._imu_sent:
+                    return Verdict("no_imu", _NO_IMU)
                 return Verdict("lost", _FALLS_BEHIND if self._ground is not None else _LOST)
         return self._watch.verdict() or Verdict("silent", "")
 
