@@ -68,8 +68,9 @@ _NO_IMU = "this tick's HIL_SENSOR carried no IMU sample (a declared drop-out?), 
 _LOST = "it answers later messages: this one, or its answer, was lost or damaged on the wire"
 # Over TCP nothing is lost.
 _FALLS_BEHIND = (
-    "it answers later messages but left this one out: from 400 Hz on PX4 answers each tick only with IMU_INTEG_RATE at "
-    "the tick's rate and SDLOG_MODE -1; the bench sets both where it starts PX4 (PX4_PARAM_... in the environment)"
+    "it answers later messages but left this one out: a declared fault on the wire, or a tick of 400 Hz or more, which "
+    "PX4 answers one to one only with IMU_INTEG_RATE at the tick's rate and SDLOG_MODE -1 (the bench sets both where it "
+    "starts PX4; otherwise PX4_PARAM_... in PX4's environment)"
 )
 
 
