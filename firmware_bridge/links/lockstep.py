@@ -69,7 +69,7 @@ _LOST = "it answers later messages: this one, or its answer, was lost or damaged
 # Over TCP nothing is lost.
 _FALLS_BEHIND = (
     "it answers later messages but left this one out: a declared fault on the wire, or a tick of 400 Hz or more, which "
-    "PX4 answers one to one only with IMU_INTEG_RATE at the tick's rate and SDLOG_MODE -1 (the bench sets both where it "
+    "PX4 answers one to one only with IMU_INTEG_RATE at the tick's rate and SDLOG_MODE -1 (the bench sets both if it "
     "starts PX4; otherwise PX4_PARAM_... in PX4's environment)"
 )
 
