@@ -382,9 +382,18 @@ def test_a_board_not_set_up_is_refused_with_advice(
 
 def test_one_that_answers_for_no_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
-    _, asked = setup(mute=["PARAM_VALUE"])
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.5)
+    _, asked = setup(mute=["PARAM_VALUE", "HIL_ACTUATOR_CONTROLS"])
     with pytest.raises(HandshakeError, match="answered none: is it PX4"):
         asked.require()
+
+
+def test_one_that_tells_no_parameter_but_sends_commands_is_believed(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
+    _, asked = setup(mute=["PARAM_VALUE"])
+    asked.require()
 
 
 def check(port: str, *, fix: bool = False) -> tuple[bool, str]:
