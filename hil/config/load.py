@@ -388,7 +388,14 @@ def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
     return dumper.represent_scalar("tag:yaml.org,2002:float", repr(value))  # shortest text that reads back exactly
 
 
+def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
+    # Line breaks of Unicode are folded on the way back, unless they are escaped, which only this style does.
+    style = '"' if any(char in value for char in "\x85\u2028\u2029") else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+
 _Dumper.add_representer(float, _float)
+_Dumper.add_representer(str, _text)
 for _tag, _pattern, _first in CORE_SCHEMA:
     _Dumper.add_implicit_resolver(_tag, re.compile(_pattern), _first)
 

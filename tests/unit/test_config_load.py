@@ -225,7 +225,10 @@ NUMBER = st.floats(min_value=1e-6, max_value=100, allow_nan=False)
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    description=st.sampled_from(["on", "1e3", "0x10", "1:30", "null", "~", "010", ".5", "- a", "#", "<<", ""]) | TEXT,
+    description=st.sampled_from(
+        ["on", "1e3", "0x10", "1:30", "null", "~", "010", ".5", "- a", "#", "<<", "", "a\x85b", "\u2028"]
+    )
+    | TEXT,
     params=st.dictionaries(st.from_regex(r"[A-Z0-9_]{1,16}", fullmatch=True), st.floats(-1e30, 1e30), max_size=4),
     seed=st.integers(0, 2**63 - 1),
     noise=NUMBER,
