@@ -146,6 +146,8 @@ class Scheduler:
         self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
         self._wind_at = wind_at
         self._record_first = link.caps.busy_processors > 1
+        # Where the autopilot may take the processor from under the bench, only processor time is the bench's own.
+        self._own_clock = time.thread_time_ns if link.caps.busy_processors > 1 else time.perf_counter_ns
         self._ports = ports
         self._commands = tuple(commands)
         self._recorder = recorder
@@ -180,6 +182,8 @@ class Scheduler:
         clock = time.perf_counter_ns
         t_ns = tick * self.tick_ns
 
+        own_clock = self._own_clock
+        own0 = own_clock()
         t0 = clock()
         truth = self._physics.advance(tick, self._latched.controls)
         self.truth = truth
@@ -218,6 +222,7 @@ class Scheduler:
             self._record(truth, begun, released)
         self._recorder.sent(tick, t_ns, sent)
         t5 = clock()
+        own5 = own_clock()
         try:
             actuators = self._link.wait(tick, t_ns)
         finally:
@@ -238,7 +243,7 @@ class Scheduler:
         phase["send"].add(t4 - r3)
         phase["record"].add(t5 - t4 + r3 - t3)
         phase["wait"].add(t6 - t5)
-        self.own_ns.add(t5 - t0)
+        self.own_ns.add(own5 - own0)
         self.step_ns.add(t6 - t0)
 
     def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
