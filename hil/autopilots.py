@@ -37,9 +37,8 @@ class Surroundings:
     out: Path  # what it starts logs here
     wrap: Wrap  # goes round the wire: declared faults
     on_event: Callable[[str, str], None]  # (kind, text), at the simulated time of now
-    home: tuple[
-        float, float, float, float
-    ]  # where the vehicle starts: latitude, longitude [deg], MSL [m], heading [deg]
+    # Where the vehicle starts: latitude, longitude [deg], altitude above mean sea level [m], heading [deg from north].
+    home: tuple[float, float, float, float]
 
 
 def make_autopilot(bench: Bench, around: Surroundings) -> AutopilotLink:

@@ -18,7 +18,7 @@ from hil.signals.errors import LinkClosed, PortNotFound
 _DATAGRAM_LIMIT = 1400  # PX4 reads datagrams of at most 1600 bytes
 _DATAGRAM_SIZE = 65536
 _TAKEN_LIMIT_S = 0.05
-# From "read from the socket" to "acted upon" in PX4's receiver thread; measured: tens of microseconds.
+# Allowance, not measured, for PX4's receiver thread from "read from the socket" to "acted upon".
 _ACT_S = 0.0003
 _PROC_UDP = Path("/proc/net/udp")
 _RECEIVE_BUFFER = 4 * 1024 * 1024

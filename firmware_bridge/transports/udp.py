@@ -12,6 +12,20 @@ _LOOPBACK = "127.0.0.1"
 _DATAGRAM_SIZE = 65536
 
 
+def bind_udp(address: tuple[str, int], name: str) -> socket.socket:
+    """A socket that never waits, bound to `address` (port 0: any free one). PortBusy or PortNotFound say why not."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        sock.bind(address)
+    except (OSError, OverflowError) as error:
+        sock.close()
+        if getattr(error, "errno", None) == errno.EADDRINUSE:
+            raise PortBusy(name, "another program has this port; stop it or choose another port") from error
+        raise PortNotFound(name, f"cannot be bound on this machine ({error})") from error
+    sock.setblocking(False)
+    return sock
+
+
 class UdpTransport:
     """Binds `host`:`port` (0: any free one). The peer is the one given, or whoever sent the latest datagram.
 
@@ -35,15 +49,7 @@ class UdpTransport:
         return self._address[1]
 
     def open(self) -> None:
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            sock.bind(self._address)
-        except (OSError, OverflowError) as error:
-            sock.close()
-            if getattr(error, "errno", None) == errno.EADDRINUSE:
-                raise PortBusy(self.name, "another program has this port; stop it or choose another port") from error
-            raise PortNotFound(self.name, f"cannot be bound on this machine ({error})") from error
-        sock.setblocking(False)
+        sock = bind_udp(self._address, self.name)
         self._address = (self._address[0], sock.getsockname()[1])
         self._socket = sock
 

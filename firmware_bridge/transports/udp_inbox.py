@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import socket
 
-from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+from firmware_bridge.transports.udp import bind_udp
+from hil.signals.errors import LinkClosed, LinkError
 
 Address = tuple[str, int]
 _LOOPBACK = "127.0.0.1"
@@ -29,15 +29,7 @@ class UdpInbox:
         return self._address[1]
 
     def open(self) -> None:
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            sock.bind(self._address)
-        except (OSError, OverflowError) as error:
-            sock.close()
-            if getattr(error, "errno", None) == errno.EADDRINUSE:
-                raise PortBusy(self.name, "another program has this port; stop it or choose another port") from error
-            raise PortNotFound(self.name, f"cannot be bound on this machine ({error})") from error
-        sock.setblocking(False)
+        sock = bind_udp(self._address, self.name)
         self._address = (self._address[0], sock.getsockname()[1])
         self._socket = sock
 

@@ -90,7 +90,7 @@ def _drained(near: int, stop: threading.Event) -> threading.Thread:
     return thread
 
 
-def _paced(seconds: float, write: Callable[[int], None], *, realtime: bool) -> float:
+def _paced(seconds: float, write: Callable[[int], object], *, realtime: bool) -> float:
     """Prepare and hand over a frame per period; CPU seconds that this process used."""
     schedule = DeadlineSchedule(period_ns=_PERIOD_NS, lead_ns=1_500_000)
     began = time.process_time()
@@ -111,7 +111,7 @@ def _native(seconds: float) -> tuple[LatencyHistogram, float, str]:
     _drained(near, stop)
     sender = RealtimeSender(far, period_ns=_PERIOD_NS, slots=16, stale_ns=20 * NS_PER_MS)
     try:
-        cpu_s = _paced(seconds, lambda deadline_ns: void(sender.push(deadline_ns, _FRAME)), realtime=True)
+        cpu_s = _paced(seconds, lambda deadline_ns: sender.push(deadline_ns, _FRAME), realtime=True)
         time.sleep(0.05)
         sender.stop()
         stats = send_stats(sender)
@@ -145,10 +145,6 @@ def _python(seconds: float) -> tuple[LatencyHistogram, float, str]:
         os.close(far)
         os.close(near)
     return lateness, cpu_s, "normal scheduling"
-
-
-def void(_: object) -> None:
-    """Drops a result."""
 
 
 def _messages(result: BenchmarkResult) -> None:
