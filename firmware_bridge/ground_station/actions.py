@@ -21,10 +21,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
-from firmware_bridge.codecs.messages import MSGID, message_class, unpack
+from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
-from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name, first_autopilot
+from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name
 from hil.signals.errors import HandshakeError
 
 _ParamRequestRead = message_class("PARAM_REQUEST_READ")
@@ -166,20 +166,9 @@ class ActionSource:
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the bytes to send at `t_ns`."""
-        handlers = self._handlers
-        sysid, compid = self._wire.target_sysid, self._wire.target_compid
-        if not sysid:
-            sysid = self._wire.target_sysid = first_autopilot(frames, compid)
-        heard = False
-        for frame in frames:
-            handler = handlers.get(frame[0])
-            if handler is not None and frame[1] == sysid and frame[2] == compid:
-                self._t_ns = t_ns
-                handler(unpack(frame))
-                heard = True
-        if not heard and t_ns < self._next_ns:
-            return b""
         self._t_ns = t_ns
+        if not self._wire.hand_on(frames, self._handlers) and t_ns < self._next_ns:
+            return b""
         while self._due and self._due[0][0] <= t_ns:
             due_ns, index = heapq.heappop(self._due)
             do = self._actions[index].do

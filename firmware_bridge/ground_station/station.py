@@ -20,7 +20,7 @@ from enum import Enum
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.commands import ACCEPTED, FAILED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.health import Health
 from firmware_bridge.ground_station.heartbeat import Heartbeats
@@ -29,7 +29,7 @@ from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from firmware_bridge.ground_station.procedure import Step, first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, first_autopilot, refused
+from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
 from hil.signals.mission import MissionItem
 
 _SET_MESSAGE_INTERVAL = 511
@@ -147,20 +147,9 @@ class GroundStation:
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the bytes to send at `t_ns`."""
-        handlers = self._handlers
-        sysid, compid = self._wire.target_sysid, self._wire.target_compid
-        if not sysid:
-            sysid = self._wire.target_sysid = first_autopilot(frames, compid)
-        heard = False
-        for frame in frames:
-            handler = handlers.get(frame[0])
-            if handler is not None and frame[1] == sysid and frame[2] == compid:
-                self._t_ns = t_ns
-                handler(unpack(frame))
-                heard = True
-        if not heard and t_ns < self._due_ns:
-            return b""
         self._t_ns = t_ns
+        if not self._wire.hand_on(frames, self._handlers) and t_ns < self._due_ns:
+            return b""
         if not self._started:
             self._started = True
             self._heartbeats.due_ns = self._phase_since_ns = t_ns

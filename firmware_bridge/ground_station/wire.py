@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
-from firmware_bridge.codecs.messages import MSGID, pack
+from firmware_bridge.codecs.messages import MSGID, pack, unpack
 from hil.signals.errors import HandshakeError
 
 GCS_SYSID = 255
@@ -34,6 +34,22 @@ class Wire:
         A zero is an autopilot that does not say whom it answers.
         """
         return message.target_system in (0, GCS_SYSID) and message.target_component in (0, GCS_COMPID)
+
+    def hand_on(self, frames: Sequence[Frame], handlers: Mapping[int, Callable[[Any], None]]) -> bool:
+        """Give the vehicle's messages to the handlers of their ids; whether there was any.
+
+        Where no vehicle was named, it is the first autopilot that is heard.
+        """
+        if not self.target_sysid:
+            self.target_sysid = first_autopilot(frames, self.target_compid)
+        sysid, compid = self.target_sysid, self.target_compid
+        heard = False
+        for frame in frames:
+            handler = handlers.get(frame[0])
+            if handler is not None and frame[1] == sysid and frame[2] == compid:
+                handler(unpack(frame))
+                heard = True
+        return heard
 
     def take(self) -> bytes:
         """Bytes of this tick, and forget them."""

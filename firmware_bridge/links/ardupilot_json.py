@@ -199,11 +199,7 @@ class ArduPilotJsonLink:
         """Counters; brought up to date by reading this property."""
         stats, side = self._stats, self._mavlink
         if side is not None:
-            parser = side.parser
-            stats.rx_frames = parser.frames
-            stats.bad_crc = parser.bad_crc
-            stats.garbage_bytes = parser.garbage_bytes
-            stats.lost_frames = parser.lost
+            stats.take_received(side.parser)
         return stats
 
     @property

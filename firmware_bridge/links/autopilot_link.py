@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from hil.signals.errors import LinkError
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample, TruthState, Vec3
@@ -43,6 +43,13 @@ class LinkStats:
     bad_crc: int = 0
     garbage_bytes: int = 0
     lost_frames: int = 0  # gaps in the autopilot's sequence numbers
+
+    def take_received(self, *parsers: FrameParser) -> None:
+        """Bring the counters of what was received up to date: the sums over the link's wires."""
+        self.rx_frames = sum(parser.frames for parser in parsers)
+        self.bad_crc = sum(parser.bad_crc for parser in parsers)
+        self.garbage_bytes = sum(parser.garbage_bytes for parser in parsers)
+        self.lost_frames = sum(parser.lost for parser in parsers)
 
 
 class FreeRunning(Protocol):

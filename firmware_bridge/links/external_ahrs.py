@@ -157,11 +157,8 @@ class ExternalAhrsLink:
     @property
     def stats(self) -> ExternalAhrsStats:
         """Counters; brought up to date by reading this property."""
-        stats, parser = self._stats, self._parser
-        stats.rx_frames = parser.frames
-        stats.bad_crc = parser.bad_crc
-        stats.garbage_bytes = parser.garbage_bytes
-        stats.lost_frames = parser.lost
+        stats = self._stats
+        stats.take_received(self._parser)
         stats.rtt = self.timesync.rtt
         stats.commands = self.device.commands
         if self._line is not None:

@@ -126,17 +126,8 @@ class LockstepLink:
     @property
     def stats(self) -> LinkStats:
         """Counters; brought up to date by reading this property."""
-        stats, parser = self._stats, self._parser
-        stats.rx_frames = parser.frames
-        stats.bad_crc = parser.bad_crc
-        stats.garbage_bytes = parser.garbage_bytes
-        stats.lost_frames = parser.lost
-        if self._ground is not None:
-            parser = self._ground.parser
-            stats.rx_frames += parser.frames
-            stats.bad_crc += parser.bad_crc
-            stats.garbage_bytes += parser.garbage_bytes
-            stats.lost_frames += parser.lost
+        stats = self._stats
+        stats.take_received(self._parser, *([] if self._ground is None else [self._ground.parser]))
         return stats
 
     @property
