@@ -31,6 +31,7 @@ class RestartablePhysics:
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         if self._first_tick is None:
             self._first_tick = tick
+            self._physics.start_ns = tick * self._tick_ns  # people in the scene go on walking
         truth = self._physics.advance(tick - self._first_tick, controls)
         return truth._replace(tick=tick, t_ns=tick * self._tick_ns)
 

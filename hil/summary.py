@@ -61,6 +61,10 @@ def summarise(
                 "ticks_touching": skips.touching,
             }
         )
+        posed, poses = physics.actor_poses
+        if poses:
+            saved = f"{poses - posed} of {poses} poses for contact"
+            skipped.append({"what": "actors", "why": "out of the vehicle's reach", "saved": saved})
     sampled = {slot.port: slot for slot in slots}
     return {
         "schema": 1,

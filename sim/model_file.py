@@ -20,8 +20,17 @@ class StrictModel(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+_DEEPEST = 10  # mappings and lists within one another whose lines are kept
+Lines = dict[tuple[str | int, ...], int]
+
+
 def load_model(path: Path, model: type[Model]) -> Model:
     """Parse and validate `path`. Raises ConfigError that carries every problem with file and line."""
+    return load_located(path, model)[0]
+
+
+def load_located(path: Path, model: type[Model]) -> tuple[Model, Lines]:
+    """As `load_model`, with the 1-based line of every place in the file."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -34,17 +43,36 @@ def load_model(path: Path, model: type[Model]) -> Model:
         where = f"{path}:{mark.line + 1}" if mark else str(path)
         raise ConfigError([Problem(where, f"is not valid YAML: {getattr(error, 'problem', error)}")]) from error
     try:
-        return model.model_validate(data)
+        return model.model_validate(data), _lines(root)
     except pydantic.ValidationError as error:
         problems = [
             Problem(
-                f"{path}:{_line(root, item['loc'])}",
-                f"{'.'.join(str(part) for part in item['loc']) or 'file'}: {item['msg']}",
+                f"{path}:{_line(root, place)}",
+                f"{'.'.join(str(part) for part in place) or 'file'}: {item['msg']}",
                 _hint(model, item),
             )
             for item in error.errors()
+            for place in [tuple(part for part in item["loc"] if " " not in str(part))]  # the names of union branches
         ]
         raise ConfigError(problems) from error
+
+
+def _lines(root: yaml.Node | None) -> Lines:
+    """Line of every place; that of a mapping's entry is the line of its key."""
+    lines: Lines = {}
+    todo: list[tuple[tuple[str | int, ...], yaml.Node | None]] = [((), root)]
+    while todo:
+        place, node = todo.pop()
+        if node is None or len(place) > _DEEPEST:
+            continue  # an anchor may contain itself
+        lines.setdefault(place, node.start_mark.line + 1)
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                lines[(*place, key.value)] = key.start_mark.line + 1
+                todo.append(((*place, key.value), value))
+        elif isinstance(node, yaml.SequenceNode):
+            todo += [((*place, i), value) for i, value in enumerate(node.value)]
+    return lines
 
 
 def _line(node: yaml.Node | None, location: tuple[Any, ...]) -> int:

@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
+from hil.config.scenes import read_scene, save_scene, world_problems
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, Autopilot, BenchConfig, MockFaults
 from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
 from hil.documents.document import Document, Place, shown_path
@@ -32,6 +33,7 @@ from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
+from sim.scene.world import World, load_world
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
 
@@ -62,6 +64,11 @@ class Bench:
     mission: Mission | None
     files: Mapping[str, Path]
     script: MissionScript | None = None
+
+    @property
+    def world(self) -> World:
+        """The scene as geometry; made at the first call and kept."""
+        return load_world(self.scene)
 
 
 def load_bench(
@@ -189,7 +196,7 @@ class _Loading:
             return None
 
     def _model(self, what: str, model: type[Model]) -> Model | None:
-        """Load the vehicle's or scene's file."""
+        """Load the vehicle's file."""
         name = self.settings.data.get(what, BenchConfig.model_fields[what].default)
         path = self._file(what, name, self.settings)
         document = self._read(what, path) if path is not None else None
@@ -198,6 +205,29 @@ class _Loading:
         loaded, problems = validate(model, document.data, document)
         self.problems += problems
         return loaded
+
+    def _scene(self, vehicle: Vehicle | None) -> Scene | None:
+        """Load the scene's file and what it names, with the bench's own seed of the map laid over it."""
+        name = self.settings.data.get("scene", BenchConfig.model_fields["scene"].default)
+        path = self._file("scene", name, self.settings)
+        if path is None:
+            return None
+        try:
+            scene, problems = read_scene(path)
+        except ConfigError as error:
+            self.problems += error.problems
+            self.files.pop("scene", None)
+            return None
+        self.problems += problems
+        seed = self.settings.data.get("map_seed")
+        if scene is not None and type(seed) is int and seed >= 0:
+            try:
+                scene = scene.with_map_seed(seed)
+            except ValueError as error:
+                self.problems.append(at(self.settings, ("map_seed",), f"has no meaning: {error}", "leave it out"))
+        if scene is not None and not problems:
+            self.problems += world_problems(scene, vehicle)
+        return scene
 
     def _mission_path(self) -> Path | None:
         name = self.settings.data.get("mission")
@@ -242,7 +272,7 @@ class _Loading:
         vehicle = self._model("vehicle", Vehicle)
         if config is not None and vehicle is not None:
             self.problems += _vehicle_checks(config, vehicle, self.settings)
-        scene = self._model("scene", Scene)
+        scene = self._scene(vehicle)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
         mission = self._mission(mission_path, scene)
@@ -402,11 +432,13 @@ for _tag, _pattern, _first in CORE_SCHEMA:
 
 def save_bench(bench: Bench, folder: Path) -> Path:
     """Put the bench into a folder so that it can be loaded from there for ever: bench.yaml with everything in it,
-    and copies of the vehicle, the scene, the mission and a script's plan. Returns the path of bench.yaml.
+    and copies of the vehicle, the scene with its map, the mission and a script's plan. Returns the path of bench.yaml.
     """
     folder.mkdir(parents=True, exist_ok=True)
     names: dict[str, str] = {}
-    for what in ("vehicle", "scene", "mission"):
+    if "scene" in bench.files:
+        names["scene"] = save_scene(bench.scene, bench.files["scene"], folder, _Dumper)
+    for what in ("vehicle", "mission"):
         if what in bench.files:
             source = bench.files[what]
             names[what] = f"{what}{source.suffix}"

@@ -215,6 +215,7 @@ class BenchConfig(Section):
     description: str = ""
     features: tuple[str, ...] = ()  # hardware that the rig has; tests choose by it
     scene: str = "airfield"
+    map_seed: Annotated[int, Field(ge=0, le=MAX_SEED)] | None = None  # of a generated map; null: the scene's own
     vehicle: str = "x500"
     mission: str | None = None  # .plan, .waypoints or script; null: only the router's clients command
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clearance.hpp"
@@ -27,7 +28,9 @@ using hil::sim::kPoseVelocity;
 namespace {
 
 using Vector = nb::ndarray<double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Boxes = nb::ndarray<const double, nb::numpy, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
+using Rows12 = nb::ndarray<const double, nb::numpy, nb::shape<-1, 12>, nb::c_contig, nb::device::cpu>;
+using Rows3 = nb::ndarray<const double, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Kinds = nb::ndarray<const std::int32_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Vec3 = std::array<double, 3>;
 
 double as_double(PyObject *item) {
@@ -175,9 +178,11 @@ class RigidBody {
         return range_violation();
     }
 
-    double clearance_before(double radius_m, const Boxes &boxes) const {
-        return hil::sim::clearance(before_.data(), radius_m, boxes.data(), boxes.shape(0));
+    double clearance_before(double radius_m, const hil::sim::SolidTree &solids) const {
+        return hil::sim::clearance(before_.data(), radius_m, solids);
     }
+
+    nb::tuple position_before() const { return nb::make_tuple(before_[0], before_[1], before_[2]); }
 
     void attach(Vector qpos, Vector qvel, Vector qfrc_applied, Vector qacc) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 || qacc.shape(0) != 6) {
@@ -189,9 +194,19 @@ class RigidBody {
         qacc_ = qacc;
     }
 
-    void pose_after_substep(int substep) {
+    // `share` of the way from the pose before that sub-step to the pose after it: 1 is exactly the latter; in between
+    // straight, which leaves the path by a h^2 / 8.
+    void pose_in_substep(int substep, double share) {
         if (substep < 0 || substep >= steps_) throw nb::index_error("no such sub-step");
-        for (int k = 0; k < 7; ++k) qpos_.data()[k] = path_[7 * static_cast<std::size_t>(substep) + k];
+        const double *to = path_.data() + 7 * static_cast<std::size_t>(substep);
+        double *q = qpos_.data();
+        if (share == 1.0) {
+            for (int k = 0; k < 7; ++k) q[k] = to[k];
+            return;
+        }
+        const double *from = substep == 0 ? before_.data() : to - 7;
+        for (int k = 0; k < 7; ++k) q[k] = from[k] + share * (to[k] - from[k]);
+        hil::sim::normalise_quaternion(q + 3);
     }
 
     // `substep` of the tick, 0 first: it says where in the tick the wind is taken.
@@ -303,6 +318,32 @@ class RigidBody {
 }  // namespace
 
 void bind_rigid_body(nb::module_ &m) {
+    using hil::sim::SolidTree;
+    nb::class_<SolidTree>(m, "SolidTree",
+                          "Solid shapes that do not move: kind [n] (mjtGeom), pose [n][12] (centre, then R row-major), "
+                          "size [n][3] as in MJCF. See clearance.hpp.")
+        .def(
+            "__init__",
+            [](SolidTree *self, Kinds kind, Rows12 pose, Rows3 size) {
+                const std::size_t n = kind.shape(0);
+                if (pose.shape(0) != n || size.shape(0) != n) {
+                    throw std::invalid_argument("kind, pose and size must be of one length");
+                }
+                std::vector<hil::sim::Solid> solids(n);
+                for (std::size_t i = 0; i < n; ++i) {
+                    solids[i].kind = static_cast<hil::sim::SolidKind>(kind.data()[i]);
+                    for (std::size_t k = 0; k < 3; ++k) solids[i].center[k] = pose.data()[12 * i + k];
+                    for (std::size_t k = 0; k < 9; ++k) solids[i].R[k] = pose.data()[12 * i + 3 + k];
+                    for (std::size_t k = 0; k < 3; ++k) solids[i].size[k] = size.data()[3 * i + k];
+                }
+                new (self) SolidTree(std::move(solids));
+            },
+            nb::kw_only(), "kind"_a.noconvert(), "pose"_a.noconvert(), "size"_a.noconvert())
+        .def("__len__", &SolidTree::size)
+        .def(
+            "distance", [](const SolidTree &self, const Vec3 &p_W) { return self.distance(p_W.data()); }, "p_W"_a,
+            "Lower bound of the distance from a point to the nearest shape [m], inf where there is none.");
+
     nb::class_<RigidBody>(m, "RigidBody",
                           "Multirotor rigid body on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
                           "v_WB_W[3], w_WB_B[3], rotor speed[n], then mean acceleration in W[3] and mean angular "
@@ -333,11 +374,13 @@ void bind_rigid_body(nb::module_ &m) {
         .def("finish", &RigidBody::finish,
              "Write mean accelerations and charge drawn. Returns 0, or 1 not finite, 2 speed, 3 body rate, 4 position, "
              "5 no voltage left, 6 battery empty.")
-        .def("clearance_before", &RigidBody::clearance_before, "radius_m"_a, "boxes"_a.noconvert(),
+        .def("clearance_before", &RigidBody::clearance_before, "radius_m"_a, "solids"_a,
              "Lower bound of the gap to the scene at the state before the last fly() [m].")
+        .def("position_before", &RigidBody::position_before, "p_WB before the last fly() [m].")
         .def("attach", &RigidBody::attach, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "qfrc_applied"_a.noconvert(),
              "qacc"_a.noconvert(), "MuJoCo's arrays, for contact.")
-        .def("pose_after_substep", &RigidBody::pose_after_substep, "substep"_a, "Write that pose of fly() into qpos.")
+        .def("pose_in_substep", &RigidBody::pose_in_substep, "substep"_a, "share"_a,
+             "Write a pose of fly() into qpos: share 1 is the one after that sub-step.")
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
              "State into qpos, qvel; rotor and air wrench into qfrc_applied.")
         .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),

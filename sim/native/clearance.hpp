@@ -1,26 +1,54 @@
-// Lower bound of the gap between a sphere and the static scene: ground plane z = 0 and axis-aligned boxes, in W [m].
-// `boxes` is [count][6]: centre xyz, half extents xyz. Exact for spheres; a vehicle inside the sphere is farther.
-// Deterministic (+ - * sqrt, comparisons), no allocation, reads only.
+// Lower bound of the gap between a sphere and the static scene, over a tree of its solid shapes. In W [m].
+//
+// The bound is the exact distance for planes, boxes, spheres, capsules and cylinders; for an ellipsoid with radii r the
+// greater of the distance to its box and min(r) (|p / r| - 1), since |x| >= min(r) |x / r|. Meshes and height fields
+// come as the boxes that hold them. From inside a shape the distance is 0 or less.
+//
+// A node of the tree is an axis-aligned box; nodes farther than the nearest shape so far are passed over, so that the
+// cost grows with the logarithm of the count. Building allocates; asking allocates nothing and reads only.
+// Deterministic: + - * / sqrt and comparisons; the least of a set does not depend on the order in which it is searched.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 namespace hil::sim {
 
-inline double clearance(const double *p_W, double radius_m, const double *boxes, std::size_t count) {
-    double least = p_W[2];
-    for (std::size_t b = 0; b < count; ++b) {
-        const double *box = boxes + 6 * b;
-        double squared = 0.0;
-        for (int j = 0; j < 3; ++j) {
-            const double outside = std::fabs(p_W[j] - box[j]) - box[3 + j];
-            if (outside > 0.0) squared += outside * outside;
-        }
-        const double distance = std::sqrt(squared);
-        if (distance < least) least = distance;
-    }
-    return least - radius_m;
+// Numbers of mjtGeom.
+enum class SolidKind : int { kPlane = 0, kSphere = 2, kCapsule = 3, kEllipsoid = 4, kCylinder = 5, kBox = 6 };
+
+struct Solid {
+    SolidKind kind;
+    double center[3];
+    double R[9];     // columns are the shape's axes in W, row-major
+    double size[3];  // as in MJCF: radii and half lengths
+};
+
+class SolidTree {
+  public:
+    // Throws std::invalid_argument where a shape has a kind that is not above, or is not finite.
+    explicit SolidTree(std::vector<Solid> solids);
+    // Distance from a point to the nearest shape, infinity where there is none.
+    double distance(const double *p_W) const;
+    std::size_t size() const { return planes_.size() + solids_.size(); }
+
+  private:
+    struct Node {
+        double low[3], high[3];
+        int first, count;  // of a leaf: its shapes; else count = 0 and first = the second child; the first child follows
+    };
+    int build(int first, int last, std::vector<std::array<double, 6>> &bounds);
+    std::vector<Solid> planes_, solids_;
+    std::vector<Node> nodes_;
+};
+
+// A contact may be reported a little before shapes touch (MuJoCo's convex collision: 1e-6 m).
+constexpr double kClearanceSlack_m = 1e-5;
+
+inline double clearance(const double *p_W, double radius_m, const SolidTree &solids) {
+    return solids.distance(p_W) - radius_m - kClearanceSlack_m;
 }
 
 }  // namespace hil::sim

@@ -4,7 +4,8 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
 
 1. free flight   the native kernel takes the tick (sim/native/free_flight.hpp) as if nothing were near.
 2. clearance     if the bounding sphere cannot have reached the scene, that is the answer: MuJoCo is not asked.
-3. collision     otherwise MuJoCo looks for contacts at every sub-step pose. None: the answer of 1 stands.
+3. collision     otherwise MuJoCo looks for contacts at every sub-step pose, and in between where a sub-step goes
+                 farther than the smallest sphere's radius. None: the answer of 1 stands.
 4. contact       otherwise back to t_{k-1}, and sub-steps of 1 ms or less: rotor and air wrench from the same kernel,
                  contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not used: its
                  quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
@@ -13,7 +14,7 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
 
 Step 2 only ever skips work whose outcome is known, so flights with and without it are the same bits
 (`contact_skipping=False` has the test). It needs the scene only now and then: a clearance once computed stays a lower
-bound until the vehicle has travelled that far.
+bound until the vehicle has travelled that far. Likewise with what moves in the scene (sim.physics.actors).
 
 Faults and gusts take hold at ticks; what happened is told by `take_events`.
 
@@ -36,13 +37,16 @@ from hil.signals.errors import ModelRangeError
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_MS, NS_PER_S
 from sim._kernels import RigidBody, det_cos, det_sin
+from sim.physics.actors import Actors
 from sim.physics.battery import BatteryState
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault, check_faults
 from sim.physics.vehicle import Vehicle
 from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
+from sim.scene.solids import solid_tree
 from sim.scene.wind import GustEvent, Wind, WindAtVehicle
+from sim.scene.world import load_world
 
 # Upper bounds of a free-flight step; the error they leave: `hil bench physics`.
 FREE_STEP_NS = {"order8": 4 * NS_PER_MS, "classical": 1 * NS_PER_MS}
@@ -130,6 +134,8 @@ class QuadrotorPhysics:
     Starts level at `initial_yaw_rad` (counter-clockwise from east), rotors stopped, at rest: standing settled on the
     ground at W's origin, or at `initial_p_WB` if given.
 
+    `start_ns`: the scene's time at tick 0, for what moves in it.
+
     `wind`: default the scene's steady wind; `seed` is that of its turbulence. `method`: Runge-Kutta of
     order 8, or the classical one of order 4. `step_ns`: upper bound of a free-flight step, which must divide the tick;
     default 4 ms (classical: 1 ms) or the next shorter that divides. Raises ValueError where a step
@@ -145,6 +151,7 @@ class QuadrotorPhysics:
         contact_skipping: bool = True,
         initial_p_WB: Vec3 | None = None,
         initial_yaw_rad: float = 0.0,
+        start_ns: int = 0,
         effects: Effects = Effects(),  # noqa: B008 (frozen)
         faults: Sequence[RotorFault] = (),
         wind: Wind | None = None,
@@ -201,11 +208,18 @@ class QuadrotorPhysics:
         self._model = build_model(scene, vehicle, contact_step_s=tick_s / self._contact_substeps[False])
         self._data = mujoco.MjData(self._model)
         self._body.attach(self._data.qpos, self._data.qvel, self._data.qfrc_applied, self._data.qacc)
-        self._boxes = np.array(
-            [[*box.center_m, *(0.5 * edge for edge in box.size_m)] for box in scene.boxes], dtype=np.float64
-        ).reshape(-1, 6)
+        world = load_world(scene)
+        self._solids = solid_tree(world)
         self._radius_m = vehicle.bounding_radius_m
+        self._finest_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
         self._remaining_m = 0.0
+        self._actors: Actors | None = None
+        self._actors_remaining_m = math.inf
+        self._approach_m = 0.0
+        if world.map.actors:
+            self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=tick_ns)
+            self._actors_remaining_m, self._approach_m = 0.0, self._actors.approach_m
+        self.start_ns = start_ns
         self._rotor_slice = slice(13, 13 + rotors)
         self._a_slice = slice(13 + rotors, 16 + rotors)
         self._alpha_slice = slice(16 + rotors, 19 + rotors)
@@ -254,8 +268,9 @@ class QuadrotorPhysics:
             raise ModelRangeError(tick, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
         travelled_m = body.fly()
         touching = False
-        if travelled_m < self._remaining_m:
+        if travelled_m < self._remaining_m and travelled_m < self._actors_remaining_m:
             self._remaining_m -= travelled_m
+            self._actors_remaining_m -= travelled_m + self._approach_m
             self.skips.skipped += 1
         else:
             touching = self._near_scene(travelled_m)
@@ -274,6 +289,13 @@ class QuadrotorPhysics:
             return None
         drawn_c, voltage_v, current_a = self._battery.tolist()
         return BatteryState(1.0 - drawn_c / self._battery_capacity_c, voltage_v, current_a)
+
+    @property
+    def actor_poses(self) -> tuple[int, int]:
+        """Poses of actors that were computed so far, and what they would be with every actor posed at every tick."""
+        if self._actors is None:
+            return 0, 0
+        return self._actors.posed, max(self._tick, 0) * self._actors.count
 
     @property
     def wind_W_mps(self) -> Vec3:
@@ -326,18 +348,36 @@ class QuadrotorPhysics:
         self._body.set_wind(before, self._wind_W)
 
     def _near_scene(self, travelled_m: float) -> bool:
-        """The clearance of earlier is used up: renew it, or let MuJoCo decide. Returns whether anything touched."""
+        """A clearance of earlier is used up: renew it, or let MuJoCo decide. Returns whether anything touched."""
+        left_m, actors_left_m = self._remaining_m, self._actors_remaining_m
         self._remaining_m = 0.0
+        if self._actors is not None:
+            self._actors_remaining_m = 0.0
         if not travelled_m < _LOST_M:
             return False  # no longer a flight: the range check of this tick ends the run
+        actors = self._actors
+        t_ns = self.start_ns + self._tick * self.tick_ns
         if self.contact_skipping:
-            clearance_m = self._body.clearance_before(self._radius_m, self._boxes)
-            if travelled_m < clearance_m:
-                self._remaining_m = clearance_m - travelled_m
+            if not travelled_m < left_m:
+                left_m = self._body.clearance_before(self._radius_m, self._solids)
+            if actors is not None and not travelled_m < actors_left_m:
+                actors_left_m = actors.gap_m(self._body.position_before(), t_ns, travelled_m)
+                actors.pose_near(t_ns)
+            elif actors is not None:
+                actors.put_away()
+            if travelled_m < left_m and travelled_m < actors_left_m:
+                self._remaining_m = left_m - travelled_m
+                self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
                 self.skips.skipped += 1
                 return False
-        if not self._touches():
+        elif actors is not None:
+            actors.pose_all(t_ns)
+        if not self._touches(travelled_m):
             self.skips.queried += 1
+            if travelled_m < left_m:
+                self._remaining_m = left_m - travelled_m
+            if travelled_m < actors_left_m:
+                self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
             return False
         self.skips.touching += 1
         self._body.rewind()
@@ -355,10 +395,12 @@ class QuadrotorPhysics:
             self._hard = hard
             soften_contact(self._model, self._tick_s / self._contact_substeps[hard])
 
-    def _touches(self) -> bool:
+    def _touches(self, travelled_m: float) -> bool:
         model, data, body = self._model, self._data, self._body
-        for substep in range(body.steps()):
-            body.pose_after_substep(substep)
+        steps = body.steps()
+        looks = max(1, math.ceil(travelled_m / (steps * self._finest_m)))
+        for look in range(steps * looks):
+            body.pose_in_substep(look // looks, (look % looks + 1) / looks)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:
@@ -379,6 +421,8 @@ class QuadrotorPhysics:
     def _settle(self) -> None:
         """Let the feet find their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
         self._body.command([0.0] * len(self.vehicle.rotors))
+        if self._actors is not None:
+            self._actors.pose_all(self.start_ns)
         for _ in range(-(-_SETTLE_NS // self.tick_ns)):
             self._contact_steps()
         self._truth[_V] = 0.0

@@ -1,8 +1,12 @@
 """Scene and vehicle as an MJCF model for MuJoCo, which does the contact.
 
-Only spheres, boxes and a plane, and no orientation in the model is given by angles: their collision functions and
-compilation use no sin, cos or pow, whose last bit depends on the CPU. For the same reason solimp keeps its power
-of 2. Contact softness follows the step:
+The model holds the vehicle on a free joint, which is the only one, the solid geoms of the scene on the worldbody, and
+the solid geoms of actors on mocap bodies. What is only looked at is left out, and bits pair the vehicle with the scene
+and neither with itself.
+
+No orientation in the model is given by angles, and neither spheres against primitives nor spheres against convex hulls
+and height fields take sin, cos or pow, whose last bit depends on the CPU. For the same reason solimp keeps its power
+of 2. Meshes collide as their convex hulls. Contact softness follows the step:
 
 * solref 3 steps, critically damped: a foot that lands at speed v sinks v * 3 steps / e at most (3.5 mm after a drop
   from 0.5 m at 1 ms); below two steps MuJoCo would clamp it.
@@ -11,13 +15,18 @@ of 2. Contact softness follows the step:
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
+from collections import OrderedDict
 from collections.abc import Iterable
 
 import mujoco
+import numpy as np
 
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
+from sim.scene.solids import solid_geoms
+from sim.scene.world import VEHICLE, World, load_world
 
 # Bits that pair vehicle with scene, and neither with itself.
 _SCENE_BIT, _VEHICLE_BIT = 1, 2
@@ -30,7 +39,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
-    """MJCF of `scene` with `vehicle` as its only body, on a free joint."""
+    """MJCF of the solid part of `scene` with `vehicle` on a free joint. Geoms of a map have no names."""
     root = ET.Element("mujoco", model=f"{scene.name}_{vehicle.name}")
     ET.SubElement(root, "compiler", autolimits="true", balanceinertia="false")
     ET.SubElement(
@@ -54,16 +63,17 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
     )
     world = ET.SubElement(root, "worldbody")
     scene_bits = {"contype": str(_SCENE_BIT), "conaffinity": str(_VEHICLE_BIT)}
-    ET.SubElement(world, "geom", {"name": "ground", "type": "plane", "size": "0 0 1"} | scene_bits)
-    for box in scene.boxes:
-        half = [0.5 * edge for edge in box.size_m]
-        ET.SubElement(
-            world,
-            "geom",
-            {"name": box.name, "type": "box", "pos": _numbers(box.center_m), "size": _numbers(half)} | scene_bits,
-        )
-    body = ET.SubElement(world, "body", name="vehicle")
-    ET.SubElement(body, "freejoint", name="vehicle")
+    if scene.map is None:
+        ET.SubElement(world, "geom", {"name": "ground", "type": "plane", "size": "0 0 1"} | scene_bits)
+        for box in scene.boxes:
+            half = [0.5 * edge for edge in box.size_m]
+            ET.SubElement(
+                world,
+                "geom",
+                {"name": box.name, "type": "box", "pos": _numbers(box.center_m), "size": _numbers(half)} | scene_bits,
+            )
+    body = ET.SubElement(world, "body", name=VEHICLE)
+    ET.SubElement(body, "freejoint", name=VEHICLE)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(vehicle.mass_kg), diaginertia=_numbers(vehicle.inertia_kgm2))
     for sphere in vehicle.contact_spheres:
         ET.SubElement(
@@ -76,12 +86,87 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
             contype=str(_VEHICLE_BIT),
             conaffinity=str(_SCENE_BIT),
         )
+    if scene.map is not None:
+        _add_map(root, world, load_world(scene), scene_bits)
     return ET.tostring(root, encoding="unicode")
 
 
+def _add_map(root: ET.Element, worldbody: ET.Element, world: World, bits: dict[str, str]) -> None:
+    """The solid geoms of a map, in its order: what stands still first."""
+    model, placed = world.model, solid_geoms(world)
+    asset = ET.SubElement(root, "asset")
+    kind_names = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")): kind for kind in _KINDS}
+    used: set[str] = set()
+    bodies: dict[int, ET.Element] = {0: worldbody}
+    for geom, body, position, quaternion in zip(
+        placed.geom.tolist(), placed.body.tolist(), placed.position, placed.quaternion, strict=True
+    ):
+        if body not in bodies:
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body)
+            bodies[body] = ET.SubElement(worldbody, "body", name=name, mocap="true")
+        kind = kind_names[int(model.geom_type[geom])]
+        attributes = {"type": kind, "pos": _numbers(position), "quat": _numbers(quaternion)} | bits
+        if kind in ("mesh", "hfield"):
+            attributes[kind] = f"{kind}_{model.geom_dataid[geom]}"
+            if attributes[kind] not in used:
+                used.add(attributes[kind])
+                (_add_mesh if kind == "mesh" else _add_hfield)(asset, model, geom, attributes[kind])
+        else:
+            attributes["size"] = _numbers(model.geom_size[geom]) if kind != "plane" else "0 0 1"
+        ET.SubElement(bodies[body], "geom", attributes)
+
+
+_KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+
+
+def _add_mesh(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) -> None:
+    """The corners of the mesh's convex hull."""
+    mesh = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    corners = model.mesh_vert[first : first + count]
+    graph = int(model.mesh_graphadr[mesh])
+    if graph >= 0:  # corners, faces, an edge list's start for each corner, then each corner's number among the vertices
+        hull = int(model.mesh_graph[graph])
+        corners = corners[model.mesh_graph[graph + 2 + hull : graph + 2 + 2 * hull]]
+    ET.SubElement(asset, "mesh", name=name, inertia="shell", vertex=_numbers(corners.astype(np.float64).ravel()))
+
+
+def _add_hfield(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) -> None:
+    """A height field, whose heights `build_model` puts in."""
+    field = int(model.geom_dataid[geom])
+    ET.SubElement(
+        asset,
+        "hfield",
+        name=name,
+        nrow=str(model.hfield_nrow[field]),
+        ncol=str(model.hfield_ncol[field]),
+        size=_numbers(model.hfield_size[field]),
+    )
+
+
+_KEPT = 4  # contact models of maps, which take up to a second to compile
+_models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = OrderedDict()
+
+
 def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
-    """The compiled model: nq 7, nv 6."""
-    return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+    """The compiled model, the caller's own: nq 7, nv 6."""
+    if scene.map is None:
+        return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+    world = load_world(scene)
+    what = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"
+    key = (id(world.model), what, contact_step_s)
+    if key not in _models:
+        model = mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+        for field in range(model.nhfield):
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
+            source = int(name.removeprefix("hfield_"))
+            start, count = int(model.hfield_adr[field]), int(model.hfield_nrow[field] * model.hfield_ncol[field])
+            there = int(world.model.hfield_adr[source])
+            model.hfield_data[start : start + count] = world.model.hfield_data[there : there + count]
+        _models[key] = (world, model)  # the world too: its model must live as long as its id is used here
+        while len(_models) > _KEPT:
+            _models.popitem(last=False)
+    return copy.copy(_models[key][1])
 
 
 def soften_contact(model: mujoco.MjModel, contact_step_s: float) -> None:

@@ -1,16 +1,22 @@
-"""A scene: where on Earth it is, the ground, and the static boxes on it.
+"""A scene: where on Earth it is, what stands on the ground, and how it is lit.
 
-The world frame W is ENU with its origin on the ground at the site. The ground is the plane z = 0.
+The world frame W is ENU with its origin on the ground at the site, where the vehicle takes off. Without a `map` the
+ground is the plane z = 0 and what stands on it are `boxes`; with one, the map holds the ground and everything on it,
+and boxes are added to it. `sim.scene.world.load_world` makes geometry of it.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
-from sim.model_file import StrictModel, load_model
+from sim.model_file import StrictModel, load_located
+from sim.scene.light import Light
+from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
+from sim.scene.scene_file import SceneFile, shown
 
 SCENE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "scenes"
 
@@ -49,6 +55,27 @@ class Scene(StrictModel):
     gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = 9.80665
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()
+    map: MapSection | None = None
+    light: Light = Light()
+
+    _file: SceneFile = PrivateAttr(default_factory=SceneFile)
+
+    @property
+    def file(self) -> SceneFile:
+        """Where it was written."""
+        return self._file
+
+    def from_file(self, file: SceneFile) -> Scene:
+        """The same scene, written in `file`."""
+        scene = self.model_copy()
+        scene._file = file
+        return scene
+
+    def with_map_seed(self, seed: int) -> Scene:
+        """The same scene with another map of the same kind. ValueError if its map is not made from a seed."""
+        if not isinstance(self.map, GeneratedMap):
+            raise ValueError(f"the map of scene {self.name!r} is not made from a seed")
+        return self.model_copy(update={"map": self.map.model_copy(update={"seed": seed})})
 
 
 def scene_names() -> list[str]:
@@ -57,6 +84,26 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A scene of `rigs/scenes` by name, or any file by path. Raises ConfigError."""
+    """A scene of `rigs/scenes` by name, or any YAML or MJCF (.xml) file by path. Raises ConfigError."""
     path = Path(name_or_path)
-    return load_model(path if path.suffix else SCENE_DIR / f"{path}.yaml", Scene)
+    if is_mjcf(path):
+        return scene_of_mjcf(path)
+    path = path if path.suffix else SCENE_DIR / f"{path}.yaml"
+    scene, lines = load_located(path, Scene)
+    return scene.from_file(SceneFile(path, shown(path), lines))
+
+
+def is_mjcf(path: Path) -> bool:
+    return path.suffix.lower() in (".xml", ".mjcf")
+
+
+def scene_of_mjcf(path: Path) -> Scene:
+    """An MJCF file as a scene, with everything that such a file does not say as it is at the default site."""
+    name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
+    return Scene(
+        name=name if name[:1].isalpha() else f"map_{name}",
+        description=f"Map {path.name}",
+        site=Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0),
+        ground_friction=0.8,
+        map=MjcfMap(mjcf=path.name),
+    ).from_file(SceneFile(path, shown(path)))

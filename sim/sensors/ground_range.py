@@ -1,23 +1,36 @@
-"""Distance from a sensor on the vehicle straight down its axis to the ground or a box."""
+"""Distance from a sensor on the vehicle straight down its axis to what it sees there."""
 
 from __future__ import annotations
+
+import copy
+from typing import Protocol
+
+import mujoco
+import numpy as np
 
 from hil.signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
 from sim.scene.scene import Scene
+from sim.scene.world import World, load_world
 from sim.sensors.rotation import rotate_into_world
 
 
-class GroundRange:
-    """The scene's ground plane and boxes, seen along -z of B from `mount_m` in B.
+class Rays(Protocol):
+    """Something that rays can be sent into."""
 
-    One ray: the beam's width, the surface's slope within it and the vehicle's own legs are not modelled.
+    def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float:
+        """Distance [m] along a unit vector to the nearest surface; -1 if none is hit."""
+        ...
+
+
+class GroundRange:
+    """What stands still in the scene, seen along -z of B from `mount_m` in B.
+
+    One ray: the beam's width, the surface's slope within it, people and the vehicle's own legs are not modelled.
     """
 
     def __init__(self, scene: Scene, mount_m: Vec3) -> None:
-        self._scene = BoxScene(
-            [(*box.center_m, 0.5 * box.size_m[0], 0.5 * box.size_m[1], 0.5 * box.size_m[2]) for box in scene.boxes]
-        )
+        self._rays = rays_into(scene)
         self._mount_m = mount_m
         self._at_origin = not any(mount_m)
 
@@ -27,4 +40,34 @@ class GroundRange:
         if not self._at_origin:
             dx, dy, dz = rotate_into_world(truth.q_WB, self._mount_m)
             origin_W = (origin_W[0] + dx, origin_W[1] + dy, origin_W[2] + dz)
-        return self._scene.ray_distance(origin_W, rotate_into_world(truth.q_WB, (0.0, 0.0, -1.0)))
+        return self._rays.ray_distance(origin_W, rotate_into_world(truth.q_WB, (0.0, 0.0, -1.0)))
+
+
+def rays_into(scene: Scene) -> Rays:
+    """The ground plane and boxes in closed form, or every visible geom of a map that stands still."""
+    if scene.map is not None:
+        return MapRays(load_world(scene))
+    return BoxScene(
+        [(*box.center_m, 0.5 * box.size_m[0], 0.5 * box.size_m[1], 0.5 * box.size_m[2]) for box in scene.boxes]
+    )
+
+
+class MapRays:
+    """Rays into a map by MuJoCo, which tries every geom."""
+
+    def __init__(self, world: World) -> None:
+        model = self._model = copy.copy(world.model)
+        # Rays pass what is not drawn, and actors, which are not posed here. Group 5 is for what they pass.
+        model.geom_group[:] = np.where(world.geom_visible & (world.geom_actor < 0), 0, 5)
+        self._data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, self._data)
+        self._groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+        self._geom = np.zeros(1, np.int32)
+        self._origin, self._direction = np.zeros(3), np.zeros(3)
+
+    def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float:
+        self._origin[:], self._direction[:] = origin_W, direction_W
+        found: float = mujoco.mj_ray(
+            self._model, self._data, self._origin, self._direction, self._groups, 1, -1, self._geom, None
+        )
+        return found

@@ -17,6 +17,7 @@ from sim.scene.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.mjcf import build_model
 from sim.scene.scene import Box, Site, load_scene, scene_names
+from sim.scene.world import load_world
 
 ZURICH = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
 SITES = [
@@ -97,9 +98,11 @@ def test_every_scene_and_vehicle_compiles_as_declared() -> None:
             assert tuple(model.body_inertia[1]) == vehicle.inertia_kgm2
             assert tuple(model.body_iquat[1]) == (1.0, 0.0, 0.0, 0.0)
             assert tuple(model.body_ipos[1]) == (0.0, 0.0, 0.0)
-            assert model.ngeom == 1 + len(scene.boxes) + len(vehicle.contact_spheres)
-            kinds = set(model.geom_type.tolist())
-            assert kinds <= {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE}
+            assert model.ngeom == int(load_world(scene).geom_solid.sum()) + len(vehicle.contact_spheres)
+            if scene.map is None:
+                assert model.ngeom == 1 + len(scene.boxes) + len(vehicle.contact_spheres)
+                kinds = set(model.geom_type.tolist())
+                assert kinds <= {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE}
             assert set(model.geom_solimp[:, 4].tolist()) == {2.0}  # other powers call pow()
 
 

@@ -1,0 +1,101 @@
+"""What moves by itself, as the vehicle meets it: actors are posed only while they are near, and else put away.
+
+An actor i lies within the sphere (c_i(t), r_i(t)). With the vehicle within R of p, nothing of it is touched in a tick
+in which the vehicle travels less than
+
+    gap = min_i |p - c_i(t)| - r_i(t) - R - margin
+
+The margin is what a vehicle within the model's speed limit could travel in a tick, so that this also holds for the
+path with contact, which is not known beforehand. A gap found at one tick serves the next ones too: each takes from it
+what the vehicle travelled, and what the actors may have moved towards it, max_speed_mps * tick, where they all state
+that speed (of their spheres: of the centre and of the radius together).
+
+Through one tick actors stand where they are at its end. Contact takes them as things at rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import Vec3
+from hil.signals.time import NS_PER_S
+from sim.scene.world import World
+
+Float64 = NDArray[np.float64]
+_SPEED_LIMIT_MPS = 200.0  # of the vehicle's model
+_AWAY_M = (10.0, 0.0, -1.0e4)  # where what is not near is put, side by side: MuJoCo sorts bodies along a line
+_SLACK_M = 1e-5
+
+
+class Actors:
+    """The actors of a world in one flight's contact model."""
+
+    def __init__(
+        self, world: World, model: mujoco.MjModel, data: mujoco.MjData, *, radius_m: float, tick_ns: int
+    ) -> None:
+        self._actors = world.map.actors
+        self._position, self._quaternion = data.mocap_pos, data.mocap_quat
+        self._away = np.array([(_AWAY_M[0] * row, *_AWAY_M[1:]) for row in range(model.nmocap)]).reshape(-1, 3)
+        self._rows: list[NDArray[np.int64]] = []
+        self._poses: list[tuple[NDArray[np.int64], Float64, Float64, Float64, Float64]] = []
+        for actor in self._actors:
+            bodies = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in actor.bodies]
+            solid = [i for i, body in enumerate(bodies) if body >= 0]  # the others have nothing to touch
+            rows = np.array([model.body_mocapid[bodies[i]] for i in solid], np.int64)
+            self._rows.append(rows)
+            n = len(bodies)
+            pose = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
+            self._poses.append((np.array(solid, np.int64), *pose))
+        self._near = [True] * len(self._actors)
+        self.posed = 0  # poses that were computed
+        tick_s = tick_ns / NS_PER_S
+        self._reach_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
+        speeds = [float(getattr(actor, "max_speed_mps", math.inf)) for actor in self._actors]
+        # How much smaller a gap may have become by the next tick; infinite: it must be found anew.
+        self.approach_m = max(speeds, default=0.0) * tick_s
+        self.put_away()
+
+    @property
+    def count(self) -> int:
+        return len(self._actors)
+
+    def gap_m(self, p_WB: Vec3, t_ns: int, travelled_m: float = 0.0) -> float:
+        """The gap above; notes who is near for a vehicle that travels `travelled_m`."""
+        least = math.inf
+        x, y, z = p_WB
+        for index, actor in enumerate(self._actors):
+            (cx, cy, cz), radius_m = actor.bound(t_ns)
+            dx, dy, dz = x - cx, y - cy, z - cz
+            gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radius_m - self._reach_m
+            self._near[index] = not travelled_m < gap
+            least = min(least, gap)
+        return least
+
+    def pose_all(self, t_ns: int) -> None:
+        """Everybody at `t_ns`, near or not."""
+        for index in range(len(self._actors)):
+            self._pose(index, t_ns)
+
+    def pose_near(self, t_ns: int) -> None:
+        """Those that the last `gap_m` found near at `t_ns`, the others away."""
+        for index, near in enumerate(self._near):
+            if near:
+                self._pose(index, t_ns)
+            else:
+                rows = self._rows[index]
+                self._position[rows] = self._away[rows]
+
+    def put_away(self) -> None:
+        self._position[:] = self._away
+
+    def _pose(self, index: int, t_ns: int) -> None:
+        self.posed += 1
+        solid, p_WB, q_WB, v_WB_W, w_WB_W = self._poses[index]
+        self._actors[index].pose(t_ns, p_WB, q_WB, v_WB_W, w_WB_W)
+        rows = self._rows[index]
+        self._position[rows] = p_WB[solid]
+        self._quaternion[rows] = q_WB[solid]

@@ -1,0 +1,69 @@
+"""What things are: the classes that segmentation tells apart, with the colour each is shown in.
+
+The number of a class is its place in the table. Labels of recorded data sets carry these numbers, so entries are only
+ever added at the end. Classes that a scene declares for itself follow after the table.
+"""
+
+from __future__ import annotations
+
+MAX_CLASSES = 256  # a class id is one byte
+
+CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
+    "none": (0, 0, 0),  # nothing: the sky
+    "ground": (129, 118, 96),
+    "path": (214, 196, 148),
+    "road": (96, 96, 104),
+    "grass": (124, 186, 80),
+    "water": (64, 124, 214),
+    "building": (180, 86, 70),
+    "wall": (150, 120, 120),
+    "tree": (36, 120, 52),
+    "vegetation": (96, 156, 40),
+    "person": (230, 40, 80),
+    "vehicle": (30, 60, 190),
+    "drone": (250, 240, 40),
+    "furniture": (172, 110, 40),
+    "fence": (190, 150, 160),
+    "pole": (160, 164, 170),
+    "sign": (246, 196, 0),
+    "reflector": (0, 230, 230),
+    "drop_zone": (255, 128, 0),
+    "object": (140, 80, 200),
+    "roof": (120, 50, 40),
+    "window": (130, 190, 220),
+    "door": (110, 70, 30),
+    "sidewalk": (190, 190, 182),
+    "terrain": (150, 140, 80),
+    "obstacle": (220, 90, 30),
+    "pavement": (176, 168, 156),
+    "hedge": (60, 140, 70),
+    "bush": (84, 150, 84),
+    "playground": (240, 150, 90),
+    "hill": (140, 170, 80),
+    "bin": (70, 90, 80),
+    "lamp": (250, 220, 140),
+    "crossing": (230, 230, 230),
+    "marking": (255, 255, 200),
+    "lawn": (150, 200, 100),
+    "pad": (200, 120, 60),
+    "house": (200, 110, 90),
+    "tower": (130, 90, 110),
+    "hall": (160, 100, 140),
+    "container": (40, 130, 160),
+    "barrel": (90, 60, 160),
+    "crate": (180, 140, 80),
+    "sandbags": (196, 180, 120),
+    "barrier": (220, 120, 140),
+    "stand": (110, 110, 140),
+    "bench": (150, 90, 50),
+    "gate": (120, 120, 90),
+}
+
+# Of a scene's own classes: well apart from one another, in turn.
+_FURTHER = ((255, 0, 255), (0, 255, 128), (128, 0, 255), (255, 160, 200), (0, 128, 128), (200, 255, 0), (90, 90, 255))
+
+
+def class_table(new_classes: tuple[str, ...] = ()) -> dict[str, tuple[int, int, int]]:
+    """Every class by name in the order of its number, with its colour."""
+    further = {name: _FURTHER[i % len(_FURTHER)] for i, name in enumerate(new_classes)}
+    return CLASS_COLOURS | further

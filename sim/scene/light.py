@@ -1,0 +1,42 @@
+"""How a scene is lit: one sun, light from everywhere, a sky of two colours, fog.
+
+Colours are linear RGB, 1 = what turns a white surface white. The sun stands at an azimuth clockwise from north and an
+elevation above the horizon:
+
+    to_sun_W = (sin a cos e, cos a cos e, sin e)
+
+Fog takes the share 1 - exp(-fog_per_m * range) of what is seen and puts the colour of the horizon in its place.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from sim._kernels import det_cos, det_sin
+from sim.model_file import StrictModel
+
+_RAD_PER_DEG = 0.017453292519943295
+
+Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
+Rgb = tuple[Intensity, Intensity, Intensity]
+
+
+class Light(StrictModel):
+    """Light of a scene; the defaults are a clear mid-morning."""
+
+    sun_azimuth_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 130.0
+    sun_elevation_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 45.0  # below 0 it does not shine
+    sun_rgb: Rgb = (1.0, 0.96, 0.88)
+    ambient_rgb: Rgb = (0.36, 0.40, 0.46)
+    sky_zenith_rgb: Rgb = (0.16, 0.34, 0.70)
+    sky_horizon_rgb: Rgb = (0.62, 0.74, 0.88)
+    fog_per_m: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+    @property
+    def to_sun_W(self) -> tuple[float, float, float]:
+        """Unit vector towards the sun."""
+        azimuth, elevation = self.sun_azimuth_deg * _RAD_PER_DEG, self.sun_elevation_deg * _RAD_PER_DEG
+        level = det_cos(elevation)
+        return (det_sin(azimuth) * level, det_cos(azimuth) * level, det_sin(elevation))

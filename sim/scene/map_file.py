@@ -1,0 +1,309 @@
+"""Reads an MJCF file with everything it names, into one text that keeps the line of every element.
+
+Includes are put in place, and the files of meshes, textures, height fields, skins and sub-models are read here, so
+that a missing one is told with file and line, and a map can be kept with a run. File names follow MuJoCo's rules:
+relative to the folder of the main file, below `meshdir`, `texturedir` or `assetdir` of <compiler>. In the text every
+element stands on a line of its own, which turns the line that MuJoCo's compiler complains about into the user's own.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.parsers.expat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+from hil.signals.errors import ConfigError, Problem
+from sim.scene.scene_file import shown
+
+MAX_XML_BYTES = 64_000_000
+MAX_ASSET_BYTES = 1_000_000_000
+MAX_DEPTH = 200
+
+_DIRS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
+_TEXTURE_SIDES = ("fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+_TEXTS = frozenset(
+    ("name", "file", "class", "childclass", "material", "mesh", "texture", "hfield", "model", *_TEXTURE_SIDES)
+)
+_LENGTHS = frozenset(("pos", "size", "fromto"))
+_NO_NUMBER = re.compile(r"(?<![\w.])[+-]?(?:nan|inf|infinity)(?![\w.])", re.IGNORECASE)
+MAX_LENGTH_M = 1.0e5
+_COMPILER_PATHS = ("meshdir", "texturedir", "assetdir", "strippath")
+
+
+@dataclass
+class Element:
+    """An XML element that knows its place."""
+
+    tag: str
+    attributes: dict[str, str]
+    source: str
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    @property
+    def where(self) -> str:
+        return f"{self.source}:{self.line}"
+
+    def walk(self) -> Iterator[Element]:
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+@dataclass(frozen=True)
+class MapFile:
+    """One MJCF text, the files it names, and where its elements were written."""
+
+    text: str
+    assets: dict[str, bytes]
+    root: Element
+    elements: tuple[Element, ...]  # element of each line of `text` but its end tags'; line 1 first
+    asset_elements: dict[str, Element]
+
+    def where(self, tag: str, name: str) -> str:
+        """'file:line' of the element `tag` called `name`, or of the whole file."""
+        for element in self.root.walk():
+            if element.tag == tag and element.attributes.get("name") == name:
+                return element.where
+        return self.root.source
+
+    def problem(self, error: str) -> Problem:
+        """What MuJoCo said about `text`, at the user's own line."""
+        message = " ".join(error.removeprefix("XML Error: ").removeprefix("Error: ").split())
+        message = re.sub(r" Element name '', id -?\d+| Element '\w+'", "", message)
+        message = re.sub(r" Element name '(.+)', id -?\d+", r" (\1)", message)
+        found = re.search(r",? ?\(?line[ =]+(\d+)(?:, column \d+)?\)?", message)
+        if found is not None and 0 < int(found[1]) <= len(self.elements):
+            element = self.elements[int(found[1]) - 1]
+            message = message.replace(found[0], "", 1)
+        else:
+            element = self.root
+            for name, named in self.asset_elements.items():
+                if name in message:
+                    element = named
+        for name, named in self.asset_elements.items():
+            message = message.replace(name, named.attributes.get("file", name))
+        return Problem(element.where, f"MuJoCo cannot compile this map: {message}")
+
+
+def read_map_file(path: Path, *, inside: tuple[Path, ...] = ()) -> MapFile:
+    """Raises ConfigError with every problem found. `inside`: the files whose sub-model this one is."""
+    return _Reading(path, inside).file()
+
+
+def parse_xml(path: Path, where: str = "") -> Element:
+    """Raises ConfigError, which names `where` if the file cannot be read at all."""
+    source = shown(path)
+    try:
+        if not path.exists():
+            raise ConfigError([Problem(where or source, f"no such file: {source}" if where else "no such file")])
+        if not path.is_file():
+            raise ConfigError([Problem(where or source, f"{source} is not a regular file")])
+        if path.stat().st_size > MAX_XML_BYTES:
+            raise ConfigError([Problem(source, f"is longer than the {MAX_XML_BYTES / 1e6:g} MB that are read")])
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise ConfigError([Problem(where or source, f"{source} cannot be read: {error}")]) from None
+    if not data.strip():
+        raise ConfigError([Problem(source, "is empty", "an MJCF file begins with <mujoco>")])
+    parser = xml.parsers.expat.ParserCreate()
+    open_elements: list[Element] = []
+    roots: list[Element] = []
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, source, parser.CurrentLineNumber)
+        if len(open_elements) > MAX_DEPTH:
+            raise ConfigError([Problem(element.where, f"is nested too deeply: more than {MAX_DEPTH} elements")])
+        (open_elements[-1].children if open_elements else roots).append(element)
+        open_elements.append(element)
+
+    def end(_tag: str) -> None:
+        open_elements.pop()
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    try:
+        parser.Parse(data, True)
+    except xml.parsers.expat.ExpatError as error:
+        what = xml.parsers.expat.ErrorString(error.code)
+        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {what}")]) from None
+    except (ValueError, LookupError) as error:  # an encoding that nobody knows
+        raise ConfigError([Problem(f"{source}:1", f"is not valid XML: {error}")]) from None
+    return roots[0]
+
+
+def _as_numbers(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []  # MuJoCo says so
+
+
+class _Reading:
+    """One read on its way."""
+
+    def __init__(self, path: Path, inside: tuple[Path, ...]) -> None:
+        self._path = path
+        self._inside = (*inside, path.resolve())
+        self._problems: list[Problem] = []
+        self._assets: dict[str, bytes] = {}
+        self._asset_names: dict[Path, str] = {}
+        self._asset_elements: dict[str, Element] = {}
+        self._size = 0
+
+    def file(self) -> MapFile:
+        root = parse_xml(self._path)
+        if root.tag == "robot":
+            raise ConfigError([Problem(root.where, "is URDF, not MJCF", "MuJoCo's own `compile` turns it into MJCF")])
+        if root.tag != "mujoco":
+            raise ConfigError([Problem(root.where, f"is not MJCF: it begins with <{root.tag}>, not with <mujoco>")])
+        self._include(root, self._path, [self._path.resolve()], set())
+        paths: dict[str, str] = {}
+        for element in root.walk():
+            if element.tag == "compiler":
+                for key in _COMPILER_PATHS:
+                    if key in element.attributes:
+                        paths[key] = element.attributes.pop(key)
+        for element in root.walk():
+            self._numbers(element)
+            self._files(element, paths)
+        if self._problems:
+            raise ConfigError(self._problems)
+        lines: list[str] = []
+        elements: list[Element] = []
+        _write(root, lines, elements)
+        text = "\n".join(lines)
+        return MapFile(text, self._assets, root, tuple(elements), self._asset_elements)
+
+    def _include(self, parent: Element, path: Path, inside: list[Path], seen: set[Path]) -> None:
+        children: list[Element] = []
+        for child in parent.children:
+            if child.tag != "include":
+                self._include(child, path, inside, seen)
+                children.append(child)
+                continue
+            name = child.attributes.get("file", "")
+            if not name:
+                self._problems.append(Problem(child.where, "<include> names no file"))
+                continue
+            other = next((p for p in (self._path.parent / name, path.parent / name) if p.is_file()), None)
+            if other is None:
+                self._problems.append(Problem(child.where, f"<include> names a file that does not exist: {name}"))
+                continue
+            resolved = other.resolve()
+            if resolved in inside:
+                self._problems.append(Problem(child.where, f"<include> of {name}, which includes this file itself"))
+                continue
+            if resolved in seen:
+                self._problems.append(Problem(child.where, f"<include> of {name} a second time: MJCF allows one"))
+                continue
+            seen.add(resolved)
+            try:
+                included = parse_xml(other, child.where)
+            except ConfigError as error:
+                self._problems += error.problems
+                continue
+            self._include(included, other, [*inside, resolved], seen)
+            children += included.children
+        parent.children = children
+
+    def _numbers(self, element: Element) -> None:
+        """MuJoCo takes any number; one that is no place or size would spoil everything that is computed from it."""
+        for key, value in element.attributes.items():
+            if key in _TEXTS:
+                continue
+            if _NO_NUMBER.search(value):
+                message = f"<{element.tag}> {key} must hold finite numbers, not {value[:60]!r}"
+                self._problems.append(Problem(element.where, message))
+            elif key in _LENGTHS and any(abs(number) > MAX_LENGTH_M for number in _as_numbers(value)):
+                message = f"<{element.tag}> {key} goes beyond {MAX_LENGTH_M:g} m: {value[:60]!r}"
+                self._problems.append(Problem(element.where, message))
+
+    def _files(self, element: Element, paths: dict[str, str]) -> None:
+        tag = element.tag
+        if tag in _DIRS:
+            folder = paths.get(_DIRS[tag], paths.get("assetdir", ""))
+            for key in ("file", *(_TEXTURE_SIDES if tag == "texture" else ())):
+                name = element.attributes.get(key)
+                if not name:
+                    continue
+                if paths.get("strippath") == "true":
+                    name = re.split(r"[/\\]", name)[-1]
+                if key == "file" and tag != "skin":
+                    element.attributes.setdefault("name", Path(name).stem)
+                element.attributes[key] = self._asset(element, self._path.parent / folder / name, name)
+        elif tag == "model" and "file" in element.attributes:
+            name = element.attributes["file"]
+            self._sub_model(element, self._path.parent / name, name)
+        elif tag in ("flexcomp", "flex"):
+            message = f"<{tag}> bends by itself, which the bench does not simulate"
+            self._problems.append(Problem(element.where, message, "leave it out"))
+
+    def _asset(self, element: Element, path: Path, name: str) -> str:
+        """The name in `assets` of a file, which is read once."""
+        known = self._asset_names.get(path)
+        if known is not None:
+            return known
+        what = f"<{element.tag}>"
+        try:
+            if not path.is_file():
+                message = f"{what} names a file that does not exist: {name}"
+                self._problems.append(Problem(element.where, message, f"looked for {shown(path)}"))
+                return name
+            self._size += path.stat().st_size
+            if self._size > MAX_ASSET_BYTES:
+                limit = f"more than {MAX_ASSET_BYTES / 1e9:g} GB of files"
+                raise ConfigError([*self._problems, Problem(element.where, f"{what}: {limit}")])
+            data = path.read_bytes()
+        except (OSError, ValueError) as error:
+            self._problems.append(Problem(element.where, f"{what}: {name!r} cannot be read: {error}"))
+            return name
+        if not data:
+            self._problems.append(Problem(element.where, f"{what} names a file that is empty: {name}"))
+        flat = f"{len(self._assets):04d}_{re.sub(r'[^A-Za-z0-9_.-]', '_', path.name)}"
+        self._asset_names[path] = flat
+        self._assets[flat] = data
+        self._asset_elements[flat] = Element(element.tag, {"file": name}, element.source, element.line)
+        return flat
+
+    def _sub_model(self, element: Element, path: Path, name: str) -> None:
+        if path.resolve() in self._inside:
+            self._problems.append(Problem(element.where, f"<model> of {name}, which this file is itself part of"))
+            return
+        try:
+            sub = read_map_file(path, inside=self._inside) if path.is_file() else None
+        except ConfigError as error:
+            self._problems += error.problems
+            return
+        if sub is None:
+            self._problems.append(Problem(element.where, f"<model> names a file that does not exist: {name}"))
+            return
+        number = len(self._assets)
+        text = sub.text
+        for flat, data in sub.assets.items():
+            renamed = f"{number:04d}_{flat}"
+            text = text.replace(f'"{flat}"', f'"{renamed}"')
+            self._assets[renamed] = data
+            self._asset_elements[renamed] = sub.asset_elements[flat]
+        element.attributes.setdefault("name", sub.root.attributes.get("model", path.stem))
+        flat = f"{number:04d}_{path.stem}.xml"
+        self._assets[flat] = text.encode()
+        self._asset_elements[flat] = Element(element.tag, {"file": name}, element.source, element.line)
+        element.attributes["file"] = flat
+
+
+def _write(element: Element, lines: list[str], elements: list[Element]) -> None:
+    """Every start and end tag on its own line; `elements` names the element of each line."""
+    attributes = "".join(f" {key}={quoteattr(value)}" for key, value in element.attributes.items())
+    elements.append(element)
+    if not element.children:
+        lines.append(f"<{element.tag}{attributes}/>")
+        return
+    lines.append(f"<{element.tag}{attributes}>")
+    for child in element.children:
+        _write(child, lines, elements)
+    lines.append(f"</{element.tag}>")
+    elements.append(element)

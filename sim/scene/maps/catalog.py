@@ -1,0 +1,27 @@
+"""The generators that a scene file may name: one file and one line here for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from sim.model_file import StrictModel
+from sim.scene.maps import city_park, radar_range, training_village, urban_delivery
+from sim.scene.maps.scene_map import SceneMap
+
+
+@dataclass(frozen=True)
+class Generator:
+    """`generate(parameters, seed)` is a pure function: same arguments, same bytes."""
+
+    parameters: type[StrictModel]
+    generate: Callable[[Any, int], SceneMap]
+
+
+GENERATORS: dict[str, Generator] = {
+    "city_park": Generator(city_park.CityParkParameters, city_park.generate),
+    "urban_delivery": Generator(urban_delivery.UrbanDeliveryParameters, urban_delivery.generate),
+    "training_village": Generator(training_village.TrainingVillageParameters, training_village.generate),
+    "radar_range": Generator(radar_range.RadarRangeParameters, radar_range.generate),
+}

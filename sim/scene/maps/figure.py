@@ -1,0 +1,81 @@
+"""A human figure: lengths from body height, and the shape of each limb.
+
+Segment lengths as shares of body height: Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. 2009,
+figure 4.1 (after Drillis & Contini 1966). Girths are drawn, not measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hil.signals.samples import Vec3
+
+LIMBS = (
+    "pelvis", "torso", "head",
+    "upper_arm_l", "forearm_l", "hand_l", "upper_arm_r", "forearm_r", "hand_r",
+    "thigh_l", "shank_l", "foot_l", "thigh_r", "shank_r", "foot_r",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LimbShape:
+    """One geom of a limb, in the limb's frame: x forward, y left, z towards the joint above."""
+
+    limb: str
+    part: str
+    kind: str
+    size: tuple[float, ...]
+    material: str  # shirt, trousers, skin, hair or shoe
+    pos: Vec3 = (0.0, 0.0, 0.0)
+    lateral: bool = False  # its axis lies along y instead of z
+    forward: bool = False  # its axis lies along x instead of z
+
+
+class Figure:
+    """Lengths [m] of a person of `height_m`, and the geoms of the limbs."""
+
+    def __init__(self, height_m: float) -> None:
+        h = self.height_m = height_m
+        self.thigh_m = 0.245 * h
+        self.shank_m = 0.246 * h
+        self.ankle_m = 0.039 * h  # above the sole
+        self.heel_m = 0.030 * h  # point of the sole that lands first, behind the ankle
+        self.ball_m = 0.085 * h  # point of the sole that leaves last, before the ankle
+        self.hip_half_m = 0.052 * h  # hip joints, half their distance
+        self.shoulder_half_m = 0.112 * h
+        self.shoulder_above_hip_m = 0.288 * h
+        self.head_above_hip_m = 0.408 * h
+        self.torso_above_hip_m = 0.175 * h
+        self.upper_arm_m = 0.172 * h
+        self.forearm_m = 0.150 * h
+        self.hand_m = 0.050 * h  # wrist to middle of the hand
+        self.leg_m = self.thigh_m + self.shank_m
+
+    def shapes(self) -> tuple[LimbShape, ...]:
+        h = self.height_m
+        shapes = [
+            LimbShape("pelvis", "hips", "ellipsoid", (0.068 * h, 0.097 * h, 0.075 * h), "trousers"),
+            LimbShape("torso", "trunk", "ellipsoid", (0.064 * h, 0.098 * h, 0.158 * h), "shirt"),
+            LimbShape(
+                "torso", "shoulders", "capsule", (0.040 * h, 0.085 * h), "shirt", (0.0, 0.0, 0.100 * h), lateral=True
+            ),
+            LimbShape("head", "neck", "capsule", (0.030 * h, 0.020 * h), "skin", (-0.006 * h, 0.0, -0.080 * h)),
+            LimbShape("head", "face", "ellipsoid", (0.052 * h, 0.044 * h, 0.066 * h), "skin"),
+            LimbShape(
+                "head", "hair", "ellipsoid", (0.054 * h, 0.048 * h, 0.052 * h), "hair", (-0.010 * h, 0.0, 0.022 * h)
+            ),
+        ]
+        for side in ("l", "r"):
+            shapes += [
+                LimbShape(f"upper_arm_{side}", "arm", "capsule", (0.028 * h, self.upper_arm_m / 2), "shirt"),
+                LimbShape(f"forearm_{side}", "arm", "capsule", (0.021 * h, self.forearm_m / 2), "skin"),
+                LimbShape(f"hand_{side}", "hand", "ellipsoid", (0.024 * h, 0.014 * h, 0.045 * h), "skin"),
+                LimbShape(f"thigh_{side}", "leg", "capsule", (0.044 * h, self.thigh_m / 2), "trousers"),
+                LimbShape(f"shank_{side}", "leg", "capsule", (0.030 * h, self.shank_m / 2), "trousers"),
+                # The foot's frame sits in the ankle. Its capsule rests on the sole: radius 0.022 h.
+                LimbShape(
+                    f"foot_{side}", "shoe", "capsule", (0.022 * h, 0.052 * h), "shoe",
+                    (0.035 * h, 0.0, 0.022 * h - self.ankle_m), forward=True,
+                ),
+            ]  # fmt: skip
+        return tuple(shapes)

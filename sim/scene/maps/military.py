@@ -1,0 +1,185 @@
+"""What stands in a training village: concrete shells of houses, towers and halls, containers, sandbags, barrels."""
+
+from __future__ import annotations
+
+from sim.scene.maps import surfaces, textures
+from sim.scene.maps.dice import Dice
+from sim.scene.maps.map_builder import MapBuilder, multiply, roll_quat, yaw_quat
+from sim.scene.maps.meshes import TURN_RAD, box_with_tiles, extrude_xz
+from sim.scene.maps.walls import Openings, add_shell
+
+STOREY_M = 3.2
+_QUARTER_RAD = 1.5707963267948966
+_UPRIGHT = roll_quat(_QUARTER_RAD)
+_WALL_M = 0.25
+_WALLS = ("blockwork", "concrete_wall", "render_sand", "render_grey")
+_CONTAINER = (3.03, 1.22, 1.295)  # half of a 20 foot container
+_CONTAINER_RGB = {
+    "rust": (0.52, 0.24, 0.15), "blue": (0.16, 0.30, 0.48), "olive": (0.30, 0.33, 0.19), "grey": (0.52, 0.54, 0.55),
+}  # fmt: skip
+
+
+def military_materials(builder: MapBuilder) -> None:
+    for name in ("blockwork", "concrete", "plaster", "sheet_metal", "sandbags", "wood"):
+        builder.texture(name, textures.png(name))
+    builder.material("blockwork", surfaces.CONCRETE, texture="blockwork", tile_m=(0.8, 0.8), specular=0.0)
+    builder.material("concrete_wall", surfaces.CONCRETE, texture="concrete", tile_m=2.5, specular=0.0)
+    builder.material(
+        "concrete_dark", surfaces.CONCRETE, rgb=(0.72, 0.71, 0.70), texture="concrete", tile_m=2.5, specular=0.0
+    )
+    builder.material(
+        "render_sand", surfaces.PLASTER, rgb=(0.83, 0.73, 0.56), texture="plaster", tile_m=3.0, specular=0.0
+    )
+    builder.material(
+        "render_grey", surfaces.PLASTER, rgb=(0.68, 0.68, 0.66), texture="plaster", tile_m=3.0, specular=0.0
+    )
+    builder.material("slab", surfaces.CONCRETE, rgb=(0.60, 0.59, 0.57), specular=0.0)
+    builder.material("sandbags", surfaces.SANDBAG, texture="sandbags", specular=0.0)
+    builder.material("crate", surfaces.WOOD, texture="wood", tile_m=0.8, specular=0.0)
+    builder.material("steel_dark", surfaces.PAINTED_METAL, rgb=(0.28, 0.29, 0.30), specular=0.3)
+    builder.material("rust", surfaces.PAINTED_METAL, rgb=(0.46, 0.26, 0.17), specular=0.1)
+    for name, rgb in _CONTAINER_RGB.items():
+        builder.material(f"container_{name}", surfaces.PAINTED_METAL, rgb=rgb, texture="sheet_metal", specular=0.2)
+        builder.material(f"barrel_{name}", surfaces.PAINTED_METAL, rgb=rgb, specular=0.3)
+
+
+def _rows(storeys: int, *, sill_m: float = 1.0, head_m: float = 2.2) -> tuple[tuple[float, float], ...]:
+    return tuple((STOREY_M * i + sill_m, STOREY_M * i + head_m) for i in range(storeys))
+
+
+def _sides(
+    dice: Dice, rows: tuple[tuple[float, float], ...], counts: tuple[int, int], width_m: float
+) -> list[Openings]:
+    """Windows on all four sides and a door in one of them."""
+    door_side = dice.index(4)
+    sides = []
+    for side in range(4):
+        count = counts[side % 2]
+        sides.append(Openings(rows, count, width_m, dice.index(max(count, 1)) if side == door_side else -1))
+    return sides
+
+
+def add_shell_house(
+    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
+) -> None:
+    """A house of `storeys` storeys, open windows, flat roof with a low parapet at its front."""
+    body = builder.body("house", (x, y, 0.0))
+    height = STOREY_M * storeys
+    counts = (max(1, int(half_x_m / 2.2)), max(1, int(half_y_m / 2.2)))
+    sides = _sides(dice, _rows(storeys), counts, 1.1)
+    floors = [STOREY_M * i for i in range(1, storeys)]
+    add_shell(
+        body,
+        half_x_m,
+        half_y_m,
+        height,
+        _WALL_M,
+        sides,
+        material=dice.pick(_WALLS),
+        slab_material="slab",
+        floors_m=floors,
+    )
+
+
+def add_tall_block(
+    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
+) -> None:
+    """A block of 4 storeys (12.8 m and a roof): reaches a flight at 10 m."""
+    body = builder.body("tower", (x, y, 0.0))
+    counts = (2 if half_x_m > 4.0 else 1, 2 if half_y_m > 4.0 else 1)
+    sides = _sides(dice, _rows(storeys), counts, 1.3)
+    height = STOREY_M * storeys
+    floors = [STOREY_M * i for i in range(1, storeys)]
+    add_shell(
+        body, half_x_m, half_y_m, height, 0.3, sides, material=dice.pick(_WALLS), slab_material="slab", floors_m=floors
+    )
+    # Housing of the stairs on the roof.
+    body.geom("box", (1.2, 1.0, 0.9), pos=(0.3 * half_x_m, 0.0, height + 1.1), material="concrete_dark", part="stairs")
+
+
+def add_hall(
+    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, height_m: float
+) -> None:
+    """A hall with one high row of windows and a gate of 3.6 x 5 m in each long side."""
+    body = builder.body("hall", (x, y, 0.0))
+    row = ((5.0, 7.4),)
+    counts = (max(1, int(half_x_m / 2.6)), max(1, int(half_y_m / 2.6)))
+    long_x = half_x_m >= half_y_m
+    sides = []
+    for side in range(4):
+        count = counts[side % 2]
+        gate = (side % 2 == 0) == long_x
+        sides.append(Openings(row, count, 3.0, dice.index(count) if gate else -1))
+    add_shell(
+        body, half_x_m, half_y_m, height_m, 0.35, sides, material="concrete_wall", slab_material="steel_dark"
+    )  # fmt: skip
+
+
+def add_water_tower(builder: MapBuilder, x: float, y: float) -> None:
+    """A tank of 3.6 m across between 8.5 and 13.5 m, on four legs."""
+    body = builder.body("tower", (x, y, 0.0), yaw_quat(0.3))
+    for i, (px, py) in enumerate(((-1.2, -1.2), (1.2, -1.2), (1.2, 1.2), (-1.2, 1.2))):
+        leg = (1.25 * px, 1.25 * py, 0.0, px, py, 8.6)
+        body.geom("capsule", (0.14,), fromto=leg, material="steel_dark", part=f"leg_{i}")
+    body.geom("cylinder", (1.8, 2.3), pos=(0.0, 0.0, 10.9), material="rust", part="tank")
+    body.geom("ellipsoid", (1.8, 1.8, 0.7), pos=(0.0, 0.0, 13.2), material="rust", part="lid")
+
+
+def add_chimney(builder: MapBuilder, x: float, y: float, height_m: float) -> None:
+    body = builder.body("tower", (x, y, 0.0))
+    body.geom("cylinder", (0.9, height_m / 2), pos=(0.0, 0.0, height_m / 2), material="concrete_dark", part="stack")
+    body.geom("cylinder", (1.0, 0.3), pos=(0.0, 0.0, height_m - 0.3), material="steel_dark", part="rim")
+
+
+def add_container(builder: MapBuilder, dice: Dice, x: float, y: float, heading_rad: float, *, stacked: bool) -> None:
+    """One 20 foot container, or two on top of each other."""
+    mesh = builder.mesh("container", box_with_tiles(_CONTAINER, (1.8, 2.59)))
+    body = builder.body("container", (x, y, 0.0), yaw_quat(heading_rad))
+    for i in range(2 if stacked else 1):
+        colour = dice.pick(tuple(_CONTAINER_RGB))
+        z = _CONTAINER[2] * (2 * i + 1)
+        body.geom("mesh", mesh=mesh, material=f"container_{colour}", pos=(0.0, 0.0, z), part=f"box_{i}")
+
+
+def add_barrels(builder: MapBuilder, dice: Dice, x: float, y: float) -> None:
+    """Three to five drums standing together."""
+    body = builder.body("barrel", (x, y, 0.0), yaw_quat(dice.between(0.0, TURN_RAD)))
+    spots = ((0.0, 0.0), (0.64, 0.05), (0.3, 0.6), (-0.4, 0.55), (0.95, 0.6))
+    for i, (px, py) in enumerate(spots[: 3 + dice.index(3)]):
+        colour = dice.pick(tuple(_CONTAINER_RGB))
+        body.geom("cylinder", (0.29, 0.44), pos=(px, py, 0.44), material=f"barrel_{colour}", part=f"drum_{i}")
+
+
+def add_sandbags(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
+    """A breastwork of 4 m, with two short wings."""
+    front = builder.mesh("sandbags_4", box_with_tiles((2.0, 0.3, 0.5), (1.0, 1.0)))
+    wing = builder.mesh("sandbags_1", box_with_tiles((0.3, 0.7, 0.5), (1.0, 1.0)))
+    body = builder.body("sandbags", (x, y, 0.0), yaw_quat(heading_rad))
+    body.geom("mesh", mesh=front, material="sandbags", pos=(0.0, 0.0, 0.5), part="front")
+    for name, px in (("left", -1.7), ("right", 1.7)):
+        body.geom("mesh", mesh=wing, material="sandbags", pos=(px, -0.95, 0.5), part=name)
+
+
+def add_crates(builder: MapBuilder, dice: Dice, x: float, y: float) -> None:
+    body = builder.body("crate", (x, y, 0.0), yaw_quat(dice.between(0.0, TURN_RAD)))
+    for i, (px, py, pz) in enumerate(((0.0, 0.0, 0.45), (1.0, 0.1, 0.45), (0.45, 0.05, 1.35))[: 2 + dice.index(2)]):
+        body.geom("box", (0.45, 0.45, 0.45), pos=(px, py, pz), material="crate", part=f"box_{i}")
+
+
+def add_barrier(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
+    """A concrete road barrier of 3 m, 0.8 m high."""
+    profile = [(-0.3, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.8), (-0.1, 0.8), (-0.3, 0.1)]
+    mesh = builder.mesh("barrier", extrude_xz(profile, 1.5))
+    body = builder.body("barrier", (x, y, 0.0), yaw_quat(heading_rad))
+    body.geom("mesh", mesh=mesh, material="slab")
+
+
+def add_yard_wall(
+    builder: MapBuilder, x: float, y: float, half_length_m: float, heading_rad: float, height_m: float
+) -> None:
+    """A free-standing wall."""
+    body = builder.body("wall", (x, y, 0.0), yaw_quat(heading_rad))
+    size = (half_length_m, height_m / 2, 0.1)
+    body.geom(
+        "box", size, pos=(0.0, 0.0, height_m / 2), quat=multiply((1.0, 0.0, 0.0, 0.0), _UPRIGHT), material="blockwork"
+    )

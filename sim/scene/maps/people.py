@@ -1,0 +1,151 @@
+"""People on a map: walking, standing, sitting. Height, hair and clothes come from the dice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.signals.samples import Vec3
+from sim.scene.maps import surfaces
+from sim.scene.maps.dice import Dice
+from sim.scene.maps.figure import LIMBS, Figure, LimbShape
+from sim.scene.maps.gait import Row, arm_rows, leg_rows
+from sim.scene.maps.map_builder import IDENTITY, Body, MapBuilder, Quat, multiply, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.scene_map import Float64
+from sim.scene.maps.walk_path import WalkPath
+from sim.scene.maps.walker import Walker
+
+_QUARTER_RAD = 1.5707963267948966
+_ALONG_Y = roll_quat(_QUARTER_RAD)
+_ALONG_X = pitch_quat(_QUARTER_RAD)
+
+_SHIRTS = {
+    "white": (0.88, 0.88, 0.86), "navy": (0.12, 0.17, 0.33), "red": (0.70, 0.14, 0.13), "green": (0.17, 0.38, 0.22),
+    "mustard": (0.80, 0.60, 0.18), "sky": (0.42, 0.62, 0.80), "black": (0.10, 0.10, 0.11), "rose": (0.80, 0.50, 0.55),
+    "orange": (0.88, 0.42, 0.10),
+}  # fmt: skip
+_TROUSERS = {
+    "denim": (0.20, 0.28, 0.45), "charcoal": (0.16, 0.16, 0.18), "khaki": (0.55, 0.48, 0.34),
+    "brown": (0.33, 0.23, 0.16),
+}  # fmt: skip
+_SOLDIER = {"olive": (0.30, 0.32, 0.18), "camo": (0.38, 0.36, 0.24)}
+_SKINS = {"a": (0.87, 0.68, 0.56), "b": (0.74, 0.54, 0.40), "c": (0.50, 0.34, 0.24), "d": (0.34, 0.22, 0.16)}
+_HAIRS = {
+    "dark": (0.09, 0.07, 0.06),
+    "brown": (0.28, 0.18, 0.10),
+    "fair": (0.66, 0.52, 0.30),
+    "grey": (0.60, 0.60, 0.60),
+}
+
+
+def _look(builder: MapBuilder, dice: Dice, *, soldier: bool) -> dict[str, str]:
+    """Material of each part of a person."""
+
+    def one(prefix: str, options: dict[str, Vec3], surface: surfaces.Surface) -> str:
+        colour = dice.pick(tuple(options))
+        return builder.material(f"{prefix}_{colour}", surface, rgb=options[colour])
+
+    return {
+        "shirt": one("cloth", _SOLDIER if soldier else _SHIRTS, surfaces.CLOTH),
+        "trousers": one("cloth", _SOLDIER if soldier else _TROUSERS, surfaces.CLOTH),
+        "skin": one("skin", _SKINS, surfaces.SKIN),
+        "hair": one("cloth", _SOLDIER, surfaces.CLOTH) if soldier else one("hair", _HAIRS, surfaces.HAIR),
+        "shoe": builder.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08)),
+    }
+
+
+def _shape_geom(body: Body, shape: LimbShape, material: str, pos: Vec3, quat: Quat, part: str) -> None:
+    turn = _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else IDENTITY
+    body.geom(shape.kind, shape.size, material=material, pos=pos, quat=multiply(quat, turn), part=part)
+
+
+def _next_name(builder: MapBuilder) -> str:
+    return builder.next_name("person", digits=2)
+
+
+def add_walker(
+    builder: MapBuilder,
+    dice: Dice,
+    path: WalkPath,
+    *,
+    soldier: bool = False,
+    height_m: float | None = None,
+    ground_m: float = 0.0,
+) -> Walker:
+    """A walking person on `path`: an actor of the map."""
+    figure = Figure(height_m or dice.between(1.55, 1.93))
+    look = _look(builder, dice, soldier=soldier)
+    walker = Walker(_next_name(builder), figure, path, ground_m=ground_m)
+    n = len(LIMBS)
+    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+    walker.pose(0, p, q, v, w)
+    for i, limb in enumerate(LIMBS):
+        body = builder.limb(walker.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
+        for shape in figure.shapes():
+            if shape.limb == limb:
+                _shape_geom(body, shape, look[shape.material], shape.pos, IDENTITY, shape.part)
+    builder.classify("person", "person_*")
+    builder.actor(walker)
+    return walker
+
+
+def _vec(rows: Float64, i: int) -> Vec3:
+    return float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2])
+
+
+def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
+    heights = (0.0, figure.torso_above_hip_m, figure.head_above_hip_m)
+    return [(0.0, 0.0, hip_z + up, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for up in heights]
+
+
+def _standing(figure: Figure, dice: Dice) -> list[Row]:
+    hip_z = figure.ankle_m + 0.992 * figure.leg_m
+    rows = _trunk_rows(figure, hip_z)
+    up = hip_z + figure.shoulder_above_hip_m
+    for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
+        bend = dice.between(0.1, 0.4) if dice.chance(0.6) else 1.6  # arms down, or one hand up as on a telephone
+        rows += arm_rows(figure, (0.0, side, up, 0.0, 0.0, 0.0), (-0.1, 0.0), (-0.1 - bend, 0.0))
+    for side in (figure.hip_half_m, -figure.hip_half_m):
+        ahead = dice.between(-0.03, 0.05)
+        rows += leg_rows(figure, side, (0.0, hip_z, 0.0, 0.0), (ahead, figure.ankle_m, 0.0, 0.0), (0.0, 0.0))
+    return rows
+
+
+def _sitting(figure: Figure, seat_m: float) -> list[Row]:
+    hip_z = seat_m + 0.07 * figure.height_m
+    rows = _trunk_rows(figure, hip_z)
+    up = hip_z + figure.shoulder_above_hip_m
+    for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
+        rows += arm_rows(figure, (0.0, side, up, 0.0, 0.0, 0.0), (-0.35, 0.0), (-1.25, 0.0))
+    for side in (figure.hip_half_m, -figure.hip_half_m):
+        ahead = 0.93 * figure.thigh_m
+        rows += leg_rows(figure, side, (0.0, hip_z, 0.0, 0.0), (ahead, figure.ankle_m, 0.0, 0.0), (0.0, 0.0))
+    return rows
+
+
+def add_still_person(
+    builder: MapBuilder,
+    dice: Dice,
+    x: float,
+    y: float,
+    heading_rad: float,
+    *,
+    seat_m: float = 0.0,
+    soldier: bool = False,
+    ground_m: float = 0.0,
+) -> None:
+    """One who stands at (x, y), or with `seat_m` sits there at that height: one static body."""
+    figure = Figure(dice.between(1.55, 1.93))
+    look = _look(builder, dice, soldier=soldier)
+    rows = _sitting(figure, seat_m) if seat_m else _standing(figure, dice)
+    builder.classify("person", "person_*")
+    body = builder.named_body(_next_name(builder), (x, y, ground_m), yaw_quat(heading_rad))
+    for limb, row in zip(LIMBS, rows, strict=True):
+        pitch: Quat = (row[3], 0.0, row[4], 0.0)
+        for shape in figure.shapes():
+            if shape.limb != limb:
+                continue
+            # Rotation about y by the limb's pitch: x' = x cos + z sin, z' = z cos - x sin.
+            c, s = row[3] * row[3] - row[4] * row[4], 2.0 * row[3] * row[4]
+            px, py, pz = shape.pos
+            pos = (row[0] + px * c + pz * s, row[1] + py, row[2] + pz * c - px * s)
+            _shape_geom(body, shape, look[shape.material], pos, pitch, f"{limb}_{shape.part}")

@@ -1,0 +1,392 @@
+"""A suburb for last-mile delivery, 120 x 120 m: two streets each way, eight blocks of family houses, and a depot lot in
+the middle, where the vehicle starts.
+
+Streets have kerbs, lane dashes and zebra crossings; houses have doors, windows, pitched roofs, fences and gardens.
+Drop zones (class `drop_zone`) are marked squares of `zone_m` in gardens: flat, under open sky.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Annotated
+
+from pydantic import Field
+
+from sim._kernels import det_cos, det_sin
+from sim.model_file import StrictModel
+from sim.scene.maps import surfaces, textures
+from sim.scene.maps.buildings import add_block, add_house, building_materials
+from sim.scene.maps.cars import add_car
+from sim.scene.maps.dice import Dice
+from sim.scene.maps.layout import Layout, Point
+from sim.scene.maps.map_builder import MapBuilder, yaw_quat
+from sim.scene.maps.meshes import TURN_RAD, ellipse, ribbon
+from sim.scene.maps.people import add_still_person, add_walker
+from sim.scene.maps.plants import add_bush, add_tree, plant_materials
+from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
+from sim.scene.maps.walk_path import WalkPath, there_and_back
+
+_STREET_M = 21.0  # middles of the streets at +- this
+_LANE_M = 3.5  # half of a street
+_EDGE_M = 60.0
+_INNER_M, _OUTER_M = _STREET_M - _LANE_M, _STREET_M + _LANE_M
+_KERB_M = 0.12  # top of the pavement
+_LAWN_M = 0.14
+_FRONT_M = 2.2  # width of the pavement
+_QUARTER_RAD = 1.5707963267948966
+
+
+class UrbanDeliveryParameters(StrictModel):
+    """How much of what."""
+
+    drop_zones: Annotated[int, Field(ge=0, le=24)] = 8
+    zone_m: Annotated[float, Field(ge=0.5, le=3.0)] = 1.6
+    parked_vehicles: Annotated[int, Field(ge=0, le=60)] = 14
+    trees: Annotated[int, Field(ge=0, le=200)] = 24
+    walkers: Annotated[int, Field(ge=0, le=60)] = 8
+    standing_people: Annotated[int, Field(ge=0, le=40)] = 3
+
+
+@dataclass(frozen=True)
+class Lot:
+    """A house's ground: (x, y) is the middle of its front at the pavement, `heading` looks from there to the street."""
+
+    x: float
+    y: float
+    heading_rad: float
+    width_m: float
+    depth_m: float
+
+    def at(self, back_m: float, left_m: float) -> Point:
+        """Point `back_m` behind the front and `left_m` to the left of one who looks to the street."""
+        c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
+        return self.x - back_m * c - left_m * s, self.y - back_m * s + left_m * c
+
+
+class _Suburb:
+    def __init__(self, parameters: UrbanDeliveryParameters, seed: int) -> None:
+        self.parameters = parameters
+        self.seed = seed
+        self.builder = MapBuilder("urban_delivery")
+        self.layout = Layout()
+        self.layout.take_disc(0.0, 0.0, 6.0)
+
+    def dice(self, name: str) -> Dice:
+        return Dice(self.seed, f"urban_delivery.{name}")
+
+    def materials(self) -> None:
+        b = self.builder
+        plant_materials(b)
+        furniture_materials(b)
+        building_materials(b)
+        for name in ("grass", "asphalt", "paving", "gravel"):
+            b.texture(name, textures.png(name))
+        b.material("grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
+        b.material("lawn", surfaces.GRASS, rgb=(1.0, 1.0, 0.9), texture="grass", tile_m=5.0, specular=0.0)
+        b.material("asphalt", surfaces.ASPHALT, texture="asphalt", tile_m=4.0, specular=0.0)
+        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.25, 1.25, 1.28), texture="asphalt", tile_m=4.0, specular=0.0)
+        b.material("paving", surfaces.CONCRETE, texture="paving", tile_m=2.4, specular=0.0)
+        b.material("drive", surfaces.GRAVEL, texture="gravel", tile_m=2.0, specular=0.0)
+        b.material("kerb", surfaces.STONE, rgb=(0.70, 0.69, 0.66), specular=0.0)
+        b.material("road_paint", surfaces.ROAD_PAINT, rgb=(0.93, 0.93, 0.91), specular=0.0)
+        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.95, 0.95, 0.95), specular=0.0)
+        b.material("zone_blue", surfaces.ROAD_PAINT, rgb=(0.08, 0.30, 0.72), specular=0.0)
+        b.material("zone_orange", surfaces.ROAD_PAINT, rgb=(0.95, 0.45, 0.05), specular=0.0)
+        b.material("gate", surfaces.PAINTED_METAL, rgb=(0.25, 0.40, 0.55), specular=0.3)
+        b.material("fence", surfaces.WOOD, rgb=(0.93, 0.92, 0.88), specular=0.0)
+        b.material("fence_brown", surfaces.WOOD, rgb=(0.45, 0.31, 0.20), specular=0.0)
+
+    def streets(self) -> None:
+        b = self.builder
+        b.ground("plane", (0.0, 0.0, 1.0), material="grass")
+        reach = _EDGE_M + 4.0
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * _QUARTER_RAD))
+                top = 0.012 if axis == 0 else 0.008
+                road.geom(
+                    "box",
+                    (reach, _LANE_M, 0.02),
+                    pos=(0.0, 0.0, top - 0.02),
+                    material="asphalt",
+                    solid=False,
+                    part="lanes",
+                )
+                x = -reach + 2.0
+                i = 0
+                while x < reach:
+                    if min(abs(abs(x) - _STREET_M), abs(abs(x + 2.0) - _STREET_M)) > _LANE_M + 3.0:
+                        road.geom(
+                            "box",
+                            (0.9, 0.06, 0.01),
+                            pos=(x, 0.0, 0.012),
+                            material="road_paint",
+                            solid=False,
+                            part=f"dash_{i}",
+                        )
+                        i += 1
+                    x += 6.0
+        for side_x in (-1.0, 1.0):
+            for side_y in (-1.0, 1.0):
+                zebra = b.body("crossing", (side_x * (_INNER_M - 2.0), side_y * _STREET_M, 0.0))
+                for k in range(6):
+                    y = -_LANE_M + 0.55 + 1.16 * k
+                    zebra.geom(
+                        "box",
+                        (1.4, 0.27, 0.01),
+                        pos=(0.0, y, 0.013),
+                        material="road_paint",
+                        solid=False,
+                        part=f"bar_{k}",
+                    )
+
+    def depot(self) -> None:
+        """Middle block: a lot at ground level with a start pad, a kerb round it, the depot and its vans."""
+        b, dice = self.builder, self.dice("depot")
+        lot = b.body("road")
+        lot.geom(
+            "box", (_INNER_M - 2.4, _INNER_M - 2.4, 0.02), pos=(0.0, 0.0, -0.012), material="lot_asphalt", solid=False
+        )
+        walk = b.body("pavement")
+        h = _INNER_M - _FRONT_M / 2
+        for i, (x, y, hx, hy) in enumerate(
+            (
+                (0.0, h, _INNER_M, _FRONT_M / 2),
+                (0.0, -h, _INNER_M, _FRONT_M / 2),
+                (-h, 0.0, _FRONT_M / 2, h - _FRONT_M / 2),
+            )
+        ):
+            walk.geom(
+                "box", (hx, hy, _KERB_M / 2 + 0.02), pos=(x, y, _KERB_M / 2 - 0.02), material="paving", part=f"side_{i}"
+            )
+        pad = b.body("pad")
+        ring = b.mesh("pad_ring", ribbon(ellipse(1.6, 1.6, 32), 0.1, -0.03, 0.014, tile_m=1.0, closed=True))
+        pad.geom("mesh", mesh=ring, material="zone_white", solid=False, part="ring")
+        for part, size, pos in (
+            ("left", (0.09, 0.55, 0.01), (-0.4, 0.0, 0.004)),
+            ("right", (0.09, 0.55, 0.01), (0.4, 0.0, 0.004)),
+            ("bar", (0.31, 0.09, 0.01), (0.0, 0.0, 0.004)),
+        ):
+            pad.geom("box", size, pos=pos, material="zone_white", solid=False, part=part)
+        add_block(b, dice, -1.0, 11.2, 0.0, 6, 2, 2)
+        for x in (-8.5, -2.5, 3.5):
+            gate = b.body("gate", (x, 8.17, 0.0))
+            gate.geom("box", (1.3, 0.06, 1.3), pos=(0.0, 0.0, 1.3), material="gate", solid=False)
+        self.layout.take_box(-10.6, 7.6, 8.6, 14.8)
+        for i in range(4):
+            x, y = 12.2, -11.0 + 3.4 * i
+            if i < 3:
+                add_car(b, dice, x - 1.0, y, 0.0, van=True, paint="white")
+            self.layout.take_box(x - 4.0, y - 1.3, x + 2.0, y + 1.3)
+            mark = b.body("marking", (11.2, y + 1.7, 0.0))
+            mark.geom("box", (2.6, 0.05, 0.01), pos=(0.0, 0.0, 0.005), material="road_paint", solid=False)
+
+    def blocks(self) -> None:
+        b, dice = self.builder, self.dice("blocks")
+        self.lots: list[Lot] = []
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                if i == j == 0:
+                    continue
+                x0, x1 = _span(i)
+                y0, y1 = _span(j)
+                cx, cy, hx, hy = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
+                body = b.body("pavement", (cx, cy, 0.0))
+                body.geom("box", (hx, hy, 0.1), pos=(0.0, 0.0, _KERB_M - 0.1), material="paving", part="slab")
+                for k, (px, py, sx, sy) in enumerate(
+                    ((0, hy, hx, 0.08), (0, -hy, hx, 0.08), (hx, 0, 0.08, hy), (-hx, 0, 0.08, hy))
+                ):
+                    body.geom("box", (sx, sy, 0.1), pos=(px, py, _KERB_M - 0.095), material="kerb", part=f"kerb_{k}")
+                lawn = b.body("lawn", (cx, cy, 0.0))
+                lawn.geom(
+                    "box", (hx - _FRONT_M, hy - _FRONT_M, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.1), material="lawn"
+                )  # fmt: skip
+                # Houses look to the street on the side of the middle block; corner blocks to the one along x.
+                toward_y = j != 0
+                heading = (
+                    (-_QUARTER_RAD if j > 0 else _QUARTER_RAD) if toward_y else (3.141592653589793 if i > 0 else 0.0)
+                )
+                length = (x1 - x0) if toward_y else (y1 - y0)
+                depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * _FRONT_M
+                width = (length - 2.0 * _FRONT_M) / 3
+                for k in (-1, 0, 1):
+                    if toward_y:
+                        x, y = cx + k * width, (y0 + _FRONT_M if j > 0 else y1 - _FRONT_M)
+                    else:
+                        x, y = (x0 + _FRONT_M if i > 0 else x1 - _FRONT_M), cy + k * width
+                    self.lots.append(Lot(x, y, heading, width, depth))
+        for number, lot in enumerate(self.lots):
+            self.lot(dice, lot, number)
+
+    def lot(self, dice: Dice, lot: Lot, number: int) -> None:
+        b = self.builder
+        half_y = min(lot.width_m / 2 - 1.6, dice.between(3.4, 4.2))
+        half_x = dice.between(3.0, 3.8)
+        setback = dice.between(5.0, 6.5)
+        shift = dice.between(-0.5, 0.5)
+        x, y = lot.at(setback + half_x, shift)
+        add_house(b, dice, x, y, lot.heading_rad, half_x_m=half_x, half_y_m=half_y)
+        self.layout.take_disc(x, y, sqrt(half_x * half_x + half_y * half_y) + 0.4)
+        path = b.body("path", (*lot.at(setback / 2, shift), 0.0), yaw_quat(lot.heading_rad))
+        path.geom("box", (setback / 2, 0.6, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.095), material="drive", solid=False)
+        a, c = lot.at(0.0, shift), lot.at(setback, shift)
+        self.layout.take_band((a, c), 0.9)
+        # Fence towards the neighbour on the left, and hedged front for some.
+        if number % 3 != 2:
+            self.fence(lot.at(0.4, lot.width_m / 2), lot.at(lot.depth_m - 0.4, lot.width_m / 2), dice)
+
+    def fence(self, start: Point, end: Point, dice: Dice) -> None:
+        b = self.builder
+        dx, dy = end[0] - start[0], end[1] - start[1]
+        length = sqrt(dx * dx + dy * dy)
+        material = dice.pick(("fence", "fence_brown"))
+        heading = 0.0 if abs(dx) > abs(dy) else _QUARTER_RAD
+        body = b.body("fence", (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), _LAWN_M), yaw_quat(heading))
+        for k, z in enumerate((0.3, 0.62, 0.94)):
+            body.geom("box", (length / 2, 0.02, 0.1), pos=(0.0, 0.0, z), material=material, part=f"rail_{k}")
+        posts = max(2, round(length / 4.5))
+        for k in range(posts + 1):
+            body.geom(
+                "box",
+                (0.05, 0.05, 0.55),
+                pos=(length * (k / posts - 0.5), 0.0, 0.55),
+                material=material,
+                part=f"post_{k}",
+            )
+        self.layout.take_band((start, end), 0.3)
+
+    def drop_zones(self) -> None:
+        b, p, dice = self.builder, self.parameters, self.dice("drop_zones")
+        half = p.zone_m / 2
+        placed = 0
+        for lot in dice.shuffled(self.lots):
+            if placed == p.drop_zones:
+                break
+            for _ in range(30):
+                # In the front garden beside the path, or behind the house.
+                back = dice.between(1.6, 3.6) if dice.chance(0.4) else dice.between(16.0, lot.depth_m - 3.0)
+                left = dice.between(-1.0, 1.0) * (lot.width_m / 2 - 2.4)
+                x, y = lot.at(back, left)
+                if not self.layout.free(x, y, half + 1.0):
+                    continue
+                self.layout.take_disc(x, y, half + 1.6)
+                zone = b.body("drop_zone", (x, y, _LAWN_M), yaw_quat(lot.heading_rad))
+                for part, edge, top, material in (
+                    ("border", half, 0.010, "zone_blue"), ("field", 0.86 * half, 0.018, "zone_white"),
+                ):  # fmt: skip
+                    zone.geom(
+                        "box", (edge, edge, 0.01), pos=(0.0, 0.0, top - 0.01), material=material, solid=False, part=part
+                    )
+                zone.geom(
+                    "cylinder",
+                    (0.45 * half, 0.01),
+                    pos=(0.0, 0.0, 0.016),
+                    material="zone_orange",
+                    solid=False,
+                    part="mark",
+                )
+                placed += 1
+                break
+
+    def furniture(self) -> None:
+        b = self.builder
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                for along in (-48.0, -31.0, 0.0, 31.0, 48.0):
+                    x, y, _ = _turned(axis, along + 3.0 * side, side * (_OUTER_M + 0.5))
+                    heading = _to_street(axis, side)
+                    add_street_lamp(b, x, y, heading)
+                    self.layout.take_disc(x, y, 0.3)
+        dice = self.dice("bins")
+        for lot in self.lots:
+            if dice.chance(0.4):
+                x, y = lot.at(0.6, lot.width_m / 2 - 1.2)
+                if self.layout.free(x, y, 0.3):
+                    add_bin(b, x, y)
+                    self.layout.take_disc(x, y, 0.4)
+
+    def vehicles(self) -> None:
+        """Along the kerbs, clear of crossings."""
+        b, dice = self.builder, self.dice("vehicles")
+        spots = []
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                for along in (-54.0, -47.0, -40.0, -33.0, -9.0, -2.0, 5.0, 33.0, 40.0, 47.0, 54.0):
+                    for lane in (-1.0, 1.0):
+                        spots.append((axis, side, along, lane))
+        for axis, side, along, lane in dice.shuffled(spots)[: self.parameters.parked_vehicles]:
+            x, y, _ = _turned(axis, along + dice.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
+            heading = axis * _QUARTER_RAD + (0.0 if lane < 0 else 3.141592653589793)
+            add_car(b, dice, x, y, heading, van=dice.chance(0.25))
+
+    def plants(self) -> None:
+        b, p, dice = self.builder, self.parameters, self.dice("plants")
+        for _ in range(p.trees):
+            lot = dice.pick(self.lots)
+            for _ in range(20):
+                x, y = lot.at(dice.between(3.0, lot.depth_m - 2.0), dice.between(-0.5, 0.5) * (lot.width_m - 4.0))
+                if self.layout.free(x, y, 2.2):
+                    self.layout.take_disc(x, y, 2.2)
+                    add_tree(b, dice, x, y, size=0.85)
+                    break
+        for lot in self.lots:
+            x, y = lot.at(dice.between(1.2, 3.8), dice.between(-0.5, 0.5) * (lot.width_m - 2.5))
+            if self.layout.free(x, y, 0.8):
+                self.layout.take_disc(x, y, 0.8)
+                add_bush(b, dice, x, y)
+
+    def people(self) -> None:
+        """On the pavements: round a block, or to and fro along one side."""
+        b, p, dice = self.builder, self.parameters, self.dice("people")
+        blocks = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+        for k in range(p.walkers):
+            i, j = blocks[dice.index(len(blocks))]
+            inset = 1.1 + dice.between(-0.2, 0.3)
+            (x0, x1), (y0, y1) = _span(i), _span(j)
+            x0, x1, y0, y1 = x0 + inset, x1 - inset, y0 + inset, y1 - inset
+            speed, lap = dice.between(0.9, 1.5), dice.unit()
+            if k % 2 == 0:
+                corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+                path = WalkPath(corners[:: 1 if dice.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
+            else:
+                path = there_and_back((x0 + 1.0, y0), (x1 - 1.0, y0), speed, lane_m=0.5, start_lap=lap)
+            add_walker(b, dice, path, ground_m=_KERB_M)
+        for _ in range(p.standing_people):
+            lot = dice.pick(self.lots)
+            x, y = lot.at(dice.between(1.0, 4.0), dice.between(-3.0, 3.0))
+            if self.layout.free(x, y, 0.4):
+                self.layout.take_disc(x, y, 0.5)
+                add_still_person(b, dice, x, y, dice.between(0.0, TURN_RAD), ground_m=_LAWN_M)
+
+
+def _turned(axis: int, along: float, across: float) -> tuple[float, float, float]:
+    """A point of a street along x (axis 0) or, turned a quarter to the left, along y (axis 1)."""
+    return (along, across, 0.0) if axis == 0 else (-across, along, 0.0)
+
+
+def _to_street(axis: int, side: float) -> float:
+    """Heading from the outer kerb of a street to its middle."""
+    across = -side
+    return axis * _QUARTER_RAD + (_QUARTER_RAD if across > 0 else -_QUARTER_RAD)
+
+
+def _span(index: int) -> tuple[float, float]:
+    """Extent of a column or row of blocks."""
+    return {-1: (-_EDGE_M, -_OUTER_M), 0: (-_INNER_M, _INNER_M), 1: (_OUTER_M, _EDGE_M)}[index]
+
+
+def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
+    suburb = _Suburb(parameters, seed)
+    suburb.materials()
+    suburb.streets()
+    suburb.depot()
+    suburb.blocks()
+    suburb.drop_zones()
+    suburb.furniture()
+    suburb.vehicles()
+    suburb.plants()
+    suburb.people()
+    suburb.builder.classify("ground", "ground")
+    return suburb.builder.build()

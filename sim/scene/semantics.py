@@ -1,0 +1,147 @@
+"""Class, instance and surface of every geom of a compiled map.
+
+* Instance: each child body of the world with all that hangs on it; an actor with all its bodies; each geom that sits on
+  the worldbody. Numbered from 1 in the order of the model's geoms; 0 is nothing.
+* Class: globs are matched against names of bodies and of geoms on the worldbody; what hangs on a body is of its class
+  unless it is named itself. Of several globs that match the last one counts. Without any: "ground" for planes and
+  height fields, else "object".
+* Surface: that of the geom's material; number 0 is the one for geoms without, or whose material nobody described.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scene.maps.scene_map import Actor, Surface
+
+MAX_INSTANCES = 2**16 - 1
+_VISIBLE_GROUPS = 3  # groups below are drawn
+_DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # of a geom that names no colour
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names of a model's parts, "" where there is none, and how its bodies hang together."""
+
+    bodies: list[str]
+    geoms: list[str]
+    materials: list[str]
+    body_of_geom: list[int]
+    parent: list[int]
+    top: list[int]  # for each body the child of the world that it hangs on; 0 for the world
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> Names:
+        raw = bytes(model.names)
+
+        def read(addresses: NDArray[np.int32]) -> list[str]:
+            return [raw[a : raw.index(b"\0", a)].decode("utf-8", "replace") for a in addresses.tolist()]
+
+        parent = model.body_parentid.tolist()
+        top = [0] * model.nbody
+        for body in range(1, model.nbody):
+            top[body] = top[parent[body]] or body
+        return cls(
+            read(model.name_bodyadr),
+            read(model.name_geomadr),
+            read(model.name_matadr),
+            model.geom_bodyid.tolist(),
+            parent,
+            top,
+        )
+
+
+def instances(names: Names, actors: Sequence[Actor]) -> tuple[NDArray[np.uint16], tuple[str, ...]]:
+    """Instance of each geom, and the instances' names. ValueError where there are more than a uint16 can count."""
+    actor_of = {body: actor.name for actor in actors for body in actor.bodies}
+    numbers: dict[tuple[str, object], int] = {}
+    found = ["none"]
+    ids = np.zeros(len(names.geoms), np.uint16)
+    for geom, body in enumerate(names.body_of_geom):
+        top = names.top[body]
+        key: tuple[str, object]
+        if body == 0:
+            key, name = ("geom", geom), names.geoms[geom] or f"geom_{geom}"
+        elif names.bodies[top] in actor_of:
+            name = actor_of[names.bodies[top]]
+            key = ("actor", name)
+        else:
+            key, name = ("body", top), names.bodies[top] or f"body_{top}"
+        number = numbers.get(key)
+        if number is None:
+            number = numbers[key] = len(found)
+            if number > MAX_INSTANCES:
+                raise ValueError(f"holds more than {MAX_INSTANCES} instances")
+            found.append(name)
+        ids[geom] = number
+    return ids, tuple(found)
+
+
+def classes(
+    model: mujoco.MjModel, names: Names, globs: Mapping[str, Sequence[str]], number_of: Mapping[str, int]
+) -> tuple[NDArray[np.uint8], list[tuple[str, int]]]:
+    """Class of each geom, and (class, index of its glob) of globs that match nothing."""
+    of_body: list[int | None] = [None] * len(names.bodies)
+    ids = np.full(len(names.geoms), number_of["object"], np.uint8)
+    flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) | (model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
+    ids[flat] = number_of["ground"]
+    own: dict[int, int] = {}
+    bodies_called: dict[str, list[int]] = {}
+    for body, name in enumerate(names.bodies):
+        if body and name:
+            bodies_called.setdefault(name, []).append(body)
+    geoms_called = {name: geom for geom, name in enumerate(names.geoms) if name and names.body_of_geom[geom] == 0}
+    idle = []
+    for name, patterns in globs.items():
+        for index, pattern in enumerate(patterns):
+            bodies = _matching(pattern, bodies_called)
+            geoms = _matching(pattern, geoms_called)
+            for called in bodies:
+                for body in bodies_called[called]:
+                    of_body[body] = number_of[name]
+            for called in geoms:
+                own[geoms_called[called]] = number_of[name]
+            if not bodies and not geoms:
+                idle.append((name, index))
+    for body in range(1, len(of_body)):
+        if of_body[body] is None:
+            of_body[body] = of_body[names.parent[body]]
+    for geom, body in enumerate(names.body_of_geom):
+        found = own.get(geom) if body == 0 else of_body[body]
+        if found is not None:
+            ids[geom] = found
+    return ids, idle
+
+
+def _matching(pattern: str, names: Mapping[str, object]) -> list[str]:
+    if not any(char in pattern for char in "*?["):
+        return [pattern] if pattern in names else []
+    return [name for name in names if fnmatch.fnmatchcase(name, pattern)]
+
+
+def surfaces(
+    model: mujoco.MjModel, names: Names, of_material: Mapping[str, Surface], default: Surface
+) -> tuple[NDArray[np.uint8], tuple[Surface, ...]]:
+    """Surface of each geom, and the surfaces, the default first. Equal surfaces are one."""
+    table: dict[Surface, int] = {default: 0}
+    number = [table.setdefault(of_material[name], len(table)) if name in of_material else 0 for name in names.materials]
+    if len(table) > 256:
+        raise ValueError("holds more than 256 different surfaces")
+    of_geom = np.array([*number, 0], np.uint8)[model.geom_matid]  # material -1: the last, which is the default
+    return of_geom, tuple(table)
+
+
+def visible(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Geoms that are drawn: of a group below 3, and not wholly transparent."""
+    alpha = model.geom_rgba[:, 3].copy()
+    with_material = model.geom_matid >= 0
+    plain = np.all(model.geom_rgba == _DEFAULT_RGBA, axis=1)
+    from_material = with_material & plain
+    alpha[from_material] = model.mat_rgba[model.geom_matid[from_material], 3]
+    return (model.geom_group < _VISIBLE_GROUPS) & (alpha > 0.0)

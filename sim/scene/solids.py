@@ -1,0 +1,172 @@
+"""The solid geoms of a world, placed: what stands still in W, what moves in the frame of its mocap body.
+
+Poses are composed up the chain of bodies as they stand in the file (joints at their reference):
+
+    R = R_parent R_own,   p = p_parent + R_parent p_own
+
+and rounded to 1e-12, so that the last bit of an angle's sine, which depends on the machine that compiled the map, does
+not get into a flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import SolidTree
+from sim.scene.world import World
+
+Float64 = NDArray[np.float64]
+_DIGITS = 12
+_G = mujoco.mjtGeom
+_KINDS = frozenset(
+    int(k)
+    for k in (
+        _G.mjGEOM_PLANE,
+        _G.mjGEOM_SPHERE,
+        _G.mjGEOM_CAPSULE,
+        _G.mjGEOM_ELLIPSOID,
+        _G.mjGEOM_CYLINDER,
+        _G.mjGEOM_BOX,
+    )
+)
+_HFIELD_TILES = 32  # along each side at most: the boxes that hold a height field
+
+
+@dataclass(frozen=True)
+class PlacedGeoms:
+    """Geoms of `World.model` with their frames: W, or an actor's mocap body."""
+
+    geom: NDArray[np.int64]
+    body: NDArray[np.int64]  # the mocap body of the model that they hang on; 0: they stand in W
+    position: Float64  # (n, 3)
+    quaternion: Float64  # (n, 4)
+
+
+def rotation(q: Float64) -> Float64:
+    """(n, 4) unit quaternions to (n, 3, 3)."""
+    w, x, y, z = q.T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def product(a: Float64, b: Float64) -> Float64:
+    """Quaternion products of rows."""
+    aw, ax, ay, az = a.T
+    bw, bx, by, bz = b.T
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        -1,
+    )
+
+
+def _turned(q: Float64, v: Float64) -> Float64:
+    # Sums written out: a matrix product's order of additions is the machine's own.
+    R = rotation(q)
+    return (R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2]) + R[:, :, 2] * v[:, 2:3]
+
+
+def _unit(q: Float64) -> Float64:
+    return q / np.sqrt(((q[:, :1] ** 2 + q[:, 1:2] ** 2) + q[:, 2:3] ** 2) + q[:, 3:] ** 2)
+
+
+def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
+    """Where these geoms are."""
+    model = world.model
+    moving = {name for actor in world.map.actors for name in actor.bodies}
+    root = np.zeros(model.nbody, np.int64)
+    position, quaternion = np.zeros((model.nbody, 3)), np.zeros((model.nbody, 4))
+    quaternion[:, 0] = 1.0
+    moves = [bool(moving) and model.body(body).name in moving for body in range(model.nbody)]
+    parent = model.body_parentid.tolist()
+    position[1:], quaternion[1:] = model.body_pos[1:], model.body_quat[1:]  # children of the world
+    for body in range(1, model.nbody):
+        p = parent[body]
+        if moves[body]:
+            root[body] = body
+            position[body], quaternion[body] = 0.0, (1.0, 0.0, 0.0, 0.0)
+            continue
+        if p == 0:
+            continue
+        root[body] = root[p]
+        position[body] = position[p] + _turned(quaternion[p : p + 1], model.body_pos[body : body + 1])[0]
+        quaternion[body] = product(quaternion[p : p + 1], model.body_quat[body : body + 1])[0]
+    body = model.geom_bodyid[geoms].astype(np.int64)
+    at = position[body] + _turned(quaternion[body], model.geom_pos[geoms])
+    turned = _unit(product(quaternion[body], model.geom_quat[geoms]))
+    return PlacedGeoms(geoms, root[body], np.round(at, _DIGITS), np.round(turned, _DIGITS))
+
+
+def solid_geoms(world: World) -> PlacedGeoms:
+    """Every solid geom of the world."""
+    return place(world, np.flatnonzero(world.geom_solid))
+
+
+def solid_tree(world: World) -> SolidTree:
+    """The solid geoms that stand still, for `RigidBody.clearance_before`."""
+    model, placed = world.model, solid_geoms(world)
+    still = placed.body == 0
+    geoms, position, turn = placed.geom[still], placed.position[still], rotation(_unit(placed.quaternion[still]))
+    kinds = model.geom_type[geoms].astype(np.int32)
+    shaped = np.isin(kinds, list(_KINDS))
+    kind, center = [kinds[shaped]], [position[shaped]]
+    frame, size = [turn[shaped].reshape(-1, 9)], [model.geom_size[geoms[shaped]]]
+    for index in np.flatnonzero(~shaped).tolist():
+        geom = int(geoms[index])
+        boxes = _hfield_boxes(model, geom) if kinds[index] == int(_G.mjGEOM_HFIELD) else model.geom_aabb[geom][None]
+        middle = np.array([turn[index] @ box[:3] for box in boxes]) + position[index]
+        kind.append(np.full(len(boxes), int(_G.mjGEOM_BOX), np.int32))
+        center.append(middle)
+        frame.append(np.tile(turn[index].reshape(1, 9), (len(boxes), 1)))
+        # The model keeps vertices as 32-bit numbers and their bounds as sums of them.
+        size.append(boxes[:, 3:] * (1.0 + 1e-6) + 1e-6)
+    pose = np.concatenate([np.concatenate(center), np.concatenate(frame)], axis=1)
+    return SolidTree(
+        kind=np.ascontiguousarray(np.concatenate(kind)),
+        pose=np.ascontiguousarray(pose, dtype=np.float64),
+        size=np.ascontiguousarray(np.concatenate(size), dtype=np.float64),
+    )
+
+
+def _hfield_boxes(model: mujoco.MjModel, geom: int) -> Float64:
+    """Boxes (centre, half edges) in the geom's frame that hold a height field: tiles as high as their highest point."""
+    field = int(model.geom_dataid[geom])
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    half_x, half_y, height, base = model.hfield_size[field].tolist()
+    start = int(model.hfield_adr[field])
+    data = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * height
+    across = _cuts(columns)
+    along = _cuts(rows)
+    boxes = []
+    for r0, r1 in pairwise(along):
+        for c0, c1 in pairwise(across):
+            top = float(data[r0 : r1 + 1, c0 : c1 + 1].max())
+            x0, x1 = (2.0 * c / (columns - 1) - 1.0 for c in (c0, c1))
+            y0, y1 = (2.0 * r / (rows - 1) - 1.0 for r in (r0, r1))
+            boxes.append(
+                [
+                    0.5 * (x0 + x1) * half_x, 0.5 * (y0 + y1) * half_y, 0.5 * (top - base),
+                    0.5 * (x1 - x0) * half_x, 0.5 * (y1 - y0) * half_y, 0.5 * (top + base),
+                ]
+            )  # fmt: skip
+    return np.array(boxes)
+
+
+def _cuts(count: int) -> list[int]:
+    tiles = min(_HFIELD_TILES, count - 1)
+    return [round(i * (count - 1) / tiles) for i in range(tiles + 1)]

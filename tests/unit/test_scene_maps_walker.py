@@ -1,0 +1,194 @@
+"""Walking people: velocities against central differences, joints that hold, feet that stand still."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim.scene.maps.figure import LIMBS, Figure
+from sim.scene.maps.walk_path import WalkPath, there_and_back
+from sim.scene.maps.walker import Walker
+
+Float64 = NDArray[np.float64]
+N = len(LIMBS)
+POLYGON = [(0.0, 0.0), (10.0, 0.0), (12.0, 6.0), (4.0, 9.0), (-3.0, 4.0)]
+
+
+def walkers() -> list[Walker]:
+    return [
+        Walker("a", Figure(1.58), WalkPath(POLYGON, 0.8, start_lap=0.3)),
+        Walker("b", Figure(1.75), WalkPath(POLYGON[::-1], 1.2, corner_m=0.8), ground_m=0.12),
+        Walker("c", Figure(1.92), there_and_back((1.0, 0.0), (7.0, 0.0), 1.6, lane_m=0.5)),
+    ]
+
+
+@pytest.fixture(params=range(3), ids=["slow", "kerb", "there_and_back"])
+def walker(request: pytest.FixtureRequest) -> Walker:
+    return walkers()[request.param]
+
+
+def posed(walker: Walker, t_ns: int) -> tuple[Float64, Float64, Float64, Float64]:
+    p, q, v, w = np.full((N, 3), np.nan), np.full((N, 4), np.nan), np.full((N, 3), np.nan), np.full((N, 3), np.nan)
+    walker.pose(t_ns, p, q, v, w)
+    return p, q, v, w
+
+
+def rotation(q: Float64) -> Float64:
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def test_velocities_are_the_derivatives_of_the_poses(walker: Walker) -> None:
+    """2 us to either side: truncation about 1e-9, rounding about 1e-8 m/s."""
+    h_ns = 2_000
+    worst_v = worst_w = fastest = 0.0
+    for k in range(1000):
+        t = 1_000_000_000 + k * 47_654_321
+        p0, q0, _, _ = posed(walker, t - h_ns)
+        p1, q1, _, _ = posed(walker, t + h_ns)
+        _, q, v, w = posed(walker, t)
+        assert np.allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-12)
+        step = 2e-9 * h_ns
+        worst_v = max(worst_v, float(np.abs((p1 - p0) / step - v).max()))
+        fastest = max(fastest, float(np.abs(v).max()))
+        # q and -q are one rotation; vee of (R1 - R0) R^T / step is the angular velocity.
+        for i in range(N):
+            spin = (rotation(q1[i]) - rotation(q0[i])) @ rotation(q[i]).T / step
+            measured = 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+            worst_w = max(worst_w, float(np.abs(measured - w[i]).max()))
+    assert fastest > 1.5  # a swinging foot: the test is about something
+    assert worst_v < 1e-6
+    assert worst_w < 1e-6
+
+
+def test_bound_holds_everything(walker: Walker) -> None:
+    shapes = walker.figure.shapes()
+    for k in range(400):
+        t = k * 73_000_001
+        (cx, cy, cz), radius = walker.bound(t)
+        p, q, _, _ = posed(walker, t)
+        for shape in shapes:
+            i = LIMBS.index(shape.limb)
+            centre = p[i] + rotation(q[i]) @ np.array(shape.pos)
+            reach = sum(shape.size) if shape.kind == "capsule" else max(shape.size)
+            assert math.dist(centre, (cx, cy, cz)) + reach <= radius
+    assert radius < 0.75 * walker.figure.height_m  # and little more
+
+
+def limb_end(walker: Walker, p: Float64, q: Float64, limb: str, along_z_m: float) -> Float64:
+    i = LIMBS.index(limb)
+    return p[i] + rotation(q[i]) @ np.array([0.0, 0.0, along_z_m])
+
+
+def test_joints_hold_together(walker: Walker) -> None:
+    f = walker.figure
+    for k in range(200):
+        p, q, _, _ = posed(walker, k * 91_000_003)
+        for side in "lr":
+            knee = limb_end(walker, p, q, f"thigh_{side}", -f.thigh_m / 2)
+            assert np.allclose(knee, limb_end(walker, p, q, f"shank_{side}", f.shank_m / 2), atol=1e-12)
+            ankle = limb_end(walker, p, q, f"shank_{side}", -f.shank_m / 2)
+            assert np.allclose(ankle, p[LIMBS.index(f"foot_{side}")], atol=1e-12)
+            elbow = limb_end(walker, p, q, f"upper_arm_{side}", -f.upper_arm_m / 2)
+            assert np.allclose(elbow, limb_end(walker, p, q, f"forearm_{side}", f.forearm_m / 2), atol=1e-12)
+
+
+def sole(walker: Walker, t_ns: int, side: str) -> tuple[Float64, Float64]:
+    """Heel and ball of the sole: positions (2, 3) and velocities (2, 3)."""
+    f = walker.figure
+    p, q, v, w = posed(walker, t_ns)
+    i = LIMBS.index(f"foot_{side}")
+    arms = np.array([[-f.heel_m, 0.0, -f.ankle_m], [f.ball_m, 0.0, -f.ankle_m]]) @ rotation(q[i]).T
+    return p[i] + arms, v[i] + np.cross(w[i], arms)
+
+
+def test_feet_stand_on_the_ground_and_do_not_slip_on_straights(walker: Walker) -> None:
+    standing_on_straight = 0
+    worst_corner_slip = 0.0
+    for k in range(2000):
+        t = k * 23_000_009
+        _, s_m, _ = walker.path.progress(t)
+        turning = walker.path.place(s_m)[6] != 0.0
+        lowest = math.inf
+        for side in "lr":
+            points, velocities = sole(walker, t, side)
+            heights = points[:, 2] - walker.ground_m
+            assert heights.min() > -1e-9
+            lowest = min(lowest, float(heights.min()))
+            own = (walker.phase(t) + (0.5 if side == "r" else 0.0)) % 1.0
+            if own >= walker.gait.stance:
+                continue
+            slip = float(np.linalg.norm(velocities[int(heights.argmin())]))
+            if turning:
+                worst_corner_slip = max(worst_corner_slip, slip)
+            else:
+                standing_on_straight += 1
+                assert slip < 1e-9, (t, side)
+        assert lowest < 0.05  # one foot at least is down
+    assert standing_on_straight > 500
+    # Round corners the standing foot turns with the walker; its slip stays below the walking speed.
+    assert worst_corner_slip < 1.6
+
+
+def test_knees_bend_forward_and_do_not_lock(walker: Walker) -> None:
+    f = walker.figure
+    for k in range(200):
+        p, q, _, _ = posed(walker, k * 31_000_001)
+        for side in "lr":
+            hip = limb_end(walker, p, q, f"thigh_{side}", f.thigh_m / 2)
+            ankle = p[LIMBS.index(f"foot_{side}")]
+            assert math.dist(hip, ankle) < 0.9935 * f.leg_m
+
+
+def test_any_order_gives_the_same_and_a_lap_closes(walker: Walker) -> None:
+    times = [k * 1_234_567_891 for k in range(40)]
+    forward = [posed(walker, t) for t in times]
+    backward = [posed(walker, t) for t in reversed(times)][::-1]
+    for a, b in zip(forward, backward, strict=True):
+        assert all((x == y).all() for x, y in zip(a, b, strict=True))
+    lap_ns = walker.path.lap_s * 1e9
+    near = [posed(walker, round(lap_ns * k))[0] for k in (1, 2, 50)]
+    for later in near[1:]:
+        assert np.abs(later - near[0]).max() < 1e-7
+
+
+def test_there_and_back_reaches_exactly_its_ends_and_cruises_at_its_speed() -> None:
+    path = there_and_back((1.0, 0.0), (7.0, 0.0), 1.2, lane_m=0.5)
+    xs, speeds, ys = [], [], []
+    for k in range(4000):
+        t = k * 5_000_000
+        _, s_m, speed = path.progress(t)
+        x, y, *_ = path.place(s_m)
+        xs.append(x)
+        ys.append(y)
+        speeds.append(speed)
+    assert min(xs) == pytest.approx(1.0, abs=1e-3)
+    assert max(xs) == pytest.approx(7.0, abs=1e-3)
+    assert max(ys) == pytest.approx(0.25, abs=1e-9)
+    assert max(speeds) == pytest.approx(1.2, abs=1e-12)
+    share = sum(speed == max(speeds) for speed in speeds) / len(speeds)
+    assert share > 0.5
+
+
+def test_corner_ends_where_the_next_leg_begins() -> None:
+    """Position, heading and curvature are continuous over the joints of the path."""
+    path = WalkPath(POLYGON, 1.3)
+    for joint in [*path._starts_m[1:], path.lap_m]:
+        before, after = path.place(joint - 1e-9), path.place((joint + 1e-9) % path.lap_m)
+        assert np.allclose(before, after, atol=1e-7)
+
+
+def test_a_path_needs_an_area() -> None:
+    with pytest.raises(ValueError, match="three vertices"):
+        WalkPath([(0.0, 0.0), (1.0, 0.0)], 1.0)
+    with pytest.raises(ValueError, match="turns back on itself"):
+        WalkPath([(0.0, 0.0), (5.0, 0.0), (2.0, 0.0)], 1.0)
