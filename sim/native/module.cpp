@@ -6,6 +6,7 @@
 namespace nb = nanobind;
 
 void bind_dryden(nb::module_ &m);
+void bind_frame(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_ray(nb::module_ &m);
 void bind_rigid_body(nb::module_ &m);
@@ -14,6 +15,7 @@ NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     hil::bind_detmath(m);
     bind_dryden(m);
+    bind_frame(m);
     bind_imu(m);
     bind_ray(m);
     bind_rigid_body(m);

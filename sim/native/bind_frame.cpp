@@ -1,0 +1,312 @@
+// sim._kernels.Geometry, Scenery, SunShadows, Picture: the frame kernels for Python. Contracts: frame/*.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "frame/picture.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+namespace fr = hil::sim::frame;
+
+namespace {
+
+template <class T, int... N>
+using Array = nb::ndarray<const T, nb::shape<N...>, nb::c_contig, nb::device::cpu>;
+using Vec3 = std::array<double, 3>;
+using Mat3 = std::array<double, 9>;
+using Rgb = std::array<float, 3>;
+
+fr::Isa isa_by_name(const std::string &name) {
+    if (name.empty()) return fr::best_isa();
+    for (const fr::Isa isa : {fr::Isa::kBase, fr::Isa::kAvx2, fr::Isa::kAvx512}) {
+        if (name == fr::isa_name(isa)) {
+            if (!fr::has_isa(isa)) throw std::invalid_argument("this CPU has no " + name);
+            return isa;
+        }
+    }
+    throw std::invalid_argument("unknown instruction set '" + name + "': base, avx2 or avx512");
+}
+
+fr::RasterCamera camera_of(const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W) {
+    fr::RasterCamera camera{};
+    std::copy(p_WC.begin(), p_WC.end(), camera.p_WC);
+    std::copy(R_WC.begin(), R_WC.end(), camera.R_WC);
+    std::copy(v_W.begin(), v_W.end(), camera.v_W);
+    return camera;
+}
+
+void set(float *to, const Rgb &from) { std::copy(from.begin(), from.end(), to); }
+
+// A channel's array if it was given: right type, right shape, contiguous; else null.
+template <class T>
+T *channel(const nb::dict &out, const char *name, int height, int width, int depth) {
+    if (!out.contains(name)) return nullptr;
+    const std::string wanted = std::string("channel '") + name + "' needs a writable, C-contiguous array (" +
+                               std::to_string(height) + ", " + std::to_string(width) +
+                               (depth > 1 ? ", " + std::to_string(depth) : "") + ") of its type";
+    nb::ndarray<T, nb::c_contig, nb::device::cpu> array;
+    if (!nb::try_cast<nb::ndarray<T, nb::c_contig, nb::device::cpu>>(out[name], array, false)) {
+        throw nb::type_error(wanted.c_str());
+    }
+    const bool fits = array.ndim() == (depth > 1 ? 3u : 2u) && array.shape(0) == static_cast<std::size_t>(height) &&
+                      array.shape(1) == static_cast<std::size_t>(width) &&
+                      (depth == 1 || array.shape(2) == static_cast<std::size_t>(depth));
+    if (!fits) throw nb::type_error(wanted.c_str());
+    return array.data();
+}
+
+int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, -1, 3>> &levels, bool cube) {
+    fr::Texture t;
+    t.cube = cube;
+    for (const auto &level : levels) {
+        const auto h = level.shape(0), w = level.shape(1);
+        if (w == 0 || h == 0) throw std::invalid_argument("a level of a texture is empty");
+        t.offset.push_back(static_cast<std::int32_t>(t.texel.size()));
+        for (std::size_t i = 0; i < w * h; ++i) {
+            const std::uint8_t *p = level.data() + 3 * i;
+            t.texel.push_back(p[0] | p[1] << 8 | p[2] << 16);
+        }
+    }
+    if (levels.empty()) throw std::invalid_argument("a texture needs a level");
+    t.levels = static_cast<int>(levels.size());
+    t.width = static_cast<int>(levels[0].shape(1));
+    t.height = static_cast<int>(levels[0].shape(0));
+    const int face = cube ? t.width : t.height;
+    const auto power = [](int n) { return n > 0 && (n & (n - 1)) == 0; };
+    if (!power(t.width) || !power(face) || (cube && t.height != 6 * t.width)) {
+        throw std::invalid_argument("edges of a texture must be powers of two, a cube's faces square and six");
+    }
+    for (int k = 0; k < t.levels; ++k) {
+        const int w = std::max(1, t.width >> k), h = std::max(1, face >> k) * (cube ? 6 : 1);
+        const auto at = static_cast<std::size_t>(k);
+        if (levels[at].shape(1) != static_cast<std::size_t>(w) || levels[at].shape(0) != static_cast<std::size_t>(h)) {
+            throw std::invalid_argument("each level of a texture must be half the one before");
+        }
+    }
+    scenery.textures.push_back(std::move(t));
+    return static_cast<int>(scenery.textures.size()) - 1;
+}
+
+}  // namespace
+
+void bind_frame(nb::module_ &m) {
+    m.def("frame_isa", [] { return std::string(fr::isa_name(fr::best_isa())); },
+          "Instruction set the frame kernels use on this CPU: base, avx2 or avx512. HIL_ISA in the environment lowers it.");
+
+    nb::class_<fr::Geometry>(m, "Geometry", "Geoms, meshes and the trees over them (frame/geometry.hpp).")
+        .def(nb::init<>())
+        .def(
+            "add_mesh",
+            [](fr::Geometry &g, const Array<float, -1, 3> &vertex, const Array<std::int32_t, -1, 3> &triangle,
+               const std::optional<Array<float, -1, 3, 2>> &uv, const std::optional<Array<float, -1, 3, 3>> &normal) {
+                if ((uv && uv->shape(0) != triangle.shape(0)) || (normal && normal->shape(0) != triangle.shape(0))) {
+                    throw std::invalid_argument("uv and corner_normal need a row for each triangle");
+                }
+                return g.add_mesh(vertex.data(), vertex.shape(0), triangle.data(), triangle.shape(0),
+                                  uv ? uv->data() : nullptr, normal ? normal->data() : nullptr);
+            },
+            "vertex"_a, "triangle"_a, "uv"_a.none(), "corner_normal"_a.none())
+        .def(
+            "add_geom",
+            [](fr::Geometry &g, int shape, const Vec3 &size, const Vec3 &p_WG, const Mat3 &R_WG, int mesh, bool moving,
+               bool visible, std::uint8_t class_id, std::uint16_t instance, std::uint8_t surface) {
+                fr::Geom geom{};
+                const bool known = shape == 0 || (shape >= 2 && shape <= 7);
+                if (!known) throw std::invalid_argument("unknown shape");
+                geom.shape = static_cast<fr::Shape>(shape);
+                std::copy(size.begin(), size.end(), geom.size);
+                std::copy(p_WG.begin(), p_WG.end(), geom.p_WG);
+                std::copy(R_WG.begin(), R_WG.end(), geom.R_WG);
+                geom.mesh = mesh;
+                geom.moving = moving;
+                geom.visible = visible;
+                geom.class_id = class_id;
+                geom.instance = instance;
+                geom.surface = surface;
+                return g.add_geom(geom);
+            },
+            "shape"_a, "size"_a, "p_WG"_a, "R_WG"_a, "mesh"_a, "moving"_a, "visible"_a, "class_id"_a, "instance"_a,
+            "surface"_a, "Shapes are numbered as MuJoCo's mjtGeom; sizes are its sizes.")
+        .def("finish", &fr::Geometry::finish, "Builds the tree over what does not move. Call once, after the last geom.")
+        .def(
+            "move",
+            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms, const Array<double, -1, 3> &p,
+               const Array<double, -1, 3, 3> &R, const Array<double, -1, 3> &v, const Array<double, -1, 3> &w) {
+                const std::size_t n = geoms.shape(0);
+                if (p.shape(0) != n || R.shape(0) != n || v.shape(0) != n || w.shape(0) != n) {
+                    throw std::invalid_argument("geoms, poses and velocities must be as many");
+                }
+                for (std::size_t i = 0; i < n; ++i) {
+                    const int geom = geoms.data()[i];
+                    if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size()) {
+                        throw std::out_of_range("no such geom");
+                    }
+                    g.move(geom, p.data() + 3 * i, R.data() + 9 * i, v.data() + 3 * i, w.data() + 3 * i);
+                }
+            },
+            "geoms"_a, "p_WG"_a, "R_WG"_a, "v_WG_W"_a, "w_WG_W"_a, "New poses and velocities of moving geoms.")
+        .def(
+            "move_bodies",
+            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms, const Array<std::int32_t, -1> &bodies,
+               const Array<double, -1, 3> &p_BG, const Array<double, -1, 3, 3> &R_BG, const Array<double, -1, 3> &p_WB,
+               const Array<double, -1, 4> &q_WB, const Array<double, -1, 3> &v_W, const Array<double, -1, 3> &w_W) {
+                const std::size_t n = geoms.shape(0), nb_bodies = p_WB.shape(0);
+                if (bodies.shape(0) != n || p_BG.shape(0) != n || R_BG.shape(0) != n || q_WB.shape(0) != nb_bodies ||
+                    v_W.shape(0) != nb_bodies || w_W.shape(0) != nb_bodies) {
+                    throw std::invalid_argument("geoms, bodies and velocities must be as many");
+                }
+                for (std::size_t i = 0; i < n; ++i) {
+                    const int geom = geoms.data()[i], body = bodies.data()[i];
+                    if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size() || body < 0 ||
+                        static_cast<std::size_t>(body) >= nb_bodies) {
+                        throw std::out_of_range("no such geom or body");
+                    }
+                    const double *q = q_WB.data() + 4 * body, *pb = p_WB.data() + 3 * body;
+                    const double *v = v_W.data() + 3 * body, *w = w_W.data() + 3 * body;
+                    const double a = q[0], b = q[1], c = q[2], d = q[3];
+                    const double R[9] = {a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c),
+                                         2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b),
+                                         2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d};
+                    const double *pg = p_BG.data() + 3 * i, *Rg = R_BG.data() + 9 * i;
+                    double p[3], M[9], arm[3], vg[3];
+                    for (int r = 0; r < 3; ++r) {
+                        arm[r] = R[3 * r] * pg[0] + R[3 * r + 1] * pg[1] + R[3 * r + 2] * pg[2];
+                        p[r] = pb[r] + arm[r];
+                        for (int k = 0; k < 3; ++k) {
+                            M[3 * r + k] = R[3 * r] * Rg[k] + R[3 * r + 1] * Rg[3 + k] + R[3 * r + 2] * Rg[6 + k];
+                        }
+                    }
+                    for (int r = 0; r < 3; ++r) {
+                        const int j = (r + 1) % 3, k = (r + 2) % 3;
+                        vg[r] = v[r] + w[j] * arm[k] - w[k] * arm[j];
+                    }
+                    g.move(geom, p, M, vg, w);
+                }
+            },
+            "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "p_WB"_a, "q_WB"_a, "v_WB_W"_a, "w_WB_W"_a,
+            "Moves geoms with the bodies they sit on: geom i at (p_BG, R_BG) of body bodies[i].")
+        .def(
+            "hide",
+            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms) {
+                for (std::size_t i = 0; i < geoms.shape(0); ++i) {
+                    const int geom = geoms.data()[i];
+                    if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size()) {
+                        throw std::out_of_range("no such geom");
+                    }
+                    g.hide(geom);
+                }
+            },
+            "geoms"_a, "Moving geoms are nowhere until they are moved again.")
+        .def_prop_ro("version", &fr::Geometry::version, "Counts moves.");
+
+    nb::class_<fr::Scenery>(m, "Scenery", "Colours and textures (frame/scenery.hpp).")
+        .def(nb::init<>())
+        .def("add_texture", &add_texture, "levels"_a, "cube"_a)
+        .def(
+            "add_geom",
+            [](fr::Scenery &s, const Rgb &rgb, float emission, int texture, float repeat_u, float repeat_v, bool per_metre) {
+                if (texture >= static_cast<int>(s.textures.size())) throw std::invalid_argument("no such texture");
+                fr::Appearance a;
+                set(a.rgb, rgb);
+                a.emission = emission;
+                a.texture = texture;
+                a.repeat[0] = repeat_u, a.repeat[1] = repeat_v;
+                a.per_metre = per_metre;
+                s.geoms.push_back(a);
+            },
+            "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a)
+        .def_prop_ro("geom_count", [](const fr::Scenery &s) { return s.geoms.size(); });
+
+    nb::class_<fr::Daylight>(m, "Daylight", "Sun, sky and haze in W; linear colours (frame/scenery.hpp).")
+        .def(
+            "__init__",
+            [](fr::Daylight *self, const Rgb &sun_W, const Rgb &sun, const Rgb &sky, const Rgb &ground, const Rgb &zenith,
+               const Rgb &horizon, float fog) {
+                new (self) fr::Daylight();
+                set(self->sun_W, sun_W);
+                set(self->sun_rgb, sun);
+                set(self->sky_rgb, sky);
+                set(self->ground_rgb, ground);
+                set(self->zenith_rgb, zenith);
+                set(self->horizon_rgb, horizon);
+                self->fog_per_m = fog;
+            },
+            "sun_W"_a, "sun_rgb"_a, "sky_rgb"_a, "ground_rgb"_a, "zenith_rgb"_a, "horizon_rgb"_a, "fog_per_m"_a);
+
+    nb::class_<fr::SunShadows>(m, "SunShadows", "The scene as the sun sees it (frame/picture.hpp).")
+        .def(
+            "__init__",
+            [](fr::SunShadows *self, const fr::Geometry &geometry, const Rgb &sun_W, int resolution, const std::string &isa) {
+                new (self) fr::SunShadows(geometry, sun_W.data(), resolution, isa_by_name(isa));
+            },
+            "geometry"_a, "sun_W"_a, "resolution"_a, "isa"_a = "", nb::keep_alive<1, 2>())
+        .def("update", &fr::SunShadows::update, "reuse_static"_a, nb::call_guard<nb::gil_scoped_release>());
+
+    nb::class_<fr::RasterCounts>(m, "RasterCounts")
+        .def_ro("nodes", &fr::RasterCounts::nodes)
+        .def_ro("geoms", &fr::RasterCounts::geoms);
+
+    nb::class_<fr::Picture>(m, "Picture", "A camera over a Geometry (frame/picture.hpp).")
+        .def(
+            "__init__",
+            [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery, int width, int height, double fx,
+               double fy, double cx, double cy, const std::string &isa) {
+                if (scenery.geoms.size() != geometry.geoms().size()) {
+                    throw std::invalid_argument("the scenery must tell the look of every geom");
+                }
+                new (self) fr::Picture(std::make_unique<fr::Raster>(geometry, width, height, fr::Projection::kPinhole, fx, fy,
+                                                                    cx, cy, isa_by_name(isa)),
+                                       scenery);
+            },
+            "geometry"_a, "scenery"_a, "width"_a, "height"_a, "fx"_a, "fy"_a, "cx"_a, "cy"_a, "isa"_a = "",
+            nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+        .def(
+            "__init__",
+            [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery,
+               const Array<double, -1, -1, 3> &directions_C, const std::string &isa) {
+                if (scenery.geoms.size() != geometry.geoms().size()) {
+                    throw std::invalid_argument("the scenery must tell the look of every geom");
+                }
+                new (self) fr::Picture(
+                    std::make_unique<fr::Raster>(geometry, static_cast<int>(directions_C.shape(1)),
+                                                 static_cast<int>(directions_C.shape(0)), directions_C.data(), isa_by_name(isa)),
+                    scenery);
+            },
+            "geometry"_a, "scenery"_a, "directions_C"_a, "isa"_a = "", nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+        .def(
+            "take",
+            [](fr::Picture &self, const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W, const fr::Daylight &light,
+               const fr::SunShadows *shadows, const nb::dict &out, float near_t, float far_t, bool frustum, bool occlusion,
+               int row0, int row1, int threads) {
+                const fr::VisibilityBuffer &b = self.raster().buffer();
+                fr::RasterOptions options;
+                options.near_t = near_t;
+                options.far_t = far_t;
+                options.frustum_culling = frustum;
+                options.occlusion_culling = occlusion;
+                fr::ChannelOutputs o;
+                o.depth = channel<float>(out, "depth", b.height, b.width, 1);
+                o.range = channel<float>(out, "range", b.height, b.width, 1);
+                o.segmentation = channel<std::uint8_t>(out, "segmentation", b.height, b.width, 1);
+                o.instance = channel<std::uint16_t>(out, "instance", b.height, b.width, 1);
+                o.geom = channel<std::int32_t>(out, "geom", b.height, b.width, 1);
+                o.normal = channel<float>(out, "normal", b.height, b.width, 3);
+                o.radial_velocity = channel<float>(out, "radial_velocity", b.height, b.width, 1);
+                o.material = channel<std::uint8_t>(out, "material", b.height, b.width, 1);
+                o.rgb = channel<std::uint8_t>(out, "rgb", b.height, b.width, 3);
+                const fr::RasterCamera camera = camera_of(p_WC, R_WC, v_W);
+                nb::gil_scoped_release free;
+                self.take(camera, options, light, shadows, o, row0, row1, threads);
+            },
+            "p_WC"_a, "R_WC"_a, "v_WC_W"_a, "light"_a, "shadows"_a.none(), "out"_a, "near_t"_a, "far_t"_a, "frustum"_a,
+            "occlusion"_a, "row0"_a, "row1"_a, "threads"_a)
+        .def_prop_ro("counts", [](const fr::Picture &p) { return p.raster().counts(); });
+}

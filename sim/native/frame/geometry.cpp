@@ -1,0 +1,227 @@
+#include "geometry.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace hil::sim::frame {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr int kTrianglesPerLeaf = 8;
+constexpr int kGeomsPerLeaf = 2;
+constexpr double kFarthest = 1e7;  // beyond it (and for NaN) a pose is taken for none
+
+bool finite(const double *x, int n) {
+    for (int i = 0; i < n; ++i)
+        if (!(std::fabs(x[i]) < kFarthest)) return false;
+    return true;
+}
+
+void local_box(Geom &g, const std::vector<Mesh> &meshes) {
+    const double *s = g.size;
+    std::fill(g.centre, g.centre + 3, 0.0);
+    const auto half = [&](double x, double y, double z) {
+        g.half[0] = x, g.half[1] = y, g.half[2] = z;
+    };
+    switch (g.shape) {
+        case Shape::kPlane: half(s[0] > 0.0 ? s[0] : kInf, s[1] > 0.0 ? s[1] : kInf, 0.0); break;
+        case Shape::kSphere: half(s[0], s[0], s[0]); break;
+        case Shape::kCapsule: half(s[0], s[0], s[1] + s[0]); break;
+        case Shape::kCylinder: half(s[0], s[0], s[1]); break;
+        case Shape::kEllipsoid:
+        case Shape::kBox: half(s[0], s[1], s[2]); break;
+        case Shape::kMesh: {
+            const Aabb &box = meshes[static_cast<std::size_t>(g.mesh)].box;
+            for (int i = 0; i < 3; ++i) {
+                g.centre[i] = 0.5 * (static_cast<double>(box.lo[i]) + box.hi[i]);
+                g.half[i] = 0.5 * (static_cast<double>(box.hi[i]) - box.lo[i]);
+            }
+            break;
+        }
+    }
+}
+
+void pack(Mesh &mesh) {
+    constexpr std::size_t kLanes = 16;
+    const std::size_t triangles = mesh.triangle.size() / 3, packets = (triangles + kLanes - 1) / kLanes;
+    mesh.packed.resize(packets * 9 * kLanes);
+    std::vector<Aabb> boxes(packets);
+    for (std::size_t packet = 0; packet < packets; ++packet) {
+        Aabb &box = boxes[packet];
+        for (std::size_t lane = 0; lane < kLanes; ++lane) {
+            const std::size_t t = std::min(packet * kLanes + lane, triangles - 1);
+            for (std::size_t corner = 0; corner < 3; ++corner) {
+                const float *v = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[3 * t + corner])];
+                for (std::size_t i = 0; i < 3; ++i) {
+                    mesh.packed[((packet * 3 + corner) * 3 + i) * kLanes + lane] = v[i];
+                    const bool first = lane == 0 && corner == 0;
+                    box.lo[i] = first ? v[i] : std::min(box.lo[i], v[i]);
+                    box.hi[i] = first ? v[i] : std::max(box.hi[i], v[i]);
+                }
+            }
+        }
+    }
+    mesh.packed_tree = build_bvh(boxes, 1);
+    mesh.normal.resize(3 * triangles);
+    double surface = 0.0, image = 0.0;
+    for (std::size_t t = 0; t < triangles; ++t) {
+        double v[3][3];
+        for (std::size_t corner = 0; corner < 3; ++corner) {
+            const float *from = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[3 * t + corner])];
+            std::copy_n(from, 3, v[corner]);
+        }
+        double n[3];
+        for (int i = 0; i < 3; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            n[i] = (v[1][j] - v[0][j]) * (v[2][k] - v[0][k]) - (v[1][k] - v[0][k]) * (v[2][j] - v[0][j]);
+        }
+        const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+        surface += length;
+        if (!mesh.uv.empty()) {
+            const float *uv = &mesh.uv[6 * t];
+            image += std::fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[3] - uv[1]) * (uv[4] - uv[0]));
+        }
+        for (std::size_t i = 0; i < 3; ++i) mesh.normal[3 * t + i] = length > 0.0 ? static_cast<float>(n[i] / length) : 0.0f;
+    }
+    if (surface > 0.0 && image > 0.0) mesh.uv_per_m = static_cast<float>(std::sqrt(image / surface));
+}
+
+bool usable_size(const Geom &g) {
+    const double *s = g.size;
+    switch (g.shape) {
+        case Shape::kPlane: return !std::isnan(s[0]) && !std::isnan(s[1]);
+        case Shape::kSphere: return finite(s, 1) && s[0] > 0.0;
+        case Shape::kCapsule:
+        case Shape::kCylinder: return finite(s, 2) && s[0] > 0.0 && s[1] >= 0.0;
+        case Shape::kEllipsoid:
+        case Shape::kBox: return finite(s, 3) && s[0] > 0.0 && s[1] > 0.0 && s[2] > 0.0;
+        case Shape::kMesh: return true;
+    }
+    return false;
+}
+
+}  // namespace
+
+int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle,
+                       std::size_t triangles, const float *uv, const float *corner_normal) {
+    Mesh mesh;
+    mesh.vertex.assign(vertex, vertex + 3 * vertices);
+    std::vector<Aabb> boxes;
+    for (std::size_t t = 0; t < triangles; ++t) {
+        double lo[3] = {kInf, kInf, kInf}, hi[3] = {-kInf, -kInf, -kInf};
+        bool good = true;
+        for (int corner = 0; corner < 3; ++corner) {
+            const std::int32_t v = triangle[3 * t + static_cast<std::size_t>(corner)];
+            if (v < 0 || static_cast<std::size_t>(v) >= vertices) {
+                throw std::invalid_argument("a triangle names a vertex that the mesh has not");
+            }
+            for (int i = 0; i < 3; ++i) {
+                const double x = vertex[3 * v + i];
+                good = good && std::fabs(x) < kFarthest;
+                lo[i] = std::min(lo[i], x);
+                hi[i] = std::max(hi[i], x);
+            }
+        }
+        if (!good) continue;  // a triangle with a vertex that is no number is nowhere
+        for (std::size_t k = 0; k < 3; ++k) mesh.triangle.push_back(triangle[3 * t + k]);
+        if (uv != nullptr) mesh.uv.insert(mesh.uv.end(), uv + 6 * t, uv + 6 * t + 6);
+        if (corner_normal != nullptr) {
+            mesh.corner_normal.insert(mesh.corner_normal.end(), corner_normal + 9 * t, corner_normal + 9 * t + 9);
+        }
+        boxes.push_back(outward(lo, hi));
+    }
+    mesh.tree = build_bvh(boxes, kTrianglesPerLeaf);
+    mesh.box = boxes.empty() ? Aabb{{0, 0, 0}, {0, 0, 0}} : mesh.tree.nodes[0].box;
+    // Triangles in the order of the leaves: what is drawn together lies together.
+    Mesh sorted = mesh;
+    for (std::size_t i = 0; i < mesh.tree.order.size(); ++i) {
+        const auto from = static_cast<std::size_t>(mesh.tree.order[i]);
+        std::copy_n(&mesh.triangle[3 * from], 3, &sorted.triangle[3 * i]);
+        if (!mesh.uv.empty()) std::copy_n(&mesh.uv[6 * from], 6, &sorted.uv[6 * i]);
+        if (!mesh.corner_normal.empty()) std::copy_n(&mesh.corner_normal[9 * from], 9, &sorted.corner_normal[9 * i]);
+        sorted.tree.order[i] = static_cast<std::int32_t>(i);
+    }
+    pack(sorted);
+    meshes_.push_back(std::move(sorted));
+    return static_cast<int>(meshes_.size()) - 1;
+}
+
+int Geometry::add_geom(const Geom &geom) {
+    Geom g = geom;
+    if (g.shape == Shape::kMesh && (g.mesh < 0 || static_cast<std::size_t>(g.mesh) >= meshes_.size())) {
+        throw std::invalid_argument("a geom names a mesh that does not exist");
+    }
+    if (!usable_size(g) || (g.shape == Shape::kMesh && meshes_[static_cast<std::size_t>(g.mesh)].triangle.empty())) {
+        g.visible = false;
+    }
+    local_box(g, meshes_);
+    std::fill(g.v_W, g.v_W + 3, 0.0);
+    std::fill(g.w_W, g.w_W + 3, 0.0);
+    geoms_.push_back(g);
+    boxes_.push_back({});
+    shown_.push_back(0);
+    const int index = static_cast<int>(geoms_.size()) - 1;
+    place(index);
+    return index;
+}
+
+void Geometry::finish() {
+    std::vector<Aabb> boxes;
+    std::vector<std::int32_t> items;
+    unbounded_.clear();
+    moving_.clear();
+    for (std::size_t i = 0; i < geoms_.size(); ++i) {
+        const Geom &g = geoms_[i];
+        if (!g.visible) continue;
+        const auto index = static_cast<std::int32_t>(i);
+        if (g.moving) {
+            moving_.push_back(index);
+        } else if (shown_[i] != 0) {
+            if (std::isinf(g.half[0]) || std::isinf(g.half[1])) {
+                unbounded_.push_back(index);
+            } else {
+                items.push_back(index);
+                boxes.push_back(boxes_[i]);
+            }
+        }
+    }
+    tree_ = build_bvh(boxes, kGeomsPerLeaf);
+    for (auto &item : tree_.order) item = items[static_cast<std::size_t>(item)];
+}
+
+void Geometry::move(int index, const double *p_WG, const double *R_WG, const double *v_W, const double *w_W) {
+    Geom &g = geoms_.at(static_cast<std::size_t>(index));
+    std::copy_n(p_WG, 3, g.p_WG);
+    std::copy_n(R_WG, 9, g.R_WG);
+    std::copy_n(v_W, 3, g.v_W);
+    std::copy_n(w_W, 3, g.w_W);
+    place(index);
+    ++version_;
+}
+
+void Geometry::hide(int index) {
+    shown_.at(static_cast<std::size_t>(index)) = 0;
+    ++version_;
+}
+
+void Geometry::place(int index) {
+    const auto i = static_cast<std::size_t>(index);
+    const Geom &g = geoms_[i];
+    shown_[i] = g.visible && finite(g.p_WG, 3) && finite(g.R_WG, 9) && finite(g.v_W, 3) && finite(g.w_W, 3);
+    if (!shown_[i] || std::isinf(g.half[0]) || std::isinf(g.half[1])) return;
+    double lo[3], hi[3];
+    for (int r = 0; r < 3; ++r) {
+        const double *row = g.R_WG + 3 * r;
+        const double middle = g.p_WG[r] + row[0] * g.centre[0] + row[1] * g.centre[1] + row[2] * g.centre[2];
+        const double reach =
+            std::fabs(row[0]) * g.half[0] + std::fabs(row[1]) * g.half[1] + std::fabs(row[2]) * g.half[2];
+        lo[r] = middle - reach;
+        hi[r] = middle + reach;
+    }
+    boxes_[i] = outward(lo, hi);
+}
+
+}  // namespace hil::sim::frame

@@ -1,0 +1,84 @@
+// What every exteroceptive sensor looks at: geoms with their poses and velocities, meshes, and the trees over them.
+//
+// Geoms that never move are in one tree over world boxes, built once. Moving ones keep a world box each, renewed by
+// `move`. Planes without end are in no tree. What is invisible (and what has no finite pose or box) is in none either.
+// World frame W [m]; G is a geom's own frame; sizes are MuJoCo's.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "bvh.hpp"
+
+namespace hil::sim::frame {
+
+enum class Shape : std::uint8_t { kPlane = 0, kSphere = 2, kCapsule = 3, kEllipsoid = 4, kCylinder = 5, kBox = 6, kMesh = 7 };
+
+// Triangles in the frame of the geoms that use them, with a tree over them.
+struct Mesh {
+    std::vector<float> vertex;           // [vertices][3]
+    std::vector<std::int32_t> triangle;  // [triangles][3], into `vertex`
+    std::vector<float> uv;               // [triangles][3][2], or empty
+    std::vector<float> corner_normal;    // [triangles][3][3], or empty: flat
+    float uv_per_m = 1.0f;               // how much of texture space a metre of surface takes, on average
+    Bvh tree;
+    Aabb box;
+    // The same triangles 16 at a time for the raster: [packets][corner][x y z][16], and a tree over the packets.
+    // The last packet is filled up with its last triangle.
+    std::vector<float> packed;
+    std::vector<float> normal;  // [triangles][3], unit; zero for a triangle without area
+    Bvh packed_tree;
+};
+
+struct Geom {
+    Shape shape;
+    bool moving = false, visible = true;
+    std::uint8_t class_id = 0, surface = 0;
+    std::uint16_t instance = 0;
+    std::int32_t mesh = -1;
+    double size[3];
+    double p_WG[3];
+    double R_WG[9];   // row-major, G into W
+    double v_W[3];    // of G's origin
+    double w_W[3];
+    double centre[3];  // of the local box, in G
+    double half[3];    // its half extents; infinite for a plane without end
+};
+
+class Geometry {
+public:
+    // Meshes first, then geoms, then `finish`. Indices are in the order of adding.
+    int add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle, std::size_t triangles,
+                 const float *uv, const float *corner_normal);
+    int add_geom(const Geom &geom);  // centre, half, v_W, w_W are filled in here
+    void finish();
+
+    // New pose and velocity of moving geom `index`. A pose that is not finite hides it until the next.
+    void move(int index, const double *p_WG, const double *R_WG, const double *v_W, const double *w_W);
+
+    // Nowhere until it is moved again.
+    void hide(int index);
+
+    const std::vector<Mesh> &meshes() const { return meshes_; }
+    const std::vector<Geom> &geoms() const { return geoms_; }
+    const Bvh &tree() const { return tree_; }                                // over static geoms; items are geoms
+    const std::vector<std::int32_t> &unbounded() const { return unbounded_; }  // planes without end, static
+    const std::vector<std::int32_t> &moving() const { return moving_; }
+    const Aabb &world_box(int geom) const { return boxes_[static_cast<std::size_t>(geom)]; }
+    bool shown(int geom) const { return shown_[static_cast<std::size_t>(geom)] != 0; }
+    std::uint64_t version() const { return version_; }  // counts moves
+
+private:
+    void place(int index);
+
+    std::vector<Mesh> meshes_;
+    std::vector<Geom> geoms_;
+    Bvh tree_;
+    std::vector<std::int32_t> unbounded_, moving_;
+    std::vector<Aabb> boxes_;
+    std::vector<std::uint8_t> shown_;
+    std::uint64_t version_ = 0;
+};
+
+}  // namespace hil::sim::frame

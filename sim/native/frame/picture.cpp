@@ -1,0 +1,172 @@
+#include "picture.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace hil::sim::frame {
+
+#define HIL_DECLARE_ISA(name)                         \
+    namespace name {                                  \
+    extern const ResolveKernels resolve_kernels_of_isa; \
+    }
+HIL_DECLARE_ISA(base)
+#if defined(__x86_64__) || defined(_M_X64)
+HIL_DECLARE_ISA(avx2)
+HIL_DECLARE_ISA(avx512)
+#endif
+#undef HIL_DECLARE_ISA
+
+const ResolveKernels &resolve_kernels(Isa isa) {
+#if defined(__x86_64__) || defined(_M_X64)
+    if (isa == Isa::kAvx512) return avx512::resolve_kernels_of_isa;
+    if (isa == Isa::kAvx2) return avx2::resolve_kernels_of_isa;
+#endif
+    (void)isa;
+    return base::resolve_kernels_of_isa;
+}
+
+namespace {
+
+constexpr double kMargin = 2.0;          // metres around what casts shadows
+constexpr double kWidest = 2000.0;       // shadows are kept for so much of a scene
+constexpr double kTextureSharpness = 1.0;
+
+}  // namespace
+
+SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolution, Isa isa) : geometry_(geometry) {
+    const double length = std::sqrt(static_cast<double>(sun_W[0]) * sun_W[0] + static_cast<double>(sun_W[1]) * sun_W[1] +
+                                    static_cast<double>(sun_W[2]) * sun_W[2]);
+    if (!(length > 1e-6) || !(sun_W[2] > 0.0f)) throw std::invalid_argument("the sun must stand above the horizon");
+    double z[3], x[3], y[3];
+    for (int i = 0; i < 3; ++i) z[i] = -sun_W[i] / length;
+    // x level, y completes a right-handed frame.
+    const double level = std::hypot(z[0], z[1]);
+    x[0] = level > 1e-9 ? -z[1] / level : 1.0, x[1] = level > 1e-9 ? z[0] / level : 0.0, x[2] = 0.0;
+    for (int i = 0; i < 3; ++i) y[i] = z[(i + 1) % 3] * x[(i + 2) % 3] - z[(i + 2) % 3] * x[(i + 1) % 3];
+    for (int i = 0; i < 3; ++i) {
+        camera_.R_WC[3 * i] = x[i];
+        camera_.R_WC[3 * i + 1] = y[i];
+        camera_.R_WC[3 * i + 2] = z[i];
+    }
+    double lo[3], hi[3];
+    std::fill(lo, lo + 3, std::numeric_limits<double>::infinity());
+    std::fill(hi, hi + 3, -std::numeric_limits<double>::infinity());
+    for (std::size_t g = 0; g < geometry.geoms().size(); ++g) {
+        const Geom &geom = geometry.geoms()[g];
+        if (!geometry.shown(static_cast<int>(g)) || std::isinf(geom.half[0]) || std::isinf(geom.half[1])) continue;
+        const Aabb &box = geometry.world_box(static_cast<int>(g));
+        for (int corner = 0; corner < 8; ++corner) {
+            double p[3];
+            for (int i = 0; i < 3; ++i) p[i] = std::clamp<double>(corner >> i & 1 ? box.hi[i] : box.lo[i], -kWidest, kWidest);
+            const double *axes[3] = {x, y, z};
+            for (int k = 0; k < 3; ++k) {
+                const double at = axes[k][0] * p[0] + axes[k][1] * p[1] + axes[k][2] * p[2];
+                lo[k] = std::min(lo[k], at);
+                hi[k] = std::max(hi[k], at);
+            }
+        }
+    }
+    for (int k = 0; k < 3; ++k) {
+        if (!(lo[k] <= hi[k])) lo[k] = hi[k] = 0.0;
+        lo[k] -= kMargin * (k == 2 ? 50.0 : 1.0), hi[k] += kMargin;  // what moves may rise above the rest
+    }
+    const double extent = std::max(hi[0] - lo[0], hi[1] - lo[1]);
+    pixels_per_m_ = resolution / extent;
+    for (int i = 0; i < 3; ++i) camera_.p_WC[i] = x[i] * lo[0] + y[i] * lo[1] + z[i] * lo[2];
+    const int width = std::max(8, static_cast<int>(std::ceil((hi[0] - lo[0]) * pixels_per_m_)));
+    const int height = std::max(8, static_cast<int>(std::ceil((hi[1] - lo[1]) * pixels_per_m_)));
+    for (Map *map : {&static_, &moving_}) {
+        map->raster = std::make_unique<Raster>(geometry, width, height, Projection::kParallel, pixels_per_m_,
+                                               pixels_per_m_, 0.0, 0.0, isa);
+    }
+}
+
+void SunShadows::draw(Map &map, const RasterOptions &options) {
+    map.raster->draw(camera_, options, 0, map.raster->buffer().height, 1,
+                     [&map](const Raster::Band &band) { map.band = &band; });
+    map.version = geometry_.version();
+}
+
+void SunShadows::update(bool reuse_static) {
+    RasterOptions options;
+    options.near_t = 0.0f;
+    options.far_t = 1e6f;
+    if (static_.band == nullptr || !reuse_static) {
+        options.draw_moving = false;
+        draw(static_, options);
+    }
+    if (!geometry_.moving().empty() && moving_.version != geometry_.version()) {
+        options.draw_static = false;
+        options.draw_moving = true;
+        options.occlusion_culling = false;
+        options.sparse = true;
+        draw(moving_, options);
+    }
+}
+
+void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
+    for (int r = 0; r < 3; ++r) {
+        double at = 0.0;
+        for (int k = 0; k < 3; ++k) at += camera_.R_WC[3 * k + r] * (camera.p_WC[k] - camera_.p_WC[k]);
+        job.camera_in_sun[r] = static_cast<float>(at);
+        for (int c = 0; c < 3; ++c) {
+            double m = 0.0;
+            for (int k = 0; k < 3; ++k) m += camera_.R_WC[3 * k + r] * camera.R_WC[3 * k + c];
+            job.camera_to_sun[3 * r + c] = static_cast<float>(m);
+        }
+    }
+    job.shadows = 0;
+    for (const Map *map : {&static_, &moving_}) {
+        if (map->band == nullptr || map->band->drawn.empty()) continue;
+        ShadowMap &shadow = job.shadow[job.shadows++];
+        shadow.buffer = &map->raster->buffer();
+        shadow.rays = &map->raster->rays();
+        shadow.drawn = map->band->drawn.data();
+        shadow.drawn_of_geom = map->band->drawn_of_geom.data();
+        shadow.pixels_per_m = static_cast<float>(pixels_per_m_);
+        shadow.x0 = shadow.buffer->blocks_x, shadow.y0 = shadow.buffer->blocks_y;
+        shadow.x1 = shadow.y1 = 0;
+        for (const DrawnGeom &g : map->band->drawn) {
+            shadow.x0 = std::min(shadow.x0, g.x0), shadow.x1 = std::max(shadow.x1, g.x1);
+            shadow.y0 = std::min(shadow.y0, g.y0), shadow.y1 = std::max(shadow.y1, g.y1);
+        }
+        // In pixels; a point reads the pixel to the right of it and the one below too.
+        shadow.x0 *= 4, shadow.y0 *= 4;
+        shadow.x1 = std::min(4 * shadow.x1, shadow.buffer->width) - 1;
+        shadow.y1 = std::min(4 * shadow.y1, shadow.buffer->height) - 1;
+    }
+}
+
+void Picture::take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light,
+                   const SunShadows *shadows, const ChannelOutputs &out, int row0, int row1, int threads) {
+    ResolveJob job{};
+    job.buffer = &raster_->buffer();
+    job.rays = &raster_->rays();
+    job.geoms = raster_->geometry().geoms().data();
+    job.scenery = &scenery_;
+    job.out = out;
+    job.far_t = options.far_t;
+    job.light = &light;
+    for (int c = 0; c < 3; ++c) {
+        double sun = 0.0;
+        for (int k = 0; k < 3; ++k) sun += camera.R_WC[3 * k + c] * light.sun_W[k];
+        job.sun_C[c] = static_cast<float>(sun);
+        job.up_C[c] = static_cast<float>(camera.R_WC[6 + c]);
+    }
+    const double width = raster_->buffer().width;
+    job.pixel_angle = static_cast<float>(kTextureSharpness / (raster_->rays().projection == Projection::kTable ? width / 3.0 : raster_->fx()));
+    if (shadows != nullptr && out.rgb != nullptr) shadows->fill(job, camera);
+    const ResolveKernels &kernels = resolve_kernels(raster_->isa());
+    raster_->draw(camera, options, row0, row1, threads, [&](const Raster::Band &band) {
+        ResolveJob part = job;
+        part.drawn = band.drawn.data();
+        part.drawn_of_geom = band.drawn_of_geom.data();
+        part.row0 = band.row0;
+        part.row1 = band.row1;
+        kernels.resolve(part);
+    });
+}
+
+}  // namespace hil::sim::frame

@@ -1,0 +1,50 @@
+// A camera that makes pictures: draws what is visible, then resolves the channels asked for, with the sun's shadows.
+#pragma once
+
+#include <memory>
+
+#include "raster.hpp"
+#include "resolve.hpp"
+
+namespace hil::sim::frame {
+
+// The scene as the sun sees it. What stands still is drawn once; what moves, when it has moved.
+class SunShadows {
+public:
+    // `resolution`: pixels along the longer edge of what is finite in the scene. Raises std::invalid_argument for a sun at
+    // or below the horizon.
+    SunShadows(const Geometry &geometry, const float *sun_W, int resolution, Isa isa);
+
+    void update(bool reuse_static);
+    // How a camera at `camera` reads the maps.
+    void fill(ResolveJob &job, const RasterCamera &camera) const;
+
+private:
+    struct Map {
+        std::unique_ptr<Raster> raster;
+        const Raster::Band *band = nullptr;
+        std::uint64_t version = ~std::uint64_t{0};
+    };
+    void draw(Map &map, const RasterOptions &options);
+    const Geometry &geometry_;
+    RasterCamera camera_{};
+    double pixels_per_m_ = 1.0;
+    Map static_, moving_;
+};
+
+class Picture {
+public:
+    Picture(std::unique_ptr<Raster> raster, const Scenery &scenery) : raster_(std::move(raster)), scenery_(scenery) {}
+
+    // Fills the outputs that are not null. `shadows` may be null. Not thread-safe.
+    void take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light, const SunShadows *shadows,
+              const ChannelOutputs &out, int row0, int row1, int threads);
+
+    const Raster &raster() const { return *raster_; }
+
+private:
+    std::unique_ptr<Raster> raster_;
+    const Scenery &scenery_;
+};
+
+}  // namespace hil::sim::frame

@@ -1,0 +1,466 @@
+#include "raster.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <thread>
+
+#include "view.hpp"
+
+namespace hil::sim::frame {
+
+#define HIL_DECLARE_ISA(name)                                    \
+    namespace name {                                             \
+    extern const RasterKernels raster_kernels_of_isa;            \
+    }
+HIL_DECLARE_ISA(base)
+#if defined(__x86_64__) || defined(_M_X64)
+HIL_DECLARE_ISA(avx2)
+HIL_DECLARE_ISA(avx512)
+#endif
+#undef HIL_DECLARE_ISA
+
+const RasterKernels &raster_kernels(Isa isa) {
+#if defined(__x86_64__) || defined(_M_X64)
+    if (isa == Isa::kAvx512) return avx512::raster_kernels_of_isa;
+    if (isa == Isa::kAvx2) return avx2::raster_kernels_of_isa;
+#endif
+    (void)isa;
+    return base::raster_kernels_of_isa;
+}
+
+namespace {
+
+constexpr int kBlock = 4, kTile = 8;
+constexpr int kLargest = 1 << 14;  // pixels along an edge
+constexpr double kPixelMargin = 0.25;
+
+int ceil_div(int a, int b) { return (a + b - 1) / b; }
+
+bool finite(const double *x, int n) {
+    for (int i = 0; i < n; ++i)
+        if (!(std::fabs(x[i]) < 1e7)) return false;
+    return true;
+}
+
+void halves(const Aabb &box, double *centre, double *half) {
+    for (int i = 0; i < 3; ++i) {
+        centre[i] = 0.5 * (static_cast<double>(box.lo[i]) + box.hi[i]);
+        half[i] = 0.5 * (static_cast<double>(box.hi[i]) - box.lo[i]);
+    }
+}
+
+struct BlockRect {
+    int x0, x1, y0, y1;  // ends excluded
+    bool empty() const { return x0 >= x1 || y0 >= y1; }
+};
+
+int clamp_to_int(double x, int lo, int hi) {
+    return x > lo ? (x < hi ? static_cast<int>(x) : hi) : lo;  // NaN: lo
+}
+
+}  // namespace
+
+void Raster::allocate(int width, int height) {
+    if (width < 1 || height < 1 || width > kLargest || height > kLargest) {
+        throw std::invalid_argument("a picture has 1 to 16384 pixels along each edge");
+    }
+    VisibilityBuffer &b = buffer_;
+    b.width = width, b.height = height;
+    b.blocks_x = ceil_div(width, kBlock), b.blocks_y = ceil_div(height, kBlock);
+    b.tiles_x = ceil_div(b.blocks_x, kTile), b.tiles_y = ceil_div(b.blocks_y, kTile);
+    const auto blocks = static_cast<std::size_t>(b.blocks_x) * static_cast<std::size_t>(b.blocks_y);
+    const auto tiles = static_cast<std::size_t>(b.tiles_x) * static_cast<std::size_t>(b.tiles_y);
+    b.t.resize(16 * blocks);
+    b.geom.assign(16 * blocks, -1);
+    b.triangle.resize(16 * blocks);
+    b.farthest.resize(blocks);
+    b.tile_farthest.resize(tiles);
+    b.tile_stale.resize(tiles);
+}
+
+Raster::Raster(const Geometry &geometry, int width, int height, Projection projection, double fx, double fy, double cx,
+               double cy, Isa isa)
+    : geometry_(geometry), isa_(isa), fx_(fx), fy_(fy), cx_(cx), cy_(cy) {
+    if (!(fx > 0.0) || !(fy > 0.0) || !finite(&fx, 1) || !finite(&fy, 1) || !finite(&cx, 1) || !finite(&cy, 1)) {
+        throw std::invalid_argument("focal lengths must be finite and above 0, the principal point finite");
+    }
+    if (projection == Projection::kTable) throw std::invalid_argument("a table of rays needs directions");
+    allocate(width, height);
+    rays_.projection = projection;
+    rays_.fx = static_cast<float>(fx), rays_.fy = static_cast<float>(fy);
+    rays_.cx = static_cast<float>(cx), rays_.cy = static_cast<float>(cy);
+    rays_.x.resize(16 * static_cast<std::size_t>(buffer_.blocks_x));
+    rays_.y.resize(16 * static_cast<std::size_t>(buffer_.blocks_y));
+    for (std::size_t i = 0; i < rays_.x.size(); ++i) {
+        const double u = static_cast<double>(i / 16 * kBlock + i % 4) + 0.5;
+        rays_.x[i] = static_cast<float>((u - cx) / fx);
+    }
+    for (std::size_t i = 0; i < rays_.y.size(); ++i) {
+        const double v = static_cast<double>(i / 16 * kBlock + i % 16 / 4) + 0.5;
+        rays_.y[i] = static_cast<float>((v - cy) / fy);
+    }
+}
+
+Raster::Raster(const Geometry &geometry, int width, int height, const double *directions_C, Isa isa)
+    : geometry_(geometry), isa_(isa) {
+    allocate(width, height);
+    rays_.projection = Projection::kTable;
+    const VisibilityBuffer &b = buffer_;
+    const auto at = [&](int x, int y, double *d) {
+        x = std::min(x, width - 1), y = std::min(y, height - 1);
+        const double *from = directions_C + 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
+        std::copy_n(from, 3, d);
+    };
+    // The cone of a square of pixels: around the mean direction, as wide as its widest pixel.
+    const auto cone = [&](int x0, int y0, int edge, float *to) {
+        double sum[3] = {}, d[3];
+        for (int y = y0; y < y0 + edge; ++y) {
+            for (int x = x0; x < x0 + edge; ++x) {
+                at(x, y, d);
+                for (int i = 0; i < 3; ++i) sum[i] += d[i];
+            }
+        }
+        const double length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
+        double least = 2.0;
+        for (int y = y0; y < y0 + edge; ++y) {
+            for (int x = x0; x < x0 + edge; ++x) {
+                at(x, y, d);
+                least = std::min(least, (d[0] * sum[0] + d[1] * sum[1] + d[2] * sum[2]) / length);
+            }
+        }
+        for (int i = 0; i < 3; ++i) to[i] = length > 0.0 ? static_cast<float>(sum[i] / length) : 0.0f;
+        to[3] = length > 1e-9 ? static_cast<float>(least - 1e-6) : -2.0f;
+    };
+    rays_.xyz.resize(3 * buffer_.t.size());
+    rays_.block_cone.resize(4 * buffer_.farthest.size());
+    rays_.tile_cone.resize(4 * buffer_.tile_farthest.size());
+    for (int row = 0; row < b.blocks_y; ++row) {
+        for (int column = 0; column < b.blocks_x; ++column) {
+            const auto block = static_cast<std::size_t>(row * b.blocks_x + column);
+            for (int lane = 0; lane < 16; ++lane) {
+                double d[3];
+                at(kBlock * column + lane % 4, kBlock * row + lane / 4, d);
+                if (!finite(d, 3)) throw std::invalid_argument("a ray direction of the camera is not finite");
+                for (std::size_t i = 0; i < 3; ++i) {
+                    rays_.xyz[48 * block + 16 * i + static_cast<std::size_t>(lane)] = static_cast<float>(d[i]);
+                }
+            }
+            cone(kBlock * column, kBlock * row, kBlock, &rays_.block_cone[4 * block]);
+        }
+    }
+    for (int row = 0; row < b.tiles_y; ++row) {
+        for (int column = 0; column < b.tiles_x; ++column) {
+            const auto tile = static_cast<std::size_t>(row * b.tiles_x + column);
+            cone(kBlock * kTile * column, kBlock * kTile * row, kBlock * kTile, &rays_.tile_cone[4 * tile]);
+        }
+    }
+}
+
+namespace {
+
+// One picture, or the rows of one thread, on its way.
+class Pass {
+public:
+    Pass(const Geometry &geometry, const RasterCamera &camera, const RasterOptions &options, const View &view,
+         VisibilityBuffer &buffer, const RayTable &rays, const RasterKernels &kernels, Raster::Band &band)
+        : geometry_(geometry), camera_(camera), options_(options), view_(view), buffer_(buffer), rays_(rays),
+          kernels_(kernels), row0_(band.row0), row1_(band.row1), drawn_(band.drawn), drawn_of_geom_(band.drawn_of_geom),
+          heap_(band.heap), packets_(band.packets), counts_(band.counts) {}
+
+    void run() {
+        if (options_.draw_static) {
+            for (const auto geom : geometry_.unbounded()) draw_geom(geom);
+        }
+        heap_.clear();
+        if (options_.draw_static && !geometry_.tree().nodes.empty()) push_node(0);
+        if (options_.draw_moving) {
+            for (const auto geom : geometry_.moving()) {
+                if (geometry_.shown(geom)) push_geom(geom);
+            }
+        }
+        while (!heap_.empty()) {
+            std::pop_heap(heap_.begin(), heap_.end(), std::greater<>());
+            const auto [nearest, item] = heap_.back();
+            heap_.pop_back();
+            if (options_.occlusion_culling && hidden({0, buffer_.blocks_x, row0_, row1_}, nearest)) break;
+            if (item < 0) {
+                draw_geom(~item);
+                continue;
+            }
+            const BvhNode &node = geometry_.tree().nodes[static_cast<std::size_t>(item)];
+            if (options_.occlusion_culling && node_hidden(view_, node.box, nearest)) continue;
+            if (node.count == 0) {
+                push_node(node.first);
+                push_node(node.first + 1);
+            } else {
+                for (std::int32_t i = 0; i < node.count; ++i) {
+                    push_geom(geometry_.tree().order[static_cast<std::size_t>(node.first + i)]);
+                }
+            }
+        }
+    }
+
+private:
+    void push(float nearest, std::int32_t item) {
+        heap_.emplace_back(nearest, item);
+        std::push_heap(heap_.begin(), heap_.end(), std::greater<>());
+    }
+
+    void push_node(std::int32_t index) {
+        ++counts_.nodes;
+        double centre[3], half[3];
+        halves(geometry_.tree().nodes[static_cast<std::size_t>(index)].box, centre, half);
+        if (options_.frustum_culling && view_.outside(centre, half)) return;
+        push(static_cast<float>(view_.nearest(centre, half)), index);
+    }
+
+    void push_geom(std::int32_t index) {
+        double centre[3], half[3];
+        const Geom &g = geometry_.geoms()[static_cast<std::size_t>(index)];
+        if (std::isinf(g.half[0]) || std::isinf(g.half[1])) return push(0.0f, ~index);
+        halves(geometry_.world_box(index), centre, half);
+        if (options_.frustum_culling && view_.outside(centre, half)) return;
+        push(static_cast<float>(view_.nearest(centre, half)), ~index);
+    }
+
+    BlockRect blocks_of(const PixelRect &r) const {
+        const int left = clamp_to_int(std::ceil(r.lo_x - 0.5 - kPixelMargin), 0, buffer_.width);
+        const int right = clamp_to_int(std::floor(r.hi_x - 0.5 + kPixelMargin), -1, buffer_.width - 1);
+        const int top = clamp_to_int(std::ceil(r.lo_y - 0.5 - kPixelMargin), 0, buffer_.height);
+        const int bottom = clamp_to_int(std::floor(r.hi_y - 0.5 + kPixelMargin), -1, buffer_.height - 1);
+        if (left > right || top > bottom) return {0, 0, 0, 0};
+        return {left / kBlock, right / kBlock + 1, std::max(row0_, top / kBlock), std::min(row1_, bottom / kBlock + 1)};
+    }
+
+    bool node_hidden(const View &view, const Aabb &box, float nearest) {
+        double centre[3], half[3];
+        halves(box, centre, half);
+        PixelRect rect;
+        if (!view.pixels(centre, half, rect)) return false;
+        const BlockRect blocks = blocks_of(rect);
+        return blocks.empty() || hidden(blocks, nearest);
+    }
+
+    // Whether everything in these blocks is nearer.
+    bool hidden(const BlockRect &r, float nearest) {
+        for (int ty = r.y0 / kTile; ty <= (r.y1 - 1) / kTile; ++ty) {
+            for (int tx = r.x0 / kTile; tx <= (r.x1 - 1) / kTile; ++tx) {
+                if (nearest > tile_farthest(tx, ty)) continue;
+                for (int y = std::max(r.y0, ty * kTile); y < std::min(r.y1, (ty + 1) * kTile); ++y) {
+                    const float *row = &buffer_.farthest[static_cast<std::size_t>(y * buffer_.blocks_x)];
+                    for (int x = std::max(r.x0, tx * kTile); x < std::min(r.x1, (tx + 1) * kTile); ++x) {
+                        if (!(nearest > row[x])) return false;
+                    }
+                }
+            }
+        }
+        return true;
+    }
+
+    float tile_farthest(int tx, int ty) {
+        const auto tile = static_cast<std::size_t>(ty * buffer_.tiles_x + tx);
+        if (buffer_.tile_stale[tile] != 0) {
+            float farthest = -std::numeric_limits<float>::infinity();
+            for (int y = std::max(row0_, ty * kTile); y < std::min(row1_, (ty + 1) * kTile); ++y) {
+                const float *row = &buffer_.farthest[static_cast<std::size_t>(y * buffer_.blocks_x)];
+                for (int x = tx * kTile; x < std::min(buffer_.blocks_x, (tx + 1) * kTile); ++x) {
+                    farthest = std::max(farthest, row[x]);
+                }
+            }
+            buffer_.tile_farthest[tile] = farthest;
+            buffer_.tile_stale[tile] = 0;
+        }
+        return buffer_.tile_farthest[tile];
+    }
+
+    void draw_geom(std::int32_t index) {
+        const Geom &g = geometry_.geoms()[static_cast<std::size_t>(index)];
+        DrawnGeom d{};
+        d.geom = index;
+        d.shape = g.shape;
+        d.cone[3] = -2.0f;
+        BlockRect rect{0, buffer_.blocks_x, row0_, row1_};
+        double nearest = -1e30;
+        if (std::isfinite(g.half[0]) && std::isfinite(g.half[1])) {
+            PixelRect pixels;
+            const bool bounded = pixels_of_geom(view_, g, pixels, nearest);
+            if (bounded && options_.frustum_culling) rect = blocks_of(pixels);
+            if (rect.empty() || nearest > options_.far_t) return;
+            if (bounded && options_.occlusion_culling && hidden(rect, static_cast<float>(nearest))) return;
+            if (view_.projection == Projection::kTable && options_.frustum_culling) {
+                double centre[3], half[3];
+                halves(geometry_.world_box(index), centre, half);
+                view_.cone_of(centre, half, d.cone);
+            }
+        }
+        ++counts_.geoms;
+        d.x0 = rect.x0, d.x1 = rect.x1, d.y0 = rect.y0, d.y1 = rect.y1;
+        d.t_min_bound = options_.occlusion_culling ? static_cast<float>(nearest) : -1e30f;
+        set_up(g, d);
+        packets_.clear();
+        if (g.shape == Shape::kMesh) {
+            d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
+            collect_packets(*d.mesh, view_.in(g.p_WG, g.R_WG));
+            if (packets_.empty()) return;
+        }
+        drawn_of_geom_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(drawn_.size());
+        drawn_.push_back(d);
+        kernels_.draw(d, rays_, buffer_, options_, row0_, row1_, packets_.data(), static_cast<int>(packets_.size()));
+    }
+
+    void set_up(const Geom &g, DrawnGeom &d) const {
+        // m = R_GW R_WC, o = R_GW (p_C - p_G): in double, then rounded.
+        double o[3], m[9];
+        for (int r = 0; r < 3; ++r) {
+            o[r] = 0.0;
+            for (int k = 0; k < 3; ++k) o[r] += g.R_WG[3 * k + r] * (camera_.p_WC[k] - g.p_WG[k]);
+            for (int c = 0; c < 3; ++c) {
+                m[3 * r + c] = 0.0;
+                for (int k = 0; k < 3; ++k) m[3 * r + c] += g.R_WG[3 * k + r] * camera_.R_WC[3 * k + c];
+            }
+        }
+        for (int r = 0; r < 3; ++r) {
+            const double scale = g.shape == Shape::kEllipsoid ? 1.0 / g.size[r] : 1.0;
+            d.o[r] = static_cast<float>(o[r] * scale);
+            for (int c = 0; c < 3; ++c) d.m[3 * r + c] = static_cast<float>(m[3 * r + c] * scale);
+        }
+        d.radius = static_cast<float>(g.size[0]);
+        for (int i = 0; i < 3; ++i) d.half[i] = static_cast<float>(g.size[i]);
+        if (g.shape == Shape::kCapsule || g.shape == Shape::kCylinder) d.half[2] = static_cast<float>(g.size[1]);
+        // v of the rigid body at the camera's origin, relative to the camera: there w x (t d) has no part along d.
+        double v[3];
+        for (int i = 0; i < 3; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            v[i] = g.v_W[i] - camera_.v_W[i] + g.w_W[j] * (camera_.p_WC[k] - g.p_WG[k]) -
+                   g.w_W[k] * (camera_.p_WC[j] - g.p_WG[j]);
+        }
+        for (int c = 0; c < 3; ++c) {
+            d.velocity_C[c] = static_cast<float>(camera_.R_WC[c] * v[0] + camera_.R_WC[3 + c] * v[1] + camera_.R_WC[6 + c] * v[2]);
+        }
+    }
+
+    void collect_packets(const Mesh &mesh, const View &local) {
+        // Near child first.
+        std::int32_t stack[128];
+        int depth = 0;
+        stack[depth++] = 0;
+        while (depth > 0) {
+            const BvhNode &node = mesh.packed_tree.nodes[static_cast<std::size_t>(stack[--depth])];
+            double centre[3], half[3];
+            halves(node.box, centre, half);
+            if (options_.frustum_culling && local.outside(centre, half)) continue;
+            if (options_.occlusion_culling &&
+                node_hidden(local, node.box, static_cast<float>(local.nearest(centre, half)))) {
+                continue;
+            }
+            if (node.count > 0 || depth + 2 > 128) {
+                add_packets(mesh, node);
+                continue;
+            }
+            double near[2];
+            for (int child = 0; child < 2; ++child) {
+                halves(mesh.packed_tree.nodes[static_cast<std::size_t>(node.first + child)].box, centre, half);
+                near[child] = local.nearest(centre, half);
+            }
+            const int first = near[1] < near[0] ? 1 : 0;
+            stack[depth++] = node.first + 1 - first;
+            stack[depth++] = node.first + first;
+        }
+    }
+
+    void add_packets(const Mesh &mesh, const BvhNode &node) {
+        if (node.count > 0) {
+            for (std::int32_t i = 0; i < node.count; ++i) {
+                packets_.push_back(mesh.packed_tree.order[static_cast<std::size_t>(node.first + i)]);
+            }
+            return;
+        }
+        add_packets(mesh, mesh.packed_tree.nodes[static_cast<std::size_t>(node.first)]);
+        add_packets(mesh, mesh.packed_tree.nodes[static_cast<std::size_t>(node.first + 1)]);
+    }
+
+    const Geometry &geometry_;
+    const RasterCamera &camera_;
+    const RasterOptions &options_;
+    const View &view_;
+    VisibilityBuffer &buffer_;
+    const RayTable &rays_;
+    const RasterKernels &kernels_;
+    const int row0_, row1_;
+    std::vector<DrawnGeom> &drawn_;
+    std::vector<std::int32_t> &drawn_of_geom_;
+    std::vector<std::pair<float, std::int32_t>> &heap_;
+    std::vector<std::int32_t> &packets_;
+    RasterCounts &counts_;
+};
+
+}  // namespace
+
+void Raster::clear(const Band &band, const RasterOptions &options) {
+    VisibilityBuffer &b = buffer_;
+    const auto blank = [&](int row, int x0, int x1) {
+        const auto from = static_cast<std::size_t>(row * b.blocks_x + x0), count = static_cast<std::size_t>(x1 - x0);
+        std::fill_n(&b.t[16 * from], 16 * count, options.far_t);
+        std::fill_n(&b.geom[16 * from], 16 * count, -1);
+        std::fill_n(&b.farthest[from], count, options.far_t);
+    };
+    if (options.sparse && cleared_) {
+        for (const DrawnGeom &d : band.drawn) {
+            for (int row = d.y0; row < d.y1; ++row) blank(row, d.x0, d.x1);
+        }
+        return;
+    }
+    for (int row = band.row0; row < band.row1; ++row) blank(row, 0, b.blocks_x);
+    for (int row = band.row0 / kTile; row <= (band.row1 - 1) / kTile; ++row) {
+        std::fill_n(&b.tile_stale[static_cast<std::size_t>(row * b.tiles_x)], b.tiles_x, std::uint8_t{1});
+    }
+}
+
+void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptions &options) {
+    VisibilityBuffer &b = buffer_;
+    clear(band, options);
+    band.drawn.clear();
+    band.drawn_of_geom.resize(geometry_.geoms().size());
+    band.counts = {};
+    if (!finite(camera.p_WC, 3) || !finite(camera.R_WC, 9) || !finite(camera.v_W, 3)) return;
+    const View view = make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, b.width, kBlock * band.row0,
+                                std::min(kBlock * band.row1, b.height), options);
+    Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), band).run();
+}
+
+void Raster::draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
+                  const std::function<void(const Band &)> &then) {
+    if (row0 < 0 || row1 > buffer_.height || row0 >= row1 || row0 % kBlock != 0 ||
+        (row1 % kBlock != 0 && row1 != buffer_.height)) {
+        throw std::invalid_argument("rows must be within the picture, in multiples of 4");
+    }
+    const int first = row0 / kBlock, last = ceil_div(row1, kBlock);
+    // Threads meet at borders of tiles only.
+    const int first_tile = first / kTile, tiles = (last - 1) / kTile + 1 - first_tile;
+    const int bands = options.sparse ? 1 : std::clamp(threads, 1, tiles);
+    bands_.resize(std::max(bands_.size(), static_cast<std::size_t>(bands)));
+    for (int i = 0; i < bands; ++i) {
+        bands_[static_cast<std::size_t>(i)].row0 = std::max(first, (first_tile + tiles * i / bands) * kTile);
+        bands_[static_cast<std::size_t>(i)].row1 = std::min(last, (first_tile + tiles * (i + 1) / bands) * kTile);
+    }
+    const auto work = [&](int i) {
+        Band &band = bands_[static_cast<std::size_t>(i)];
+        draw_band(band, camera, options);
+        if (then) then(band);
+    };
+    std::vector<std::thread> others;
+    for (int i = 1; i < bands; ++i) others.emplace_back(work, i);
+    work(0);
+    for (auto &thread : others) thread.join();
+    cleared_ = true;
+    counts_ = {};
+    for (int i = 0; i < bands; ++i) {
+        counts_.nodes += bands_[static_cast<std::size_t>(i)].counts.nodes;
+        counts_.geoms += bands_[static_cast<std::size_t>(i)].counts.geoms;
+    }
+}
+
+}  // namespace hil::sim::frame

@@ -1,0 +1,321 @@
+// The inner loops of the raster: one geom against the blocks it may touch. See raster.hpp.
+#include "raster.hpp"
+#include "shapes.hpp"
+
+namespace hil::sim::frame::HIL_ISA {
+
+namespace {
+
+constexpr int kTile = 8;  // blocks
+
+struct Block {
+    int index, tile;
+    F x, y, z;  // pinhole: direction (x, y, 1); table: direction; parallel: origin (x, y)
+};
+
+HIL_INLINE bool cones_meet(const float *a, const float *b) {
+    // angle(a, b) <= alpha + beta, with 1e-3 to spare; half angles that add up to more than a half turn always meet.
+    if (a[3] < -1.0f || b[3] < -1.0f || a[3] + b[3] <= 0.0f) return true;
+    const float sine2 = (1.0f - a[3] * a[3]) * (1.0f - b[3] * b[3]);
+    const float sine = sine2 > 0.0f ? __builtin_sqrtf(sine2) : 0.0f;
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] >= a[3] * b[3] - sine - 1e-3f;
+}
+
+// Calls f(block) for each block of the rectangle that is not hidden.
+template <Projection P, class Function>
+HIL_INLINE void each_block(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, bool occlusion,
+                           float nearest, int x0, int x1, int y0, int y1, Function &&f) {
+    const float *farthest = buffer.farthest.data();
+    for (int row = y0; row < y1; ++row) {
+        Block block;
+        if constexpr (P != Projection::kTable) block.y = load<F>(rays.y.data() + 16 * row);
+        for (int column = x0; column < x1; ++column) {
+            block.index = row * buffer.blocks_x + column;
+            block.tile = (row / kTile) * buffer.tiles_x + column / kTile;
+            if constexpr (P == Projection::kTable) {
+                if (column % kTile == 0 || column == x0) {
+                    if (!cones_meet(g.cone, rays.tile_cone.data() + 4 * block.tile)) {
+                        column |= kTile - 1;
+                        continue;
+                    }
+                }
+            }
+            if (occlusion && nearest > farthest[block.index]) continue;
+            if constexpr (P == Projection::kTable) {
+                if (!cones_meet(g.cone, rays.block_cone.data() + 4 * block.index)) continue;
+                const float *xyz = rays.xyz.data() + 48 * block.index;
+                block.x = load<F>(xyz);
+                block.y = load<F>(xyz + 16);
+                block.z = load<F>(xyz + 32);
+            } else {
+                block.x = load<F>(rays.x.data() + 16 * column);
+            }
+            f(block);
+        }
+    }
+}
+
+HIL_INLINE void note_farthest(VisibilityBuffer &buffer, const Block &block, const F &t) {
+    const float farthest = greatest(t);
+    if (farthest < buffer.farthest[block.index]) {
+        buffer.farthest[block.index] = farthest;
+        buffer.tile_stale[block.tile] = 1;
+    }
+}
+
+// Keeps what is nearer; of equally near ones the geom of lower index.
+HIL_INLINE void keep(VisibilityBuffer &buffer, const Block &block, const F &t, std::int32_t geom) {
+    float *const at = buffer.t.data() + 16 * block.index;
+    std::int32_t *const ids = buffer.geom.data() + 16 * block.index;
+    const F old = load<F>(at);
+    I closer = t < old;
+    const I equal = t == old;
+    if (any(equal)) closer |= equal & (splat<I>(geom) < load<I>(ids));
+    if (!any(closer)) return;
+    const F now = select(closer, t, old);
+    store(at, now);
+    store(ids, select(closer, splat<I>(geom), load<I>(ids)));
+    note_farthest(buffer, block, now);
+}
+
+// Origin and direction of a block's rays in the geom's local frame.
+template <Projection P>
+HIL_INLINE void local_ray(const DrawnGeom &g, const Block &b, Vec<F> &o, Vec<F> &d) {
+    const float *m = g.m;
+    if constexpr (P == Projection::kPinhole) {
+        o = {splat<F>(g.o[0]), splat<F>(g.o[1]), splat<F>(g.o[2])};
+        d = {b.x * m[0] + (b.y * m[1] + m[2]), b.x * m[3] + (b.y * m[4] + m[5]), b.x * m[6] + (b.y * m[7] + m[8])};
+    } else if constexpr (P == Projection::kTable) {
+        o = {splat<F>(g.o[0]), splat<F>(g.o[1]), splat<F>(g.o[2])};
+        d = {b.x * m[0] + b.y * m[1] + b.z * m[2], b.x * m[3] + b.y * m[4] + b.z * m[5],
+             b.x * m[6] + b.y * m[7] + b.z * m[8]};
+    } else {
+        o = {g.o[0] + (b.x * m[0] + b.y * m[1]), g.o[1] + (b.x * m[3] + b.y * m[4]), g.o[2] + (b.x * m[6] + b.y * m[7])};
+        d = {splat<F>(m[2]), splat<F>(m[5]), splat<F>(m[8])};
+    }
+}
+
+template <Projection P, Shape S>
+void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options,
+                    int y0, int y1) {
+    const F near = splat<F>(options.near_t);
+    each_block<P>(g, rays, buffer, options.occlusion_culling, g.t_min_bound, g.x0, g.x1, y0, y1, [&](const Block &block) {
+        Vec<F> o, d;
+        local_ray<P>(g, block, o, d);
+        F t;
+        if constexpr (S == Shape::kSphere) t = ray_sphere(o, d, g.radius, near);
+        if constexpr (S == Shape::kBox) t = ray_box(o, d, g.half, near);
+        if constexpr (S == Shape::kCapsule) t = ray_capsule(o, d, g.radius, g.half[2], near);
+        if constexpr (S == Shape::kCylinder) t = ray_cylinder(o, d, g.radius, g.half[2], near);
+        if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
+        if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
+        keep(buffer, block, t, g.geom);
+    });
+}
+
+struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
+    float e0[3][16], e1[3][16], e2[3][16], n[3][16], volume[16];
+    float low_x[16], high_x[16], low_y[16], high_y[16], nearest[16];  // of their pixels and depth
+    float middle[3][16], reach[16];                                    // bounding spheres
+};
+
+HIL_INLINE void store3(float (*to)[16], const Vec<F> &v) {
+    store(to[0], v.x);
+    store(to[1], v.y);
+    store(to[2], v.z);
+}
+
+// Returns the lanes that have an area.
+template <Projection P>
+HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, const float *packed, Packet &packet) {
+    Vec<F> v[3];
+    for (int corner = 0; corner < 3; ++corner) {
+        const float *from = packed + 48 * corner;
+        const F x = load<F>(from) - g.o[0], y = load<F>(from + 16) - g.o[1], z = load<F>(from + 32) - g.o[2];
+        v[corner] = {x * g.m[0] + y * g.m[3] + z * g.m[6], x * g.m[1] + y * g.m[4] + z * g.m[7],
+                     x * g.m[2] + y * g.m[5] + z * g.m[8]};
+    }
+    Triangle<F> t = triangle(v[0], v[1], v[2]);
+    if constexpr (P == Projection::kParallel) {
+        // The same edge functions for parallel rays: signed areas of (p, vb, vc) etc. in the image plane.
+        const auto edge = [](const Vec<F> &b, const Vec<F> &c) { return Vec<F>{b.y - c.y, c.x - b.x, b.x * c.y - b.y * c.x}; };
+        t.e0 = edge(v[1], v[2]);
+        t.e1 = edge(v[2], v[0]);
+        t.e2 = edge(v[0], v[1]);
+    }
+    store3(packet.e0, t.e0);
+    store3(packet.e1, t.e1);
+    store3(packet.e2, t.e2);
+    store3(packet.n, t.n);
+    store(packet.volume, t.volume);
+    const F z_low = min(min(v[0].z, v[1].z), v[2].z);
+    if constexpr (P == Projection::kTable) {
+        const float third = 1.0f / 3.0f;
+        const Vec<F> middle{(v[0].x + v[1].x + v[2].x) * third, (v[0].y + v[1].y + v[2].y) * third,
+                            (v[0].z + v[1].z + v[2].z) * third};
+        F reach2 = splat<F>(0);
+        for (const auto &corner : v) {
+            const Vec<F> r{corner.x - middle.x, corner.y - middle.y, corner.z - middle.z};
+            reach2 = max(reach2, dot(r, r));
+        }
+        store3(packet.middle, middle);
+        store(packet.reach, sqrt(reach2));
+        store(packet.nearest, splat<F>(0));
+    } else {
+        // A margin of 1/64 pixel: what rounding may let a ray see beyond the edge belongs to the triangle too. Of a
+        // triangle that reaches behind the camera, the part in front of z = near counts.
+        const float far = 1e9f;
+        const F z_near = splat<F>(P == Projection::kParallel ? -far : 0.5f * near_t);
+        F low_x = splat<F>(far), high_x = splat<F>(-far), low_y = low_x, high_y = high_x;
+        const auto take = [&](const I &counts, const F &x, const F &y, const F &z) {
+            const F scale = P == Projection::kParallel ? splat<F>(1) : 1.0f / z;
+            const F u = x * scale * rays.fx + rays.cx, w = y * scale * rays.fy + rays.cy;
+            low_x = select(counts, min(low_x, u), low_x);
+            high_x = select(counts, max(high_x, u), high_x);
+            low_y = select(counts, min(low_y, w), low_y);
+            high_y = select(counts, max(high_y, w), high_y);
+        };
+        I front[3];
+        for (int i = 0; i < 3; ++i) {
+            front[i] = v[i].z > z_near;
+            take(front[i], v[i].x, v[i].y, v[i].z);
+        }
+        if (any(~(front[0] & front[1] & front[2]))) {
+            for (int i = 0; i < 3; ++i) {
+                const Vec<F> &a = v[i], &b = v[(i + 1) % 3];
+                const I crosses = front[i] ^ front[(i + 1) % 3];
+                const F s = (z_near - a.z) / (b.z - a.z);
+                take(crosses, a.x + s * (b.x - a.x), a.y + s * (b.y - a.y), z_near);
+            }
+        }
+        const float margin = 1.0f / 64.0f;
+        store(packet.low_x, low_x - margin);
+        store(packet.high_x, high_x + margin);
+        store(packet.low_y, low_y - margin);
+        store(packet.high_y, high_y + margin);
+        store(packet.nearest, select(z_low > splat<F>(0), z_low * 0.99999f, splat<F>(-far)));
+    }
+    return bits(dot(t.n, t.n) > splat<F>(0));
+}
+
+HIL_INLINE int floor_to_int(float x, int low, int high) {
+    // Also right for what no int holds.
+    if (!(x > static_cast<float>(low))) return low;
+    if (!(x < static_cast<float>(high))) return high;
+    const int i = static_cast<int>(x);
+    return static_cast<float>(i) > x ? i - 1 : i;
+}
+
+template <Projection P>
+void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options, int y0,
+               int y1, const std::int32_t *packets, int packet_count) {
+    const F near = splat<F>(options.near_t), inf = splat<F>(LaneTraits<F>::kInf), zero = splat<F>(0);
+    const int triangles = (int)(g.mesh->triangle.size() / 3);
+    DrawnGeom part = g;  // table: with the cone of one triangle
+    Packet packet;
+    for (int k = 0; k < packet_count; ++k) {
+        unsigned alive = prepare<P>(g, rays, options.near_t, g.mesh->packed.data() + 144 * (long)packets[k], packet);
+        for (; alive != 0; alive &= alive - 1) {
+            const int lane = __builtin_ctz(alive);
+            const int triangle = 16 * packets[k] + lane;
+            if (triangle >= triangles) break;
+            int x0 = g.x0, x1 = g.x1, row0 = y0, row1 = y1;
+            float nearest = g.t_min_bound;
+            if constexpr (P == Projection::kTable) {
+                const float *mx = packet.middle[0], *my = packet.middle[1], *mz = packet.middle[2];
+                const float distance2 = mx[lane] * mx[lane] + my[lane] * my[lane] + mz[lane] * mz[lane];
+                const float distance = __builtin_sqrtf(distance2), reach = packet.reach[lane] * 1.001f + 1e-4f;
+                if (distance > reach) {
+                    const float sine = reach / distance;
+                    part.cone[0] = mx[lane] / distance;
+                    part.cone[1] = my[lane] / distance;
+                    part.cone[2] = mz[lane] / distance;
+                    part.cone[3] = __builtin_sqrtf(1.0f - sine * sine);
+                    nearest = nearest > distance - reach ? nearest : distance - reach;
+                } else {
+                    part.cone[3] = -2.0f;
+                }
+            } else {
+                const int left = floor_to_int(packet.low_x[lane] + 0.5f, 0, buffer.width);
+                const int right = floor_to_int(packet.high_x[lane] - 0.5f, -1, buffer.width - 1);
+                const int top = floor_to_int(packet.low_y[lane] + 0.5f, 0, buffer.height);
+                const int bottom = floor_to_int(packet.high_y[lane] - 0.5f, -1, buffer.height - 1);
+                if (left > right || top > bottom) continue;
+                x0 = x0 > left / 4 ? x0 : left / 4;
+                x1 = x1 < right / 4 + 1 ? x1 : right / 4 + 1;
+                row0 = row0 > top / 4 ? row0 : top / 4;
+                row1 = row1 < bottom / 4 + 1 ? row1 : bottom / 4 + 1;
+                nearest = nearest > packet.nearest[lane] ? nearest : packet.nearest[lane];
+            }
+            const auto one = [&](const float (*e)[16], const Block &b) {
+                if constexpr (P == Projection::kTable) return b.x * e[0][lane] + b.y * e[1][lane] + b.z * e[2][lane];
+                else return b.x * e[0][lane] + b.y * e[1][lane] + e[2][lane];
+            };
+            each_block<P>(part, rays, buffer, options.occlusion_culling, nearest, x0, x1, row0, row1, [&](const Block &b) {
+                const F e0 = one(packet.e0, b), e1 = one(packet.e1, b), e2 = one(packet.e2, b);
+                const I in = ((e0 >= zero) & (e1 >= zero) & (e2 >= zero)) | ((e0 <= zero) & (e1 <= zero) & (e2 <= zero));
+                if (!any(in)) return;
+                F over, under;
+                if constexpr (P == Projection::kParallel) {
+                    over = packet.volume[lane] - (b.x * packet.n[0][lane] + b.y * packet.n[1][lane]);
+                    under = splat<F>(packet.n[2][lane]);
+                } else {
+                    over = splat<F>(packet.volume[lane]);
+                    under = one(packet.n, b);
+                }
+                const F at = over / under;
+                const F t = select(in & (under != zero) & (at >= near), at, inf);
+                float *const ts = buffer.t.data() + 16 * b.index;
+                std::int32_t *const ids = buffer.geom.data() + 16 * b.index;
+                std::int32_t *const parts = buffer.triangle.data() + 16 * b.index;
+                const F old = load<F>(ts);
+                const I geom = splat<I>(g.geom), index = splat<I>(triangle), old_geom = load<I>(ids);
+                I closer = t < old;
+                const I equal = t == old;
+                if (any(equal)) {
+                    closer |= equal & ((geom < old_geom) | ((geom == old_geom) & (index < load<I>(parts))));
+                }
+                if (!any(closer)) return;
+                const F now = select(closer, t, old);
+                store(ts, now);
+                store(ids, select(closer, geom, old_geom));
+                store(parts, select(closer, index, load<I>(parts)));
+                note_farthest(buffer, b, now);
+            });
+        }
+    }
+}
+
+template <Projection P>
+void draw_any(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options, int y0,
+              int y1, const std::int32_t *packets, int packet_count) {
+    switch (g.shape) {
+        case Shape::kPlane: return draw_primitive<P, Shape::kPlane>(g, rays, buffer, options, y0, y1);
+        case Shape::kSphere: return draw_primitive<P, Shape::kSphere>(g, rays, buffer, options, y0, y1);
+        case Shape::kCapsule: return draw_primitive<P, Shape::kCapsule>(g, rays, buffer, options, y0, y1);
+        case Shape::kEllipsoid: return draw_primitive<P, Shape::kEllipsoid>(g, rays, buffer, options, y0, y1);
+        case Shape::kCylinder: return draw_primitive<P, Shape::kCylinder>(g, rays, buffer, options, y0, y1);
+        case Shape::kBox: return draw_primitive<P, Shape::kBox>(g, rays, buffer, options, y0, y1);
+        case Shape::kMesh: return draw_mesh<P>(g, rays, buffer, options, y0, y1, packets, packet_count);
+    }
+}
+
+void draw(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options, int row0,
+          int row1, const std::int32_t *packets, int packet_count) {
+    const int y0 = g.y0 > row0 ? g.y0 : row0, y1 = g.y1 < row1 ? g.y1 : row1;
+    switch (rays.projection) {
+        case Projection::kPinhole:
+            return draw_any<Projection::kPinhole>(g, rays, buffer, options, y0, y1, packets, packet_count);
+        case Projection::kTable:
+            return draw_any<Projection::kTable>(g, rays, buffer, options, y0, y1, packets, packet_count);
+        case Projection::kParallel:
+            return draw_any<Projection::kParallel>(g, rays, buffer, options, y0, y1, packets, packet_count);
+    }
+}
+
+}  // namespace
+
+extern const RasterKernels raster_kernels_of_isa;
+const RasterKernels raster_kernels_of_isa{draw};
+
+}  // namespace hil::sim::frame::HIL_ISA

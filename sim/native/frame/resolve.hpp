@@ -1,0 +1,64 @@
+// Channels of a picture from its visibility buffer: only those that are asked for are computed.
+//
+//     depth            t of a pinhole, t z of other cameras: along the camera's axis [m], +inf where nothing is
+//     range            t |d|: along the ray [m], +inf where nothing is
+//     segmentation, instance, material, geom: labels of what is seen; 0, and -1 for geom, where nothing is
+//     normal           unit, in C, towards the camera's side of the surface; 0 where nothing is
+//     radial_velocity  (v_P - v_C) . d / |d| [m/s], + receding; 0 where nothing is. With v of the rigid body taken at the
+//                      camera's origin this needs no position: w x (t d) is normal to d.
+//     rgb              sRGB: Lambert's law, sun with or without shadow, light of the sky by how far up a surface faces,
+//                      fog as exp(-k range) by its Pade approximant (error below 5e-3)
+//
+// A block of 4 x 4 pixels that sees one geom is resolved at once, else once for each geom in it.
+#pragma once
+
+#include <cstdint>
+
+#include "raster.hpp"
+#include "scenery.hpp"
+
+namespace hil::sim::frame {
+
+struct ChannelOutputs {  // row-major, width wide; null: not asked for
+    float *depth = nullptr, *range = nullptr, *normal = nullptr, *radial_velocity = nullptr;
+    std::uint8_t *segmentation = nullptr, *material = nullptr, *rgb = nullptr;
+    std::uint16_t *instance = nullptr;
+    std::int32_t *geom = nullptr;
+};
+
+// One shadow map as the kernel reads it: picture of the scene from the sun, parallel rays.
+struct ShadowMap {
+    const VisibilityBuffer *buffer = nullptr;
+    const RayTable *rays = nullptr;
+    const DrawnGeom *drawn = nullptr;         // transforms sun camera -> local
+    const std::int32_t *drawn_of_geom = nullptr;
+    float pixels_per_m = 1.0f;
+    std::int32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // pixels that hold anything
+};
+
+struct ResolveJob {
+    const VisibilityBuffer *buffer;
+    const RayTable *rays;
+    const DrawnGeom *drawn;
+    const std::int32_t *drawn_of_geom;
+    const Geom *geoms;
+    const Scenery *scenery;
+    ChannelOutputs out;
+    float far_t;
+    int row0, row1;  // block rows
+    // Light in C.
+    float sun_C[3], up_C[3];
+    float pixel_angle;  // of one pixel [rad], for the choice of texture level
+    const Daylight *light;
+    // Camera to sun camera: p_S = M p_C + s.
+    float camera_to_sun[9], camera_in_sun[3];
+    ShadowMap shadow[2];  // static, moving
+    int shadows = 0;
+};
+
+struct ResolveKernels {
+    void (*resolve)(const ResolveJob &);
+};
+const ResolveKernels &resolve_kernels(Isa isa);
+
+}  // namespace hil::sim::frame

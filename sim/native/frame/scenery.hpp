@@ -1,0 +1,43 @@
+// How things look: colour and texture of each geom, sun, sky and haze.
+//
+// Colours of geoms and textures are coded as sRGB (as MJCF files mean them), light is linear.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace hil::sim::frame {
+
+// A pyramid of images, each half the size of the one before; edges are powers of two.
+struct Texture {
+    int width = 0, height = 0, levels = 0;
+    bool cube = false;                 // six square faces below each other: +x -x +y -y +z -z
+    std::vector<std::int32_t> offset;  // [levels], of a level's first texel
+    std::vector<std::int32_t> texel;   // red in the lowest byte
+};
+
+struct Appearance {  // of one geom
+    float rgb[3] = {0.5f, 0.5f, 0.5f};  // sRGB code / 255
+    float emission = 0.0f;
+    std::int32_t texture = -1;
+    float repeat[2] = {1.0f, 1.0f};  // copies of the texture along an edge of the geom, or per 2 m (as MuJoCo has it)
+    bool per_metre = false;
+};
+
+struct Scenery {
+    std::vector<Texture> textures;
+    std::vector<Appearance> geoms;
+};
+
+// Light in W; colours linear.
+struct Daylight {
+    float sun_W[3] = {0, 0, 1};  // unit, towards the sun
+    float sun_rgb[3] = {1, 1, 1};
+    float sky_rgb[3] = {0.3f, 0.3f, 0.3f};     // ambient on what faces up
+    float ground_rgb[3] = {0.1f, 0.1f, 0.1f};  // and on what faces down
+    float zenith_rgb[3] = {0.2f, 0.4f, 0.8f};
+    float horizon_rgb[3] = {0.7f, 0.8f, 0.9f};
+    float fog_per_m = 0.0f;
+};
+
+}  // namespace hil::sim::frame

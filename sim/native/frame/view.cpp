@@ -1,0 +1,212 @@
+#include "view.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace hil::sim::frame {
+
+namespace {
+
+double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+double reach(const double *axis, const double *half) {
+    return std::fabs(axis[0]) * half[0] + std::fabs(axis[1]) * half[1] + std::fabs(axis[2]) * half[2];
+}
+
+double with_margin(double t) { return t - 1e-5 * std::fabs(t) - 1e-5; }
+
+void transposed_times(const double *R, const double *v, double *to) {
+    for (int i = 0; i < 3; ++i) to[i] = R[i] * v[0] + R[3 + i] * v[1] + R[6 + i] * v[2];
+}
+
+struct Range {
+    double lo, hi;
+    void take(double x) {
+        lo = std::min(lo, x);
+        hi = std::max(hi, x);
+    }
+};
+constexpr Range kNothing{1e300, -1e300};
+
+// Image of the ellipsoid (x - c)' A^-1 (x - c) = 1, wholly in front of the camera: with the dual conic
+// C = c c' - A, the least and greatest x are (C13 -+ sqrt(C13^2 - C33 C11)) / C33; likewise y. (Hartley and Zisserman,
+// Multiple View Geometry, ch. 8.)
+bool quadric_bounds(const double *c, double a11, double a13, double a22, double a23, double a33, Range &x, Range &y) {
+    const double c33 = c[2] * c[2] - a33;
+    if (!(c[2] > 0.0) || !(c33 > 1e-12)) return false;
+    const double c13 = c[0] * c[2] - a13, c11 = c[0] * c[0] - a11, c23 = c[1] * c[2] - a23, c22 = c[1] * c[1] - a22;
+    const double sx = std::sqrt(std::max(0.0, c13 * c13 - c33 * c11)), sy = std::sqrt(std::max(0.0, c23 * c23 - c33 * c22));
+    x.take((c13 - sx) / c33);
+    x.take((c13 + sx) / c33);
+    y.take((c23 - sy) / c33);
+    y.take((c23 + sy) / c33);
+    return true;
+}
+
+}  // namespace
+
+View make_view(const RasterCamera &camera, Projection projection, double fx, double fy, double cx, double cy,
+               double width, double row0, double row1, const RasterOptions &options) {
+    View v{};
+    v.projection = projection;
+    v.fx = fx, v.fy = fy, v.cx = cx, v.cy = cy;
+    v.near_t = options.near_t, v.far_t = options.far_t;
+    for (int i = 0; i < 3; ++i) {
+        v.p[i] = camera.p_WC[i];
+        for (int k = 0; k < 3; ++k) v.axis[k][i] = camera.R_WC[3 * i + k];
+    }
+    const double left = -cx / fx, right = (width - cx) / fx, top = (row0 - cy) / fy, bottom = (row1 - cy) / fy;
+    for (int i = 0; i < 3; ++i) {
+        const double x = v.axis[0][i], y = v.axis[1][i], z = v.axis[2][i];
+        const bool pinhole = projection == Projection::kPinhole;
+        v.side[0][i] = x - (pinhole ? left * z : 0.0);
+        v.side[1][i] = (pinhole ? right * z : 0.0) - x;
+        v.side[2][i] = y - (pinhole ? top * z : 0.0);
+        v.side[3][i] = (pinhole ? bottom * z : 0.0) - y;
+    }
+    if (projection == Projection::kParallel) {
+        v.side_offset[0] = -left, v.side_offset[1] = right, v.side_offset[2] = -top, v.side_offset[3] = bottom;
+    }
+    v.cone[3] = -2.0;
+    return v;
+}
+
+View View::in(const double *p_AG, const double *R_AG) const {
+    View v = *this;
+    const double d[3] = {p[0] - p_AG[0], p[1] - p_AG[1], p[2] - p_AG[2]};
+    transposed_times(R_AG, d, v.p);
+    for (int k = 0; k < 3; ++k) transposed_times(R_AG, axis[k], v.axis[k]);
+    for (int k = 0; k < 4; ++k) transposed_times(R_AG, side[k], v.side[k]);
+    transposed_times(R_AG, cone, v.cone);
+    return v;
+}
+
+bool View::outside(const double *centre, const double *half) const {
+    const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
+    if (projection == Projection::kTable) {
+        const double distance = std::sqrt(dot(c, c)), radius = std::sqrt(dot(half, half));
+        if (distance - radius > far_t) return true;
+        if (cone[3] < -1.0 || distance <= radius) return false;
+        const double sine = radius / distance, cosine = std::sqrt(1.0 - sine * sine);
+        if (cone[3] + cosine <= 0.0) return false;
+        const double cone_sine = std::sqrt(std::max(0.0, 1.0 - cone[3] * cone[3]));
+        return dot(c, cone) / distance < cone[3] * cosine - cone_sine * sine - 1e-3;
+    }
+    const double z = dot(axis[2], c), hz = reach(axis[2], half);
+    if (z + hz < near_t || z - hz > far_t) return true;
+    // A quarter of a pixel and a little more on every side.
+    const double margin = projection == Projection::kParallel ? 0.25 / fx + 1e-6 : 0.25 * (std::fabs(z) + hz) / fx + 1e-6;
+    for (int k = 0; k < 4; ++k) {
+        if (dot(side[k], c) + side_offset[k] + reach(side[k], half) + margin < 0.0) return true;
+    }
+    return false;
+}
+
+double View::nearest(const double *centre, const double *half) const {
+    const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
+    if (projection == Projection::kTable) return with_margin(std::sqrt(dot(c, c)) - std::sqrt(dot(half, half)));
+    return with_margin(dot(axis[2], c) - reach(axis[2], half));
+}
+
+bool View::pixels(const double *centre, const double *half, PixelRect &rect) const {
+    if (projection == Projection::kTable) return false;
+    const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
+    const double x = dot(axis[0], c), y = dot(axis[1], c), z = dot(axis[2], c);
+    Range rx = kNothing, ry = kNothing;
+    if (projection == Projection::kParallel) {
+        const double hx = reach(axis[0], half), hy = reach(axis[1], half);
+        rect = {cx + fx * (x - hx), cx + fx * (x + hx), cy + fy * (y - hy), cy + fy * (y + hy)};
+        return true;
+    }
+    double arm[3][3];  // half edges in C
+    for (int edge = 0; edge < 3; ++edge) {
+        for (int k = 0; k < 3; ++k) arm[edge][k] = axis[k][edge] * half[edge];
+    }
+    double corner[8][3];
+    for (int i = 0; i < 8; ++i) {
+        const double a = i & 1 ? 1 : -1, b = i & 2 ? 1 : -1, e = i & 4 ? 1 : -1;
+        corner[i][0] = x + a * arm[0][0] + b * arm[1][0] + e * arm[2][0];
+        corner[i][1] = y + a * arm[0][1] + b * arm[1][1] + e * arm[2][1];
+        corner[i][2] = z + a * arm[0][2] + b * arm[1][2] + e * arm[2][2];
+    }
+    // Of a box that reaches behind the camera, the part in front of half the near limit counts.
+    const double z_near = 0.5 * near_t;
+    for (int i = 0; i < 8; ++i) {
+        const double *p0 = corner[i];
+        if (p0[2] > z_near) {
+            rx.take(p0[0] / p0[2]);
+            ry.take(p0[1] / p0[2]);
+        }
+        for (int bit = 1; bit < 8; bit <<= 1) {
+            const double *p1 = corner[i | bit];
+            if ((i & bit) != 0 || (p0[2] > z_near) == (p1[2] > z_near)) continue;
+            const double s = (z_near - p0[2]) / (p1[2] - p0[2]);
+            rx.take((p0[0] + s * (p1[0] - p0[0])) / z_near);
+            ry.take((p0[1] + s * (p1[1] - p0[1])) / z_near);
+        }
+    }
+    rect = {cx + fx * rx.lo, cx + fx * rx.hi, cy + fy * ry.lo, cy + fy * ry.hi};
+    return true;
+}
+
+void View::cone_of(const double *centre, const double *half, float *to) const {
+    const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
+    const double distance = std::sqrt(dot(c, c)), radius = 1.0001 * std::sqrt(dot(half, half)) + 1e-5;
+    to[0] = to[1] = to[2] = 0.0f;
+    to[3] = -2.0f;
+    if (!(distance > radius)) return;
+    for (int k = 0; k < 3; ++k) to[k] = static_cast<float>(dot(axis[k], c) / distance);
+    const double sine = radius / distance;
+    to[3] = static_cast<float>(std::sqrt(1.0 - sine * sine));
+}
+
+bool pixels_of_geom(const View &view, const Geom &g, PixelRect &rect, double &nearest) {
+    const bool round = g.shape == Shape::kSphere || g.shape == Shape::kEllipsoid || g.shape == Shape::kCapsule ||
+                       g.shape == Shape::kCylinder;
+    if (!round || view.projection != Projection::kPinhole) {
+        const View local = view.in(g.p_WG, g.R_WG);
+        nearest = local.nearest(g.centre, g.half);
+        return local.pixels(g.centre, g.half, rect);
+    }
+    double c[3], a[3][3];  // centre and axes in C: a[k] is the geom's axis k
+    const double d[3] = {g.p_WG[0] - view.p[0], g.p_WG[1] - view.p[1], g.p_WG[2] - view.p[2]};
+    for (int i = 0; i < 3; ++i) {
+        c[i] = dot(view.axis[i], d);
+        for (int k = 0; k < 3; ++k) {
+            a[k][i] = view.axis[i][0] * g.R_WG[k] + view.axis[i][1] * g.R_WG[3 + k] + view.axis[i][2] * g.R_WG[6 + k];
+        }
+    }
+    Range x = kNothing, y = kNothing;
+    bool front;
+    if (g.shape == Shape::kSphere || g.shape == Shape::kEllipsoid) {
+        double A[6] = {};  // 11 13 22 23 33
+        for (int k = 0; k < 3; ++k) {
+            const double s = g.half[k], s2 = s * s;
+            A[0] += s2 * a[k][0] * a[k][0];
+            A[1] += s2 * a[k][0] * a[k][2];
+            A[2] += s2 * a[k][1] * a[k][1];
+            A[3] += s2 * a[k][1] * a[k][2];
+            A[4] += s2 * a[k][2] * a[k][2];
+        }
+        nearest = with_margin(c[2] - std::sqrt(A[4]));
+        front = nearest > 1e-3 && quadric_bounds(c, A[0], A[1], A[2], A[3], A[4], x, y);
+    } else {
+        // The hull of two spheres, or of two discs.
+        const bool disc = g.shape == Shape::kCylinder;
+        const double r2 = g.size[0] * g.size[0], *axis = a[2];
+        const double off = disc ? r2 : 0.0;
+        const double A11 = r2 - off * axis[0] * axis[0], A13 = -off * axis[0] * axis[2], A22 = r2 - off * axis[1] * axis[1];
+        const double A23 = -off * axis[1] * axis[2], A33 = r2 - off * axis[2] * axis[2];
+        nearest = with_margin(c[2] - std::fabs(axis[2]) * g.size[1] - std::sqrt(std::max(0.0, A33)));
+        front = nearest > 1e-3;
+        for (int end = -1; end <= 1 && front; end += 2) {
+            const double e[3] = {c[0] + end * g.size[1] * axis[0], c[1] + end * g.size[1] * axis[1],
+                                 c[2] + end * g.size[1] * axis[2]};
+            front = quadric_bounds(e, A11, A13, A22, A23, A33, x, y);
+        }
+    }
+    rect = {view.cx + view.fx * x.lo, view.cx + view.fx * x.hi, view.cy + view.fy * y.lo, view.cy + view.fy * y.hi};
+    return front;
+}
+
+}  // namespace hil::sim::frame

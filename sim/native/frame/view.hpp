@@ -1,0 +1,44 @@
+// What part of a picture a box or a shape can touch, and how near it can be: the conservative side of the raster.
+//
+// All in double, from the camera's axes expressed in the frame the box is given in. Bounds hold a quarter of a pixel
+// and 1e-5 of the depth more than the shape does: what rounding lets a ray of the float kernels see is inside.
+#pragma once
+
+#include "geometry.hpp"
+#include "raster.hpp"
+
+namespace hil::sim::frame {
+
+struct PixelRect {
+    double lo_x, hi_x, lo_y, hi_y;  // in pixels, unclipped; pixel i covers [i, i + 1)
+};
+
+// The camera in some frame A: origin, axes, and the side planes of the rows that are drawn.
+struct View {
+    Projection projection;
+    double p[3];
+    double axis[3][3];   // x (right), y (down), z (forward), in A
+    double side[4][3];   // pinhole: inward normals through p; parallel: inward normals, distances below
+    double side_offset[4];
+    double cone[4];      // table: axis in A and cosine of the half angle of the whole picture; < -1: all
+    double fx, fy, cx, cy;
+    double near_t, far_t;
+
+    // The same camera in the frame of a geom at (p_WG, R_WG).
+    View in(const double *p_AG, const double *R_AG) const;
+    bool outside(const double *centre, const double *half) const;
+    // Least t of any point of the box, with margin.
+    double nearest(const double *centre, const double *half) const;
+    // Pixels of the part of the box before the camera; false if any pixel may see it.
+    bool pixels(const double *centre, const double *half, PixelRect &rect) const;
+    // Direction in A and cosine of the half angle of the box's bounding sphere.
+    void cone_of(const double *centre, const double *half, float *cone) const;
+};
+
+View make_view(const RasterCamera &camera, Projection projection, double fx, double fy, double cx, double cy,
+               double width, double row0, double row1, const RasterOptions &options);
+
+// Bounds of one geom: pixels (as above) and the least t, tighter than those of its box for round shapes.
+bool pixels_of_geom(const View &view_W, const Geom &geom, PixelRect &rect, double &nearest);
+
+}  // namespace hil::sim::frame
