@@ -32,7 +32,17 @@ from firmware_bridge.router import Router
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
+from hil.calibration_export import write_calibration
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
+from hil.frame_stages import (
+    description,
+    is_wanted,
+    needs_frames,
+    output_ports,
+    recorded_ports,
+    sensor_stages,
+    wanted_channels,
+)
 from hil.manual_flight import make_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
@@ -42,12 +52,14 @@ from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
 from hil.restartable_physics import RestartablePhysics
 from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
+from hil.signals.classes import Classes
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState
 from hil.signals.time import NS_PER_S, RateAccumulator
-from hil.stages import Port, Skipped, StageSpec, plan_stages
+from hil.stages import Port, Skipped, StagePlan, StageSpec, plan_stages
 from hil.summary import FREE_RUNNING, summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
+from sim.frame.source import FrameSource, SharedFrames
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.scene.geodesy import LocalFrame
@@ -128,15 +140,22 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
 
 def stage_specs(config: BenchConfig) -> list[StageSpec]:
     """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all."""
-    sensor_ports = {name: Port(name, KINDS[s.kind].sample_type) for name, s in config.sensors.items()}
-    to_autopilot = tuple(sensor_ports[name] for name in config.autopilot_sensors().values())
-    recorded = tuple(sensor_ports.values()) if config.record.mcap else ()
+    to_autopilot = tuple(
+        port for name in config.autopilot_sensors().values() for port in output_ports(name, config.sensors[name])
+    )
     return [
         StageSpec("physics", delayed_inputs=(_ACTUATORS,), outputs=(_TRUTH,)),
-        *(StageSpec(name, inputs=(_TRUTH,), outputs=(port,)) for name, port in sensor_ports.items()),
+        *sensor_stages(config),
         StageSpec("autopilot", inputs=to_autopilot, outputs=(_ACTUATORS,), sink=True),
-        StageSpec("recorder", inputs=(_TRUTH, *recorded, _ACTUATORS), sink=True),
+        StageSpec("recorder", inputs=(_TRUTH, *recorded_ports(config), _ACTUATORS), sink=True),
     ]
+
+
+def make_frames(bench: Bench) -> FrameSource:
+    """The geometry that cameras and LiDARs look at. Raises ConfigError where the scene's map is wrong."""
+    from sim.scene.world import load_world  # benches without such sensors need no map
+
+    return SharedFrames(load_world(bench.scene))
 
 
 class _Run:
@@ -161,6 +180,7 @@ class _Run:
         self.manual: ManualControlSource | None = None
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
+        self.frames: FrameSource | None = None  # what cameras and LiDARs look at; None: the bench has none
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
         self.actions: ActionSource | None = None
@@ -223,6 +243,7 @@ class _Run:
             or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0),
             left_out=self.skipped,
+            posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             timing_s=self.timing_s,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
             actions=self.actions.records if self.actions is not None else (),
@@ -291,7 +312,9 @@ class _Run:
             metadata={"rig": config.rig, "scene": self.bench.scene.name, "seed": str(config.seed)},
             attachments=self.attachments,
         )
-        self.slots = [self._slot(name, s) for name, s in config.sensors.items() if name in plan.order]
+        if needs_frames(config, plan):
+            self.frames = make_frames(self.bench)
+        self.slots = [self._slot(name, s, plan) for name, s in config.sensors.items() if is_wanted(name, s, plan)]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
             self.station = GroundStation(
@@ -421,8 +444,12 @@ class _Run:
         if self.recorder is not None:
             self.recorder.event(self._now_ns(), kind, text)
 
-    def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
+    def _slot(self, name: str, sensor: SensorConfig, plan: StagePlan) -> SensorSlot:
         config = self.config
+        overrides = sensor.parameters.model_dump()
+        channels = wanted_channels(name, sensor, plan)
+        if channels is not None:
+            overrides |= {"channels": channels}
         simulated = make_sensor(
             name,
             kind=sensor.kind,
@@ -430,15 +457,20 @@ class _Run:
             seed=config.seed,
             scene=self.bench.scene,
             step_ns=config.tick_ns,
-            overrides=sensor.parameters.model_dump(),
+            overrides=overrides,
+            frames=self.frames,
         )
         assert self.recorder is not None
+        if self.frames is not None and KINDS[sensor.kind].needs_frames:
+            self.recorder.describe(name, description(name, simulated))
+            write_calibration(self.out, name, simulated, rate_hz=sensor.rate_hz)
         faults = [fault for fault in config.faults.sensors if fault.sensor == name]
         made: Sensor = simulated
         if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
             made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
         event_mhz = round(sensor.rate_hz * 1000)
-        return SensorSlot(made, RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000))
+        rate = RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000)
+        return SensorSlot(made, rate, after_send=KINDS[sensor.kind].needs_frames)
 
     def _inject(self, what: Injected) -> None:
         """A gust or fault that a script lets begin now."""
@@ -540,7 +572,16 @@ class _Run:
                 ages = self.link.age.age.bins()
                 timing = replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=ages)
         points = [leg.end_W for leg in self.legs]
-        write_report(self.out, run, self.recorder.track.arrays(), points, events=self.recorder.events, timing=timing)
+        write_report(
+            self.out,
+            run,
+            self.recorder.track.arrays(),
+            points,
+            events=self.recorder.events,
+            timing=timing,
+            frames=self.recorder.album.middle(),
+            classes=self.frames.classes if self.frames is not None else Classes(),
+        )
 
 
 class _FlightOver:

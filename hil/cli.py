@@ -207,6 +207,31 @@ def devices(
     raise typer.Exit(0 if ready else 1)
 
 
+@app.command()
+def view(
+    scene: Annotated[str, typer.Argument(help="Scene: a name (rigs/scenes/*.yaml) or a file.", metavar="SCENE")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the pictures; default runs/view-<scene>.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of a generated map; default the scene's own.")] = None,
+    at: Annotated[str | None, typer.Option(help="Where to stand, in metres.", metavar="X,Y,Z")] = None,
+    look: Annotated[
+        str | None, typer.Option(help="Degrees from east to north, and downwards.", metavar="YAW,PITCH")
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="Pixels; default 640x480.", metavar="WxH")] = None,
+) -> None:
+    """Pictures of a scene in every channel that a camera can have."""
+    from hil.view_command import view_scene
+
+    try:
+        files = view_scene(scene, out, seed=seed, at=at, look=look, size=size)
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
+
+
 def _check_wiring(bench: Bench) -> None:
     from hil.bench import stage_specs
     from hil.stages import plan_stages

@@ -26,6 +26,7 @@ from hil.signals.time import NS_PER_S
 CONFIG_NAME = "bench.yaml"
 _IGNORED = ("/events",)  # notes for people: they may name paths or wall-clock times
 _MAVLINK = "hil_msgs/MavlinkFrame"
+_BYTES_SHOWN = 64  # of a field that is bytes; of longer ones only the first difference
 
 
 @dataclass(frozen=True)
@@ -201,12 +202,22 @@ def _differing_field(a: RecordedMessage, b: RecordedMessage) -> tuple[str, Any, 
         for name in [*left, *(n for n in right if n not in left)]:
             x, y = left.get(name, "absent"), right.get(name, "absent")
             if _unequal(x, y):
+                if isinstance(x, bytes) and isinstance(y, bytes) and max(len(x), len(y)) > _BYTES_SHOWN:
+                    return _differing_byte(name, x, y)
                 return name, x, y
         return "bytes", a.data.hex(), b.data.hex()  # -0.0 against 0.0, or two NaNs: equal values, other bits
     for name in ("type_name", "sequence", "publish_time_ns"):
         if getattr(a, name) != getattr(b, name):
             return name, getattr(a, name), getattr(b, name)
     raise AssertionError("called with equal messages")
+
+
+def _differing_byte(name: str, x: bytes, y: bytes) -> tuple[str, Any, Any]:
+    """The first byte in which two pictures or point clouds differ: nobody reads a million of them."""
+    if len(x) != len(y):
+        return f"length of {name}", len(x), len(y)
+    at = next(i for i, (a, b) in enumerate(zip(x, y, strict=True)) if a != b)
+    return f"{name}[{at}]", x[at], y[at]
 
 
 def _differing_mavlink(a: bytes, b: bytes) -> tuple[str, Any, Any] | None:

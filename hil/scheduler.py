@@ -3,11 +3,13 @@
     t_k = k * tick_ns                 integer nanoseconds; nothing adds floats to make time
 
     1 physics    advance with ActuatorFrame[k-1]          -> TruthState[k]
-    2 sensors    sample those due and consumed            -> samples with t_capture, t_available, seq
+    2 sensors    sample those due and consumed, but for cameras and LiDARs
+                                                          -> samples with t_capture, t_available, seq
     3 release    samples with t_available <= t_k, ordered by (t_available, port, seq)
     4 commands   ground station and outside clients       -> bytes for the autopilot
     5 send       one write: commands, range and flow, HIL_GPS, HIL_SENSOR
-    6 record     everything known so far, while the autopilot thinks; never feeds back
+    6 frames     cameras and LiDARs look at TruthState[k]; what is available by t_k is released
+      record     everything known so far. Both while the autopilot thinks; neither feeds back
     7 wait       for the reply that answers t_k           -> ActuatorFrame[k]
     8 latch      check and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
@@ -49,7 +51,7 @@ from hil.signals.samples import (
 )
 from hil.signals.time import RateAccumulator
 
-PHASES = ("physics", "sensors", "commands", "send", "record", "wait")
+PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "wait")
 
 
 class Event(Protocol):
@@ -93,9 +95,11 @@ class CommandSource(Protocol):
 class SensorSlot:
     """A sensor with its rate on the tick and its sample count."""
 
-    __slots__ = ("due", "port", "sample", "samples", "timing")
+    __slots__ = ("after_send", "due", "port", "sample", "samples", "timing")
 
-    def __init__(self, sensor: Sensor, rate: RateAccumulator) -> None:
+    def __init__(self, sensor: Sensor, rate: RateAccumulator, *, after_send: bool = False) -> None:
+        """`after_send`: the autopilot does not get its samples, so need not wait for them."""
+        self.after_send = after_send
         self.port = sensor.name
         self.sample = sensor.sample
         self.due = rate.due
@@ -140,7 +144,8 @@ class Scheduler:
         self.step_ns = LatencyHistogram()  # the whole tick, pacing excluded
         self.truth: TruthState | None = None
         self._physics = physics
-        self._sensors = tuple(sensors)
+        self._sensors = tuple(slot for slot in sensors if not slot.after_send)
+        self._frame_sensors = tuple(slot for slot in sensors if slot.after_send)
         self._link = link
         self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
         self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
@@ -189,18 +194,8 @@ class Scheduler:
         self.truth = truth
 
         t1 = clock()
-        queue = self._queue
-        before = t1
-        for slot in self._sensors:
-            if slot.due():
-                sample = slot.sample(truth, slot.samples)
-                slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
-                if sample is not None:
-                    queue.push(slot.port, sample)
-                after = clock()
-                slot.timing.add(after - before)
-                before = after
-        released = queue.release(t_ns)
+        self._sample(self._sensors, truth, t1)
+        released = self._queue.release(t_ns)
         imu, gps, baro, mag, ranging = self._for_autopilot(released)
 
         t2 = clock()
@@ -210,7 +205,9 @@ class Scheduler:
 
         t3 = clock()
         recorded_first = self._record_first
+        looked_ns = 0
         if recorded_first:
+            looked_ns = self._look(truth, released)
             self._record(truth, begun, released)
         r3 = clock()
         if self._observe is not None:
@@ -219,6 +216,7 @@ class Scheduler:
 
         t4 = clock()
         if not recorded_first:
+            looked_ns = self._look(truth, released)
             self._record(truth, begun, released)
         self._recorder.sent(tick, t_ns, sent)
         t5 = clock()
@@ -241,10 +239,34 @@ class Scheduler:
         phase["sensors"].add(t2 - t1)
         phase["commands"].add(t3 - t2)
         phase["send"].add(t4 - r3)
-        phase["record"].add(t5 - t4 + r3 - t3)
+        phase["frames"].add(looked_ns)
+        phase["record"].add(t5 - t4 + r3 - t3 - looked_ns)
         phase["wait"].add(t6 - t5)
         self.own_ns.add(own5 - own0)
         self.step_ns.add(t6 - t0)
+
+    def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before: int) -> int:
+        """Take a sample of each sensor that is due. Wall clock at the start in, at the end out [ns]."""
+        clock, queue = time.perf_counter_ns, self._queue
+        for slot in slots:
+            if slot.due():
+                sample = slot.sample(truth, slot.samples)
+                slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
+                if sample is not None:
+                    queue.push(slot.port, sample)
+                after = clock()
+                slot.timing.add(after - before)
+                before = after
+        return before
+
+    def _look(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
+        """Cameras and LiDARs; what they have by now joins what was released. Returns the time it took [ns]."""
+        if not self._frame_sensors:
+            return 0
+        begun = time.perf_counter_ns()
+        took = self._sample(self._frame_sensors, truth, begun) - begun
+        released += self._queue.release(truth.t_ns)
+        return took
 
     def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
         """What is known before the tick is sent; its bytes follow, and the order in the recording is always this."""

@@ -35,6 +35,7 @@ def summarise(
     digest: str,
     outside_input: bool,
     left_out: Sequence[Skipped],
+    posings: tuple[int, int] = (0, 0),
     timing_s: Mapping[str, float],
     fault_hits: Mapping[int, int] | None = None,
     actions: Sequence[Record] = (),
@@ -65,6 +66,15 @@ def summarise(
         if poses:
             saved = f"{poses - posed} of {poses} poses for contact"
             skipped.append({"what": "actors", "why": "out of the vehicle's reach", "saved": saved})
+    brought, unposed = posings
+    if brought or unposed:
+        skipped.append(
+            {
+                "what": "posing of people and vehicles",
+                "why": "out of every sensor's sight",
+                "saved": f"{unposed} of {brought + unposed} posings",
+            }
+        )
     sampled = {slot.port: slot for slot in slots}
     return {
         "schema": 1,
@@ -196,5 +206,6 @@ def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:
 
 def _samples_due(config: BenchConfig, name: str, ticks: int) -> int:
     """How often a sensor that was left out would have been sampled."""
-    rate = RateAccumulator(event_mhz=round(config.sensors[name].rate_hz * 1000), tick_mhz=config.tick_hz * 1000)
+    sensor, _, _ = name.partition("/")  # a channel of a camera is sampled with its camera
+    rate = RateAccumulator(event_mhz=round(config.sensors[sensor].rate_hz * 1000), tick_mhz=config.tick_hz * 1000)
     return sum(rate.due() for _ in range(ticks))

@@ -1,6 +1,7 @@
 """Types of the native extension; its contract is in sim/native/*.hpp."""
 
 from collections.abc import Sequence
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,3 +146,149 @@ class Dryden:
     def step(self, height_m: float, airspeed_mps: float, normals: tuple[float, ...]) -> Vec3: ...
 
 def dryden_scale(height_m: float, wind_20ft_mps: float) -> tuple[float, float, float, float]: ...
+
+UInt8 = NDArray[np.uint8]
+Float32 = NDArray[np.float32]
+
+def accumulate_linear(rgb: UInt8, weight: float, out: Float32) -> None: ...
+def expose(
+    linear: Float32,
+    vignette: Float32 | None,
+    *,
+    gain: float,
+    electrons_at_white: float,
+    read_noise_electrons: float,
+    noisy: bool,
+    key: tuple[int, int],
+    index: int,
+    rgb: UInt8,
+) -> None: ...
+def blur_depth(
+    depth_m: Float32,
+    *,
+    sigma_m: float,
+    sigma_per_m: float,
+    step_m: float,
+    disparity_scale_m: float,
+    min_m: float,
+    max_m: float,
+    key: tuple[int, int],
+    index: int,
+) -> None: ...
+def image_normals(key: tuple[int, int], index: int, out: Float32) -> None: ...
+def sin_cos(angle_rad: Float64, sine: Float64, cosine: Float64) -> None: ...
+def frame_isa() -> str: ...
+
+class Geometry:
+    def __init__(self) -> None: ...
+    def add_mesh(
+        self,
+        vertex: NDArray[np.float32],
+        triangle: NDArray[np.int32],
+        uv: NDArray[np.float32] | None,
+        corner_normal: NDArray[np.float32] | None,
+    ) -> int: ...
+    def add_geom(
+        self,
+        shape: int,
+        size: Sequence[float],
+        p_WG: Sequence[float],
+        R_WG: Sequence[float],
+        mesh: int,
+        moving: bool,
+        visible: bool,
+        class_id: int,
+        instance: int,
+        surface: int,
+    ) -> int: ...
+    def finish(self) -> None: ...
+    def move(
+        self,
+        geoms: NDArray[np.int32],
+        p_WG: NDArray[np.float64],
+        R_WG: NDArray[np.float64],
+        v_WG_W: NDArray[np.float64],
+        w_WG_W: NDArray[np.float64],
+    ) -> None: ...
+    def move_bodies(
+        self,
+        geoms: NDArray[np.int32],
+        bodies: NDArray[np.int32],
+        p_BG: NDArray[np.float64],
+        R_BG: NDArray[np.float64],
+        p_WB: NDArray[np.float64],
+        q_WB: NDArray[np.float64],
+        v_WB_W: NDArray[np.float64],
+        w_WB_W: NDArray[np.float64],
+    ) -> None: ...
+    def hide(self, geoms: NDArray[np.int32]) -> None: ...
+    @property
+    def version(self) -> int: ...
+
+class Scenery:
+    def __init__(self) -> None: ...
+    def add_texture(self, levels: Sequence[NDArray[np.uint8]], cube: bool) -> int: ...
+    def add_geom(
+        self, rgb: Sequence[float], emission: float, texture: int, repeat_u: float, repeat_v: float, per_metre: bool
+    ) -> None: ...
+    @property
+    def geom_count(self) -> int: ...
+
+class Daylight:
+    def __init__(
+        self,
+        sun_W: Sequence[float],
+        sun_rgb: Sequence[float],
+        sky_rgb: Sequence[float],
+        ground_rgb: Sequence[float],
+        zenith_rgb: Sequence[float],
+        horizon_rgb: Sequence[float],
+        fog_per_m: float,
+    ) -> None: ...
+
+class SunShadows:
+    def __init__(self, geometry: Geometry, sun_W: Sequence[float], resolution: int, isa: str = "") -> None: ...
+    def update(self, reuse_static: bool) -> None: ...
+
+class RasterCounts:
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def geoms(self) -> int: ...
+
+class Picture:
+    @overload
+    def __init__(
+        self,
+        geometry: Geometry,
+        scenery: Scenery,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        isa: str = "",
+    ) -> None: ...
+    @overload
+    def __init__(
+        self, geometry: Geometry, scenery: Scenery, directions_C: NDArray[np.float64], isa: str = ""
+    ) -> None: ...
+    def take(
+        self,
+        p_WC: Sequence[float],
+        R_WC: Sequence[float],
+        v_WC_W: Sequence[float],
+        light: Daylight,
+        shadows: SunShadows | None,
+        out: dict[str, NDArray[Any]],
+        near_t: float,
+        far_t: float,
+        frustum: bool,
+        occlusion: bool,
+        row0: int,
+        row1: int,
+        threads: int,
+    ) -> None: ...
+    @property
+    def counts(self) -> RasterCounts: ...

@@ -162,6 +162,7 @@ class Record(Section):
     """What is kept of a run, besides run.json."""
 
     mcap: bool = True  # everything, for Foxglove and `ros2 bag`
+    images: bool = True  # with mcap: pictures and point clouds too; what nobody else wants is then not even drawn
     tlog: bool = True  # MAVLink as ground stations record it
     report: bool = True  # the report page with its plots
 

@@ -7,9 +7,13 @@ Every item is hashed as tag (one byte), length (uint32, little-endian) and bytes
          contact as uint8
     "S"  the bytes sent to the autopilot in one tick
     "R"  one frame received from it
+    "F"  one picture or point cloud released: port, sequence, times [ns] as int64, pose as seven doubles (position,
+         w-x-y-z), then each array (channels sorted by name): name, element type, shape, bytes. Texts are ended by a
+         zero byte, shapes are a count and lengths as uint32
 
-Nothing else goes in: not the sinks that are on, not the wall clock, not the file names. Two runs with the same
-digest had the same vehicle, the same sensors' messages and the same answers, bit for bit.
+Frames are in the digest if they were computed, that is, if somebody wanted them. Nothing else goes in: not the sinks
+that are on, not the wall clock, not the file names. Two runs with the same digest had the same vehicle, the same
+sensors' messages and the same answers, bit for bit.
 """
 
 from __future__ import annotations
@@ -19,7 +23,9 @@ import struct
 from collections.abc import Iterable
 from typing import Protocol
 
-from hil.signals.samples import TruthState
+import numpy as np
+
+from hil.signals.samples import FrameSample, TruthState, arrays_of
 
 
 class RawFrame(Protocol):
@@ -33,6 +39,7 @@ class RawFrame(Protocol):
 
 
 _HEAD = struct.Struct("<cI")
+_FRAME = struct.Struct("<3q7d")
 _HASH_BYTES = 32
 _TICK_BYTES = 8  # of the running digest kept per tick: enough to find where two runs part
 
@@ -95,6 +102,21 @@ class Digest:
         for frame in frames:
             raw = frame.raw
             parts += (_HEAD.pack(b"R", len(raw)), raw)
+
+    def frame(self, port: str, sample: FrameSample) -> None:
+        """Take in one released picture or point cloud."""
+        seq, t_capture_ns, t_available_ns, p, q = sample[:5]
+        heads = [port.encode() + b"\0" + _FRAME.pack(seq, t_capture_ns, t_available_ns, *p, *q)]
+        arrays = []
+        for name, array in arrays_of(sample):
+            shape = struct.pack(f"<{1 + array.ndim}I", array.ndim, *array.shape)
+            heads.append(f"{name}\0{array.dtype.str}\0".encode() + shape)
+            arrays.append(array)
+        self._parts += (_HEAD.pack(b"F", sum(map(len, heads)) + sum(a.nbytes for a in arrays)), heads[0])
+        self._drain()
+        for head, array in zip(heads[1:], arrays, strict=True):
+            self._hash.update(head)
+            self._hash.update(np.ascontiguousarray(array).data)
 
     def running(self) -> bytes:
         """First eight bytes of the digest of everything so far. Does not disturb the hash."""

@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from hil.recorder.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.recorder.digest import RawFrame
+from hil.recorder.frame_description import FrameDescription
+from hil.recorder.frame_series import FrameSeries
 from hil.recorder.mcap_file import Block, McapFile, SafeFile
 from hil.recorder.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
 from hil.signals.errors import RecordingError
-from hil.signals.samples import ActuatorFrame, Sample, TruthState
+from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
 
 # MCAP record prefix, CDR header, stamp, message id and byte count of one hil_msgs/MavlinkFrame
@@ -97,7 +99,7 @@ class Series:
         return [writer.block(columns, log_ns) for writer in self._writers]
 
 
-class FrameSeries:
+class MavlinkSeries:
     """MAVLink frames in one direction since the last chunk."""
 
     def __init__(self, file: McapFile, topic: str) -> None:
@@ -196,8 +198,10 @@ class McapSink:
         self._truth = Series(TruthState, TRUTH_TOPICS, "")
         self._actuators = Series(ActuatorFrame, ACTUATOR_TOPICS, "")
         self._samples: dict[str, Series] = {}
-        self._sent = FrameSeries(self._mcap, "/mavlink/to_autopilot")
-        self._received = FrameSeries(self._mcap, "/mavlink/from_autopilot")
+        self._frames: dict[str, FrameSeries] = {}
+        self._descriptions: dict[str, FrameDescription] = {}
+        self._sent = MavlinkSeries(self._mcap, "/mavlink/to_autopilot")
+        self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
         self._events = EventSeries(self._mcap)
         self._mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **(metadata or {})}, 0)
         for name, data in (attachments or {}).items():
@@ -208,6 +212,15 @@ class McapSink:
         """MAVLink frames taken since the last flush."""
         return len(self._sent) + len(self._received)
 
+    @property
+    def bytes_waiting(self) -> int:
+        """Of pictures and point clouds taken since the last flush."""
+        return sum(series.bytes_waiting for series in self._frames.values())
+
+    def describe(self, port: str, description: FrameDescription) -> None:
+        """Say what the frame sensor of `port` is, before its first sample."""
+        self._descriptions[port] = description
+
     def truth(self, truth: TruthState) -> None:
         """Begin a tick."""
         self._now_ns = truth.t_ns
@@ -215,6 +228,12 @@ class McapSink:
 
     def sample(self, port: str, sample: Sample) -> None:
         """Take a released sample of `port`."""
+        if isinstance(sample, FRAME_SAMPLES):
+            frames = self._frames.get(port)
+            if frames is None:
+                frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
+            frames.add(sample, self._now_ns)
+            return
         series = self._samples.get(port)
         if series is None:
             topics = SAMPLE_TOPICS.get(type(sample))
@@ -250,6 +269,8 @@ class McapSink:
         blocks = self._truth.blocks(self._mcap, self._tick_ns)
         for series in self._samples.values():
             blocks += series.blocks(self._mcap, self._tick_ns)
+        for frames in self._frames.values():
+            blocks += frames.blocks(self._mcap)
         blocks += [self._sent.block(), self._received.block()]
         blocks += self._actuators.blocks(self._mcap, self._tick_ns)
         blocks.append(self._events.block())

@@ -14,14 +14,16 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from firmware_bridge.codecs.signing import SETUP_SIGNING
+from hil.recorder.album import Album
 from hil.recorder.digest import Digest, RawFrame
+from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mavlink_split import split_frames
 from hil.recorder.mcap_file import SafeFile, open_unbuffered
 from hil.recorder.mcap_sink import McapSink
 from hil.recorder.tlog_sink import TlogSink
 from hil.recorder.track import Track
 from hil.signals.errors import RecordingError
-from hil.signals.samples import ActuatorFrame, Sample, TruthState
+from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
 
 MCAP_NAME = "run.mcap"
@@ -29,6 +31,7 @@ TLOG_NAME = "flight.tlog"
 _FLUSH_NS = NS_PER_S  # at most this much simulated time is lost when the process is killed
 _FLUSH_TICKS = 512  # and so many ticks, on benches that tick faster
 _FLUSH_FRAMES = 4096  # and MAVLink frames, of at most 280 bytes each: about 1 MiB in memory
+_FLUSH_BYTES = 16 << 20  # and pictures and point clouds in memory
 _EVENTS_KEPT = 2000  # for the report; the recording itself keeps all
 
 
@@ -63,6 +66,7 @@ class Recorder:
         """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
         self._digest = Digest(keep_ticks=keep_tick_digests)
         self.track = Track(tick_ns)
+        self.album = Album()
         self.events: list[Event] = []
         self._tick = 0
         self._closed = False
@@ -98,7 +102,9 @@ class Recorder:
         """Begin a tick. Where writing out the ticks before it fails, this one is still taken in, then it raises."""
         t_ns = truth.t_ns
         failure: RecordingError | None = None
-        if t_ns >= self._flush_ns or (self._mcap and self._mcap.frames_waiting > _FLUSH_FRAMES):
+        if t_ns >= self._flush_ns or (
+            self._mcap and (self._mcap.frames_waiting > _FLUSH_FRAMES or self._mcap.bytes_waiting > _FLUSH_BYTES)
+        ):
             self._flush_ns = t_ns + self._period_ns
             try:
                 self.flush()
@@ -112,8 +118,16 @@ class Recorder:
         if failure:
             raise failure
 
+    def describe(self, port: str, description: FrameDescription) -> None:
+        """Say what the camera or LiDAR of `port` is, before its first sample."""
+        if self._mcap:
+            self._mcap.describe(port, description)
+
     def sample(self, port: str, sample: Sample) -> None:
         """A sample was released on `port`."""
+        if isinstance(sample, FRAME_SAMPLES):
+            self._digest.frame(port, sample)
+            self.album.add(port, sample)
         if self._mcap:
             self._mcap.sample(port, sample)
 

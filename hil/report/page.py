@@ -11,8 +11,9 @@ from typing import Any
 
 from hil.recorder.recorder import Event
 from hil.recorder.track import TrackArrays
+from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
-from hil.signals.samples import Vec3
+from hil.signals.samples import FrameSample, Vec3
 from hil.signals.time import NS_PER_S
 
 PAGE_NAME = "report.html"
@@ -40,8 +41,12 @@ def write_report(
     events: Sequence[Event] = (),
     timing: Timing | None = None,
     title: str = "",
+    frames: Mapping[str, FrameSample] | None = None,
+    classes: Classes = Classes(),  # noqa: B008 (immutable)
 ) -> Path:
     """Write `report.html`, `flight.png`, `motion.png` and `timing.png` into `out_dir`; returns the page's path.
+
+    `frames`: one of each camera and LiDAR, which become `frame_NAME.png`.
 
     `run` is what run.json holds, `plan` the waypoints in the world frame [m] in flying order. Works for runs that
     ended before they began (no rows in `track`). Raises RecordingError where a file cannot be written.
@@ -50,6 +55,7 @@ def write_report(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out_dir, run, track, plan, timing, title)
+        pictures += _draw_frames(out_dir, frames or {}, classes)
         page = out_dir / PAGE_NAME
         page.write_text(_page(run, events, pictures, title), encoding="utf-8")
     except OSError as error:
@@ -84,6 +90,20 @@ def _draw(
             path = out_dir / "realtime.png"
             figures.save(figures.realtime_figure(timing.lateness_bins_ns, timing.age_bins_ns, _HARMFUL_MS), path)
             pictures.append(("Punctuality of samples and motor commands", path))
+    return pictures
+
+
+def _draw_frames(out_dir: Path, frames: Mapping[str, FrameSample], classes: Classes) -> list[tuple[str, Path]]:
+    if not frames:
+        return []
+    from hil.report import figures, frame_pictures
+
+    pictures = []
+    with figures.style():
+        for name, sample in frames.items():
+            path = out_dir / f"frame_{name}.png"
+            figures.save(frame_pictures.frame_figure(name, sample, classes), path)
+            pictures.append((f"What {name} saw in mid-flight", path))
     return pictures
 
 

@@ -3,12 +3,18 @@
 World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up), SI units. `SAMPLE_FIELDS` states
 unit and frame of every field; `tests/unit/test_samples.py` checks that none is missing.
 
-Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias.
+Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias. Frames
+(`ImageSample`, `PointCloudSample`) carry numpy arrays instead: each sample owns its arrays, shares them with no other
+and gives them out read-only. Two frames are equal if all their bytes are.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -107,6 +113,48 @@ class FlowSample(NamedTuple):
     temperature_degc: float
 
 
+class ImageSample(NamedTuple):
+    """What a camera saw: one picture per channel, rows from the top, (height, width) or (height, width, 3).
+
+    Camera frame C is the optical one: x right, y down, z along the view. What each channel holds: `CHANNEL_UNITS`.
+    """
+
+    seq: int
+    t_capture_ns: int  # middle of the exposure, of the middle row
+    t_available_ns: int
+    p_WC: Vec3  # at t_capture
+    q_WC: Quat  # rotates C into W
+    channels: Mapping[str, NDArray[Any]]  # read-only
+
+    def __eq__(self, other: object) -> bool:
+        return same_frame(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return not same_frame(self, other)
+
+
+class PointCloudSample(NamedTuple):
+    """One sweep of a LiDAR: the returns in the order in which they came. Frame L is the LiDAR's at t_capture."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    p_WL: Vec3  # at t_capture
+    q_WL: Quat  # rotates L into W
+    points_L: NDArray[np.float32]  # (n, 3) [m], as if all had been measured at t_capture
+    range_m: NDArray[np.float32]  # (n,)
+    intensity: NDArray[np.float32]  # (n,) 0 to 1
+    ring: NDArray[Any]  # (n,) uint8 or uint16: which laser
+    time_offset_ns: NDArray[np.int32]  # (n,) of the firing, from t_capture
+    segmentation: NDArray[np.uint8]  # (n,) class of what was hit
+
+    def __eq__(self, other: object) -> bool:
+        return same_frame(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return not same_frame(self, other)
+
+
 class ActuatorFrame(NamedTuple):
     """Commands of the flight controller, latched for one tick."""
 
@@ -117,7 +165,47 @@ class ActuatorFrame(NamedTuple):
     mode: int  # MAVLink MAV_MODE bits as received
 
 
-Sample = ImuSample | MagSample | BaroSample | GpsSample | RangeSample | FlowSample
+FrameSample = ImageSample | PointCloudSample
+Sample = ImuSample | MagSample | BaroSample | GpsSample | RangeSample | FlowSample | FrameSample
+FRAME_SAMPLES = (ImageSample, PointCloudSample)
+
+
+def arrays_of(sample: FrameSample) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Every array of a frame by name, in the order that its digest has: that of the fields, channels sorted."""
+    if isinstance(sample, ImageSample):
+        for name in sorted(sample.channels):
+            yield name, sample.channels[name]
+        return
+    for name, value in zip(sample._fields, sample, strict=True):
+        if isinstance(value, np.ndarray):
+            yield name, value
+
+
+def same_frame(a: object, b: object) -> bool:
+    """Whether two frames are equal, arrays by their bytes: a NaN equals the same NaN, and 0.0 is not -0.0."""
+    if type(a) is not type(b) or not isinstance(a, FRAME_SAMPLES) or not isinstance(b, FRAME_SAMPLES):
+        return False
+    if tuple(a[:5]) != tuple(b[:5]):
+        return False
+    left, right = list(arrays_of(a)), list(arrays_of(b))
+    return [name for name, _ in left] == [name for name, _ in right] and all(
+        x.dtype == y.dtype and x.shape == y.shape and x.tobytes() == y.tobytes()
+        for (_, x), (_, y) in zip(left, right, strict=True)
+    )
+
+
+# Channels of an ImageSample: unit and frame of what a pixel holds.
+CHANNEL_UNITS: dict[str, tuple[str, str]] = {
+    "rgb": ("sRGB, 0 to 255", "-"),
+    "depth": ("m", "z of C"),  # inf: nothing there
+    "range": ("m", "along the ray"),  # inf: nothing there
+    "segmentation": ("class id", "-"),  # 0: none
+    "instance": ("instance id", "-"),  # 0: nothing
+    "geom": ("geom id", "-"),  # -1: nothing
+    "normal": ("1", "C"),  # unit vector, towards the camera
+    "radial_velocity": ("m/s", "along the ray"),  # positive: going away
+    "material": ("surface id", "-"),
+}
 
 # field -> (unit, frame). Frame "-" where none applies.
 _STAMP = {"seq": ("1", "-"), "t_capture_ns": ("ns", "-"), "t_available_ns": ("ns", "-")}
@@ -165,6 +253,18 @@ SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
         "quality": ("1", "-"),
         "distance_m": ("m", "B"),
         "temperature_degc": ("degC", "-"),
+    },
+    ImageSample: _STAMP | {"p_WC": ("m", "W"), "q_WC": ("1", "C->W"), "channels": ("CHANNEL_UNITS", "C")},
+    PointCloudSample: _STAMP
+    | {
+        "p_WL": ("m", "W"),
+        "q_WL": ("1", "L->W"),
+        "points_L": ("m", "L"),
+        "range_m": ("m", "along the ray"),
+        "intensity": ("1", "-"),
+        "ring": ("1", "-"),
+        "time_offset_ns": ("ns", "-"),
+        "segmentation": ("class id", "-"),
     },
     ActuatorFrame: {
         "tick": ("1", "-"),

@@ -7,6 +7,7 @@ namespace nb = nanobind;
 
 void bind_dryden(nb::module_ &m);
 void bind_frame(nb::module_ &m);
+void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_ray(nb::module_ &m);
 void bind_rigid_body(nb::module_ &m);
@@ -16,6 +17,7 @@ NB_MODULE(_kernels, m) {
     hil::bind_detmath(m);
     bind_dryden(m);
     bind_frame(m);
+    bind_image_noise(m);
     bind_imu(m);
     bind_ray(m);
     bind_rigid_body(m);

@@ -19,23 +19,6 @@ inline std::uint64_t multiply(std::uint64_t a, std::uint64_t b, std::uint64_t &h
 #endif
 }
 
-// Philox4x64 with ten rounds; constants of the paper.
-void philox(const std::uint64_t counter[4], const std::uint64_t key[2], std::uint64_t out[4]) {
-    std::uint64_t c0 = counter[0], c1 = counter[1], c2 = counter[2], c3 = counter[3], k0 = key[0], k1 = key[1];
-    for (int round = 0; round < 10; ++round) {
-        std::uint64_t high0, high1;
-        const std::uint64_t low0 = multiply(0xD2E7470EE14C6C93ULL, c0, high0);
-        const std::uint64_t low1 = multiply(0xCA5A826395121157ULL, c2, high1);
-        c0 = high1 ^ c1 ^ k0;
-        c1 = low1;
-        c2 = high0 ^ c3 ^ k1;
-        c3 = low0;
-        k0 += 0x9E3779B97F4A7C15ULL;
-        k1 += 0xBB67AE8584CAA73BULL;
-    }
-    out[0] = c0, out[1] = c1, out[2] = c2, out[3] = c3;
-}
-
 template <int N>
 inline double polynomial(const double (&coefficients)[N], double x) {
     double result = coefficients[0];
@@ -62,6 +45,23 @@ double log_by_series(double x) {
 }
 
 }  // namespace
+
+// Philox4x64 with ten rounds; constants of the paper.
+void philox(const std::uint64_t counter[4], const std::uint64_t key[2], std::uint64_t out[4]) {
+    std::uint64_t c0 = counter[0], c1 = counter[1], c2 = counter[2], c3 = counter[3], k0 = key[0], k1 = key[1];
+    for (int round = 0; round < 10; ++round) {
+        std::uint64_t high0, high1;
+        const std::uint64_t low0 = multiply(0xD2E7470EE14C6C93ULL, c0, high0);
+        const std::uint64_t low1 = multiply(0xCA5A826395121157ULL, c2, high1);
+        c0 = high1 ^ c1 ^ k0;
+        c1 = low1;
+        c2 = high0 ^ c3 ^ k1;
+        c3 = low0;
+        k0 += 0x9E3779B97F4A7C15ULL;
+        k1 += 0xBB67AE8584CAA73BULL;
+    }
+    out[0] = c0, out[1] = c1, out[2] = c2, out[3] = c3;
+}
 
 double normal_from_uniform(double p) {
     static constexpr double A[8] = {2509.0809287301226727, 33430.575583588128105, 67265.770927008700853,

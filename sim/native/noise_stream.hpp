@@ -18,6 +18,9 @@ namespace hil::sim {
 // Inverse of the standard normal distribution function, 0 < p < 1; relative error about 1e-16.
 double normal_from_uniform(double p);
 
+// The generator itself: 256 bits of `counter` under `key` (Philox4x64, ten rounds).
+void philox(const std::uint64_t counter[4], const std::uint64_t key[2], std::uint64_t out[4]);
+
 class NoiseStream {
   public:
     static constexpr std::uint64_t kBlock = 256;  // indices of one counter block; part of the definition of a draw

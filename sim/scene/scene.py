@@ -17,6 +17,7 @@ from sim.model_file import StrictModel, load_located
 from sim.scene.light import Light
 from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
 from sim.scene.scene_file import SceneFile, shown
+from sim.scene.view_point import ViewPoint
 
 SCENE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "scenes"
 
@@ -53,6 +54,7 @@ class Scene(StrictModel):
     site: Site
     ground_friction: Annotated[float, Field(gt=0.0, le=5.0)]
     gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = 9.80665
+    view: tuple[ViewPoint, ...] = ()  # where `hil view` looks from; none: places that it finds
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()
     map: MapSection | None = None

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.signals.time import period_ns_from_hz
+from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
 from sim.sensors.kinds import KINDS, Kind
 from sim.sensors.presets import PRESETS, Preset
@@ -24,10 +25,12 @@ def make_sensor(
     scene: Scene,
     step_ns: int,
     overrides: Mapping[str, Any] | None = None,
+    frames: FrameSource | None = None,
 ) -> Sensor:
     """A sensor from a preset, or from a kind with all its parameters in `overrides`.
 
-    `overrides` replace single parameters. `step_ns` is the physics tick. Raises KeyError for an unknown preset or
+    `overrides` replace single parameters. `step_ns` is the physics tick, `frames` what cameras and
+    LiDARs look at. Raises KeyError for an unknown preset or
     kind (legal names: `sorted(PRESETS)`, `sorted(KINDS)`), ValueError for a preset of another kind,
     pydantic.ValidationError for wrong parameters.
     """
@@ -42,6 +45,6 @@ def make_sensor(
         raise ValueError(f"sensor '{name}' needs a preset or a kind")
     entry = KINDS[kind]
     parameters = entry.parameters.model_validate(values | dict(overrides or {}))
-    installation = Installation(name, period_ns_from_hz(rate_hz), seed, scene, step_ns)
+    installation = Installation(name, period_ns_from_hz(rate_hz), seed, scene, step_ns, frames)
     sensor: Sensor = entry.sensor(installation, parameters)
     return sensor

@@ -23,8 +23,10 @@ from hil.signals.samples import (
     BaroSample,
     FlowSample,
     GpsSample,
+    ImageSample,
     ImuSample,
     MagSample,
+    PointCloudSample,
     RangeSample,
     Sample,
     TruthState,
@@ -42,6 +44,9 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     GpsSample: {"altitude_m": 1, "latitude_deg": 1, "longitude_deg": 1, "v_W": 3},
     RangeSample: {"distance_m": 1},
     FlowSample: {"flow_rad": 2, "gyro_rad": 3, "distance_m": 1},
+    # Frames freeze and drop out; no other fault acts on them.
+    ImageSample: {},
+    PointCloudSample: {},
 }
 _STAMPS = 3  # seq, t_capture_ns, t_available_ns: never faulted
 _AXES = "xyz"
@@ -126,6 +131,9 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
         if not isinstance(fault, _ValueFault):
             continue
         fields = FAULT_FIELDS[kind]
+        if not fields:
+            yield index, "kind", f"does not act on frames: those of {fault.sensor!r} can only freeze or drop out"
+            continue
         name = fault.field or next(iter(fields))
         if name not in fields:
             yield index, "field", f"is unknown: {name!r} (fields of {fault.sensor!r}: {', '.join(fields)})"

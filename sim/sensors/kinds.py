@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from hil.signals.samples import FRAME_SAMPLES
 from sim.model_file import StrictModel
 from sim.sensors.barometer import Barometer, BarometerParameters
+from sim.sensors.camera import Camera
+from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.gps import Gps, GpsParameters
 from sim.sensors.imu import Imu, ImuParameters
 from sim.sensors.magnetometer import Magnetometer, MagnetometerParameters
@@ -27,6 +30,11 @@ class Kind:
         kind: type = self.sensor.sample_type
         return kind
 
+    @property
+    def needs_frames(self) -> bool:
+        """Whether it looks at the world's geometry (`Installation.frames`)."""
+        return self.sample_type in FRAME_SAMPLES
+
 
 KINDS: dict[str, Kind] = {
     "imu": Kind(Imu, ImuParameters),
@@ -35,4 +43,5 @@ KINDS: dict[str, Kind] = {
     "gps": Kind(Gps, GpsParameters),
     "range_finder": Kind(RangeFinder, RangeFinderParameters),
     "optical_flow": Kind(OpticalFlow, OpticalFlowParameters),
+    "camera": Kind(Camera, CameraParameters),
 }

@@ -9,6 +9,7 @@ from typing import Annotated, Protocol
 from pydantic import Field
 
 from hil.signals.samples import Sample, TruthState
+from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
 
 _Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -24,6 +25,7 @@ class Installation:
     seed: int
     scene: Scene
     step_ns: int  # the physics tick
+    frames: FrameSource | None = None  # the world to look at, for cameras and LiDARs
 
 
 class Sensor(Protocol):

@@ -17,7 +17,7 @@ from hil.bench import run_bench
 from hil.config import load_bench
 from hil.scheduler import PHASES, AutopilotPorts, Scheduler, SensorSlot
 from hil.signals.errors import LockstepLost
-from hil.signals.samples import ActuatorFrame, ImuSample, TruthState
+from hil.signals.samples import ActuatorFrame, ImageSample, ImuSample, TruthState
 from hil.signals.time import RateAccumulator
 
 TICK_NS = 4_000_000
@@ -97,11 +97,11 @@ class Script:
         return Recorder()
 
 
-def make(script: Script, **settings: Any) -> Scheduler:
+def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
     return Scheduler(
         tick_ns=TICK_NS,
         physics=script,
-        sensors=[SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
+        sensors=[*more, SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
         link=script,  # type: ignore[arg-type]
         ports=AutopilotPorts(imu="imu", gps=None, baro=None, mag=None),
         commands=[script],
@@ -225,3 +225,41 @@ def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pyt
         files = [hashlib.sha256((out / name).read_bytes()).hexdigest() for name in ("run.mcap", "flight.tlog")]
         digests.append((result.run["digest"], *files))
     assert digests[0] == digests[1]
+
+
+class Watcher:
+    """A camera whose every second picture takes a tick to arrive."""
+
+    name = "front"
+
+    def __init__(self, script: Script) -> None:
+        self._script = script
+
+    def sample(self, truth: Any, seq: int) -> Any:
+        self._script.note("look", truth.tick)
+        return ImageSample(seq, truth.t_ns, truth.t_ns + seq % 2 * TICK_NS, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0), {})
+
+
+@pytest.mark.parametrize(
+    ("processors", "order"),
+    [
+        (1, ["imu", "commands", "send", "look", "rec truth", "rec sample", "rec sample", "rec sent", "wait"]),
+        (2, ["imu", "commands", "look", "rec truth", "rec sample", "rec sample", "send", "rec sent", "wait"]),
+    ],
+)
+def test_cameras_look_when_the_autopilot_has_its_samples(processors: int, order: list[str]) -> None:
+    script = Script(busy_processors=processors)
+    rate = RateAccumulator(event_mhz=250_000, tick_mhz=250_000)
+    scheduler = make(script, SensorSlot(Watcher(script), rate, after_send=True))
+    for _ in range(4):
+        scheduler.step()
+    names = script.names()
+    assert names[names.index("imu") : names.index("take")] == order
+    told = [(call[1], call[2].seq) for call in script.calls if call[0] == "rec sample"]
+    # A picture that is there at once is released in its own tick, a later one in the next, before that tick's own.
+    assert [seq for port, seq in told if port == "front"] == [0, 1, 2]
+    assert told[:2] == [("imu", 0), ("front", 0)]
+    ticks = [n for n, call in enumerate(script.calls) if call[0] == "rec truth"]
+    third = [call[2].seq for call in script.calls[ticks[2] :] if call[0] == "rec sample" and call[1] == "front"]
+    assert third == [1, 2]
+    assert scheduler.phase_ns["frames"].count == 4

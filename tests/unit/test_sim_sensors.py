@@ -286,6 +286,8 @@ def test_config_errors_are_found() -> None:
 
 def test_a_kind_with_all_its_parameters_needs_no_preset() -> None:
     for preset in PRESETS.values():
+        if KINDS[preset.kind].needs_frames:
+            continue
         made = make_sensor(
             "x",
             kind=preset.kind,

@@ -1,0 +1,29 @@
+"""What a recording says once about a camera or LiDAR: where it sits, and how a camera projects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hil.signals.samples import Quat, Vec3
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Of a camera, as sensor_msgs/CameraInfo has it (pixel centres at whole numbers)."""
+
+    width: int
+    height: int
+    distortion_model: str
+    d: tuple[float, ...]
+    k: tuple[float, ...]  # 3 x 3
+    p: tuple[float, ...]  # 3 x 4
+
+
+@dataclass(frozen=True)
+class FrameDescription:
+    """One frame sensor. C is its frame: optical for a camera."""
+
+    frame_id: str
+    p_BC: Vec3 = (0.0, 0.0, 0.0)
+    q_BC: Quat = (1.0, 0.0, 0.0, 0.0)
+    projection: Projection | None = None  # None: no camera

@@ -1,0 +1,226 @@
+"""Pictures and point clouds as ROS 2 messages: sensor_msgs/Image, CameraInfo and PointCloud2.
+
+Beside the data of a port `front` stand `/front/pose` (where the sensor was at capture, in `world`) and, once, its place
+on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mono8 and mono16, distances and speeds as
+32FC1, normals as 32FC3. Messages keep the bytes of the sample, so what is recorded is what was measured, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.recorder.cdr import Layout, schema_text
+from hil.recorder.frame_description import FrameDescription
+from hil.recorder.mcap_file import Block, McapFile
+from hil.recorder.topics import BODY, WORLD
+from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, Vec3, arrays_of
+from hil.signals.time import NS_PER_S
+
+IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+# sensor_msgs/Image encodings: by element type and elements per pixel; rgb apart from other triples of bytes
+_ENCODINGS = {
+    ("|u1", 1): "mono8",
+    ("<u2", 1): "mono16",
+    ("<i4", 1): "32SC1",
+    ("<f4", 1): "32FC1",
+    ("|u1", 3): "rgb8",
+    ("<f4", 3): "32FC3",
+}
+# sensor_msgs/PointField datatypes
+_INT32, _UINT8, _UINT16, _FLOAT32 = 5, 2, 4, 7
+_POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<f4", "<i4", "<u2", "u1"],
+        "offsets": [0, 4, 8, 12, 16, 20, 24, 26],
+        "itemsize": 28,
+    }
+)
+_DATATYPES = {"<f4": _FLOAT32, "<i4": _INT32, "<u2": _UINT16, "|u1": _UINT8}
+
+
+class BlobTopic:
+    """One topic; messages of it differ in the length of their `data`, if they have any."""
+
+    def __init__(
+        self,
+        file: McapFile,
+        topic: str,
+        type_name: str,
+        *,
+        strings: Mapping[str, str],
+        lengths: Mapping[str, int] | None = None,
+        values: Mapping[str, Any] | None = None,
+        header: str = "header",
+        blob: bool = False,
+    ) -> None:
+        self.channel = file.channel(topic, type_name, schema_text(type_name))
+        sizes = dict(lengths or {}) | ({"data": 0} if blob else {})
+        self._layout = Layout(type_name, channel=self.channel, strings=strings, lengths=sizes, values=values)
+        self._header = header
+        # The blob goes between its length and whatever the type has after it (single bytes, so nothing to align).
+        self._cut = self._layout.dtype.fields["data$length"][1] + 4 if blob else 0  # type: ignore[index]
+        self._records: list[bytes] = []
+        self._log_ns: list[int] = []
+
+    def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
+        """Lay out one message."""
+        record = self._layout.records(1)
+        record["$sequence"] = sample.seq
+        record["$log"] = log_ns
+        record["$publish"] = sample.t_available_ns
+        seconds, nanoseconds = divmod(sample.t_capture_ns, NS_PER_S)
+        record[f"{self._header}.stamp.sec"] = seconds
+        record[f"{self._header}.stamp.nanosec"] = nanoseconds
+        for path, value in values.items():
+            record[path] = value
+        if not self._cut:
+            self._records.append(record.tobytes())
+        else:
+            record["$length"] += len(data)
+            record["data$length"] = len(data)
+            raw = record.tobytes()
+            self._records.append(b"".join((raw[: self._cut], data, raw[self._cut :])))
+        self._log_ns.append(log_ns)
+
+    def block(self) -> Block:
+        """Everything that was added, which is then forgotten."""
+        ends = np.cumsum([len(record) for record in self._records], dtype=np.uint64)
+        offsets = np.concatenate([np.zeros(1, np.uint64), ends[:-1]]) if len(ends) else ends
+        block = Block(self.channel, b"".join(self._records), np.array(self._log_ns, np.uint64), offsets)
+        self._records.clear()
+        self._log_ns.clear()
+        return block
+
+
+class FrameSeries:
+    """What one camera or LiDAR has delivered since the last chunk. Samples are kept by reference: they never change."""
+
+    def __init__(self, port: str, description: FrameDescription | None) -> None:
+        self._port = port
+        self._description = description or FrameDescription(port)
+        self._waiting: list[tuple[FrameSample, int]] = []
+        self._topics: dict[str, BlobTopic] = {}
+        self.bytes_waiting = 0
+
+    def add(self, sample: FrameSample, log_ns: int) -> None:
+        """Remember one sample."""
+        self._waiting.append((sample, log_ns))
+        self.bytes_waiting += sum(array.nbytes for _, array in arrays_of(sample))
+
+    def blocks(self, file: McapFile) -> list[Block]:
+        """The records of everything that came in, which is then forgotten."""
+        for sample, log_ns in self._waiting:
+            if "pose" not in self._topics:
+                self._place(file, sample, log_ns)
+            if isinstance(sample, ImageSample):
+                self._picture(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
+            else:
+                self._cloud(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
+        self._waiting.clear()
+        self.bytes_waiting = 0
+        return [topic.block() for topic in self._topics.values()]
+
+    def _topic(self, file: McapFile, name: str, type_name: str, **layout: Any) -> BlobTopic:
+        topic = self._topics.get(name)
+        if topic is None:
+            path = f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
+            topic = self._topics[name] = BlobTopic(file, path, type_name, **layout)
+        return topic
+
+    def _place(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+        """Where the sensor sits on the vehicle, once."""
+        d = self._description
+        prefix = "transforms[0]"
+        topic = self._topic(
+            file,
+            "tf_static",
+            "tf2_msgs/TFMessage",
+            strings={f"{prefix}.header.frame_id": BODY, f"{prefix}.child_frame_id": d.frame_id},
+            lengths={"transforms": 1},
+            header=f"{prefix}.header",
+        )
+        place = {f"{prefix}.transform.translation": d.p_BC, f"{prefix}.transform.rotation": _xyzw(d.q_BC)}
+        topic.add(sample, log_ns, place)
+
+    def _pose(self, file: McapFile, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
+        topic = self._topic(file, "pose", "geometry_msgs/PoseStamped", strings={"header.frame_id": WORLD})
+        topic.add(sample, log_ns, {"pose.position": p, "pose.orientation": _xyzw(q)})
+
+    def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+        frame = {"header.frame_id": self._description.frame_id}
+        for name in sorted(sample.channels):
+            picture = sample.channels[name]
+            little = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
+            values = 1 if picture.ndim == 2 else picture.shape[2]
+            topic = self._topic(
+                file,
+                name,
+                "sensor_msgs/Image",
+                strings=frame | {"encoding": _ENCODINGS[(little.dtype.str, values)]},
+                values={
+                    "height": picture.shape[0],
+                    "width": picture.shape[1],
+                    "step": little.dtype.itemsize * values * picture.shape[1],
+                },
+                blob=True,
+            )
+            topic.add(sample, log_ns, {}, little.tobytes())
+        p = self._description.projection
+        if p is not None:
+            topic = self._topic(
+                file,
+                "camera_info",
+                "sensor_msgs/CameraInfo",
+                strings=frame | {"distortion_model": p.distortion_model},
+                lengths={"d": len(p.d)},
+                values={"height": p.height, "width": p.width, "d": p.d, "k": p.k, "r": IDENTITY_3X3, "p": p.p},
+            )
+            topic.add(sample, log_ns, {})
+
+    def _cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
+        names = _POINT.names or ()
+        strings = {"header.frame_id": self._description.frame_id}
+        fields: dict[str, Any] = {}
+        for i, name in enumerate(names):
+            kind, offset = _POINT.fields[name][:2]  # type: ignore[index]
+            strings[f"fields[{i}].name"] = name
+            fields |= {
+                f"fields[{i}].offset": offset,
+                f"fields[{i}].datatype": _DATATYPES[kind.str],
+                f"fields[{i}].count": 1,
+            }
+        topic = self._topic(
+            file,
+            "",
+            "sensor_msgs/PointCloud2",
+            strings=strings,
+            lengths={"fields": len(names)},
+            values=fields | {"height": 1, "point_step": _POINT.itemsize, "is_dense": True},
+            blob=True,
+        )
+        points = cloud_records(sample)
+        topic.add(sample, log_ns, {"width": len(points), "row_step": points.nbytes}, points.tobytes())
+
+
+def cloud_records(sample: PointCloudSample) -> NDArray[Any]:
+    """The points of a sweep as PointCloud2 has them, one record each."""
+    points = np.zeros(len(sample.range_m), _POINT)
+    for i, axis in enumerate("xyz"):
+        points[axis] = sample.points_L[:, i]
+    points["intensity"] = sample.intensity
+    points["range"] = sample.range_m
+    points["t"] = sample.time_offset_ns
+    points["ring"] = sample.ring
+    points["label"] = sample.segmentation
+    return points
+
+
+def _xyzw(q: Quat) -> tuple[float, float, float, float]:
+    return (q[1], q[2], q[3], q[0])

@@ -1,0 +1,120 @@
+"""What the sensor of a camera does to light, and what a depth camera does to distance.
+
+    x = gain (v L + sqrt(v L / N + (r / N)^2) n)       pixel = sRGB(clip(x, 0, 1))
+
+L is the picture in linear light (averaged over the exposure, where there is motion blur), v the vignetting
+1 - s (1 - cos^4 theta), N the electrons that make white, r the read noise in electrons, n normal. Auto exposure sets
+the gain of the next picture to gain * sqrt(target / mean of this one), at most twice or half as much at once.
+
+Noise is a function of the seed, the sensor's name and the number of the picture alone (sim/native/image_noise.hpp).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import accumulate_linear, blur_depth, expose
+from sim.frame.camera_model import CameraModel
+
+Float32 = NDArray[np.float32]
+UInt8 = NDArray[np.uint8]
+
+_FASTEST_CHANGE = 2.0  # of the gain, from one picture to the next
+_DARKEST = 1e-4  # mean light below which there is nothing to measure
+
+
+def vignette(camera: CameraModel, strength: float) -> Float32 | None:
+    """Factor of each pixel, (height, width); None where all are 1."""
+    if strength == 0.0:
+        return None
+    cosine = np.clip(camera.rays()[:, :, 2], 0.0, 1.0)
+    square = cosine * cosine
+    return (1.0 - strength * (1.0 - square * square)).astype(np.float32)
+
+
+class LightSensor:
+    """Turns linear light into the picture that leaves the camera. One per camera: auto exposure remembers."""
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        *,
+        gain: float,
+        auto_target: float | None,
+        gain_limits: tuple[float, float],
+        electrons_at_white: float | None,
+        read_noise_electrons: float,
+        vignette: Float32 | None,
+        key: tuple[int, int],
+    ) -> None:
+        """`auto_target` None: the gain stays. `electrons_at_white` None: no noise."""
+        self.gain = gain
+        self._target = auto_target
+        self._limits = gain_limits
+        self._electrons = electrons_at_white
+        self._read = read_noise_electrons
+        self._vignette = vignette
+        self._key = key
+        self._light = np.zeros((*shape, 3), np.float32)
+        shades = np.zeros((1, 86, 3), np.float32)
+        accumulate_linear(np.arange(258, dtype=np.uint16).astype(np.uint8).reshape(1, 86, 3), 1.0, shades)
+        self._linear: list[float] = shades.reshape(-1)[:256].tolist()
+
+    def begin(self) -> None:
+        """Forget the light of the picture before."""
+        self._light.fill(0.0)
+
+    def add(self, rgb: UInt8, weight: float) -> None:
+        """Take in the light of one moment of the exposure; weights sum to one."""
+        accumulate_linear(rgb, weight, self._light)
+
+    def finish(self, index: int, out: UInt8) -> None:
+        """Write picture number `index`."""
+        electrons = self._electrons
+        expose(
+            self._light,
+            self._vignette,
+            gain=self.gain,
+            electrons_at_white=electrons if electrons is not None else 1.0,
+            read_noise_electrons=self._read,
+            noisy=electrons is not None,
+            key=self._key,
+            index=index,
+            rgb=out,
+        )
+        if self._target is not None:
+            self._follow(out, self._target)
+
+    def _follow(self, rgb: UInt8, target: float) -> None:
+        # Whole numbers and one sum in a stated order: numpy's own sums of floats depend on the processor.
+        counts = np.bincount(rgb.reshape(-1), minlength=256).tolist()
+        mean = sum(n * light for n, light in zip(counts, self._linear, strict=True)) / rgb.size
+        change = math.sqrt(target / max(mean, _DARKEST))
+        change = min(max(change, 1.0 / _FASTEST_CHANGE), _FASTEST_CHANGE)
+        low, high = self._limits
+        self.gain = min(max(self.gain * change, low), high)
+
+
+class DepthSensor:
+    """Puts the errors of a depth camera on planar depth, in place."""
+
+    def __init__(self, errors: Any, key: tuple[int, int]) -> None:
+        """`errors`: sim.sensors.camera_parameters.DepthNoise."""
+        inverse = errors.inverse_step_per_m
+        self._errors = {
+            "sigma_m": errors.sigma_m,
+            "sigma_per_m": errors.sigma_per_m,
+            "step_m": errors.step_m,
+            "disparity_scale_m": 1.0 / inverse if inverse > 0.0 else 0.0,
+            "min_m": errors.min_m,
+            "max_m": errors.max_m,
+        }
+        self._key = key
+
+    def measure(self, depth_m: Float32, index: int) -> None:
+        """Picture number `index`. What is out of the camera's limits becomes inf: nothing measured."""
+        blur_depth(depth_m, **self._errors, key=self._key, index=index)

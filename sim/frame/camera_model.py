@@ -1,0 +1,136 @@
+"""Where a camera sees what: directions of pixels, pixels of points.
+
+    u = fx x' + cx,   v = fy y' + cy       x' = X/Z, y' = Y/Z of a point in C, distorted (sim/frame/distortion.py)
+
+Camera frame C is the optical frame: x right, y down, z along the view. Inside the bench pixel (column i, row j) has its
+centre at (i + 0.5, j + 0.5), so the picture covers [0, width] x [0, height]. OpenCV, ROS and Kalibr put the centre at
+(i, j): whatever comes from a file or goes to one is theirs, half a pixel less (`from_opencv`, `opencv_matrix`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import det_cos, det_sin
+from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt, NotInvertible
+
+Float64 = NDArray[np.float64]
+
+MAX_PIXELS_ACROSS = 8192
+MAX_FISHEYE_FOV_DEG = 220.0
+_HALF = 0.5  # of a pixel: what lies between this bench's pixel centres and OpenCV's
+_BLOCK_PIXELS = 1 << 20
+_RAD_PER_DEG = 0.017453292519943295
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """One camera. Raises ValueError, which says what to change, where it could not exist."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float  # in this bench's pixel coordinates
+    cy: float
+    distortion: Distortion | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if not 1 <= value <= MAX_PIXELS_ACROSS:
+                raise ValueError(f"the {name} must be 1 to {MAX_PIXELS_ACROSS} pixels, not {value}")
+        for name in ("fx", "fy"):
+            value = getattr(self, name)
+            if not 1e-3 <= value <= 1e7:
+                raise ValueError(f"the focal length {name} must be 0.001 to 1e7 pixels, not {value:g}")
+
+    @classmethod
+    def from_fov(cls, width: int, height: int, fov_deg: float, distortion: Distortion | None = None) -> CameraModel:
+        """A camera with square pixels and the axis in the middle, by its horizontal field of view.
+
+        `fov_deg` is the angle between the rays at the middles of the left and right edges, distortion included
+        (its tangential part left out).
+        """
+        widest = MAX_FISHEYE_FOV_DEG if isinstance(distortion, KannalaBrandt) else 180.0
+        allowed = fov_deg <= widest if isinstance(distortion, KannalaBrandt) else fov_deg < widest
+        if not (fov_deg > 0.0 and allowed):
+            kind = "a fisheye" if isinstance(distortion, KannalaBrandt) else "a camera without fisheye distortion"
+            raise ValueError(f"the field of view of {kind} must lie between 0 and {widest:g} degrees, not {fov_deg:g}")
+        half_rad = 0.5 * fov_deg * _RAD_PER_DEG
+        try:
+            edge = det_sin(half_rad) / det_cos(half_rad) if distortion is None else distortion.radial(half_rad)
+        except NotInvertible as error:
+            raise ValueError(
+                f"the distortion turns back before a field of view of {fov_deg:g} degrees: two directions share a pixel"
+            ) from error
+        f = 0.5 * width / edge
+        return cls(width, height, f, f, 0.5 * width, 0.5 * height, distortion)
+
+    @classmethod
+    def from_opencv(
+        cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: Distortion | None = None
+    ) -> CameraModel:
+        """A camera by its calibration as OpenCV, ROS and Kalibr print it (pixel centres at whole numbers)."""
+        return cls(width, height, fx, fy, cx + _HALF, cy + _HALF, distortion)
+
+    @property
+    def pinhole(self) -> bool:
+        """Whether straight lines are straight: no distortion, or one with all coefficients zero."""
+        d = self.distortion
+        return d is None or (isinstance(d, BrownConrady) and not any(d.coefficients))
+
+    @property
+    def opencv_matrix(self) -> tuple[float, ...]:
+        """The camera matrix K, row by row, with OpenCV's pixel centres."""
+        return (self.fx, 0.0, self.cx - _HALF, 0.0, self.fy, self.cy - _HALF, 0.0, 0.0, 1.0)
+
+    def scaled(self, factor: int) -> CameraModel:
+        """The same view with `factor` times as many pixels each way."""
+        f = float(factor)
+        size = (factor * self.width, factor * self.height)
+        return CameraModel(*size, f * self.fx, f * self.fy, f * self.cx, f * self.cy, self.distortion)
+
+    def rays(self) -> Float64:
+        """(height, width, 3) unit directions in C of the pixel centres.
+
+        Raises ValueError where the distortion cannot be inverted inside the picture.
+        """
+        x = (np.arange(self.width) + (_HALF - self.cx)) / self.fx
+        y = (np.arange(self.height) + (_HALF - self.cy)) / self.fy
+        rays = np.empty((self.height, self.width, 3))
+        step = max(1, _BLOCK_PIXELS // self.width)  # bounds the memory of the largest pictures
+        for first in range(0, self.height, step):
+            block = rays[first : first + step]
+            seen = np.stack(np.meshgrid(x, y[first : first + step]), axis=-1).reshape(-1, 2)
+            block[:] = self.directions(seen).reshape(block.shape)
+        return rays
+
+    def directions(self, seen: Float64) -> Float64:
+        """(n, 2) x', y' to (n, 3) unit directions in C. ValueError as `rays`."""
+        d = self.distortion
+        if d is None or self.pinhole:
+            length = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2 + 1.0)
+            return np.stack([seen[:, 0] / length, seen[:, 1] / length, 1.0 / length], axis=1)
+        try:
+            return d.undistort(seen)
+        except NotInvertible as error:
+            pixels = error.radius * min(self.fx, self.fy)
+            raise ValueError(
+                f"the distortion cannot be inverted inside the picture: from {pixels:.0f} pixels off the axis on, two "
+                "directions share a pixel. Use a smaller picture or field of view, or check the coefficients"
+            ) from error
+
+    def project(self, points_C: Float64) -> Float64:
+        """(n, 3) points to (n, 2) pixel coordinates; NaN behind a camera that is no fisheye."""
+        points = np.asarray(points_C, np.float64).reshape(-1, 3)
+        d = self.distortion
+        if isinstance(d, KannalaBrandt):
+            seen = d.distort(points)
+        else:
+            points = np.where(points[:, 2:] > 0.0, points, np.nan)
+            seen = points[:, :2] / points[:, 2:] if d is None else d.distort(points)
+        return seen * (self.fx, self.fy) + (self.cx, self.cy)

@@ -1,0 +1,241 @@
+"""Lens distortion, as OpenCV defines it, and its inverse.
+
+With x = X/Z, y = Y/Z, r^2 = x^2 + y^2 and theta = atan2(sqrt(X^2 + Y^2), Z), a point is seen at (x', y'), from which
+u = fx x' + cx and v = fy y' + cy.
+
+    BrownConrady     x' = x g + 2 p1 x y + p2 (r^2 + 2 x^2)      (Brown 1966; rational terms: OpenCV's calib3d)
+                     y' = y g + p1 (r^2 + 2 y^2) + 2 p2 x y
+                     g = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
+    KannalaBrandt    (x', y') = (X, Y) / sqrt(X^2 + Y^2) * theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
+                     (Kannala and Brandt, IEEE TPAMI 28, 2006, eq. 6; OpenCV's fisheye)
+
+The inverse has no closed form. It starts at the radius that a table of the radial part gives and goes on with
+Newton's method to 1e-12. Distortions of real lenses turn back beyond some radius: two directions then share a pixel.
+Where that happens inside the picture the inverse does not exist, and `NotInvertible` says from which pixel on.
+
++ - * / sqrt and comparisons only, but for `KannalaBrandt.distort`, whose atan2 is the C library's: what feeds a
+picture is the inverse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import sin_cos
+
+Float64 = NDArray[np.float64]
+
+TOLERANCE = 1e-12  # of x' and y', which are of order 1
+_NEWTON_STEPS = 30
+_TABLE = 8192
+_WIDEST_RAD = 1.5698  # 89.94 degrees from the axis: as far as a picture on a plane is followed
+_HALF_CIRCLE_RAD = 3.1415926535897931
+
+
+class NotInvertible(ValueError):
+    """Two directions share a pixel of the picture. `radius` is that of (x', y') from which on this happens."""
+
+    def __init__(self, radius: float) -> None:
+        self.radius = radius
+        super().__init__(f"the distortion cannot be inverted beyond a radius of {radius:.6g} focal lengths")
+
+
+class _Growing(NamedTuple):
+    """The radial part where it still grows: undistorted size -> radius in the picture."""
+
+    size: Float64
+    radius: Float64
+    turns_back: bool
+
+
+@dataclass(frozen=True)
+class BrownConrady:
+    """Polynomial or rational radial terms and two tangential ones."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """In OpenCV's order: five, or eight where the rational terms are used."""
+        values: tuple[float, ...] = astuple(self)
+        return values if any(values[5:]) else values[:5]
+
+    @property
+    def ros_name(self) -> str:
+        """What sensor_msgs/CameraInfo calls it."""
+        return "rational_polynomial" if len(self.coefficients) == 8 else "plumb_bob"
+
+    def distort(self, points_C: Float64) -> Float64:
+        """(n, 3) points before the camera to (n, 2) x', y'."""
+        x, y = points_C[:, 0] / points_C[:, 2], points_C[:, 1] / points_C[:, 2]
+        seen = self._seen(x, y)
+        return np.stack(seen, axis=1)
+
+    def radial(self, half_angle_rad: float) -> float:
+        """Radius in the picture of a ray at this angle to the axis; without the tangential part.
+
+        Raises NotInvertible where the picture turns back before that.
+        """
+        sine, cosine = _sine_cosine(np.linspace(0.0, half_angle_rad, _TABLE))
+        size = sine / cosine
+        return _last_if_growing(size * self._gain(size * size))
+
+    def undistort(self, seen: Float64) -> Float64:
+        """(n, 2) x', y' to (n, 3) unit directions. Raises NotInvertible."""
+        table = self._growing()
+        radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
+        size = np.interp(radius, table.radius, table.size)
+        scale = np.divide(size, radius, out=np.ones_like(radius), where=radius > 0.0)
+        x, y = seen[:, 0] * scale, seen[:, 1] * scale
+        limit = float(table.size[-1])
+        for _ in range(_NEWTON_STEPS):
+            fx, fy = self._seen(x, y)
+            ex, ey = fx - seen[:, 0], fy - seen[:, 1]
+            if max(np.abs(ex).max(initial=0.0), np.abs(ey).max(initial=0.0)) <= TOLERANCE:
+                break
+            a, b, c, d = self._jacobian(x, y)
+            det = a * d - b * c
+            det = np.where(np.abs(det) < 1e-9, 1e-9, det)
+            x, y = x - (d * ex - b * ey) / det, y - (a * ey - c * ex) / det
+            # A step past the last radius that is still followed would find the wrong branch.
+            r = np.sqrt(x * x + y * y)
+            back = np.where(r > limit, limit / np.where(r > 0.0, r, 1.0), 1.0)
+            x, y = x * back, y * back
+        fx, fy = self._seen(x, y)
+        a, b, c, d = self._jacobian(x, y)
+        size = np.sqrt(x * x + y * y)
+        good = np.abs(fx - seen[:, 0]) <= 1e3 * TOLERANCE
+        good &= np.abs(fy - seen[:, 1]) <= 1e3 * TOLERANCE
+        good &= (a * d - b * c > 0.0) & (size < limit)
+        if not good.all():
+            raise NotInvertible(float(radius[~good].min()))
+        length = np.sqrt(x * x + y * y + 1.0)
+        return np.stack([x / length, y / length, 1.0 / length], axis=1)
+
+    def _gain(self, r2: Float64) -> Float64:
+        above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
+        return np.asarray(above / below)
+
+    def _seen(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
+        r2 = x * x + y * y
+        g = self._gain(r2)
+        return (
+            x * g + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
+            y * g + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+        )
+
+    def _jacobian(self, x: Float64, y: Float64) -> tuple[Float64, Float64, Float64, Float64]:
+        r2 = x * x + y * y
+        above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
+        d_above = self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3)
+        d_below = self.k4 + r2 * (2.0 * self.k5 + r2 * 3.0 * self.k6)
+        g = above / below
+        slope = 2.0 * (d_above * below - above * d_below) / (below * below)  # dg/d(r2) * 2
+        p1, p2 = self.p1, self.p2
+        cross = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        return (
+            g + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
+            cross,
+            cross,
+            g + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
+        )
+
+    def _growing(self) -> _Growing:
+        sine, cosine = _sine_cosine(np.linspace(0.0, _WIDEST_RAD, _TABLE))
+        size = sine / cosine
+        return _while_growing(size, size * self._gain(size * size))
+
+
+@dataclass(frozen=True)
+class KannalaBrandt:
+    """Fisheye: a polynomial of the angle to the axis."""
+
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    k4: float = 0.0
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """In OpenCV's order."""
+        values: tuple[float, ...] = astuple(self)
+        return values
+
+    @property
+    def ros_name(self) -> str:
+        """What sensor_msgs/CameraInfo calls it."""
+        return "equidistant"
+
+    def distort(self, points_C: Float64) -> Float64:
+        """(n, 3) points all round the camera to (n, 2) x', y'."""
+        across = np.sqrt(points_C[:, 0] ** 2 + points_C[:, 1] ** 2)
+        radius = self._radius(np.arctan2(across, points_C[:, 2]))
+        scale = np.divide(radius, across, out=np.zeros_like(across), where=across > 0.0)
+        return points_C[:, :2] * scale[:, None]
+
+    def radial(self, half_angle_rad: float) -> float:
+        """Radius in the picture of a ray at this angle to the axis. NotInvertible where it turns back before that."""
+        return _last_if_growing(self._radius(np.linspace(0.0, half_angle_rad, _TABLE)))
+
+    def undistort(self, seen: Float64) -> Float64:
+        """(n, 2) x', y' to (n, 3) unit directions. Raises NotInvertible."""
+        angles = np.linspace(0.0, _HALF_CIRCLE_RAD, _TABLE)
+        table = _while_growing(angles, self._radius(angles))
+        radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
+        limit = float(table.size[-1])
+        theta = np.interp(radius, table.radius, table.size)
+        for _ in range(_NEWTON_STEPS):
+            wrong = self._radius(theta) - radius
+            if np.abs(wrong).max(initial=0.0) <= TOLERANCE:
+                break
+            slope = self._slope(theta)
+            theta = np.clip(theta - wrong / np.where(np.abs(slope) < 1e-9, 1e-9, slope), 0.0, limit)
+        good = (np.abs(self._radius(theta) - radius) <= 1e3 * TOLERANCE) & (self._slope(theta) > 0.0)
+        if not good.all():
+            raise NotInvertible(float(radius[~good].min()))
+        sine, cosine = _sine_cosine(theta)
+        scale = np.divide(sine, radius, out=np.ones_like(radius), where=radius > 0.0)
+        return np.stack([seen[:, 0] * scale, seen[:, 1] * scale, cosine], axis=1)
+
+    def _radius(self, theta: Float64) -> Float64:
+        t2 = theta * theta
+        return np.asarray(theta * (1.0 + t2 * (self.k1 + t2 * (self.k2 + t2 * (self.k3 + t2 * self.k4)))))
+
+    def _slope(self, theta: Float64) -> Float64:
+        t2 = theta * theta
+        return np.asarray(1.0 + t2 * (3.0 * self.k1 + t2 * (5.0 * self.k2 + t2 * (7.0 * self.k3 + t2 * 9.0 * self.k4))))
+
+
+Distortion = BrownConrady | KannalaBrandt
+
+
+def _while_growing(size: Float64, radius: Float64) -> _Growing:
+    """The part of the table before the radius first stops growing (or stops being a number)."""
+    grows = np.diff(radius) > 0.0
+    last = len(grows) if grows.all() else int(np.argmin(grows))
+    return _Growing(size[: last + 1], radius[: last + 1], last < len(grows))
+
+
+def _last_if_growing(radius: Float64) -> float:
+    if not np.all(np.diff(radius) > 0.0):
+        raise NotInvertible(float(radius.max()))
+    return float(radius[-1])
+
+
+def _sine_cosine(angle_rad: Float64) -> tuple[Float64, Float64]:
+    sine, cosine = np.empty_like(angle_rad), np.empty_like(angle_rad)
+    sin_cos(np.ascontiguousarray(angle_rad), sine, cosine)
+    return sine, cosine

@@ -1,0 +1,214 @@
+"""Pictures of a world from a camera: any set of channels of one frame, each computed only if asked for.
+
+What the native raster does and how exact it is: sim/native/frame/raster.hpp and resolve.hpp, docs/frames.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import Vec3
+from sim._kernels import Daylight, Picture, SunShadows
+from sim.frame.camera_model import CameraModel
+from sim.frame.camera_pose import CameraPose
+from sim.frame.channels import CHANNELS
+from sim.frame.geometry import FrameGeometry, OutOfReach
+from sim.scene.light import Light
+
+__all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]
+
+_SHADOW_PIXELS = 2048  # along the longer edge of the scene
+_GROUND_LIGHT = 0.45  # of the ambient light: what comes back from the ground
+
+
+@dataclass(frozen=True)
+class RenderSkips:
+    """What is left out because it cannot change the picture. Off: the same bits, later (`hil bench skip`)."""
+
+    frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds
+    occlusion: bool = True  # what lies behind something in all its pixels
+    static_shadows: bool = True  # the sun's picture of what stands still is drawn once
+    unseen_actors: bool = True  # actors that no pixel (and no shadow) can show are not posed
+
+    @classmethod
+    def none(cls) -> RenderSkips:
+        return cls(**{field.name: False for field in fields(cls)})
+
+
+class FrameRenderer:
+    """One camera over a geometry.
+
+    `near_m`, `far_m`: least and greatest depth that is seen (range for cameras that are no pinhole). `supersample` 2
+    averages colour over 2 x 2 rays per pixel in linear light; the other channels are those of the pixel's centre ray
+    either way. `threads`: the same picture for any number. Raises ValueError for limits out of order.
+    """
+
+    def __init__(
+        self,
+        geometry: FrameGeometry,
+        camera: CameraModel,
+        *,
+        shadows: bool = False,
+        supersample: int = 1,
+        near_m: float = 0.05,
+        far_m: float = 10_000.0,
+        threads: int = 1,
+        skips: RenderSkips = RenderSkips(),
+        light: Light | None = None,
+        isa: str = "",
+    ) -> None:
+        if not 0.0 < near_m < far_m <= 1e5:
+            raise ValueError(f"near_m {near_m:g} and far_m {far_m:g}: need 0 < near < far <= 100000")
+        if supersample not in (1, 2):
+            raise ValueError(f"supersample must be 1 or 2, not {supersample}")
+        if threads < 1:
+            raise ValueError(f"threads must be at least 1, not {threads}")
+        self.geometry = geometry
+        self.camera = camera
+        self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, skips
+        self._picture = _picture(geometry, camera, 1, isa)
+        self._fine = _picture(geometry, camera, supersample, isa) if supersample > 1 else None
+        self._fine_rgb: NDArray[np.uint8] | None = None
+        if self._fine is not None:
+            self._fine_rgb = np.empty((2 * camera.height, 2 * camera.width, 3), np.uint8)
+        chosen = light if light is not None else geometry.world.scene.light
+        self._light = daylight(chosen)
+        self._shadows: SunShadows | None = None
+        if shadows and chosen.sun_elevation_deg > 0.0:
+            self._shadows = sun_shadows(geometry, chosen, isa)
+
+    def buffers(self, *channels: str) -> dict[str, NDArray[Any]]:
+        """New arrays for the channels named."""
+        return {name: CHANNELS[name].empty(self.camera.height, self.camera.width) for name in channels}
+
+    def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
+        """Fill exactly the channels in `out` (caller-owned, C-contiguous), at the geometry's time.
+
+        `rows`: only pixel rows [from, to), multiples of 4 or the height. Raises KeyError for a channel that does not
+        exist, TypeError for an array of another type or shape, ValueError for rows outside the picture.
+        """
+        for name in out:
+            if name not in CHANNELS:
+                raise KeyError(f"no channel {name!r}; there are {', '.join(CHANNELS)}")
+        if not out:
+            return
+        shadows = self._shadows if "rgb" in out else None
+        # The shadow of what is out of sight may be in sight.
+        unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
+        self.geometry.bring(self._out_of_sight(pose) if unseen else None)
+        if shadows is not None:
+            shadows.update(self.skips.static_shadows)
+        first, last = rows if rows is not None else (0, self.camera.height)
+        wanted = dict(out)
+        if self._fine is not None and self._fine_rgb is not None and "rgb" in wanted:
+            fine_last = 2 * self.camera.height if last == self.camera.height else 2 * last
+            self._take(self._fine, pose, shadows, {"rgb": self._fine_rgb}, 2 * first, fine_last)
+            rgb = wanted.pop("rgb")
+            rgb[first:last] = mean_of_four(self._fine_rgb[2 * first : 2 * last])
+        if wanted:
+            self._take(self._picture, pose, shadows, wanted, first, last)
+
+    def _out_of_sight(self, pose: CameraPose) -> OutOfReach:
+        """Whether a sphere lies outside the picture, with a pixel to spare."""
+        camera, p, R = self.camera, pose.p_WC, pose.R_WC
+        forward = (R[2], R[5], R[8])
+        sides = []
+        for axis, low, high, f in (
+            ((R[0], R[3], R[6]), -camera.cx - 1.0, camera.width + 1.0 - camera.cx, camera.fx),
+            ((R[1], R[4], R[7]), -camera.cy - 1.0, camera.height + 1.0 - camera.cy, camera.fy),
+        ):
+            for sign, edge in ((1.0, low / f), (-1.0, high / f)):
+                n = [sign * (axis[i] - edge * forward[i]) for i in range(3)]
+                length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+                sides.append((n[0] / length, n[1] / length, n[2] / length))
+        sides.append(forward)
+
+        def outside(centre: Vec3, radius_m: float) -> bool:
+            x, y, z = centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]
+            return any(n[0] * x + n[1] * y + n[2] * z < -radius_m - 1e-3 for n in sides)
+
+        return outside
+
+    def _take(
+        self,
+        picture: Picture,
+        pose: CameraPose,
+        shadows: SunShadows | None,
+        out: dict[str, NDArray[Any]],
+        first: int,
+        last: int,
+    ) -> None:
+        picture.take(
+            pose.p_WC,
+            pose.R_WC,
+            pose.v_WC_W,
+            self._light,
+            shadows,
+            out,
+            self.near_m,
+            self.far_m,
+            self.skips.frustum,
+            self.skips.occlusion,
+            first,
+            last,
+            self.threads,
+        )
+
+
+def _picture(geometry: FrameGeometry, camera: CameraModel, scale: int, isa: str) -> Picture:
+    if camera.pinhole:
+        return Picture(
+            geometry.native,
+            geometry.scenery,
+            scale * camera.width,
+            scale * camera.height,
+            scale * camera.fx,
+            scale * camera.fy,
+            scale * camera.cx,
+            scale * camera.cy,
+            isa,
+        )
+    finer = camera if scale == 1 else camera.scaled(scale)
+    return Picture(geometry.native, geometry.scenery, np.ascontiguousarray(finer.rays(), np.float64), isa)
+
+
+def daylight(light: Light) -> Daylight:
+    """The light of a scene as the kernels read it."""
+    ambient = light.ambient_rgb
+    sun = light.sun_rgb if light.sun_elevation_deg > 0.0 else (0.0, 0.0, 0.0)
+    ground = (_GROUND_LIGHT * ambient[0], _GROUND_LIGHT * ambient[1], _GROUND_LIGHT * ambient[2])
+    return Daylight(light.to_sun_W, sun, ambient, ground, light.sky_zenith_rgb, light.sky_horizon_rgb, light.fog_per_m)
+
+
+def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShadows:
+    """The sun's pictures of a geometry, shared by all cameras that see the same sun."""
+    kept: dict[tuple[Any, str], SunShadows] = geometry.__dict__.setdefault("_sun_shadows", {})
+    key = (light.to_sun_W, isa)
+    if key not in kept:
+        kept[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
+    return kept[key]
+
+
+def _curves() -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+    """sRGB code -> linear in 1/16320, and the sum of four of those -> code."""
+    codes = np.arange(256) / 255.0
+    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    to_linear = np.round(linear * 16320.0).astype(np.uint16)
+    sums = np.arange(4 * 16320 + 1) / (4 * 16320.0)
+    coded = np.where(sums <= 0.0031308, 12.92 * sums, 1.055 * sums ** (1 / 2.4) - 0.055)
+    return to_linear, np.round(255.0 * coded).astype(np.uint8)
+
+
+_TO_LINEAR, _TO_CODE = _curves()
+
+
+def mean_of_four(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Half the size: the mean of 2 x 2 pixels in linear light. (2h, 2w, 3) -> (h, w, 3)."""
+    linear = _TO_LINEAR[rgb]
+    return _TO_CODE[linear[0::2, 0::2] + linear[0::2, 1::2] + linear[1::2, 0::2] + linear[1::2, 1::2]]

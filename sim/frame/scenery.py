@@ -1,0 +1,88 @@
+"""Colours and textures of a MuJoCo model, as the native raster reads them.
+
+MuJoCo's rules: a geom's own rgba counts unless it is the default grey and the geom has a material; a texture multiplies
+it. Textures are repeated per metre (`texuniform`) or per edge of the geom. Images whose edges are no powers of two are
+resampled to the next one; each level of the pyramid is the mean of 2 x 2 texels of the one before, in integers.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import Scenery
+
+_DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
+_CUBE_TYPES = (mujoco.mjtTexture.mjTEXTURE_CUBE,)
+_LARGEST = 4096  # texels along an edge
+
+
+def make_scenery(model: mujoco.MjModel, extra_rgb: list[tuple[float, float, float]] | None = None) -> Scenery:
+    """The look of every geom of `model`, and after them of further geoms of plain colours."""
+    scenery = Scenery()
+    textures: dict[int, int] = {}
+    for geom in range(model.ngeom):
+        rgba = model.geom_rgba[geom]
+        material = int(model.geom_matid[geom])
+        emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
+        if material >= 0:
+            if np.allclose(rgba, _DEFAULT_RGBA):
+                rgba = model.mat_rgba[material]
+            emission = float(model.mat_emission[material])
+            source = _rgb_texture(model, material)
+            if source >= 0:
+                if source not in textures:
+                    textures[source] = _add_texture(scenery, model, source)
+                texture = textures[source]
+            u, v = (float(x) for x in model.mat_texrepeat[material])
+            repeat, uniform = (u, v), bool(model.mat_texuniform[material])
+        r, g, b = (float(x) for x in rgba[:3])
+        scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform)
+    for r, g, b in extra_rgb or []:
+        scenery.add_geom((r, g, b), 0.0, -1, 1.0, 1.0, False)
+    return scenery
+
+
+def _rgb_texture(model: mujoco.MjModel, material: int) -> int:
+    roles = model.mat_texid[material]
+    for role in (mujoco.mjtTextureRole.mjTEXROLE_RGB, mujoco.mjtTextureRole.mjTEXROLE_RGBA):
+        source = int(roles[role])
+        if source >= 0 and model.tex_type[source] != mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            return source
+    return -1
+
+
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int) -> int:
+    height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
+    channels = int(model.tex_nchannel[texture])
+    begin = int(model.tex_adr[texture])
+    texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
+    rgb = np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
+    cube = model.tex_type[texture] in _CUBE_TYPES and height == 6 * width
+    faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
+    levels = []
+    while True:
+        levels.append(np.ascontiguousarray(np.concatenate(faces)))
+        if max(faces[0].shape[:2]) == 1:
+            return int(scenery.add_texture(levels, cube))
+        faces = [_halved(face) for face in faces]
+
+
+def _powers_of_two(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    for axis in (0, 1):
+        size = image.shape[axis]
+        wanted = min(_LARGEST, 1 << (size - 1).bit_length())
+        if wanted != size:
+            image = image.take((np.arange(wanted) * size) // wanted, axis=axis)
+    return image
+
+
+def _halved(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    total = image.astype(np.uint16)
+    count = 1
+    for axis in (0, 1):
+        if image.shape[axis] > 1:
+            total = total.take(range(0, image.shape[axis], 2), axis) + total.take(range(1, image.shape[axis], 2), axis)
+            count *= 2
+    return ((total + count // 2) // count).astype(np.uint8)

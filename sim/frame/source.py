@@ -1,0 +1,118 @@
+"""What the frame sensors of one run share: the world's geometry. Actors are posed once a moment, however many look."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+from hil.signals.classes import Classes
+from hil.signals.samples import TruthState
+from sim.frame.camera_model import CameraModel
+from sim.frame.camera_pose import CameraPose
+from sim.frame.channels import CHANNELS
+
+
+def channel_array(channel: str, camera: CameraModel) -> NDArray[Any]:
+    """A new, unfilled picture."""
+    return CHANNELS[channel].empty(camera.height, camera.width)
+
+
+class Renderer(Protocol):
+    """Draws what one camera sees of geometry that has been posed."""
+
+    def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
+        """Fill exactly the channels in `out`; `rows`: only these, from a multiple of 4 to one or to the last."""
+        ...
+
+
+class FrameSource(Protocol):
+    """Geometry for all frame sensors of a run."""
+
+    @property
+    def geometry(self) -> Any:
+        """The FrameGeometry, for whoever casts rays of his own."""
+        ...
+
+    @property
+    def posed(self) -> int:
+        """How many actors were put where they are at some moment, so far."""
+        ...
+
+    @property
+    def unposed(self) -> int:
+        """How many were left out because whoever looked could not see them."""
+        ...
+
+    @property
+    def classes(self) -> Classes:
+        """What the class ids mean."""
+        ...
+
+    def expect(self, t_ns: int) -> None:
+        """The time is `t_ns`; a renderer then poses what it may see, if nobody has yet."""
+        ...
+
+    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:
+        """Put everything where it is at `t_ns`, for whoever casts rays all round.
+
+        `truth` is the vehicle's, for a source that shows the vehicle's own body.
+        """
+        ...
+
+    def renderer(
+        self, camera: CameraModel, *, shadows: bool, supersample: int, near_m: float, far_m: float
+    ) -> Renderer:
+        """A renderer for one camera."""
+        ...
+
+
+class SharedFrames:
+    """The `FrameSource` of a run."""
+
+    def __init__(self, world: Any, *, threads: int = 1) -> None:
+        """`world`: sim.scene.world.World. The vehicle's own body is not in it, and so is not seen."""
+        from sim.frame.geometry import FrameGeometry
+
+        self.world = world
+        self.geometry: Any = FrameGeometry(world)
+        self.classes = Classes(world.class_names, world.class_colours)
+        self._threads = threads
+
+    @property
+    def posed(self) -> int:
+        """How many actors were posed, so far."""
+        count: int = self.geometry.posed
+        return count
+
+    @property
+    def unposed(self) -> int:
+        """How many were left out because nobody could see them."""
+        count: int = self.geometry.unposed
+        return count
+
+    def expect(self, t_ns: int) -> None:
+        """The time is `t_ns`."""
+        self.geometry.expect(t_ns)
+
+    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:  # noqa: ARG002 (no body to pose)
+        """Put everything where it is at `t_ns`."""
+        self.geometry.pose(t_ns)
+
+    def renderer(
+        self, camera: CameraModel, *, shadows: bool, supersample: int, near_m: float, far_m: float
+    ) -> Renderer:
+        """A renderer for one camera."""
+        from sim.frame.renderer import FrameRenderer
+
+        made: Renderer = FrameRenderer(
+            self.geometry,
+            camera,
+            shadows=shadows,
+            supersample=supersample,
+            near_m=near_m,
+            far_m=far_m,
+            threads=self._threads,
+        )
+        return made

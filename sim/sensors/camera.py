@@ -1,0 +1,140 @@
+"""Camera: pictures of the world from the vehicle, in every channel that somebody wants.
+
+All channels of a sample are of one moment, `t_capture_ns`, which is the tick's, but for two options:
+
+* rolling shutter: rows are read one after another, the middle one at t_capture. Bands of four rows share one pose, the
+  vehicle's at the middle of the band's time (sim/frame/mount.py says how exact that is). With a readout of T and h
+  rows no row is off by more than 2 T / h. People and vehicles of the scene stay where they were at t_capture: a walker
+  at 1.5 m/s and T = 20 ms is off by 15 mm at most.
+* motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture; again only the
+  camera moves. The other channels are of the middle.
+
+Noise, gain and vignetting change colour only, `depth_noise` the planar depth only; every other channel is the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import ImageSample, TruthState
+from hil.signals.time import NS_PER_S
+from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
+from sim.frame.mount import Mount
+from sim.frame.source import Renderer, channel_array
+from sim.sensors.camera_parameters import CameraParameters
+from sim.sensors.noise_key import noise_key
+from sim.sensors.sensor import Installation
+
+BAND_ROWS = 4  # rows of a rolling shutter that share a pose; what a renderer draws at least
+
+
+class Camera:
+    """One camera on the vehicle."""
+
+    sample_type = ImageSample
+
+    def __init__(self, installation: Installation, parameters: CameraParameters) -> None:
+        """Raises ValueError without `installation.frames`: there would be nothing to see."""
+        p, frames = parameters, installation.frames
+        if frames is None:
+            raise ValueError(f"sensor '{installation.name}': a camera needs the world's geometry (frames)")
+        self.name = installation.name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution: Mapping[str, float] = {}
+        self.model = p.model()
+        self.mount = Mount(p.mount_m, p.mount_rpy_deg)
+        self.channels = p.channels
+        self._frames = frames
+        self._renderer: Renderer = frames.renderer(
+            self.model, shadows=p.shadows, supersample=p.supersample, near_m=p.near_m, far_m=p.far_m
+        )
+        self._moments = self._exposure_moments(p)
+        self._bands = self._row_bands(p)
+        self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
+        self._raw = channel_array("rgb", self.model) if self._sensor is not None else None
+        self._depth = None
+        if p.depth_noise is not None and "depth" in p.channels:
+            self._depth = DepthSensor(p.depth_noise, noise_key(installation.seed, f"{self.name}.depth"))
+
+    def sample(self, truth: TruthState, seq: int) -> ImageSample:
+        """Picture `seq`."""
+        t_ns = truth.t_ns
+        self._frames.expect(t_ns)
+        pictures: dict[str, NDArray[Any]] = {name: channel_array(name, self.model) for name in self.channels}
+        sensor, raw = self._sensor, self._raw
+        if sensor is None or raw is None:
+            self._draw(truth, 0.0, pictures)
+        else:
+            self._draw_with_effects(truth, seq, pictures, sensor, raw)
+        if self._depth is not None:
+            self._depth.measure(pictures["depth"], seq)
+        for picture in pictures.values():
+            picture.flags.writeable = False
+        pose = self.mount.pose(truth)
+        return ImageSample(seq, t_ns, t_ns + self.latency_ns, pose.p_WC, self.mount.attitude(truth), pictures)
+
+    def _draw_with_effects(
+        self,
+        truth: TruthState,
+        seq: int,
+        pictures: dict[str, NDArray[Any]],
+        sensor: LightSensor,
+        raw: NDArray[np.uint8],
+    ) -> None:
+        sensor.begin()
+        weight = 1.0 / len(self._moments)
+        if len(self._moments) == 1:
+            self._draw(truth, 0.0, pictures | {"rgb": raw})
+            sensor.add(raw, weight)
+        else:
+            rest = {name: picture for name, picture in pictures.items() if name != "rgb"}
+            if rest:
+                self._draw(truth, 0.0, rest)
+            for moment_s in self._moments:
+                self._draw(truth, moment_s, {"rgb": raw})
+                sensor.add(raw, weight)
+        sensor.finish(seq, pictures["rgb"])
+
+    def _draw(self, truth: TruthState, moment_s: float, out: Mapping[str, NDArray[Any]]) -> None:
+        """The picture of one moment of the exposure, row by row where the shutter rolls."""
+        if not self._bands:
+            self._renderer.render(self.mount.pose(truth, moment_s), out)
+            return
+        for rows, delay_s in self._bands:
+            self._renderer.render(self.mount.pose(truth, moment_s + delay_s), out, rows=rows)
+
+    def _row_bands(self, p: CameraParameters) -> list[tuple[tuple[int, int], float]]:
+        """Rows of each band, and when their middle is read, from t_capture. Empty: all rows at once."""
+        height = self.model.height
+        if p.rolling_shutter_s == 0.0 or height <= BAND_ROWS:
+            return []
+        ends = [(first, min(first + BAND_ROWS, height)) for first in range(0, height, BAND_ROWS)]
+        return [(rows, p.rolling_shutter_s * (0.5 * (rows[0] + rows[1]) / height - 0.5)) for rows in ends]
+
+    @staticmethod
+    def _exposure_moments(p: CameraParameters) -> list[float]:
+        if p.motion_blur is None:
+            return [0.0]
+        n = p.motion_blur.frames
+        return [p.motion_blur.exposure_s * ((k + 0.5) / n - 0.5) for k in range(n)]
+
+    def _light_sensor(self, installation: Installation, p: CameraParameters) -> LightSensor | None:
+        """None where colour leaves the camera as it was drawn."""
+        control, noise = p.exposure, p.noise
+        if control.gain == 1.0 and not control.auto and noise is None and p.vignetting == 0.0 and p.motion_blur is None:
+            return None
+        return LightSensor(
+            (self.model.height, self.model.width),
+            gain=control.gain,
+            auto_target=control.target if control.auto else None,
+            gain_limits=(control.min_gain, control.max_gain),
+            electrons_at_white=None if noise is None else noise.electrons_at_white,
+            read_noise_electrons=0.0 if noise is None else noise.read_noise_electrons,
+            vignette=vignette(self.model, p.vignetting),
+            key=noise_key(installation.seed, f"{installation.name}.light"),
+        )

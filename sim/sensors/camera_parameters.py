@@ -1,0 +1,194 @@
+"""What can be said about a camera in a bench file or a preset."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from hil.signals.samples import CHANNEL_UNITS
+from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
+from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
+from sim.model_file import StrictModel
+from sim.sensors.sensor import Position
+
+Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Attitude = tuple[Angle, Angle, Angle]
+_Focal = Annotated[float, Field(gt=0.0, le=1e6)]
+_Centre = Annotated[float, Field(ge=-1e5, le=1e5)]
+_Coefficient = Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
+class Intrinsics(StrictModel):
+    """Calibration as OpenCV, ROS and Kalibr print it: pixels whose centres have whole numbers."""
+
+    fx: _Focal
+    fy: _Focal
+    cx: _Centre
+    cy: _Centre
+
+
+class BrownConradyCoefficients(StrictModel):
+    """Lens of an ordinary camera: sim/frame/distortion.py."""
+
+    model: Literal["brown_conrady"]
+    k1: _Coefficient = 0.0
+    k2: _Coefficient = 0.0
+    p1: _Coefficient = 0.0
+    p2: _Coefficient = 0.0
+    k3: _Coefficient = 0.0
+    k4: _Coefficient = 0.0
+    k5: _Coefficient = 0.0
+    k6: _Coefficient = 0.0
+
+
+class KannalaBrandtCoefficients(StrictModel):
+    """Fisheye lens: sim/frame/distortion.py."""
+
+    model: Literal["kannala_brandt"]
+    k1: _Coefficient = 0.0
+    k2: _Coefficient = 0.0
+    k3: _Coefficient = 0.0
+    k4: _Coefficient = 0.0
+
+
+class ExposureControl(StrictModel):
+    """Brightness. `auto`: the gain of each picture follows the brightness of the one before."""
+
+    gain: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
+    auto: bool = False
+    target: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.18  # mean linear light that `auto` aims at
+    max_gain: Annotated[float, Field(gt=0.0, le=1000.0)] = 16.0
+    min_gain: Annotated[float, Field(gt=0.0, le=1000.0)] = 0.0625
+
+    @model_validator(mode="after")
+    def _limits_in_order(self) -> ExposureControl:
+        if not self.max_gain > self.min_gain:
+            raise ValueError(f"max_gain {self.max_gain:g} must be above min_gain {self.min_gain:g}")
+        return self
+
+
+class LightNoise(StrictModel):
+    """Shot and read noise. White is `electrons_at_white`: a full well in daylight, far less indoors."""
+
+    electrons_at_white: Annotated[float, Field(ge=1.0, le=1e7)]
+    read_noise_electrons: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
+
+
+class MotionBlur(StrictModel):
+    """Pictures over the exposure, averaged in linear light."""
+
+    exposure_s: Annotated[float, Field(gt=0.0, le=1.0)]
+    frames: Annotated[int, Field(ge=2, le=64)] = 8
+
+
+class DepthNoise(StrictModel):
+    """Errors of a camera that measures distance: sigma = sigma_m + sigma_per_m z^2, then rounding, then limits.
+
+    Stereo rounds 1/z (to disparity step / (focal length * baseline)), time of flight z: one of the two at most.
+    """
+
+    sigma_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    sigma_per_m: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    step_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    inverse_step_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    min_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    max_m: Annotated[float, Field(gt=0.0, le=1e6)] = 1e6
+
+    @model_validator(mode="after")
+    def _one_rounding(self) -> DepthNoise:
+        if self.step_m > 0.0 and self.inverse_step_per_m > 0.0:
+            raise ValueError("step_m rounds the distance and inverse_step_per_m its inverse: give one of the two")
+        if not self.max_m > self.min_m:
+            raise ValueError(f"max_m {self.max_m:g} must be above min_m {self.min_m:g}")
+        return self
+
+
+class CameraParameters(StrictModel):
+    """One camera. Its axis is at the middle of the picture unless `intrinsics` say otherwise."""
+
+    resolution: tuple[Pixels, Pixels]  # width, height
+    # Horizontal; this or `intrinsics`.
+    fov_deg: Annotated[float, Field(gt=0.0, le=MAX_FISHEYE_FOV_DEG)] | None = None
+    intrinsics: Intrinsics | None = None
+    distortion: Annotated[BrownConradyCoefficients | KannalaBrandtCoefficients, Field(discriminator="model")] | None = (
+        None
+    )
+    channels: tuple[str, ...] = ("rgb",)  # of hil.signals.samples.CHANNEL_UNITS
+    mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
+    mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zero looks forward; sim/frame/mount.py
+    near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05
+    far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 1000.0
+    shadows: bool = False
+    supersample: Literal[1, 2] = 1  # 2: four samples of colour per pixel
+    exposure: ExposureControl = ExposureControl()
+    vignetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # 1: as cos^4 of the angle to the axis
+    noise: LightNoise | None = None
+    motion_blur: MotionBlur | None = None
+    depth_noise: DepthNoise | None = None
+    rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0  # from the first row to the last; 0: all at once
+    latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+
+    @field_validator("channels")
+    @classmethod
+    def _known_channels(cls, channels: tuple[str, ...]) -> tuple[str, ...]:
+        if not channels:
+            raise ValueError("must name at least one channel")
+        for channel in channels:
+            if channel not in CHANNEL_UNITS:
+                raise ValueError(f"there is no channel {channel!r}; there are {', '.join(CHANNEL_UNITS)}")
+        if len(set(channels)) < len(channels):
+            raise ValueError("a channel is named twice")
+        return channels
+
+    @field_validator("distortion", mode="before")
+    @classmethod
+    def _names_its_model(cls, distortion: Any) -> Any:
+        if isinstance(distortion, dict) and "model" not in distortion:
+            raise ValueError("needs a model: brown_conrady or kannala_brandt")
+        return distortion
+
+    @model_validator(mode="after")
+    def _could_exist(self) -> CameraParameters:
+        if (self.fov_deg is None) == (self.intrinsics is None):
+            raise ValueError("needs fov_deg or intrinsics, and not both (a preset's fov_deg goes with `fov_deg: null`)")
+        if not self.far_m > self.near_m:
+            raise ValueError(f"far_m {self.far_m:g} must be above near_m {self.near_m:g}")
+        if self.supersample * max(self.resolution) > MAX_PIXELS_ACROSS:
+            raise ValueError(f"supersample 2 takes pictures of at most {MAX_PIXELS_ACROSS // 2} pixels across")
+        check_invertible(self.model())
+        return self
+
+    def model(self) -> CameraModel:
+        """The camera that these numbers describe. ValueError where there is none."""
+        width, height = self.resolution
+        lens = self._lens()
+        if self.intrinsics is not None:
+            i = self.intrinsics
+            return CameraModel.from_opencv(width, height, i.fx, i.fy, i.cx, i.cy, lens)
+        assert self.fov_deg is not None
+        return CameraModel.from_fov(width, height, self.fov_deg, lens)
+
+    def _lens(self) -> Distortion | None:
+        d = self.distortion
+        if isinstance(d, BrownConradyCoefficients):
+            return BrownConrady(d.k1, d.k2, d.p1, d.p2, d.k3, d.k4, d.k5, d.k6)
+        if isinstance(d, KannalaBrandtCoefficients):
+            return KannalaBrandt(d.k1, d.k2, d.k3, d.k4)
+        return None
+
+
+def check_invertible(camera: CameraModel) -> None:
+    """ValueError if the distortion cannot be inverted on the picture's rim, where that happens first."""
+    columns, rows = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
+    rim = np.concatenate(
+        [
+            np.stack(np.broadcast_arrays(columns, rows[0]), axis=1),
+            np.stack(np.broadcast_arrays(columns, rows[-1]), axis=1),
+            np.stack(np.broadcast_arrays(columns[0], rows), axis=1),
+            np.stack(np.broadcast_arrays(columns[-1], rows), axis=1),
+        ]
+    )
+    camera.directions((rim - (camera.cx, camera.cy)) / (camera.fx, camera.fy))

@@ -1,0 +1,248 @@
+"""The native raster: the same picture however it is made, and nothing but a clear refusal for what it cannot make."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim._kernels import Geometry, Picture, Scenery, SunShadows, frame_isa
+from sim.frame.camera_model import CameraModel
+from sim.frame.channels import CHANNELS
+from sim.frame.geometry import FrameGeometry
+from sim.frame.renderer import CameraPose, FrameRenderer, RenderSkips
+from sim.scene.scene import load_scene
+from sim.scene.world import World, load_world
+
+CAMERA = CameraModel.from_fov(160, 120, 90.0)
+ALL = tuple(CHANNELS)
+# Every set includes the ones before it.
+ISAS = ("base", "avx2", "avx512")[: 1 + ("base", "avx2", "avx512").index(frame_isa())]
+
+
+def looking(p_W: tuple[float, float, float], at_W: tuple[float, float, float]) -> CameraPose:
+    p = np.array(p_W)
+    forward = np.array(at_W) - p
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    R = np.stack([right, np.cross(forward, right), forward], axis=1)
+    return CameraPose(p_W, tuple(R.ravel().tolist()), (1.0, -2.0, 0.5))
+
+
+VIEWS = (looking((-30.0, -35.0, 20.0), (0.0, 5.0, 0.0)), looking((5.0, -8.0, 2.5), (0.0, 12.0, 1.0)))
+
+
+def digest(out: Mapping[str, NDArray[Any]]) -> str:
+    return hashlib.sha256(b"".join(out[name].tobytes() for name in sorted(out))).hexdigest()
+
+
+def picture(renderer: FrameRenderer, pose: CameraPose, *channels: str) -> dict[str, NDArray[Any]]:
+    out = renderer.buffers(*(channels or ALL))
+    for array in out.values():
+        array.view(np.uint8)[...] = 0xA5
+    renderer.render(pose, out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def park() -> World:
+    return load_world(load_scene("city_park"))
+
+
+@pytest.fixture(scope="module")
+def geometry(park: World) -> FrameGeometry:
+    made = FrameGeometry(park)
+    made.pose(4_000_000_000)
+    return made
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+def test_one_picture_for_any_threads_and_instruction_set(geometry: FrameGeometry, shadows: bool) -> None:
+    for pose in VIEWS:
+        expected = digest(picture(FrameRenderer(geometry, CAMERA, shadows=shadows), pose))
+        for threads in (2, 3, 7):
+            made = picture(FrameRenderer(geometry, CAMERA, shadows=shadows, threads=threads), pose)
+            assert digest(made) == expected, f"{threads} threads"
+        for isa in ("base", "avx2", "avx512"):
+            if isa in ISAS:
+                assert digest(picture(FrameRenderer(geometry, CAMERA, shadows=shadows, isa=isa), pose)) == expected, isa
+            else:
+                with pytest.raises(ValueError, match="this CPU has no"):
+                    FrameRenderer(geometry, CAMERA, shadows=shadows, isa=isa)
+
+
+@pytest.mark.parametrize("skip", ["frustum", "occlusion", "static_shadows", "unseen_actors"])
+def test_what_is_skipped_changes_no_bit(park: World, skip: str) -> None:
+    shadows = skip == "static_shadows"
+    on, off = FrameGeometry(park), FrameGeometry(park)
+    with_skip = FrameRenderer(on, CAMERA, shadows=shadows)
+    without = FrameRenderer(off, CAMERA, shadows=shadows, skips=replace(RenderSkips(), **{skip: False}))
+    for k, pose in enumerate((*VIEWS, VIEWS[0])):
+        for geometry in (on, off):
+            geometry.expect(1_000_000_000 * (k + 1))
+        assert digest(picture(with_skip, pose)) == digest(picture(without, pose))
+    if skip == "unseen_actors":
+        assert on.unposed > 0
+        assert off.unposed == 0
+
+
+def test_an_actor_comes_back_into_sight(park: World) -> None:
+    geometry = FrameGeometry(park)
+    renderer = FrameRenderer(geometry, CAMERA)
+    sky = replace(VIEWS[0], R_WC=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    for k, pose in enumerate((VIEWS[0], sky, VIEWS[0], VIEWS[1])):
+        geometry.expect(700_000_000 * k)
+        fresh = FrameGeometry(park)
+        fresh.pose(700_000_000 * k)
+        assert digest(picture(renderer, pose)) == digest(picture(FrameRenderer(fresh, CAMERA), pose))
+
+
+def test_a_channel_is_the_same_whatever_else_is_asked_for(geometry: FrameGeometry) -> None:
+    renderer = FrameRenderer(geometry, CAMERA)
+    together = picture(renderer, VIEWS[1])
+    for name in ALL:
+        assert np.array_equal(picture(renderer, VIEWS[1], name)[name], together[name]), name
+        assert np.unique(together[name]).size > 1, f"{name} is constant"
+
+
+def test_rows_alone_are_the_rows_of_the_whole(geometry: FrameGeometry) -> None:
+    for supersample in (1, 2):
+        renderer = FrameRenderer(geometry, CAMERA, supersample=supersample, shadows=True)
+        whole = picture(renderer, VIEWS[1])
+        parts = renderer.buffers(*ALL)
+        for first in range(0, 120, 20):
+            renderer.render(VIEWS[1], parts, rows=(first, first + 20))
+        for name in ALL:
+            assert np.array_equal(whole[name], parts[name]), name
+
+
+def test_supersampling_changes_colour_alone_and_averages_light(geometry: FrameGeometry) -> None:
+    plain = picture(FrameRenderer(geometry, CAMERA), VIEWS[0])
+    fine = picture(FrameRenderer(geometry, CAMERA, supersample=2), VIEWS[0])
+    for name in ALL:
+        assert np.array_equal(plain[name], fine[name]) == (name != "rgb")
+    assert abs(float(plain["rgb"].mean()) - float(fine["rgb"].mean())) < 1.0
+
+
+def test_a_table_of_rays_sees_what_the_pinhole_sees(geometry: FrameGeometry) -> None:
+    # The same camera, told ray by ray: all but the pixels on edges agree.
+    table = Picture(geometry.native, geometry.scenery, np.ascontiguousarray(CAMERA.rays(), np.float64))
+    light = FrameRenderer(geometry, CAMERA)._light
+    for pose in VIEWS:
+        expected = picture(FrameRenderer(geometry, CAMERA), pose, "depth", "range", "geom", "normal", "radial_velocity")
+        out = {name: np.empty_like(array) for name, array in expected.items()}
+        table.take(pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, out, 0.05, 10_000.0, True, True, 0, 120, 1)
+        same = out["geom"] == expected["geom"]
+        assert same.mean() > 0.999
+        seen = same & (expected["geom"] >= 0) & (expected["range"] < 100.0)
+        for name, within in (("depth", 2e-4), ("range", 2e-4), ("radial_velocity", 1e-5)):
+            assert float(np.quantile(np.abs(out[name][seen] - expected[name][seen]), 0.999)) < within, name
+        unculled = {name: np.empty_like(array) for name, array in expected.items()}
+        table.take(pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, unculled, 0.05, 10_000.0, False, False, 0, 120, 1)
+        assert digest(unculled) == digest(out)
+
+
+HILLS = """
+<mujoco>
+  <asset>
+    <hfield name="hills" nrow="9" ncol="12" size="6 4 2 0.5"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="30 20 1"/>
+    <geom name="land" type="hfield" hfield="hills" pos="1 2 0.6" euler="0 0 30"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_height_fields_are_those_of_mj_ray() -> None:
+    world = load_world(load_scene("airfield"))
+    model = mujoco.MjModel.from_xml_string(HILLS)
+    heights = (np.arange(9 * 12) * 37 % 101) / 100.0
+    model.hfield_data[:] = heights
+    zeros = np.zeros(2, np.uint8)
+    made = replace(
+        world,
+        model=model,
+        geom_class=zeros,
+        geom_instance=zeros.astype(np.uint16),
+        geom_surface=zeros,
+        geom_visible=np.ones(2, bool),
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    camera = CameraModel.from_fov(64, 48, 90.0)
+    for pose in (looking((-6.0, -5.0, 5.0), (1.0, 2.0, 0.6)), looking((9.0, 3.0, 1.0), (1.0, 2.0, 0.5))):
+        out = picture(FrameRenderer(FrameGeometry(made), camera), pose, "range", "geom")
+        rays = camera.rays().reshape(-1, 3) @ np.array(pose.R_WC).reshape(3, 3).T
+        geom = np.zeros(1, np.int32)
+        wrong = 0
+        for ray, seen, found in zip(rays, out["range"].ravel(), out["geom"].ravel(), strict=True):
+            true = mujoco.mj_ray(model, data, np.array(pose.p_WC), ray, None, 1, -1, geom)
+            if geom[0] != found:
+                wrong += 1
+            elif true > 0.0:
+                assert abs(true - seen) < 2e-4
+        assert wrong <= 6
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (4, 4), (33, 2), (161, 121)])
+def test_sizes_that_are_no_multiple_of_a_block(geometry: FrameGeometry, size: tuple[int, int]) -> None:
+    width, height = size
+    camera = CameraModel(width, height, 80.0, 80.0, width / 2, height / 2)
+    out = {name: channel.empty(height + 2, width) for name, channel in CHANNELS.items()}
+    for array in out.values():
+        array.view(np.uint8)[...] = 0x5A
+    inner = {name: array[1:-1] for name, array in out.items()}
+    FrameRenderer(geometry, camera).render(VIEWS[0], inner)
+    for array in out.values():
+        assert (array[[0, -1]].view(np.uint8) == 0x5A).all()
+
+
+def test_poses_that_are_nowhere_see_nothing(geometry: FrameGeometry) -> None:
+    renderer = FrameRenderer(geometry, CAMERA, shadows=True)
+    for bad in (float("nan"), float("inf"), 1e300):
+        out = picture(renderer, replace(VIEWS[0], p_WC=(bad, 0.0, 0.0)))
+        assert (out["geom"] == -1).all()
+        assert np.isposinf(out["depth"]).all()
+        assert not out["normal"].any()
+
+
+def test_an_empty_world_has_a_sky() -> None:
+    native, scenery = Geometry(), Scenery()
+    native.finish()
+    light = FrameRenderer(FrameGeometry(load_world(load_scene("airfield"))), CAMERA)._light
+    camera = Picture(native, scenery, 8, 8, 8.0, 8.0, 4.0, 4.0)
+    out = {"rgb": np.zeros((8, 8, 3), np.uint8), "geom": np.zeros((8, 8), np.int32)}
+    shadows = SunShadows(native, (0.0, 0.6, 0.8), 64)
+    shadows.update(True)
+    camera.take(VIEWS[0].p_WC, VIEWS[0].R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, 0, 8, 1)
+    assert (out["geom"] == -1).all()
+    assert out["rgb"].min() > 0
+
+
+def test_arrays_that_do_not_fit_are_refused(geometry: FrameGeometry) -> None:
+    renderer = FrameRenderer(geometry, CAMERA)
+    good = renderer.buffers("depth")["depth"]
+    for bad in (good[:-1], good.T.copy(), good.astype(np.float64), np.asfortranarray(good), good[:, ::2]):
+        with pytest.raises(TypeError, match="depth"):
+            renderer.render(VIEWS[0], {"depth": bad})
+    fixed = good.copy()
+    fixed.flags.writeable = False
+    with pytest.raises(TypeError, match="depth"):
+        renderer.render(VIEWS[0], {"depth": fixed})
+    with pytest.raises(KeyError, match="no channel 'colour'"):
+        renderer.render(VIEWS[0], {"colour": good})
+    for rows in ((2, 8), (0, 6), (8, 4), (-4, 8), (0, 124)):
+        with pytest.raises(ValueError, match="rows"):
+            renderer.render(VIEWS[0], {"depth": good}, rows=rows)
+    for wrong in ({"near_m": 0.0}, {"far_m": 0.01}, {"supersample": 3}, {"threads": 0}):
+        with pytest.raises(ValueError, match=next(iter(wrong)).split("_")[0]):
+            FrameRenderer(geometry, CAMERA, **wrong)
