@@ -1,0 +1,268 @@
+"""`hil bench skip`: what each rule of skipping saves, and that it changes nothing.
+
+A rule leaves out work that cannot matter. Each is switched off alone, all others on, and the outputs are held against
+each other bit for bit; the table has the time with and without it.
+
+    raster    every field of RenderSkips; channels that nobody asked for; actors that the camera cannot see, not posed
+    LiDAR     nothing beyond the greatest range is looked at; the tree over the geometry leaves out what no ray meets
+    physics   no contact work while nothing can touch
+
+The raster's rules are measured with colour, depth, segmentation and shadows at 320 x 240, over random viewpoints; each
+picture follows one of another time and place. Times are of one thread: the best of some turns, on and off in turn.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bench_suite.raster import buffers
+from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
+from hil.bench_suite.raster_rivals import one_core
+from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.signals.errors import RecordingError
+from sim.frame.camera_model import CameraModel
+from sim.frame.channels import CHANNELS
+from sim.frame.geometry import FrameGeometry
+from sim.frame.renderer import FrameRenderer, RenderSkips
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+
+Say = Callable[[str], None]
+Outputs = dict[str, NDArray[Any]]
+_COLOUR = ("rgb", "depth", "segmentation")
+_POSED = "unseen_actors"  # a field of RenderSkips that is at work in FrameGeometry.pose, not in render
+_LIDAR_RANGE_M = 50.0
+
+
+@dataclass(frozen=True)
+class Rule:
+    """`run(on)` yields once for each output: seconds that it took, and the output as it must be on or off."""
+
+    name: str
+    case: str
+    run: Callable[[bool], Iterator[tuple[float, Outputs]]]
+
+
+def measure(*, quick: bool, say: Say, seed: int = 1) -> BenchmarkResult:
+    """Every rule on and off; `seed` chooses the viewpoints."""
+    result = BenchmarkResult(time_label="wall time [s]")
+    scenes = SCENES[:1] if quick else SCENES
+    differing = 0
+    with one_core():
+        rules: list[Rule] = []
+        for name in scenes:
+            say(f"{name}: map and viewpoints")
+            case = scene_case(name, views=4 if quick else 12, seed=seed)
+            rules += [*raster_rules(case), *_lidar_rules(case, result)]
+        rules.append(_contact_rule(2.0 if quick else 10.0))
+        for rule in rules:
+            say(f"{rule.case}: {rule.name}")
+            took, share = compare(rule, turns=2 if quick else 4)
+            differing += share > 0.0
+            details = {"saved": 1.0 - took[True] / took[False], "outputs_that_differ": share}
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "on", share, "outputs differ", took[True], details))
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "off", 0.0, "outputs differ", took[False]))
+    if quick:
+        result.left_out.append(f"the scenes {', '.join(SCENES[1:])}; two thirds of the viewpoints")
+    result.left_out.append(
+        "sensors without a consumer: left out of the wiring, never built (tests/unit/test_stages.py)"
+    )
+    result.checks.append(
+        Check("rules whose outputs differ with and without them", float(differing), "<=", 0.0, "rules")
+    )
+    return result
+
+
+def compare(rule: Rule, *, turns: int) -> tuple[dict[bool, float], float]:
+    """Seconds of all outputs, on and off, and the share of outputs that differ."""
+    best: dict[bool, NDArray[np.float64]] = {}
+    share = 0.0
+    for turn in range(turns):
+        outputs: dict[bool, list[Outputs]] = {}
+        for on in (True, False):
+            ran = list(rule.run(on))
+            times = np.array([seconds for seconds, _ in ran])
+            best[on] = np.minimum(best.get(on, times), times)
+            outputs[on] = [made for _, made in ran]
+        if turn == 0:
+            pairs = list(zip(outputs[True], outputs[False], strict=True))
+            share = float(np.mean([not _same(a, b) for a, b in pairs]))
+    return {on: float(times.sum()) for on, times in best.items()}, share
+
+
+def _same(a: Mapping[str, NDArray[Any]], b: Mapping[str, NDArray[Any]]) -> bool:
+    """Bit for bit; NaN is like NaN, +0 unlike -0."""
+    return a.keys() == b.keys() and all(
+        a[k].shape == b[k].shape and a[k].dtype == b[k].dtype and a[k].tobytes() == b[k].tobytes() for k in a
+    )
+
+
+def raster_rules(case: Case, camera: CameraModel | None = None) -> list[Rule]:
+    """The rules of the raster in one scene."""
+    seen = camera if camera is not None else CameraModel.from_fov(320, 240, 90.0)
+    rules = []
+    for field in dataclasses.fields(RenderSkips):
+        if field.name == _POSED:
+            continue
+        rules.append(Rule(field.name.replace("_", " "), case.name, _pictures(case, seen, field.name)))
+    rules.append(Rule("channels without a consumer", case.name, _channels(case, seen)))
+    rules.append(Rule("actors out of view", case.name, _actors(case, seen)))
+    return rules
+
+
+def _pictures(case: Case, camera: CameraModel, field: str) -> Callable[[bool], Iterator[tuple[float, Outputs]]]:
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        skips = dataclasses.replace(RenderSkips(), **{field: on})
+        renderer = FrameRenderer(geometry, camera, shadows=True, skips=skips)
+        for view in _warm(case.views):
+            geometry.pose(view.t_ns)
+            out = buffers(camera, _COLOUR)
+            began = time.perf_counter()
+            renderer.render(view.pose, out)
+            yield time.perf_counter() - began, out
+
+    return _without_first(run)
+
+
+def _channels(case: Case, camera: CameraModel) -> Callable[[bool], Iterator[tuple[float, Outputs]]]:
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        renderer = FrameRenderer(geometry, camera, shadows=True)
+        for view in _warm(case.views):
+            geometry.pose(view.t_ns)
+            out = buffers(camera, ("depth", "instance") if on else tuple(CHANNELS))
+            began = time.perf_counter()
+            renderer.render(view.pose, out)
+            yield time.perf_counter() - began, {name: out[name] for name in ("depth", "instance")}
+
+    return _without_first(run)
+
+
+def _actors(case: Case, camera: CameraModel) -> Callable[[bool], Iterator[tuple[float, Outputs]]]:
+    """Posing and drawing, since posing is what is saved. Without shadows: those of actors out of view can be in it."""
+
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        renderer = FrameRenderer(geometry, camera)
+        for view in _warm(case.views):
+            out = buffers(camera, tuple(CHANNELS))
+            began = time.perf_counter()
+            geometry.pose(view.t_ns, outside_view(view, camera) if on else None)
+            renderer.render(view.pose, out)
+            yield time.perf_counter() - began, out
+
+    return _without_first(run)
+
+
+def outside_view(view: View, camera: CameraModel) -> Callable[[tuple[float, float, float], float], bool]:
+    """Whether a sphere (centre in W, radius) is wholly out of the picture of a pinhole camera."""
+    R_WC, p_WC = np.reshape(view.pose.R_WC, (3, 3)), np.array(view.pose.p_WC)
+    left, right = -camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx
+    top, bottom = -camera.cy / camera.fy, (camera.height - camera.cy) / camera.fy
+    # Inward normals, in C, of the planes through the camera and the edges of the picture, and of the one behind it.
+    normals = np.array([(1.0, 0, -left), (-1.0, 0, right), (0, 1.0, -top), (0, -1.0, bottom), (0, 0, 1.0)])
+    normals_W = (normals / np.linalg.norm(normals, axis=1, keepdims=True)) @ R_WC.T
+
+    def outside(centre_W: tuple[float, float, float], radius_m: float) -> bool:
+        return bool((normals_W @ (np.array(centre_W) - p_WC) < -radius_m - 1e-6).any())
+
+    return outside
+
+
+def _lidar_rules(case: Case, result: BenchmarkResult) -> list[Rule]:
+    try:
+        from sim._kernels import RayCaster
+    except ImportError:
+        result.left_out.append(f"{case.name}: rules of the LiDAR (this build has no RayCaster)")
+        return []
+    azimuth, elevation = np.meshgrid(
+        np.linspace(-np.pi, np.pi, 900, endpoint=False), np.deg2rad(np.linspace(-15, 15, 16))
+    )
+    level = np.cos(elevation)
+    rays = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(-1, 3)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+
+    def sweeps(max_range_m: float, *, tree: bool) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        caster = RayCaster(geometry.native)
+        for view in case.views:
+            geometry.pose(view.t_ns)
+            origins = np.tile(np.array(view.pose.p_WC), (len(rays), 1))
+            range_m, geom, normal = np.empty(len(rays)), np.empty(len(rays), np.int32), np.empty((len(rays), 3))
+            began = time.perf_counter()
+            caster.cast(origins, rays, 0.0, max_range_m, range_m, geom, normal, tree=tree)
+            took = time.perf_counter() - began
+            beyond = ~(range_m <= _LIDAR_RANGE_M)
+            range_m[beyond], geom[beyond], normal[beyond] = np.inf, -1, 0.0
+            yield took, {"range": range_m, "geom": geom, "normal": normal}
+
+    return [
+        Rule("LiDAR: beyond its range", case.name, lambda on: sweeps(_LIDAR_RANGE_M if on else 1e4, tree=True)),
+        Rule("LiDAR: tree over the geometry", case.name, lambda on: sweeps(_LIDAR_RANGE_M, tree=on)),
+    ]
+
+
+def _contact_rule(seconds: float) -> Rule:
+    """Takes off, flies and comes down again; the state of every tick."""
+
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        vehicle = load_vehicle("x500")
+        physics = QuadrotorPhysics(vehicle, load_scene("airfield"), 4_000_000, contact_skipping=on)
+        ticks = round(seconds * 250)
+        states = np.empty((ticks, 3))
+        began = time.perf_counter()
+        for tick in range(ticks):
+            level = 1.04 if tick < ticks // 3 else 1.0 if tick < ticks // 2 else 0.97
+            control = level * vehicle.hover_control
+            states[tick] = physics.advance(tick, (control,) * len(vehicle.rotors)).p_WB
+        yield time.perf_counter() - began, {"p_WB": states}
+
+    return Rule("contact work", "flight", run)
+
+
+def _warm(views: Sequence[View]) -> Iterator[View]:
+    """The last view first, so that no picture is the first one."""
+    yield views[-1]
+    yield from views
+
+
+def _without_first(
+    run: Callable[[bool], Iterator[tuple[float, Outputs]]],
+) -> Callable[[bool], Iterator[tuple[float, Outputs]]]:
+    def rest(on: bool) -> Iterator[tuple[float, Outputs]]:
+        pictures = run(on)
+        next(pictures)
+        return pictures
+
+    return rest
+
+
+def plot(result: BenchmarkResult, title: str, path: Path) -> None:
+    """Time with each rule as a share of the time without it."""
+    from matplotlib.figure import Figure  # slow to import, and only needed here
+
+    rows = [row for row in result.rows if row.method == "on"]
+    figure = Figure(figsize=(9.0, 1.2 + 0.3 * len(rows)), layout="constrained")
+    ax = figure.subplots()
+    shares = [1.0 - row.details["saved"] for row in rows]
+    bars = ax.barh([row.case for row in rows], shares, color="#4477aa")
+    ax.bar_label(bars, [f"{100 * row.details['saved']:.0f} % saved" for row in rows], padding=4, fontsize=8)
+    ax.axvline(1.0, color="#888888", linewidth=0.8)
+    ax.invert_yaxis()
+    ax.set_xlim(0.0, 1.25 * max([1.0, *shares]))
+    ax.set_xlabel("time with the rule over time without it")
+    ax.set_title(title, loc="left", fontweight="bold")
+    try:
+        figure.savefig(path, dpi=130)
+    except OSError as error:
+        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error

@@ -1,0 +1,232 @@
+"""Colour by MuJoCo's own renderers, for machines with a GPU: `egl` (classic OpenGL) and `filament` (Vulkan).
+
+Same pose, same frustum as the raster, so that its colour lies on the raster's depth and ids, pixel for pixel: with near
+plane n and the intrinsics in this bench's pixel coordinates (pixel (i, j) covers [i, i+1] x [j, j+1]),
+
+    left = -n cx / fx,  right = n (W - cx) / fx,  top = n cy / fy,  bottom = -n (H - cy) / fy.
+
+Depth, ids, normals and velocities stay with the raster: these renderers give depth at 24 bits and ids in a pass of
+their own. Their pictures differ between machines and drivers (and Filament's from one run to the next): a run whose
+colour comes from here is not reproducible bit for bit. Pinhole cameras only.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import HilError
+
+if TYPE_CHECKING:
+    from sim.frame.camera_model import CameraModel
+    from sim.frame.renderer import CameraPose
+    from sim.scene.world import World
+
+BACKENDS = ("egl", "filament")
+_NEAR_M, _FAR_M = 0.05, 1000.0
+_FILAMENT_PROBE = (
+    "import mujoco.studio.window; from mujoco import mjrf; "
+    "mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))"
+)
+
+
+class ColourBackendError(HilError):
+    """MuJoCo's renderer cannot be had on this machine, or not for this camera."""
+
+
+class WorldPose:
+    """MuJoCo's data of a world, with the actors where they are at a time, and how fast bodies move there."""
+
+    def __init__(self, world: World) -> None:
+        self.model = world.model
+        self.data = mujoco.MjData(world.model)
+        self.v_WB_W = np.zeros((world.model.nbody, 3))  # of the bodies' origins, data.xpos
+        self.w_WB_W = np.zeros((world.model.nbody, 3))
+        self._actors = []
+        for actor in world.map.actors:
+            n = len(actor.bodies)
+            bodies = np.array([self.model.body(name).id for name in actor.bodies])
+            arrays = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
+            self._actors.append((actor, bodies, self.model.body_mocapid[bodies], arrays))
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)  # lights hang on bodies too
+
+    def at(self, t_ns: int) -> mujoco.MjData:
+        """The data, posed for `t_ns`."""
+        for actor, bodies, mocap, (p_WB, q_WB, v_WB_W, w_WB_W) in self._actors:
+            actor.pose(t_ns, p_WB, q_WB, v_WB_W, w_WB_W)
+            self.v_WB_W[bodies] = v_WB_W
+            self.w_WB_W[bodies] = w_WB_W
+            self.data.mocap_pos[mocap] = p_WB
+            self.data.mocap_quat[mocap] = q_WB
+        if self._actors:
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_camlight(self.model, self.data)
+        return self.data
+
+
+class MujocoColour:
+    """Renders `rgb` of a world. ColourBackendError where the machine has no such renderer."""
+
+    def __init__(self, world: World, camera: CameraModel, *, backend: str = "egl", shadows: bool = False) -> None:
+        if backend not in BACKENDS:
+            raise ColourBackendError(f"no colour backend {backend!r}; there are: {', '.join(BACKENDS)}")
+        if not camera.pinhole:
+            raise ColourBackendError(
+                f"the colour backend {backend!r} draws pinhole cameras only; use the backend 'native' for distortion"
+            )
+        if backend == "egl" and abs(camera.fx - camera.fy) > 1e-6 * camera.fy:
+            raise ColourBackendError("the colour backend 'egl' draws square pixels only: fx and fy must be the same")
+        if backend == "filament" and abs(camera.cx - 0.5 * camera.width) > 1e-6:
+            raise ColourBackendError(
+                "the colour backend 'filament' needs the optical axis in the middle: cx = width / 2"
+            )
+        problem = egl_problem() if backend == "egl" else filament_problem()
+        if problem:
+            raise ColourBackendError(f"the colour backend {backend!r} does not work here: {problem}")
+        self._world_pose = WorldPose(world)
+        made = _Classic if backend == "egl" else _Filament
+        self._renderer = made(world.model, camera, shadows=shadows)
+        self._data = self._world_pose.data
+
+    def pose(self, t_ns: int) -> None:
+        """Puts the actors where they are at `t_ns`."""
+        self._data = self._world_pose.at(t_ns)
+
+    def render(self, pose: CameraPose, rgb: NDArray[np.uint8]) -> None:
+        """Fills the caller's (H, W, 3) with colour, row 0 on top."""
+        self._renderer.colour(self._data, pose, rgb)
+
+    def geom_ids(self, pose: CameraPose) -> NDArray[np.int32]:
+        """(H, W) geom under each pixel as the classic renderer has it, -1 for none: to check that pixels coincide."""
+        if not isinstance(self._renderer, _Classic):
+            raise ColourBackendError("only the backend 'egl' gives geom ids")
+        return self._renderer.geom_ids(self._data, pose)
+
+    def close(self) -> None:
+        """Gives the graphics context back."""
+        self._renderer.close()
+
+
+@contextmanager
+def egl_context() -> Iterator[None]:
+    """Within it `mujoco.Renderer` makes EGL contexts, whatever MUJOCO_GL said when mujoco was imported."""
+    from mujoco.egl import GLContext
+    from mujoco.rendering.classic import renderer
+
+    before = renderer.gl_context.GLContext
+    renderer.gl_context.GLContext = GLContext
+    try:
+        yield
+    finally:
+        renderer.gl_context.GLContext = before
+
+
+@cache
+def egl_problem() -> str:
+    """Why there is no classic renderer on this machine; "" if there is."""
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light/><geom size='1'/></worldbody></mujoco>")
+    try:
+        with egl_context():
+            mujoco.Renderer(model, 4, 4).close()
+    except Exception as error:  # noqa: BLE001 - whatever a missing or broken driver raises, there is no renderer
+        return f"{error} (on Debian: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri)"
+    return ""
+
+
+@cache
+def filament_problem() -> str:
+    """Why there is no Filament on this machine; "" if there is. Asked of a child: without Vulkan it aborts."""
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-c", _FILAMENT_PROBE], capture_output=True, text=True, timeout=60.0, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    if ended.returncode == 0:
+        return ""
+    said = [line for line in (ended.stdout + ended.stderr).splitlines() if line.strip()]
+    return f"{said[-1] if said else 'it aborts'} (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+
+
+class _Classic:
+    """MjvScene and mujoco.Renderer, with the frustum of a CameraModel."""
+
+    def __init__(self, model: mujoco.MjModel, camera: CameraModel, *, shadows: bool) -> None:
+        view = model.vis
+        view.global_.offwidth = max(int(view.global_.offwidth), camera.width)
+        view.global_.offheight = max(int(view.global_.offheight), camera.height)
+        self._camera = camera
+        with egl_context():
+            self._renderer = mujoco.Renderer(model, camera.height, camera.width, max_geom=model.ngeom + 100)
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+
+    def colour(self, data: mujoco.MjData, pose: CameraPose, rgb: NDArray[np.uint8]) -> None:
+        self._aim(data, pose)
+        self._renderer.render(out=rgb)
+
+    def geom_ids(self, data: mujoco.MjData, pose: CameraPose) -> NDArray[np.int32]:
+        self._aim(data, pose)
+        self._renderer.enable_segmentation_rendering()
+        ids = self._renderer.render()
+        self._renderer.disable_segmentation_rendering()
+        return np.where(ids[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, ids[..., 0], -1).astype(np.int32)
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    def _aim(self, data: mujoco.MjData, pose: CameraPose) -> None:
+        self._renderer.update_scene(data)
+        for eye in self._renderer.scene.camera:  # both of a stereo pair: mjr_render takes their mean
+            aim(eye, self._camera, pose)
+
+
+class _Filament:
+    """mjrf's own objects: MuJoCo's Python wrapper round them needs Python 3.12."""
+
+    def __init__(self, model: mujoco.MjModel, camera: CameraModel, *, shadows: bool) -> None:
+        import mujoco.studio.window  # noqa: F401 - registers where Filament's materials are found
+        from mujoco import mjrf
+        from mujoco.rendering.filament.model_scene import ModelScene
+
+        self._rf: Any = mjrf
+        self._camera, self._shadows = camera, shadows
+        self._context = mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))
+        self._scene = ModelScene(self._context, model)
+        self._target = self._context.create_render_target(
+            mjrf.RenderTargetConfig(color_format=mjrf.PixelFormat.PIXEL_FORMAT_RGB8)
+        )
+        self._target.resize(camera.width, camera.height)
+
+    def colour(self, data: mujoco.MjData, pose: CameraPose, rgb: NDArray[np.uint8]) -> None:
+        self._scene.update(data)
+        request, read = self._rf.RenderRequest(), self._rf.ReadRequest(target=self._target)
+        request.scene, request.target = self._scene.scene, self._target
+        eye = self._rf.Camera()
+        aim(eye, self._camera, pose)
+        request.camera, request.shadows = eye, self._shadows
+        request.viewport.width, request.viewport.height = self._camera.width, self._camera.height
+        read.set_buffer(rgb)
+        self._context.wait_for_frame(self._context.render([request], [read]))
+
+    def close(self) -> None:
+        del self._scene, self._target, self._context
+
+
+def aim(eye: Any, camera: CameraModel, pose: CameraPose, *, near_m: float = _NEAR_M, far_m: float = _FAR_M) -> None:
+    """Puts MuJoCo's GL camera at the pose, with the frustum of `camera` (the picture's shape gives its width)."""
+    R_WC = np.reshape(pose.R_WC, (3, 3))
+    left, right = -near_m * camera.cx / camera.fx, near_m * (camera.width - camera.cx) / camera.fx
+    eye.pos, eye.forward, eye.up = pose.p_WC, R_WC[:, 2], -R_WC[:, 1]
+    eye.frustum_center, eye.frustum_width = 0.5 * (left + right), 0.5 * (right - left)
+    eye.frustum_top = near_m * camera.cy / camera.fy
+    eye.frustum_bottom = -near_m * (camera.height - camera.cy) / camera.fy
+    eye.frustum_near, eye.frustum_far = near_m, far_m

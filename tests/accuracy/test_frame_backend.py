@@ -1,0 +1,75 @@
+"""MuJoCo's own renderers as colour backends: their pixels lie on the raster's. Skipped without OpenGL or Vulkan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.bench_suite.raster import buffers
+from hil.bench_suite.raster_cases import Case, scene_case
+from sim.frame.camera_model import CameraModel
+from sim.frame.distortion import BrownConrady
+from sim.frame.geometry import FrameGeometry
+from sim.frame.mujoco_backend import ColourBackendError, MujocoColour, egl_problem, filament_problem
+from sim.frame.renderer import FrameRenderer
+
+CAMERA = CameraModel.from_fov(160, 120, 90.0)
+
+
+@pytest.fixture(scope="module")
+def park() -> Case:
+    return scene_case("city_park", views=4, seed=5)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, replace(CAMERA, cx=71.5, cy=66.25)], ids=["centred", "off_centre"])
+def test_silhouettes_agree_with_the_raster(park: Case, camera: CameraModel) -> None:
+    if egl_problem():
+        pytest.skip(egl_problem())
+    geometry = FrameGeometry(park.world)
+    renderer, out = FrameRenderer(geometry, camera), buffers(camera, ("geom", "depth"))
+    colour = MujocoColour(park.world, camera)
+    rgb = np.zeros((camera.height, camera.width, 3), np.uint8)
+    try:
+        for view in park.views:
+            geometry.pose(view.t_ns)
+            renderer.render(view.pose, out)
+            colour.pose(view.t_ns)
+            # MuJoCo draws a plane without end only so far.
+            near = out["depth"] < 100.0
+            assert (colour.geom_ids(view.pose) == out["geom"])[near].mean() >= 0.99
+            colour.render(view.pose, rgb)
+            assert rgb.std() > 5.0
+    finally:
+        colour.close()
+
+
+def test_filament_shows_what_the_classic_renderer_shows(park: Case) -> None:
+    if egl_problem() or filament_problem():
+        pytest.skip(egl_problem() or filament_problem())
+    edges = []
+    for backend in ("egl", "filament"):
+        colour = MujocoColour(park.world, CAMERA, backend=backend)
+        rgb = np.zeros((120, 160, 3), np.uint8)
+        try:
+            colour.pose(park.views[0].t_ns)
+            colour.render(park.views[0].pose, rgb)
+        finally:
+            colour.close()
+        edges.append(np.abs(np.diff(rgb.astype(float).sum(axis=2), axis=1)))
+    here = np.corrcoef(edges[0].ravel(), edges[1].ravel())[0, 1]
+    beside = np.corrcoef(edges[0][:, 2:].ravel(), edges[1][:, :-2].ravel())[0, 1]
+    assert here > beside + 0.1
+
+
+def test_what_cannot_be_drawn_is_refused_in_words(park: Case) -> None:
+    bent = CameraModel.from_fov(160, 120, 90.0, BrownConrady(-0.1, 0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(ColourBackendError, match="pinhole"):
+        MujocoColour(park.world, bent)
+    with pytest.raises(ColourBackendError, match="no colour backend 'vulkan'"):
+        MujocoColour(park.world, CAMERA, backend="vulkan")
+    with pytest.raises(ColourBackendError, match="square pixels"):
+        MujocoColour(park.world, replace(CAMERA, fy=70.0))
+    with pytest.raises(ColourBackendError, match="middle"):
+        MujocoColour(park.world, replace(CAMERA, cx=70.0), backend="filament")

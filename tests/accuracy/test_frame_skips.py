@@ -1,0 +1,40 @@
+"""Every rule of skipping in the raster, alone on and off: the same pictures, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from hil.bench_suite.raster_cases import Case, field_case, scene_case
+from hil.bench_suite.skip import Outputs, Rule, compare, raster_rules
+from sim.frame.camera_model import CameraModel
+from sim.frame.renderer import RenderSkips
+
+CAMERA = CameraModel.from_fov(92, 66, 90.0)  # not whole blocks of 4 x 4
+
+
+@pytest.fixture(scope="module")
+def park() -> Case:
+    return scene_case("city_park", views=4, seed=3)
+
+
+def test_pictures_are_the_same_with_and_without_each_rule(park: Case) -> None:
+    rules = raster_rules(park, CAMERA)
+    assert len(rules) == len(fields(RenderSkips)) + 1  # and the channels that nobody asked for
+    assert {rule.name: compare(rule, turns=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+
+
+def test_pictures_of_many_geoms_are_the_same_with_and_without_each_rule() -> None:
+    rules = raster_rules(field_case(800, seed=2, views=3), CAMERA)
+    assert {rule.name: compare(rule, turns=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+
+
+def test_a_difference_of_one_bit_is_seen() -> None:
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        for k in range(4):
+            yield 1.0, {"depth": np.array([1.0, np.nextafter(2.0, 3.0) if on and k == 2 else 2.0])}
+
+    assert compare(Rule("spoilt", "none", run), turns=1)[1] == 0.25

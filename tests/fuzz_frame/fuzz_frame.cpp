@@ -1,0 +1,157 @@
+// Takes pictures of random scenes (random_scene.hpp) until its time is over; built with AddressSanitizer and
+// UndefinedBehaviorSanitizer.
+//
+// Beyond not crashing and not writing beside its outputs: a picture is the same whatever was culled, for any number of
+// threads and every instruction set; a channel is the same whatever others are asked for; rows taken alone are those of
+// the whole picture, and nothing but them is written.
+//
+//     fuzz_frame SECONDS FIRST_SEED      seeds from FIRST_SEED on; says how many
+//     fuzz_frame seed SEED               that one alone
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "guarded.hpp"
+#include "picture.hpp"
+#include "random_scene.hpp"
+
+namespace fuzz {
+
+constexpr unsigned kAll = 0x1ff;
+
+struct Failure : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+void same(const Channels &a, const Channels &b, int row0, int row1, const char *what) {
+    const int channel = a.differs(b, row0, row1);
+    if (channel >= 0) throw Failure(std::string(what) + ": channel " + std::to_string(channel) + " differs");
+}
+
+// Everything about a camera but its pose, from a seed of its own: made again for another instruction set.
+std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa isa, std::uint64_t seed) {
+    Dice dice(seed);
+    int width = 1 + dice.below(dice.one_in(3) ? 9 : 100), height = 1 + dice.below(dice.one_in(3) ? 9 : 80);
+    if (dice.one_in(12)) width = height = 1;
+    if (huge) width = height = 4096;
+    if (dice.one_in(60)) width = dice.one_in(2) ? 0 : -3;
+    if (dice.one_in(60)) height = dice.one_in(2) ? 1 << 20 : std::numeric_limits<int>::max();
+    if (!huge && dice.one_in(3)) {
+        width = std::clamp(width, 1, 200), height = std::clamp(height, 1, 200);
+        std::vector<double> directions;
+        const double wide = dice.uniform(0.1, 3.2);  // half of the field of view: up to all around
+        for (int y = 0; y < height; ++y) {
+            for (int x = 0; x < width; ++x) {
+                const double u = (x + 0.5) / width * 2.0 - 1.0, v = (y + 0.5) / height * 2.0 - 1.0;
+                const double angle = wide * std::min(1.0, std::hypot(u, v)), turn = std::atan2(v, u);
+                double d[3] = {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)};
+                if (dice.one_in(50000)) d[dice.below(3)] = dice.number(-1.0, 1.0);
+                directions.insert(directions.end(), d, d + 3);
+            }
+        }
+        return std::make_unique<Raster>(geometry, width, height, directions.data(), isa);
+    }
+    const double f = dice.number(0.2, 2.0) * width;
+    return std::make_unique<Raster>(geometry, width, height, Projection::kPinhole, f,
+                                    dice.one_in(5) ? dice.number(0.1, 300.0) : f,
+                                    dice.one_in(4) ? dice.number(-50.0, 200.0) : 0.5 * width,
+                                    dice.one_in(4) ? dice.number(-50.0, 200.0) : 0.5 * height, isa);
+}
+
+struct Shot {
+    RasterCamera camera;
+    RasterOptions options;
+    Daylight light;
+    const SunShadows *shadows;
+};
+
+Channels take(Picture &picture, const Shot &shot, unsigned wanted, int row0, int row1, int threads) {
+    const VisibilityBuffer &b = picture.raster().buffer();
+    Channels channels(b.width, b.height, wanted);
+    picture.take(shot.camera, shot.options, shot.light, shot.shadows, channels.outputs(), row0, row1, threads);
+    if (!channels.intact()) throw Failure("written beside the outputs");
+    return channels;
+}
+
+void one(std::uint64_t seed) {
+    Dice dice(seed);
+    const bool huge = seed % 500 == 7;
+    Geometry geometry;
+    fill(dice, geometry);
+    const Scenery scenery = random_scenery(dice, geometry.geoms().size());
+    Shot shot{};
+    shot.light = random_light(dice);
+    const std::uint64_t raster_seed = dice.bits();
+    std::unique_ptr<Picture> picture;
+    std::unique_ptr<SunShadows> shadows;
+    try {
+        picture = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed), scenery);
+        if (dice.one_in(3)) {
+            shadows = std::make_unique<SunShadows>(geometry, shot.light.sun_W, 1 + dice.below(300), best_isa());
+        }
+    } catch (const std::invalid_argument &) {
+        if (picture == nullptr) return;  // refused in words; without the sun there is a picture all the same
+    }
+    if (dice.one_in(8)) shot.options.near_t = static_cast<float>(dice.uniform(1e-3, 3.0));
+    if (dice.one_in(8)) shot.options.far_t = static_cast<float>(dice.uniform(3.0, 1e5));
+    const int height = picture->raster().buffer().height;
+    for (int number = 0; number < (huge ? 1 : 3); ++number) {
+        stir(dice, geometry);
+        if (shadows != nullptr) shadows->update(true);
+        shot.shadows = shadows.get();
+        shot.camera = random_camera(dice, geometry);
+        const Channels whole = take(*picture, shot, kAll, 0, height, 1);
+        if (huge) continue;
+        same(whole, take(*picture, shot, kAll, 0, height, 2 + dice.below(6)), 0, height, "number of threads");
+        const auto wanted = static_cast<unsigned>(dice.below(kAll + 1));
+        same(whole, take(*picture, shot, wanted, 0, height, 1), 0, height, "other channels asked for");
+        if (height > 4) {
+            const int row0 = 4 * dice.below(height / 4);
+            const int row1 = std::min(height, row0 + 4 * (1 + dice.below((height - row0) / 4 + 1)));
+            const Channels rows = take(*picture, shot, kAll, row0, row1, 1 + dice.below(3));
+            same(whole, rows, row0, row1, "rows alone");
+            if (!rows.only_rows(row0, row1)) throw Failure("other rows than those asked for are written");
+        }
+        Shot slow = shot;
+        slow.options.frustum_culling = false;
+        same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "frustum culling");
+        slow.options = shot.options;
+        slow.options.occlusion_culling = false;
+        same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "occlusion culling");
+        if (shadows != nullptr) continue;
+        for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
+            if (!has_isa(isa) || isa == best_isa()) continue;
+            Picture other(random_raster(geometry, huge, isa, raster_seed), scenery);
+            same(whole, take(other, shot, kAll, 0, height, 1), 0, height, isa_name(isa));
+        }
+    }
+}
+
+}  // namespace fuzz
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        std::fprintf(stderr, "usage: fuzz_frame SECONDS FIRST_SEED | fuzz_frame seed SEED\n");
+        return 2;
+    }
+    const bool single = std::strcmp(argv[1], "seed") == 0;
+    const double seconds = single ? 0.0 : std::atof(argv[1]);
+    const std::uint64_t first = std::strtoull(argv[2], nullptr, 10);
+    const auto began = std::chrono::steady_clock::now();
+    std::uint64_t seed = first;
+    do {
+        try {
+            fuzz::one(seed);
+        } catch (const std::exception &failure) {
+            std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed), failure.what());
+            return 1;
+        }
+        ++seed;
+    } while (std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count() < seconds);
+    std::printf("%llu scenes\n", static_cast<unsigned long long>(seed - first));
+    return 0;
+}

@@ -1,0 +1,192 @@
+// Random scenes that no sane map would hold, by seed: shapes without size, meshes without area or with vertices that are
+// no numbers, poses that are none, cameras inside geometry, pictures of one pixel and of millions.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "geometry.hpp"
+#include "raster.hpp"
+#include "scenery.hpp"
+
+namespace fuzz {
+
+using namespace hil::sim::frame;
+
+// SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
+class Dice {
+public:
+    explicit Dice(std::uint64_t seed) : state_(seed) {}
+    std::uint64_t bits() {
+        std::uint64_t z = (state_ += 0x9e3779b97f4a7c15u);
+        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+        z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+        return z ^ (z >> 31);
+    }
+    int below(int n) { return static_cast<int>(bits() % static_cast<std::uint64_t>(n)); }
+    bool one_in(int n) { return below(n) == 0; }
+    double uniform(double low, double high) {
+        return low + (high - low) * (static_cast<double>(bits() >> 11) * 0x1p-53);
+    }
+    // Mostly an ordinary number; now and then one that breaks what was not made for it.
+    double number(double low, double high) {
+        if (!one_in(24)) return uniform(low, high);
+        constexpr double inf = std::numeric_limits<double>::infinity();
+        const double odd[] = {0.0, -0.0, 1e-310, 1e-38, -1e-20, 1e-9, 1e5, -1e6, 9.9e6, 1e8, 1e19, -1e30, 3.5e38, 1e300,
+                              inf, -inf, std::numeric_limits<double>::quiet_NaN()};
+        return odd[below(static_cast<int>(std::size(odd)))];
+    }
+
+private:
+    std::uint64_t state_;
+};
+
+inline void rotation(Dice &dice, double *R) {
+    double q[4], length = 0.0;
+    for (double &x : q) x = dice.uniform(-1.0, 1.0), length += x * x;
+    length = std::sqrt(length) + 1e-12;
+    for (double &x : q) x /= length;
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    const double made[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+                            2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                            2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+    for (int i = 0; i < 9; ++i) R[i] = made[i];
+    if (dice.one_in(40)) R[dice.below(9)] = dice.number(-1.0, 1.0);
+    if (dice.one_in(80)) {
+        for (int i = 0; i < 9; ++i) R[i] = 0.0;
+    }
+}
+
+inline int add_mesh(Dice &dice, Geometry &geometry) {
+    const int vertices = dice.one_in(10) ? 0 : 1 + dice.below(40);
+    const int triangles = vertices == 0 || dice.one_in(10) ? 0 : dice.below(80);
+    const double reach = dice.uniform(0.01, 5.0);
+    std::vector<float> vertex, uv, normal;
+    for (int i = 0; i < 3 * vertices; ++i) vertex.push_back(static_cast<float>(dice.number(-reach, reach)));
+    std::vector<std::int32_t> triangle;
+    for (int i = 0; i < triangles; ++i) {
+        const int a = dice.below(vertices), b = dice.below(vertices), c = dice.below(vertices);
+        // No area, by one corner twice or by all three on a line.
+        triangle.insert(triangle.end(), {a, dice.one_in(8) ? a : b, dice.one_in(8) ? b : c});
+        for (int k = 0; k < 6; ++k) uv.push_back(static_cast<float>(dice.number(-2.0, 2.0)));
+        for (int k = 0; k < 9; ++k) normal.push_back(static_cast<float>(dice.number(-1.0, 1.0)));
+    }
+    if (triangles > 0 && dice.one_in(60)) triangle[static_cast<std::size_t>(dice.below(3 * triangles))] = vertices + dice.below(9) - 9;
+    const bool with_uv = dice.one_in(2), with_normal = dice.one_in(2);
+    return geometry.add_mesh(vertex.data(), static_cast<std::size_t>(vertices), triangle.data(),
+                             static_cast<std::size_t>(triangles), with_uv ? uv.data() : nullptr,
+                             with_normal ? normal.data() : nullptr);
+}
+
+inline Geom random_geom(Dice &dice, int meshes) {
+    constexpr Shape shapes[] = {Shape::kPlane, Shape::kSphere, Shape::kCapsule, Shape::kEllipsoid,
+                                Shape::kCylinder, Shape::kBox, Shape::kMesh};
+    Geom g{};
+    g.shape = shapes[dice.below(meshes > 0 ? 7 : 6)];
+    g.moving = dice.one_in(3);
+    g.visible = !dice.one_in(10);
+    g.class_id = static_cast<std::uint8_t>(dice.below(256));
+    g.surface = static_cast<std::uint8_t>(dice.below(256));
+    g.instance = static_cast<std::uint16_t>(dice.below(65536));
+    g.mesh = g.shape == Shape::kMesh ? dice.below(meshes) : -1;
+    if (dice.one_in(200)) g.mesh = meshes + 3;
+    for (double &size : g.size) size = dice.number(0.0, dice.one_in(6) ? 60.0 : 3.0);
+    if (g.shape == Shape::kPlane && dice.one_in(2)) g.size[0] = g.size[1] = 0.0;
+    for (double &p : g.p_WG) p = dice.number(-12.0, 12.0);
+    rotation(dice, g.R_WG);
+    return g;
+}
+
+// Bad meshes and geoms are refused with invalid_argument; what was added before stays.
+inline void fill(Dice &dice, Geometry &geometry) {
+    const int meshes = dice.below(4), geoms = dice.one_in(12) ? 0 : dice.one_in(10) ? 400 : dice.below(40);
+    for (int i = 0; i < meshes; ++i) {
+        try {
+            add_mesh(dice, geometry);
+        } catch (const std::invalid_argument &) {
+        }
+    }
+    for (int i = 0; i < geoms; ++i) {
+        try {
+            geometry.add_geom(random_geom(dice, static_cast<int>(geometry.meshes().size())));
+        } catch (const std::invalid_argument &) {
+        }
+    }
+    geometry.finish();
+}
+
+inline void stir(Dice &dice, Geometry &geometry) {
+    for (std::size_t i = 0; i < geometry.geoms().size(); ++i) {
+        if (!geometry.geoms()[i].moving) continue;
+        double p[3], R[9], v[3], w[3];
+        for (double &x : p) x = dice.number(-12.0, 12.0);
+        for (double &x : v) x = dice.number(-9.0, 9.0);
+        for (double &x : w) x = dice.number(-9.0, 9.0);
+        rotation(dice, R);
+        geometry.move(static_cast<int>(i), p, R, v, w);
+    }
+}
+
+inline RasterCamera random_camera(Dice &dice, const Geometry &geometry) {
+    RasterCamera camera{};
+    for (double &x : camera.p_WC) x = dice.number(-15.0, 15.0);
+    if (!geometry.geoms().empty() && dice.one_in(3)) {  // inside something
+        const Geom &g = geometry.geoms()[static_cast<std::size_t>(dice.below(static_cast<int>(geometry.geoms().size())))];
+        for (int i = 0; i < 3; ++i) camera.p_WC[i] = g.p_WG[i];
+    }
+    rotation(dice, camera.R_WC);
+    for (double &x : camera.v_W) x = dice.number(-9.0, 9.0);
+    return camera;
+}
+
+// Well-formed, as the bindings see to: powers of two, each level half the one before; the rest is anything.
+inline Texture random_texture(Dice &dice) {
+    Texture t;
+    t.cube = dice.one_in(3);
+    t.width = 1 << dice.below(6);
+    const int face = t.cube ? t.width : 1 << dice.below(6);
+    t.height = t.cube ? 6 * face : face;
+    int w = t.width, h = face;
+    do {
+        t.offset.push_back(static_cast<std::int32_t>(t.texel.size()));
+        for (int i = 0; i < w * h * (t.cube ? 6 : 1); ++i) t.texel.push_back(static_cast<std::uint32_t>(dice.bits()));
+        ++t.levels;
+        if (w == 1 && h == 1) break;
+        w = w > 1 ? w / 2 : 1, h = h > 1 ? h / 2 : 1;
+    } while (!dice.one_in(6));
+    return t;
+}
+
+inline Scenery random_scenery(Dice &dice, std::size_t geoms) {
+    Scenery scenery;
+    const int textures = dice.below(4);
+    for (int i = 0; i < textures; ++i) scenery.textures.push_back(random_texture(dice));
+    for (std::size_t i = 0; i < geoms; ++i) {
+        Appearance a;
+        for (float &c : a.rgb) c = static_cast<float>(dice.number(0.0, 1.0));
+        a.emission = static_cast<float>(dice.number(0.0, 1.0));
+        a.texture = textures > 0 && dice.one_in(2) ? dice.below(textures) : -1;
+        for (float &r : a.repeat) r = static_cast<float>(dice.number(0.01, 20.0));
+        a.per_metre = dice.one_in(2);
+        scenery.geoms.push_back(a);
+    }
+    return scenery;
+}
+
+inline Daylight random_light(Dice &dice) {
+    Daylight light;
+    double sun[3];
+    for (double &s : sun) s = dice.uniform(-1.0, 1.0);
+    const double length = std::sqrt(sun[0] * sun[0] + sun[1] * sun[1] + sun[2] * sun[2]) + 1e-9;
+    for (int i = 0; i < 3; ++i) light.sun_W[i] = static_cast<float>(sun[i] / length);
+    for (float *rgb : {light.sun_rgb, light.sky_rgb, light.ground_rgb, light.zenith_rgb, light.horizon_rgb}) {
+        for (int i = 0; i < 3; ++i) rgb[i] = static_cast<float>(dice.number(0.0, 1.5));
+    }
+    light.fog_per_m = dice.one_in(2) ? 0.0f : static_cast<float>(dice.number(0.0, 0.2));
+    return light;
+}
+
+}  // namespace fuzz

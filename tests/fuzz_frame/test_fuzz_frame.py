@@ -1,0 +1,43 @@
+"""The frame kernels under AddressSanitizer and UndefinedBehaviorSanitizer: a minute of random, degenerate scenes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+BUILD = HERE.parents[1] / "build" / "fuzz_frame"  # kept: compiling takes minutes, once
+SECONDS = 60
+
+
+@pytest.fixture(scope="module")
+def fuzz_frame() -> Path:
+    if shutil.which("cmake") is None:
+        pytest.skip("no cmake on the PATH")
+    for command in (["cmake", "-S", str(HERE), "-B", str(BUILD)], ["cmake", "--build", str(BUILD), "--parallel", "2"]):
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        if made.returncode != 0 and "asan" in made.stderr:
+            pytest.skip("this compiler has no AddressSanitizer")
+        assert made.returncode == 0, made.stdout[-4000:] + made.stderr[-4000:]
+    return BUILD / "fuzz_frame"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_random_scenes_neither_crash_nor_write_out_of_bounds(fuzz_frame: Path) -> None:
+    first_seed = os.environ.get("FUZZ_FRAME_SEED", "1")
+    ran = subprocess.run([str(fuzz_frame), str(SECONDS), first_seed], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, (ran.stdout + ran.stderr)[-6000:]
+    assert int(ran.stdout.split()[0]) >= 20  # scenes, a slow machine's too
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
+def test_the_picture_of_sixteen_million_pixels(fuzz_frame: Path) -> None:
+    """Seed 7 and every 500th after it take one of 4096 x 4096."""
+    ran = subprocess.run([str(fuzz_frame), "seed", "507"], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, (ran.stdout + ran.stderr)[-6000:]
