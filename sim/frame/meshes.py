@@ -12,7 +12,7 @@ _SAME_DIRECTION = 1.0 - 1e-6  # cosine
 
 
 class Triangles(NamedTuple):
-    """A mesh: vertices [m], corners of triangles, and where there are any texture coordinates and normals of corners."""
+    """A mesh: vertices [m], corners of triangles, and where there are any texture coordinates and normals."""
 
     vertex: NDArray[np.float32]  # (n, 3)
     triangle: NDArray[np.int32]  # (m, 3)
