@@ -39,7 +39,7 @@ from sim.scene.scene import load_scene
 Say = Callable[[str], None]
 Outputs = dict[str, NDArray[Any]]
 _COLOUR = ("rgb", "depth", "segmentation")
-_POSED = "unseen_actors"  # a field of RenderSkips that is at work in FrameGeometry.pose, not in render
+_POSED = "unseen_actors"  # a field of RenderSkips that saves posing: measured with it
 _LIDAR_RANGE_M = 50.0
 
 
@@ -153,30 +153,15 @@ def _actors(case: Case, camera: CameraModel) -> Callable[[bool], Iterator[tuple[
 
     def run(on: bool) -> Iterator[tuple[float, Outputs]]:
         geometry = FrameGeometry(case.world)
-        renderer = FrameRenderer(geometry, camera)
+        renderer = FrameRenderer(geometry, camera, skips=RenderSkips(unseen_actors=on))
         for view in _warm(case.views):
             out = buffers(camera, tuple(CHANNELS))
             began = time.perf_counter()
-            geometry.pose(view.t_ns, outside_view(view, camera) if on else None)
+            geometry.expect(view.t_ns)
             renderer.render(view.pose, out)
             yield time.perf_counter() - began, out
 
     return _without_first(run)
-
-
-def outside_view(view: View, camera: CameraModel) -> Callable[[tuple[float, float, float], float], bool]:
-    """Whether a sphere (centre in W, radius) is wholly out of the picture of a pinhole camera."""
-    R_WC, p_WC = np.reshape(view.pose.R_WC, (3, 3)), np.array(view.pose.p_WC)
-    left, right = -camera.cx / camera.fx, (camera.width - camera.cx) / camera.fx
-    top, bottom = -camera.cy / camera.fy, (camera.height - camera.cy) / camera.fy
-    # Inward normals, in C, of the planes through the camera and the edges of the picture, and of the one behind it.
-    normals = np.array([(1.0, 0, -left), (-1.0, 0, right), (0, 1.0, -top), (0, -1.0, bottom), (0, 0, 1.0)])
-    normals_W = (normals / np.linalg.norm(normals, axis=1, keepdims=True)) @ R_WC.T
-
-    def outside(centre_W: tuple[float, float, float], radius_m: float) -> bool:
-        return bool((normals_W @ (np.array(centre_W) - p_WC) < -radius_m - 1e-6).any())
-
-    return outside
 
 
 def _lidar_rules(case: Case, result: BenchmarkResult) -> list[Rule]:
