@@ -22,7 +22,7 @@ from sim.frame.mujoco_backend import WorldPose
 
 Float64 = NDArray[np.float64]
 NEAR_M = 60.0  # errors of depth are bounded out to here
-_FAR_M = 1000.0  # the raster draws nothing beyond
+_FAR_M = 10_000.0  # the raster draws nothing beyond
 
 
 @dataclass
