@@ -26,13 +26,13 @@ from sim.frame.mount import Mount
 from sim.frame.source import FrameSource, SharedFrames, channel_array
 from sim.scene.scene import Scene
 from sim.scene.view_point import ViewPoint
-from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.catalog import make_sensor
 
 SHEET_NAME = "contact_sheet.png"
 FOV_DEG = 90.0
 DEFAULT_SIZE = (640, 480)
 _TICK_NS = 4_000_000
-_LIDAR_PRESETS = ("vlp16",)  # the one shown, if there is one
+_LIDAR = "vlp16"  # the one shown
 _FAR_M = 1000.0
 
 Pictures = Mapping[str, NDArray[Any]]
@@ -142,15 +142,13 @@ def _single_pictures(folder: Path, name: str, pictures: Pictures, classes: Class
     return files
 
 
-def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSample | None:
-    """One sweep of a LiDAR that stands level there; None where there is no kind of LiDAR."""
-    preset = next((name for name in _LIDAR_PRESETS if name in PRESETS), None)
-    if preset is None or "lidar" not in KINDS:
-        return None
-    lidar = make_sensor("lidar", preset=preset, rate_hz=10.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames)
+def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSample:
+    """One sweep of a LiDAR that stands level there."""
+    lidar = make_sensor("lidar", preset=_LIDAR, rate_hz=10.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames)
     level = ViewPoint(name=point.name, at_m=point.at_m, look_deg=(point.look_deg[0], 0.0))
     sample = lidar.sample(pose_of(level), 0)
-    return sample if isinstance(sample, PointCloudSample) else None
+    assert isinstance(sample, PointCloudSample)
+    return sample
 
 
 def _title(scene: Scene, point: ViewPoint) -> str:

@@ -292,3 +292,35 @@ class Picture:
     ) -> None: ...
     @property
     def counts(self) -> RasterCounts: ...
+
+class RayCaster:
+    def __init__(self, geometry: Geometry) -> None: ...
+    def cast(
+        self,
+        origins_W: Float64,
+        directions_W: Float64,
+        t_min: float,
+        t_max: float,
+        range_m: Float64,
+        geom: NDArray[np.int32],
+        normal_W: Float64 | None = None,
+        radial_velocity_mps: Float64 | None = None,
+        *,
+        order: NDArray[np.int32] | None = None,
+        threads: int = 1,
+        tree: bool = True,
+        max_range: bool = True,
+        isa: str = "",
+    ) -> None: ...
+
+def coherent_order(directions: Float64, out: NDArray[np.int32]) -> None: ...
+def sweep_rays(
+    motion: tuple[Vec3, Vec3, Vec3, Vec3, tuple[float, float, float, float], Vec3, Vec3, Vec3],
+    time_offset_ns: NDArray[np.int32],
+    origins_B: Float64,
+    directions_B: Float64,
+    origins_W: Float64,
+    directions_W: Float64,
+) -> None: ...
+def uniform_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
+def normal_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...

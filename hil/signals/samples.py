@@ -141,7 +141,7 @@ class PointCloudSample(NamedTuple):
     t_available_ns: int
     p_WL: Vec3  # at t_capture
     q_WL: Quat  # rotates L into W
-    points_L: NDArray[np.float32]  # (n, 3) [m], as if all had been measured at t_capture
+    points_L: NDArray[np.float32]  # (n, 3) [m]: range times the direction of its beam in L, each at its own time
     range_m: NDArray[np.float32]  # (n,)
     intensity: NDArray[np.float32]  # (n,) 0 to 1
     ring: NDArray[Any]  # (n,) uint8 or uint16: which laser

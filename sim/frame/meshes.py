@@ -64,7 +64,7 @@ def height_field_triangles(model: mujoco.MjModel, field: int) -> Triangles:
     surface = np.stack([grid_x, grid_y, height], axis=-1).reshape(-1, 3)
     base = surface.copy()
     base[:, 2] = -bottom
-    vertex = np.concatenate([surface, base])
+    vertex = np.concatenate([surface, base, [[0.0, 0.0, -bottom]]])
     index = np.arange(rows * columns).reshape(rows, columns)
     here, right, up, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     triangles = [_stack(here, right, across), _stack(here, across, up)]
@@ -72,8 +72,7 @@ def height_field_triangles(model: mujoco.MjModel, field: int) -> Triangles:
     following = np.roll(rim, -1)
     below = rows * columns
     triangles += [_stack(rim, rim + below, following), _stack(following, rim + below, following + below)]
-    a, b, c, d = (int(v) + below for v in (index[0, 0], index[0, -1], index[-1, -1], index[-1, 0]))
-    triangles.append(np.array([[a, c, b], [a, d, c]]))
+    triangles.append(_stack(np.full_like(rim, 2 * below), following + below, rim + below))
     return Triangles(_as(vertex, np.float32), _as(np.concatenate(triangles), np.int32))
 
 

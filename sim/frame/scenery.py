@@ -2,7 +2,8 @@
 
 MuJoCo's rules: a geom's own rgba counts unless it is the default grey and the geom has a material; a texture multiplies
 it. Textures are repeated per metre (`texuniform`) or per edge of the geom. Images whose edges are no powers of two are
-resampled to the next one; each level of the pyramid is the mean of 2 x 2 texels of the one before, in integers.
+resampled to the next one, 4 at least; each level of the pyramid is the mean of 2 x 2 texels of the one before, in
+integers.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from sim._kernels import Scenery
 
 _DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
 _CUBE_TYPES = (mujoco.mjtTexture.mjTEXTURE_CUBE,)
-_LARGEST = 4096  # texels along an edge
+_SMALLEST, _LARGEST = 4, 4096  # texels along an edge
 
 
 def make_scenery(model: mujoco.MjModel, extra_rgb: list[tuple[float, float, float]] | None = None) -> Scenery:
@@ -64,7 +65,7 @@ def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int) -> int:
     levels = []
     while True:
         levels.append(np.ascontiguousarray(np.concatenate(faces)))
-        if max(faces[0].shape[:2]) == 1:
+        if min(faces[0].shape[:2]) <= _SMALLEST:
             return int(scenery.add_texture(levels, cube))
         faces = [_halved(face) for face in faces]
 
@@ -72,7 +73,7 @@ def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int) -> int:
 def _powers_of_two(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for axis in (0, 1):
         size = image.shape[axis]
-        wanted = min(_LARGEST, 1 << (size - 1).bit_length())
+        wanted = min(_LARGEST, max(_SMALLEST, 1 << (size - 1).bit_length()))
         if wanted != size:
             image = image.take((np.arange(wanted) * size) // wanted, axis=axis)
     return image
@@ -80,9 +81,6 @@ def _powers_of_two(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _halved(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     total = image.astype(np.uint16)
-    count = 1
-    for axis in (0, 1):
-        if image.shape[axis] > 1:
-            total = total.take(range(0, image.shape[axis], 2), axis) + total.take(range(1, image.shape[axis], 2), axis)
-            count *= 2
-    return ((total + count // 2) // count).astype(np.uint8)
+    total = total[0::2] + total[1::2]
+    total = total[:, 0::2] + total[:, 1::2]
+    return ((total + 2) // 4).astype(np.uint8)

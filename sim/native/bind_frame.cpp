@@ -7,6 +7,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
+#include <cmath>
 #include <memory>
 #include <string>
 
@@ -66,17 +67,23 @@ T *channel(const nb::dict &out, const char *name, int height, int width, int dep
 int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, -1, 3>> &levels, bool cube) {
     fr::Texture t;
     t.cube = cube;
+    std::int32_t code[256];  // sRGB (IEC 61966-2-1) to ten bits of the square root of linear light
+    for (int i = 0; i < 256; ++i) {
+        const double c = i / 255.0;
+        code[i] = static_cast<std::int32_t>(
+            std::lround(1023.0 * std::sqrt(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
+    }
+    if (levels.empty() || levels.size() > 16) throw std::invalid_argument("a texture needs 1 to 16 levels");
     for (const auto &level : levels) {
         const auto h = level.shape(0), w = level.shape(1);
-        if (w == 0 || h == 0) throw std::invalid_argument("a level of a texture is empty");
-        t.offset.push_back(static_cast<std::int32_t>(t.texel.size()));
+        if (w < 4 || h < 4 || w % 4 != 0 || h % 4 != 0) throw std::invalid_argument("a level of a texture is smaller than 4 x 4");
+        t.offset[t.levels++] = static_cast<std::int32_t>(t.texel.size());
         for (std::size_t i = 0; i < w * h; ++i) {
-            const std::uint8_t *p = level.data() + 3 * i;
-            t.texel.push_back(p[0] | p[1] << 8 | p[2] << 16);
+            const std::size_t square = i / 16, y = square / (w / 4) * 4 + i % 16 / 4, x = square % (w / 4) * 4 + i % 4;
+            const std::uint8_t *p = level.data() + 3 * (y * w + x);
+            t.texel.push_back(code[p[0]] | code[p[1]] << 10 | code[p[2]] << 20);
         }
     }
-    if (levels.empty()) throw std::invalid_argument("a texture needs a level");
-    t.levels = static_cast<int>(levels.size());
     t.width = static_cast<int>(levels[0].shape(1));
     t.height = static_cast<int>(levels[0].shape(0));
     const int face = cube ? t.width : t.height;
@@ -85,7 +92,7 @@ int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, 
         throw std::invalid_argument("edges of a texture must be powers of two, a cube's faces square and six");
     }
     for (int k = 0; k < t.levels; ++k) {
-        const int w = std::max(1, t.width >> k), h = std::max(1, face >> k) * (cube ? 6 : 1);
+        const int w = t.width >> k, h = (face >> k) * (cube ? 6 : 1);
         const auto at = static_cast<std::size_t>(k);
         if (levels[at].shape(1) != static_cast<std::size_t>(w) || levels[at].shape(0) != static_cast<std::size_t>(h)) {
             throw std::invalid_argument("each level of a texture must be half the one before");

@@ -9,8 +9,11 @@ void bind_dryden(nb::module_ &m);
 void bind_frame(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
+void bind_noise_block(nb::module_ &m);
 void bind_ray(nb::module_ &m);
+void bind_ray_cast(nb::module_ &m);
 void bind_rigid_body(nb::module_ &m);
+void bind_sweep_rays(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
@@ -19,6 +22,9 @@ NB_MODULE(_kernels, m) {
     bind_frame(m);
     bind_image_noise(m);
     bind_imu(m);
+    bind_noise_block(m);
     bind_ray(m);
+    bind_ray_cast(m);
     bind_rigid_body(m);
+    bind_sweep_rays(m);
 }

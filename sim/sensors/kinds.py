@@ -12,6 +12,8 @@ from sim.sensors.camera import Camera
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.gps import Gps, GpsParameters
 from sim.sensors.imu import Imu, ImuParameters
+from sim.sensors.lidar import Lidar
+from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.magnetometer import Magnetometer, MagnetometerParameters
 from sim.sensors.optical_flow import OpticalFlow, OpticalFlowParameters
 from sim.sensors.range_finder import RangeFinder, RangeFinderParameters
@@ -44,4 +46,5 @@ KINDS: dict[str, Kind] = {
     "range_finder": Kind(RangeFinder, RangeFinderParameters),
     "optical_flow": Kind(OpticalFlow, OpticalFlowParameters),
     "camera": Kind(Camera, CameraParameters),
+    "lidar": Kind(Lidar, LidarParameters),
 }

@@ -16,6 +16,9 @@ from hil.signals.classes import Classes
 from hil.signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
+from sim.scene.scene import load_scene
+from sim.scene.world import load_world
 
 SPHERES = np.array([[8.0, 0.0, 2.0, 1.0], [5.0, 3.0, 1.0, 0.6], [12.0, -4.0, 3.0, 2.0]])  # centre [m], radius [m]
 SPEED_MPS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -27,7 +30,6 @@ class FormulaFrames:
     """A `FrameSource`. `expected` lists every moment asked for, `drawn` every call of a renderer: (channels, rows)."""
 
     classes = Classes(("none", "ground", "ball"), ((0, 0, 0), (90, 140, 60), (200, 40, 40)))
-    geometry = None
 
     def __init__(self) -> None:
         self.expected: list[int] = []
@@ -35,6 +37,7 @@ class FormulaFrames:
         self.options: list[dict[str, Any]] = []
         self.t_ns = 0
         self.posed, self.unposed = 0, 7
+        self.geometry = FrameGeometry(load_world(load_scene("airfield")))  # what a LiDAR sees
 
     def expect(self, t_ns: int) -> None:
         self.expected.append(t_ns)

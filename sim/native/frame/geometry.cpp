@@ -1,8 +1,10 @@
 #include "geometry.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <stdexcept>
 
 namespace hil::sim::frame {
@@ -66,6 +68,7 @@ void pack(Mesh &mesh) {
     }
     mesh.packed_tree = build_bvh(boxes, 1);
     mesh.normal.resize(3 * triangles);
+    mesh.barycentric.resize(6 * triangles);
     double surface = 0.0, image = 0.0;
     for (std::size_t t = 0; t < triangles; ++t) {
         double v[3][3];
@@ -80,6 +83,14 @@ void pack(Mesh &mesh) {
         }
         const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
         surface += length;
+        // b and c of p = a + b (B - a) + c (C - a): grad b = (C - a) x n / (n . n), grad c = n x (B - a) / (n . n).
+        for (int i = 0; i < 3 && length > 0.0; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            const double gb = (v[2][j] - v[0][j]) * n[k] - (v[2][k] - v[0][k]) * n[j];
+            const double gc = n[j] * (v[1][k] - v[0][k]) - n[k] * (v[1][j] - v[0][j]);
+            mesh.barycentric[6 * t + static_cast<std::size_t>(i)] = static_cast<float>(gb / (length * length));
+            mesh.barycentric[6 * t + 3 + static_cast<std::size_t>(i)] = static_cast<float>(gc / (length * length));
+        }
         if (!mesh.uv.empty()) {
             const float *uv = &mesh.uv[6 * t];
             image += std::fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[3] - uv[1]) * (uv[4] - uv[0]));
@@ -87,6 +98,35 @@ void pack(Mesh &mesh) {
         for (std::size_t i = 0; i < 3; ++i) mesh.normal[3 * t + i] = length > 0.0 ? static_cast<float>(n[i] / length) : 0.0f;
     }
     if (surface > 0.0 && image > 0.0) mesh.uv_per_m = static_cast<float>(std::sqrt(image / surface));
+}
+
+bool is_closed(const Mesh &mesh) {
+    // Corners at the same place are the same corner, however often the file has it.
+    std::map<std::array<float, 3>, std::int32_t> places;
+    std::vector<std::int32_t> corner(mesh.triangle.size());
+    for (std::size_t i = 0; i < corner.size(); ++i) {
+        const float *v = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[i])];
+        corner[i] = places.try_emplace({v[0] + 0.0f, v[1] + 0.0f, v[2] + 0.0f}, static_cast<std::int32_t>(places.size())).first->second;
+    }
+    std::vector<std::pair<std::int32_t, std::int32_t>> edges, reversed;
+    double volume = 0.0;
+    for (std::size_t t = 0; t < corner.size(); t += 3) {
+        for (std::size_t k = 0; k < 3; ++k) {
+            const std::int32_t a = corner[t + k], b = corner[t + (k + 1) % 3];
+            if (a == b) return false;
+            edges.emplace_back(a, b);
+            reversed.emplace_back(b, a);
+        }
+        const float *v[3];
+        for (std::size_t k = 0; k < 3; ++k) v[k] = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[t + k])];
+        for (int i = 0; i < 3; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            volume += static_cast<double>(v[0][i]) * (static_cast<double>(v[1][j]) * v[2][k] - static_cast<double>(v[1][k]) * v[2][j]);
+        }
+    }
+    std::sort(edges.begin(), edges.end());
+    std::sort(reversed.begin(), reversed.end());
+    return volume > 0.0 && edges == reversed && std::adjacent_find(edges.begin(), edges.end()) == edges.end();
 }
 
 bool usable_size(const Geom &g) {
@@ -145,6 +185,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
         sorted.tree.order[i] = static_cast<std::int32_t>(i);
     }
     pack(sorted);
+    sorted.closed = is_closed(sorted);
     meshes_.push_back(std::move(sorted));
     return static_cast<int>(meshes_.size()) - 1;
 }

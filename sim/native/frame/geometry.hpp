@@ -28,7 +28,12 @@ struct Mesh {
     // The last packet is filled up with its last triangle.
     std::vector<float> packed;
     std::vector<float> normal;  // [triangles][3], unit; zero for a triangle without area
+    // [triangles][2][3]: gradients of the barycentric coordinates of the second and third corner; zero at the first.
+    std::vector<float> barycentric;
     Bvh packed_tree;
+    // Every edge belongs to two triangles that run along it in opposite directions, and these face outwards: from
+    // outside, no ray meets the back of a triangle first.
+    bool closed = false;
 };
 
 struct Geom {

@@ -105,7 +105,8 @@ struct LaneTraits<D> {
 template <class V>
 HIL_INLINE V splat(ScalarOf<V> x) {
     V v;
-    HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = (typename V::Register){} + x;
+    // x - 0 is x for every x; x + 0 is not for -0, and would cost an addition each time.
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = x - (typename V::Register){};
     return v;
 }
 
@@ -365,6 +366,17 @@ HIL_INLINE I gather(const std::int32_t *from, const I &index) {
     return v;
 }
 
+// The same for a table of 16.
+HIL_INLINE I look_up(const std::int32_t *table, const I &index) {
+#if defined(__AVX512F__)
+    I v;
+    v.r[0] = (IntRegister)_mm512_permutexvar_epi32((__m512i)index.r[0], _mm512_loadu_si512(table));
+    return v;
+#else
+    return gather(table, index);
+#endif
+}
+
 HIL_INLINE F gather(const float *from, const I &index) {
     F v;
 #if defined(__AVX512F__)
@@ -377,6 +389,33 @@ HIL_INLINE F gather(const float *from, const I &index) {
     v = load<F>(found);
 #endif
     return v;
+}
+
+// Four pixels in a row of lanes to 12 bytes: the lowest three of each lane. Row r goes to to[r], `stride` bytes apart.
+HIL_INLINE void store_triples(std::uint8_t *to, long stride, const I &a) {
+#if defined(__AVX512F__)
+    const __m512i order = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1));
+    const __m512i packed = _mm512_shuffle_epi8((__m512i)a.r[0], order);
+    const __m128i rows[4] = {_mm512_extracti32x4_epi32(packed, 0), _mm512_extracti32x4_epi32(packed, 1),
+                             _mm512_extracti32x4_epi32(packed, 2), _mm512_extracti32x4_epi32(packed, 3)};
+    for (int r = 0; r < 4; ++r) {
+        const std::int32_t last = _mm_extract_epi32(rows[r], 2);
+        _mm_storel_epi64((__m128i *)(to + r * stride), rows[r]);
+        __builtin_memcpy(to + r * stride + 8, &last, 4);
+    }
+#else
+    std::uint32_t lanes[16];
+    __builtin_memcpy(lanes, &a, 64);
+    for (int r = 0; r < 4; ++r) {
+        const std::uint32_t *p = lanes + 4 * r;
+        std::uint8_t *row = to + r * stride;
+        for (int c = 0; c < 4; ++c) {
+            row[3 * c] = (std::uint8_t)p[c];
+            row[3 * c + 1] = (std::uint8_t)(p[c] >> 8);
+            row[3 * c + 2] = (std::uint8_t)(p[c] >> 16);
+        }
+    }
+#endif
 }
 
 template <class V>

@@ -52,6 +52,15 @@ void halves(const Aabb &box, double *centre, double *half) {
     }
 }
 
+bool outside_box(const double *p, const Aabb &box) {
+    bool inside = true;
+    for (int i = 0; i < 3; ++i) {
+        const double margin = 1e-3 + 1e-4 * (static_cast<double>(box.hi[i]) - box.lo[i]);
+        inside = inside && p[i] > box.lo[i] - margin && p[i] < box.hi[i] + margin;
+    }
+    return !inside;
+}
+
 struct BlockRect {
     int x0, x1, y0, y1;  // ends excluded
     bool empty() const { return x0 >= x1 || y0 >= y1; }
@@ -303,7 +312,9 @@ private:
         packets_.clear();
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
-            collect_packets(*d.mesh, view_.in(g.p_WG, g.R_WG));
+            const View local = view_.in(g.p_WG, g.R_WG);
+            d.backs_hidden = d.mesh->closed && (view_.projection == Projection::kParallel || outside_box(local.p, d.mesh->box));
+            collect_packets(*d.mesh, local);
             if (packets_.empty()) return;
         }
         drawn_of_geom_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(drawn_.size());

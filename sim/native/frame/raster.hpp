@@ -62,6 +62,7 @@ struct DrawnGeom {
     float cone[4];             // table: direction of its bounding sphere in C and cosine of its half angle; < -1: all
     float velocity_C[3];       // of the point of its rigid body at the camera's origin, relative to the camera
     const Mesh *mesh;
+    bool backs_hidden;         // a closed mesh seen from outside
 };
 
 // Pixels of one picture, in blocks.

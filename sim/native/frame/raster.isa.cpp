@@ -115,7 +115,8 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
 
 struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
     float e0[3][16], e1[3][16], e2[3][16], n[3][16], volume[16];
-    float low_x[16], high_x[16], low_y[16], high_y[16], nearest[16];  // of their pixels and depth
+    std::int32_t x0[16], x1[16], y0[16], y1[16];  // blocks whose pixels they may hold, ends included
+    float nearest[16];
     float middle[3][16], reach[16];                                    // bounding spheres
 };
 
@@ -125,10 +126,12 @@ HIL_INLINE void store3(float (*to)[16], const Vec<F> &v) {
     store(to[2], v.z);
 }
 
-// Returns the lanes that have an area.
+// Returns the lanes that have an area, and may hold the centre of a pixel.
 template <Projection P>
-HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, const float *packed, Packet &packet) {
+HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, int width, int height,
+                            const float *packed, Packet &packet) {
     Vec<F> v[3];
+    I some = splat<I>(-1);
     for (int corner = 0; corner < 3; ++corner) {
         const float *from = packed + 48 * corner;
         const F x = load<F>(from) - g.o[0], y = load<F>(from + 16) - g.o[1], z = load<F>(from + 32) - g.o[2];
@@ -188,22 +191,21 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
                 take(crosses, a.x + s * (b.x - a.x), a.y + s * (b.y - a.y), z_near);
             }
         }
+        // Pixels whose centres lie within: ceil(low - 1/2) to floor(high - 1/2); the picture's own are blocks x0..x1.
         const float margin = 1.0f / 64.0f;
-        store(packet.low_x, low_x - margin);
-        store(packet.high_x, high_x + margin);
-        store(packet.low_y, low_y - margin);
-        store(packet.high_y, high_y + margin);
+        const auto limited = [](const F &x, int most) { return min(max(x, splat<F>(-8.0f)), splat<F>((float)most + 8.0f)); };
+        const F left = floor(limited(low_x - margin, width) + 0.5f), right = floor(limited(high_x + margin, width) - 0.5f);
+        const F top = floor(limited(low_y - margin, height) + 0.5f), bottom = floor(limited(high_y + margin, height) - 0.5f);
+        some = (left <= right) & (top <= bottom);
+        store(packet.x0, shift_right(truncate(left), 2));
+        store(packet.x1, shift_right(truncate(right), 2));
+        store(packet.y0, shift_right(truncate(top), 2));
+        store(packet.y1, shift_right(truncate(bottom), 2));
         store(packet.nearest, select(z_low > splat<F>(0), z_low * 0.99999f, splat<F>(-far)));
     }
-    return bits(dot(t.n, t.n) > splat<F>(0));
-}
-
-HIL_INLINE int floor_to_int(float x, int low, int high) {
-    // Also right for what no int holds.
-    if (!(x > static_cast<float>(low))) return low;
-    if (!(x < static_cast<float>(high))) return high;
-    const int i = static_cast<int>(x);
-    return static_cast<float>(i) > x ? i - 1 : i;
+    const F zero = splat<F>(0);
+    if (g.backs_hidden) some &= P == Projection::kParallel ? t.n.z < zero : t.volume < zero;
+    return bits(some & (dot(t.n, t.n) > zero));
 }
 
 template <Projection P>
@@ -214,7 +216,7 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
     DrawnGeom part = g;  // table: with the cone of one triangle
     Packet packet;
     for (int k = 0; k < packet_count; ++k) {
-        unsigned alive = prepare<P>(g, rays, options.near_t, g.mesh->packed.data() + 144 * (long)packets[k], packet);
+        unsigned alive = prepare<P>(g, rays, options.near_t, buffer.width, buffer.height, g.mesh->packed.data() + 144 * (long)packets[k], packet);
         for (; alive != 0; alive &= alive - 1) {
             const int lane = __builtin_ctz(alive);
             const int triangle = 16 * packets[k] + lane;
@@ -236,15 +238,10 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                     part.cone[3] = -2.0f;
                 }
             } else {
-                const int left = floor_to_int(packet.low_x[lane] + 0.5f, 0, buffer.width);
-                const int right = floor_to_int(packet.high_x[lane] - 0.5f, -1, buffer.width - 1);
-                const int top = floor_to_int(packet.low_y[lane] + 0.5f, 0, buffer.height);
-                const int bottom = floor_to_int(packet.high_y[lane] - 0.5f, -1, buffer.height - 1);
-                if (left > right || top > bottom) continue;
-                x0 = x0 > left / 4 ? x0 : left / 4;
-                x1 = x1 < right / 4 + 1 ? x1 : right / 4 + 1;
-                row0 = row0 > top / 4 ? row0 : top / 4;
-                row1 = row1 < bottom / 4 + 1 ? row1 : bottom / 4 + 1;
+                x0 = x0 > packet.x0[lane] ? x0 : packet.x0[lane];
+                x1 = x1 < packet.x1[lane] + 1 ? x1 : packet.x1[lane] + 1;
+                row0 = row0 > packet.y0[lane] ? row0 : packet.y0[lane];
+                row1 = row1 < packet.y1[lane] + 1 ? row1 : packet.y1[lane] + 1;
                 nearest = nearest > packet.nearest[lane] ? nearest : packet.nearest[lane];
             }
             const auto one = [&](const float (*e)[16], const Block &b) {

@@ -71,23 +71,10 @@ HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangle
         found.flat = {select(here, splat<F>(flat[0]), found.flat.x), select(here, splat<F>(flat[1]), found.flat.y),
                       select(here, splat<F>(flat[2]), found.flat.z)};
         if (!smooth && !textured) continue;
-        // Barycentric coordinates by areas along the flat normal: linear in p.
         const std::int32_t *corner = mesh.triangle.data() + 3 * t;
-        const float *a = mesh.vertex.data() + 3 * (long)corner[0], *b = mesh.vertex.data() + 3 * (long)corner[1];
-        const float *c = mesh.vertex.data() + 3 * (long)corner[2];
-        float ab[3], ac[3], nb[3], nc[3];
-        for (int i = 0; i < 3; ++i) ab[i] = b[i] - a[i], ac[i] = c[i] - a[i];
-        const auto cross = [](const float *x, const float *y, float *to) {
-            to[0] = x[1] * y[2] - x[2] * y[1];
-            to[1] = x[2] * y[0] - x[0] * y[2];
-            to[2] = x[0] * y[1] - x[1] * y[0];
-        };
-        cross(ac, flat, nb);
-        cross(flat, ab, nc);
-        const float whole = ab[0] * nb[0] + ab[1] * nb[1] + ab[2] * nb[2];
-        const float per = whole != 0.0f ? 1.0f / whole : 0.0f;
+        const float *a = mesh.vertex.data() + 3 * (long)corner[0], *grad = mesh.barycentric.data() + 6 * t;
         const F x = p.x - a[0], y = p.y - a[1], z = p.z - a[2];
-        const F wb = (x * nb[0] + y * nb[1] + z * nb[2]) * per, wc = (x * nc[0] + y * nc[1] + z * nc[2]) * per;
+        const F wb = x * grad[0] + y * grad[1] + z * grad[2], wc = x * grad[3] + y * grad[4] + z * grad[5];
         const auto between = [&](const float *from, int stride, int i) {
             return from[i] + wb * (from[stride + i] - from[i]) + wc * (from[2 * stride + i] - from[i]);
         };
@@ -109,8 +96,7 @@ struct Rgb {
     F r, g, b;
 };
 
-// sRGB code / 255 to linear, by the cubic of IEC 61966-2-1's curve (error below 1.2e-3).
-HIL_INLINE F decode(const F &c) { return c * (c * (c * 0.305306011f + 0.682171111f) + 0.012522878f); }
+// sRGB code / 255 to linear, by a cubic (within 1.2e-3 of the curve of IEC 61966-2-1 up to 1).
 HIL_INLINE float decode(float c) { return c * (c * (c * 0.305306011f + 0.682171111f) + 0.012522878f); }
 
 // Linear to sRGB code 0..255, with s = sqrt(x): a rational fit, within 0.7 of a code of the curve.
@@ -119,6 +105,12 @@ HIL_INLINE I encode(const F &x) {
     const F over = s * (s * (s * 74.8932967f + 20.5008569f) - 0.0527410168f);
     const F under = s * (s * 84.3211935f + 9.77384834f) + 1.0f;
     return truncate(min(over / under * 255.0f + 0.5f, splat<F>(255)));
+}
+
+// Place of a texel: images are stored in squares of 4 x 4, a cache line each.
+HIL_INLINE I texel_at(const I &row, const I &column, const I &width) {
+    return shift_left(shift_right(row, 2) * shift_right(width, 2) + shift_right(column, 2), 4) +
+           shift_left(row & (std::int32_t)3, 2) + (column & (std::int32_t)3);
 }
 
 // Colour of the surface, linear.
@@ -179,8 +171,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
     u = u - floor(u);
     v = v - floor(v);
-    const I one = splat<I>(1), wide = shift_right(splat<I>(width), level), high = shift_right(splat<I>(height), level);
-    const I w = select(wide > one, wide, one), h = select(high > one, high, one);
+    const I one = splat<I>(1), w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
     // An edge has at most 4096 texels: the products stay within 28 bits.
     const I column = shift_right(truncate(u * 65536.0f) * w, 16) & (w - one);
     I row = h - one - (shift_right(truncate(v * 65536.0f) * h, 16) & (h - one));
@@ -189,13 +180,13 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
         row = row + h * (select(along_x, splat<I>(0), select(along_z, splat<I>(4), splat<I>(2))) + below);
     }
     const I zero = splat<I>(0);
-    const I at = select(s.mask, gather(texture.offset.data(), select(s.mask, level, zero)) + row * w + column, zero);
+    const I at = select(s.mask, look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, w), zero);
     const I packed = gather(texture.texel.data(), at);
-    const F scale = splat<F>(1.0f / 255.0f);
     const auto channel = [&](int shift, float tint) {
-        return decode(to_float(shift_right(packed, shift) & (std::int32_t)255) * scale * tint);
+        const F root = to_float(shift_right(packed, shift) & (std::int32_t)1023);
+        return root * root * (decode(tint) * (1.0f / (1023.0f * 1023.0f)));
     };
-    return {channel(0, base[0]), channel(8, base[1]), channel(16, base[2])};
+    return {channel(0, base[0]), channel(10, base[1]), channel(20, base[2])};
 }
 
 HIL_INLINE bool convex(Shape shape) { return shape != Shape::kMesh; }
@@ -393,24 +384,12 @@ HIL_INLINE void put3(float *picture, int width, int x, int y, int columns, int r
     }
 }
 
-HIL_INLINE void put_rgb(std::uint8_t *picture, int width, int x, int y, int columns, int rows, const std::int32_t *packed) {
-    for (int r = 0; r < rows; ++r) {
-        std::uint8_t *to = picture + 3 * ((long)(y + r) * width + x);
-        const std::int32_t *from = packed + 4 * r;
-        if (columns == 4) {
-            // Four pixels in three words; little-endian, as every machine this runs on.
-            const auto a = (std::uint32_t)from[0], b = (std::uint32_t)from[1], c = (std::uint32_t)from[2], d = (std::uint32_t)from[3];
-            const std::uint32_t words[3] = {a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8};
-            __builtin_memcpy(to, words, 12);
-            continue;
-        }
-        for (int c = 0; c < columns; ++c) {
-            const auto p = (std::uint32_t)from[c];
-            to[3 * c] = (std::uint8_t)p;
-            to[3 * c + 1] = (std::uint8_t)(p >> 8);
-            to[3 * c + 2] = (std::uint8_t)(p >> 16);
-        }
-    }
+HIL_INLINE void put_rgb(std::uint8_t *picture, int width, int x, int y, int columns, int rows, const I &packed) {
+    std::uint8_t *to = picture + 3 * ((long)y * width + x);
+    if (columns == 4 && rows == 4) return store_triples(to, 3L * width, packed);
+    std::uint8_t all[48];
+    store_triples(all, 12, packed);
+    for (int r = 0; r < rows; ++r) __builtin_memcpy(to + 3L * r * width, all + 12 * r, (unsigned long)(3 * columns));
 }
 
 void resolve(const ResolveJob &job) {
@@ -535,8 +514,7 @@ void resolve(const ResolveJob &job) {
                     const Rgb above = sky(*job.light, up);
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
                 }
-                std::int32_t packed[16];
-                store(packed, encode(colour.r) | shift_left(encode(colour.g), 8) | shift_left(encode(colour.b), 16));
+                const I packed = encode(colour.r) | shift_left(encode(colour.g), 8) | shift_left(encode(colour.b), 16);
                 put_rgb(out.rgb, b.width, x, y, columns, rows, packed);
             }
         }

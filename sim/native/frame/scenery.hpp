@@ -8,12 +8,13 @@
 
 namespace hil::sim::frame {
 
-// A pyramid of images, each half the size of the one before; edges are powers of two.
+// A pyramid of images, each half the size of the one before; edges are powers of two, of 4 or more.
 struct Texture {
     int width = 0, height = 0, levels = 0;
     bool cube = false;                 // six square faces below each other: +x -x +y -y +z -z
-    std::vector<std::int32_t> offset;  // [levels], of a level's first texel
-    std::vector<std::int32_t> texel;   // red in the lowest byte
+    std::int32_t offset[16] = {};      // of each level's first texel
+    // In squares of 4 x 4 texels, row by row; ten bits a colour, red lowest: the square root of linear light.
+    std::vector<std::int32_t> texel;
 };
 
 struct Appearance {  // of one geom

@@ -1,0 +1,93 @@
+// sim._kernels.RayCaster: many rays against a Geometry at once. Contract: frame/ray_cast.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "frame/ray_cast.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace hil::sim::frame;
+
+namespace {
+
+using In3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using OutDouble = nb::ndarray<double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using OutInt = nb::ndarray<std::int32_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Order = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out3 = nb::ndarray<double, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
+void expect(std::size_t got, std::size_t count, const char *what) {
+    if (got != count) {
+        throw std::invalid_argument(std::string(what) + " has " + std::to_string(got) + " rows for " +
+                                    std::to_string(count) + " rays");
+    }
+}
+
+Isa isa_by_name(const std::string &name) {
+    if (name.empty()) return best_isa();
+    for (const Isa isa : {Isa::kBase, Isa::kAvx2, Isa::kAvx512}) {
+        if (name != isa_name(isa)) continue;
+        if (!has_isa(isa)) throw std::invalid_argument("this CPU has no " + name);
+        return isa;
+    }
+    throw std::invalid_argument("instruction set '" + name + "' is unknown: base, avx2 or avx512");
+}
+
+void cast(RayCaster &caster, In3 origins, In3 directions, double t_min, double t_max, OutDouble range, OutInt geom,
+          std::optional<Out3> normal, std::optional<OutDouble> radial_velocity, std::optional<Order> order, int threads,
+          bool tree, bool max_range,
+          const std::string &isa) {
+    const std::size_t count = directions.shape(0);
+    const bool one_origin = origins.shape(0) == 1;
+    if (!one_origin) expect(origins.shape(0), count, "origins");
+    expect(range.shape(0), count, "range_m");
+    expect(geom.shape(0), count, "geom");
+    if (normal) expect(normal->shape(0), count, "normal");
+    if (radial_velocity) expect(radial_velocity->shape(0), count, "radial_velocity_mps");
+    if (order) {
+        expect(order->shape(0), count, "order");
+        std::vector<std::uint8_t> seen(count, 0);
+        for (std::size_t i = 0; i < count; ++i) {
+            const auto ray = static_cast<std::size_t>(order->data()[i]);
+            if (ray >= count || seen[ray]++ != 0) throw std::invalid_argument("order is no permutation of the rays");
+        }
+    }
+    if (count > 0x7fffffff) throw std::invalid_argument("at most 2^31 - 1 rays at once");
+    const CastOutput out{range.data(), geom.data(), normal ? normal->data() : nullptr,
+                         radial_velocity ? radial_velocity->data() : nullptr};
+    const CastSkips skips{tree, max_range};
+    const Isa chosen = isa_by_name(isa);
+    caster.refresh();  // with the lock held: two casts of one caster may run side by side
+    nb::gil_scoped_release release;
+    caster.cast(origins.data(), one_origin, directions.data(), count, t_min, t_max, skips,
+                order ? order->data() : nullptr, threads, chosen, out);
+}
+
+}  // namespace
+
+void bind_ray_cast(nb::module_ &m) {
+    nb::class_<RayCaster>(m, "RayCaster")
+        .def(nb::init<const Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>(),
+             "Casts against `geometry`, finished; what does not move is prepared here.")
+        .def("cast", &cast, "origins_W"_a, "directions_W"_a, "t_min"_a, "t_max"_a, "range_m"_a.noconvert(),
+             "geom"_a.noconvert(), "normal_W"_a.noconvert() = nb::none(),
+             "radial_velocity_mps"_a.noconvert() = nb::none(), nb::kw_only(), "order"_a = nb::none(), "threads"_a = 1,
+             "tree"_a = true, "max_range"_a = true, "isa"_a = "",
+             "Nearest hit of each ray in [t_min, t_max]: its distance (+inf: none), geom (-1), normal against the ray "
+             "(zeros) and the surface point's speed along the ray (NaN). Outputs are the caller's.");
+    m.def(
+        "coherent_order",
+        [](In3 directions, OutInt out) {
+            expect(out.shape(0), directions.shape(0), "out");
+            nb::gil_scoped_release release;
+            coherent_order(directions.data(), directions.shape(0), out.data());
+        },
+        "directions"_a, "out"_a.noconvert(), "Permutation that puts rays that look the same way side by side.");
+}

@@ -1,0 +1,383 @@
+// Eight rays at once through the trees of a scene. Contract: ray_cast.hpp.
+#include "lanes.hpp"
+#include "ray_cast.hpp"
+#include "shapes.hpp"
+
+namespace hil::sim::frame::HIL_ISA {
+namespace {
+
+constexpr int kLanes = D::kCount;
+constexpr double kInf = __builtin_inf();
+constexpr double kBeyond = 1e30;     // far end of a walk without limit: finite, so that times zero is zero
+constexpr double kFarthest = 1e7;    // as geometry.cpp has it
+constexpr double kSameWay = 1e-9;    // direction components below it count as of either sign
+
+// Eight rays and the nearest each has met so far.
+struct Packet {
+    Vec<D> o, d;
+    D t_min;
+    D t, geom, part;  // geom and part are whole numbers: ties are settled by comparing them
+};
+
+// Bounds of a packet, per axis, made so that a node needs no choices.
+//
+// Where all rays point the same way, `near` and `away` are the rows of a node (low or high faces) that a ray passes
+// first and last, each with the bound of the origins that makes the interval widest, and inverse directions
+// in [i_lo, i_hi]. Where they do not, the inverses are zero and `open` is infinite: no constraint from faces.
+struct Beam {
+    double o_near[3], o_away[3], i_lo[3], i_hi[3], open[3];
+    int near[3], away[3];
+    double o_lo[3], o_hi[3], d_lo[3], d_hi[3];
+    unsigned both_ways;  // one bit an axis
+    double t_min;
+};
+
+HIL_INLINE double smaller(double a, double b) { return a < b ? a : b; }
+HIL_INLINE double larger(double a, double b) { return a > b ? a : b; }
+
+// Of lanes without NaN; which of several equal ones is of no account.
+HIL_INLINE double largest(const D &a) {
+#if defined(__AVX512F__)
+    return _mm512_reduce_max_pd((__m512d)a.r[0]);
+#else
+    DoubleRegister m = a.r[0];
+    for (int i = 1; i < kParts; ++i) m = m > a.r[i] ? m : a.r[i];
+    double found = m[0];
+    for (int k = 1; k < kRegisterBytes / 8; ++k) found = larger(found, m[k]);
+    return found;
+#endif
+}
+HIL_INLINE double smallest(const D &a) {
+#if defined(__AVX512F__)
+    return _mm512_reduce_min_pd((__m512d)a.r[0]);
+#else
+    DoubleRegister m = a.r[0];
+    for (int i = 1; i < kParts; ++i) m = m < a.r[i] ? m : a.r[i];
+    double found = m[0];
+    for (int k = 1; k < kRegisterBytes / 8; ++k) found = smaller(found, m[k]);
+    return found;
+#endif
+}
+
+// Eight floats as doubles.
+HIL_INLINE D load_floats(const float *p) {
+    D v;
+#if defined(__AVX512F__)
+    v.r[0] = (DoubleRegister)_mm512_maskz_cvtps_pd(0xff, _mm256_loadu_ps(p));
+#else
+    typedef float Half __attribute__((vector_size(kRegisterBytes / 2)));
+    for (int i = 0; i < kParts; ++i) {
+        Half half;
+        __builtin_memcpy(&half, p + (kRegisterBytes / 8) * i, sizeof half);
+        v.r[i] = __builtin_convertvector(half, DoubleRegister);
+    }
+#endif
+    return v;
+}
+
+HIL_INLINE void bound(const D &o, const D &d, int axis, Beam &b) {
+    const double o_lo = smallest(o), o_hi = largest(o), lo = smallest(d), hi = largest(d);
+    const bool up = lo > kSameWay, down = hi < -kSameWay, one_way = up || down;
+    b.o_lo[axis] = o_lo, b.o_hi[axis] = o_hi;
+    b.d_lo[axis] = smaller(lo, 0.0), b.d_hi[axis] = larger(hi, 0.0);
+    b.near[axis] = down ? 3 + axis : axis;
+    b.away[axis] = down ? axis : 3 + axis;
+    b.o_near[axis] = down ? o_lo : o_hi;
+    b.o_away[axis] = down ? o_hi : o_lo;
+    b.i_lo[axis] = one_way ? 1.0 / hi : 0.0;
+    b.i_hi[axis] = one_way ? 1.0 / lo : 0.0;
+    b.open[axis] = one_way ? 0.0 : kInf;
+    b.both_ways |= one_way ? 0u : 1u << axis;
+}
+
+HIL_INLINE Beam beam_of(const Vec<D> &o, const Vec<D> &d, double t_min) {
+    Beam b;
+    b.both_ways = 0;
+    bound(o.x, d.x, 0, b);
+    bound(o.y, d.y, 1, b);
+    bound(o.z, d.z, 2, b);
+    b.t_min = t_min;
+    return b;
+}
+
+// Which of a node's eight boxes any ray of the beam may meet before `far`, and from when on.
+HIL_INLINE unsigned reached(const WideNode &node, const Beam &b, double far, D &entry) {
+    D enter = splat<D>(b.t_min), leave = splat<D>(far);
+#pragma GCC unroll 3
+    for (int a = 0; a < 3; ++a) {
+        const D near = load_floats(node.face[b.near[a]]) - b.o_near[a];
+        const D away = load_floats(node.face[b.away[a]]) - b.o_away[a];
+        enter = max(enter, min(near * b.i_lo[a], near * b.i_hi[a]) - b.open[a]);
+        leave = min(leave, max(away * b.i_lo[a], away * b.i_hi[a]) + b.open[a]);
+    }
+    unsigned met = bits(enter <= leave);
+    // Directions of both signs: what the beam sweeps over up to where it leaves.
+    if (b.both_ways != 0 && met != 0) {
+        for (int a = 0; a < 3; ++a) {
+            if ((b.both_ways >> a & 1u) == 0) continue;
+            met &= bits(b.o_lo[a] + leave * b.d_lo[a] <= load_floats(node.face[3 + a]));
+            met &= bits(b.o_hi[a] + leave * b.d_hi[a] >= load_floats(node.face[a]));
+        }
+    }
+    entry = enter;
+    return met;
+}
+
+// Near to far over the items that the beam reaches before `far`, which `on_item` brings nearer.
+template <class OnItem>
+HIL_INLINE void walk(const WideNode *nodes, const Beam &beam, StackEntry *stack, const double &far, OnItem on_item) {
+    int top = 0;
+    stack[top++] = {beam.t_min, 0};
+    while (top > 0) {
+        const StackEntry next = stack[--top];
+        if (next.near > far) continue;
+        if (next.child < 0) {
+            on_item(~next.child, stack + top);
+            continue;
+        }
+        const WideNode &node = nodes[next.child];
+        D entry;
+        unsigned met = reached(node, beam, far, entry);
+        double near[kLanes];
+        store(near, entry);
+        const int bottom = top;
+        while (met != 0) {
+            const int i = __builtin_ctz(met);
+            met &= met - 1;
+            int at = top++;
+            for (; at > bottom && stack[at - 1].near < near[i]; --at) stack[at] = stack[at - 1];
+            stack[at] = {near[i], node.child[i]};
+        }
+    }
+}
+
+// Nearer than what was there, or as near and first by number.
+HIL_INLINE bool take(Packet &p, const D &t, double geom, double part) {
+    if (!any(t <= p.t)) return false;
+    const D g = splat<D>(geom), k = splat<D>(part);
+    const auto first = (g < p.geom) | ((g == p.geom) & (k < p.part));
+    const auto better = (t < splat<D>(kInf)) & ((t < p.t) | ((t == p.t) & first));
+    if (!any(better)) return false;
+    p.t = select(better, t, p.t);
+    p.geom = select(better, g, p.geom);
+    p.part = select(better, k, p.part);
+    return true;
+}
+
+HIL_INLINE Vec<D> into(const double *R, const Vec<D> &v) {
+    return {v.x * R[0] + v.y * R[3] + v.z * R[6], v.x * R[1] + v.y * R[4] + v.z * R[7],
+            v.x * R[2] + v.y * R[5] + v.z * R[8]};
+}
+
+// The interval of each ray within a box.
+HIL_INLINE Interval<D> within(const Vec<D> &o, const Vec<D> &inverse, const float *lo, const float *hi) {
+    const D ax = ((double)lo[0] - o.x) * inverse.x, bx = ((double)hi[0] - o.x) * inverse.x;
+    const D ay = ((double)lo[1] - o.y) * inverse.y, by = ((double)hi[1] - o.y) * inverse.y;
+    const D az = ((double)lo[2] - o.z) * inverse.z, bz = ((double)hi[2] - o.z) * inverse.z;
+    return {max(max(min(ax, bx), min(ay, by)), min(az, bz)), min(min(max(ax, bx), max(ay, by)), max(az, bz))};
+}
+
+HIL_INLINE D inverse_of(const D &d) {
+    const D tiny = splat<D>(LaneTraits<D>::kTiny);
+    return 1.0 / select(abs(d) < tiny, copysign(tiny, d), d);
+}
+
+// What a mesh needs of each ray of a packet, in its own frame, and what each has met.
+struct Lanes {
+    double o[3][kLanes], d[3][kLanes];
+    double t[kLanes], geom[kLanes], part[kLanes], leave[kLanes];
+};
+
+// One ray against eight triangles; true if it met one of them sooner.
+HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_min, int lane, Lanes &rays) {
+    Vec<D> v[3];
+    for (int c = 0; c < 3; ++c) {
+        v[c] = {load_floats(block.corner[c][0]) - rays.o[0][lane], load_floats(block.corner[c][1]) - rays.o[1][lane],
+                load_floats(block.corner[c][2]) - rays.o[2][lane]};
+    }
+    const Vec<D> d{splat<D>(rays.d[0][lane]), splat<D>(rays.d[1][lane]), splat<D>(rays.d[2][lane])};
+    const D t = ray_triangle(triangle(v[0], v[1], v[2]), d, splat<D>(t_min));
+    if (!any(t <= splat<D>(rays.t[lane]))) return false;
+    const double nearest = smallest(t);
+    if (!(nearest < kInf)) return false;
+    const int place = __builtin_ctz(bits(t == splat<D>(nearest)));
+    const double part = block.first + (place < block.count ? place : block.count - 1);
+    const bool first = index < rays.geom[lane] || (index == rays.geom[lane] && part < rays.part[lane]);
+    if (nearest == rays.t[lane] && !first) return false;
+    rays.t[lane] = nearest;
+    rays.geom[lane] = index;
+    rays.part[lane] = part;
+    return true;
+}
+
+__attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
+                                         bool tree, StackEntry *stack, Packet &p, double t_min, double &far) {
+    const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
+    const Interval<D> box = within(o, inverse, mesh.lo, mesh.hi);
+    // Rays that the mesh's box does not concern neither widen the beam nor keep it from ending.
+    const auto concerned = (box.enter <= box.leave) & (box.leave >= p.t_min) & (box.enter <= p.t);
+    const unsigned active = tree ? bits(concerned) : (1u << kLanes) - 1;
+    if (active == 0) return;
+    Lanes rays;
+    store(rays.o[0], o.x), store(rays.o[1], o.y), store(rays.o[2], o.z);
+    store(rays.d[0], d.x), store(rays.d[1], d.y), store(rays.d[2], d.z);
+    store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
+    store(rays.leave, box.leave);
+    if (!tree) {
+        for (int lane = 0; lane < kLanes; ++lane)
+            for (std::int32_t i = 0; i < mesh.block_count; ++i) meet_block(mesh.blocks[i], index, t_min, lane, rays);
+    } else {
+        const int any_lane = __builtin_ctz(active);
+        const auto only = [&](const D &v, const double *lanes) {
+            return select(concerned, v, splat<D>(lanes[any_lane]));
+        };
+        const Vec<D> from{only(o.x, rays.o[0]), only(o.y, rays.o[1]), only(o.z, rays.o[2])};
+        const Vec<D> to{only(d.x, rays.d[0]), only(d.y, rays.d[1]), only(d.z, rays.d[2])};
+        const Beam beam = beam_of(from, to, t_min);
+        double mesh_far;
+        const auto renew = [&] {
+            mesh_far = -1.0;
+            for (unsigned left = active; left != 0; left &= left - 1) {
+                const int lane = __builtin_ctz(left);
+                mesh_far = larger(mesh_far, smaller(rays.t[lane], rays.leave[lane]));
+            }
+        };
+        renew();
+        walk(mesh.nodes, beam, stack, mesh_far, [&](std::int32_t i, StackEntry *) {
+            const TriangleBlock &block = mesh.blocks[i];
+            const Interval<D> in = within(o, inverse, block.lo, block.hi);
+            const auto enters = (in.enter <= in.leave) & (in.leave >= p.t_min) & (in.enter <= load<D>(rays.t));
+            bool met = false;
+            for (unsigned left = bits(enters); left != 0; left &= left - 1) {
+                met |= meet_block(block, index, t_min, __builtin_ctz(left), rays);
+            }
+            if (met) renew();
+        });
+    }
+    p.t = load<D>(rays.t);
+    p.geom = load<D>(rays.geom);
+    p.part = load<D>(rays.part);
+    far = smaller(largest(p.t), kBeyond);
+}
+
+HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
+                          double t_min, double &far) {
+    const CastGeom &g = scene.geoms[index];
+    const Vec<D> from{p.o.x - g.p_WG[0], p.o.y - g.p_WG[1], p.o.z - g.p_WG[2]};
+    D t;
+    if (g.shape == Shape::kSphere) {
+        t = ray_sphere(from, p.d, g.size[0], p.t_min);
+    } else {
+        const Vec<D> o = into(g.R_WG, from), d = into(g.R_WG, p.d);
+        switch (g.shape) {
+            case Shape::kBox: t = ray_box(o, d, g.size, p.t_min); break;
+            case Shape::kCapsule: t = ray_capsule(o, d, g.size[0], g.size[1], p.t_min); break;
+            case Shape::kCylinder: t = ray_cylinder(o, d, g.size[0], g.size[1], p.t_min); break;
+            case Shape::kPlane: t = ray_plane(o, d, g.size, p.t_min); break;
+            case Shape::kEllipsoid: {
+                const double *k = g.inverse_size;
+                t = ray_ellipsoid(Vec<D>{o.x * k[0], o.y * k[1], o.z * k[2]},
+                                  Vec<D>{d.x * k[0], d.y * k[1], d.z * k[2]}, p.t_min);
+                break;
+            }
+            case Shape::kMesh:
+                meet_mesh(scene.meshes[g.mesh], (double)index, o, d, tree, stack, p, t_min, far);
+                return;
+            default: return;
+        }
+    }
+    if (take(p, t, (double)index, -1.0)) far = smaller(largest(p.t), kBeyond);
+}
+
+// Column `axis` of eight rows, put together in registers.
+HIL_INLINE D column(const double *const *row, int axis) {
+    D v;
+    for (int i = 0; i < kParts; ++i) {
+        const double *const *r = row + i * (kRegisterBytes / 8);
+#if defined(__AVX512F__)
+        v.r[i] = (DoubleRegister){r[0][axis], r[1][axis], r[2][axis], r[3][axis],
+                                  r[4][axis], r[5][axis], r[6][axis], r[7][axis]};
+#elif defined(__AVX2__)
+        v.r[i] = (DoubleRegister){r[0][axis], r[1][axis], r[2][axis], r[3][axis]};
+#else
+        v.r[i] = (DoubleRegister){r[0][axis], r[1][axis]};
+#endif
+    }
+    return v;
+}
+HIL_INLINE Vec<D> rows(const double *from, const std::int32_t *ray) {
+    const double *row[kLanes];
+    for (int i = 0; i < kLanes; ++i) row[i] = from + 3 * (std::size_t)ray[i];
+    return {column(row, 0), column(row, 1), column(row, 2)};
+}
+
+// Rays that can be cast: finite, with a direction, from within the world.
+HIL_INLINE MaskOf<D> usable(const Vec<D> &o, const Vec<D> &d) {
+    const D world = splat<D>(kFarthest), longest = splat<D>(1e6);
+    return (abs(o.x) < world) & (abs(o.y) < world) & (abs(o.z) < world) & (abs(d.x) < longest) &
+           (abs(d.y) < longest) & (abs(d.z) < longest) & (dot(d, d) > splat<D>(1e-12));
+}
+
+}  // namespace
+
+void cast_packets(const CastScene &scene, const RayBatch &rays, std::size_t begin, std::size_t end,
+                  StackEntry *stack) {
+    const double t_min = rays.t_min > 0.0 ? rays.t_min : 0.0;
+    const double limit = rays.skips.max_range ? rays.t_max : kInf;
+    for (std::size_t at = begin; at < end; at += kLanes) {
+        const int count = end - at < (std::size_t)kLanes ? (int)(end - at) : kLanes;
+        std::int32_t ray[kLanes];
+        for (int i = 0; i < kLanes; ++i) ray[i] = rays.order[at + (std::size_t)(i < count ? i : 0)];
+        Packet p;
+        p.d = rows(rays.direction, ray);
+        if (rays.one_origin) {
+            p.o = {splat<D>(rays.origin[0]), splat<D>(rays.origin[1]), splat<D>(rays.origin[2])};
+        } else {
+            p.o = rows(rays.origin, ray);
+        }
+        const auto good = usable(p.o, p.d);
+        const unsigned valid = bits(good);
+        if (valid != 0 && valid != (1u << kLanes) - 1) {
+            // A lane without a ray looks where another one does, and takes nothing.
+            const int other = __builtin_ctz(valid);
+            const auto lane = [&](D v) {
+                double x[kLanes];
+                store(x, v);
+                return select(good, v, splat<D>(x[other]));
+            };
+            p.o = {lane(p.o.x), lane(p.o.y), lane(p.o.z)};
+            p.d = {lane(p.d.x), lane(p.d.y), lane(p.d.z)};
+        }
+        p.geom = p.part = splat<D>(kInf);
+        p.t = select(good, splat<D>(limit), splat<D>(-kInf));
+        if (valid != 0 && t_min <= rays.t_max) {
+            p.t_min = splat<D>(t_min);
+            double far = smaller(largest(p.t), kBeyond);
+            const auto meet = [&](std::int32_t geom, StackEntry *free) {
+                meet_geom(scene, geom, rays.skips.tree, free, p, t_min, far);
+            };
+            if (rays.skips.tree) {
+                for (std::int32_t i = 0; i < scene.unbounded_count; ++i) meet(scene.unbounded[i], stack);
+                const Beam beam = beam_of(p.o, p.d, t_min);
+                if (scene.fixed != nullptr) walk(scene.fixed, beam, stack, far, meet);
+                if (scene.moving != nullptr) walk(scene.moving, beam, stack, far, meet);
+            } else {
+                for (std::int32_t i = 0; i < scene.geom_count; ++i)
+                    if (scene.geoms[i].shown) meet(i, stack);
+            }
+        }
+        const auto hit = (p.geom < splat<D>(kInf)) & (p.t <= splat<D>(rays.t_max));
+        double t[kLanes], geom[kLanes], part[kLanes];
+        store(t, select(hit, p.t, splat<D>(kInf)));
+        store(geom, select(hit, p.geom, splat<D>(-1.0)));
+        for (int i = 0; i < count; ++i) {
+            rays.range[ray[i]] = t[i];
+            rays.geom[ray[i]] = (std::int32_t)geom[i];
+        }
+        if (rays.triangle == nullptr) continue;
+        store(part, select(hit, p.part, splat<D>(-1.0)));
+        for (int i = 0; i < count; ++i) rays.triangle[ray[i]] = (std::int32_t)part[i];
+    }
+}
+
+}  // namespace hil::sim::frame::HIL_ISA

@@ -1,0 +1,223 @@
+"""LiDAR: a cloud of points over one sweep, each with its time, ring, intensity and class.
+
+The sweep ends at the capture: it covers [t_capture - period, t_capture). Ray i fires `time_offset_ns[i]` (< 0) from the
+capture, from where the vehicle is then (sim/sensors/sweep_motion.py says how exact that is). Moving people and vehicles
+are posed `subsweeps` times a sweep, in the middle of each part: a limb at 5 m/s is off by at most 25 mm with ten parts
+of a sweep of 0.1 s, a walking body by 8 mm. With `rolling: false` everything is of the instant of capture, offsets too.
+
+`points_L` is what the device puts out: range times direction in its own frame L (forward, left, up) at the ray's own
+time, so the cloud of a moving vehicle is bent, and straightening it is up to who receives it. p_WL and q_WL are the
+pose at the capture. Rays without a return are left out.
+
+Nothing beyond the range is looked at and nothing without a geom in reach is tested: both change no bit
+(`RayCaster.cast(tree=..., max_range=...)` and their test).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
+from hil.signals.time import NS_PER_S
+from sim._kernels import RayCaster, coherent_order, sweep_rays
+from sim.frame.mount import Mount
+from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
+from sim.sensors.lidar_parameters import LidarParameters
+from sim.sensors.lidar_pattern import MAX_POINTS, Sweep
+from sim.sensors.rotation import rotate_into_world
+from sim.sensors.sensor import Installation
+from sim.sensors.sweep_motion import at_rest, sweep_motion
+
+Float64 = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+# A beam's footprint: the middle and four rays at half its radius, which share its light evenly.
+_FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """A sweep made ready: its rays in B, for each part of the footprint, and how to take them."""
+
+    sweep: Sweep
+    directions_B: list[Float64]  # (n, 3) each
+    origins_B: Float64  # (n, 3)
+    offset_ns: NDArray[np.int32]
+    parts: list[slice]  # one for each posing of the scene
+    orders: list[NDArray[np.int32]]
+
+
+class Lidar:
+    """One LiDAR on the vehicle."""
+
+    sample_type = PointCloudSample
+
+    def __init__(self, installation: Installation, parameters: LidarParameters) -> None:
+        """Raises ValueError without `installation.frames`, or for more points a sweep than anyone can want."""
+        p, frames = parameters, installation.frames
+        if frames is None:
+            raise ValueError(f"sensor '{installation.name}': a LiDAR needs the world's geometry (frames)")
+        self.name = installation.name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round(p.latency_s * NS_PER_S)
+        self.resolution: Mapping[str, float] = {"range_m": p.range_resolution_m}
+        count = p.pattern.points(self.period_ns)
+        if count > MAX_POINTS:
+            raise ValueError(
+                f"sensor '{self.name}': {count} points a sweep are more than {MAX_POINTS}; raise its rate_hz"
+            )
+        self._p = p
+        self._frames = frames
+        self._caster = RayCaster(frames.geometry.native)
+        world = frames.geometry.world
+        self._class = np.array(world.geom_class, dtype=np.uint8)
+        by_surface = np.array([surface.lidar_reflectivity for surface in world.surfaces])
+        self._reflectivity = by_surface[np.array(world.geom_surface)]
+        self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
+        self._pattern = p.pattern.over(self.period_ns)
+        self._receiver = Receiver(p, rays=count, seed=installation.seed, name=self.name)
+        self._footprint = _FOOTPRINT if p.beam_divergence_rad > 0.0 else _FOOTPRINT[:1]
+        m = len(self._footprint)
+        self._range = np.empty((m, count))
+        self._geom = np.empty((m, count), np.int32)
+        self._normal = np.empty((count, 3))
+        self._strength = np.empty((m, count))
+        self._origins_W = np.empty((count, 3))
+        self._directions_W = np.empty((count, 3))
+        self._rays: _Rays | None = None
+        self._before: TruthState | None = None
+
+    def sample(self, truth: TruthState, seq: int) -> PointCloudSample:
+        """Sweep `seq`. The first one takes the vehicle to have moved with unchanged accelerations."""
+        p, t_ns = self._p, truth.t_ns
+        rays = self._ready(seq)
+        motion = sweep_motion(truth, self._recent(t_ns)) if p.rolling else at_rest(truth)
+        self._before = truth
+        for k, directions_B in enumerate(rays.directions_B):
+            sweep_rays(motion, rays.offset_ns, rays.origins_B, directions_B, self._origins_W, self._directions_W)
+            self._cast(k, rays, truth)
+        self._frames.pose(t_ns, truth)
+        echoes = self._echoes()
+        kept, range_m, intensity = self._receiver.measure(echoes, seq)
+        sweep = rays.sweep
+        points = range_m[:, None] * sweep.directions_L
+        points[:, 2] += sweep.origin_z_m
+        q_WL: Quat = self.mount.attitude(truth)
+        arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
+        return PointCloudSample(
+            seq,
+            t_ns,
+            t_ns + self.latency_ns,
+            (truth.p_WB[0] + arm[0], truth.p_WB[1] + arm[1], truth.p_WB[2] + arm[2]),
+            q_WL,
+            _own(points[kept].astype(np.float32)),
+            _own(range_m[kept].astype(np.float32)),
+            _own(intensity[kept].astype(np.float32)),
+            _own(sweep.ring[kept]),
+            _own(rays.offset_ns[kept]),
+            _own(self._class[echoes.geom[kept]]),
+        )
+
+    def _recent(self, t_ns: int) -> TruthState | None:
+        """The truth before, if it is recent enough to tell how the vehicle moved during this sweep."""
+        before = self._before
+        return before if before is not None and 0 < t_ns - before.t_ns <= 2 * self.period_ns else None
+
+    def _ready(self, seq: int) -> _Rays:
+        """The rays of sweep `seq`, made ready anew only where they differ from those of the one before."""
+        sweep = self._pattern.sweep(seq)
+        if self._rays is None or self._rays.sweep is not sweep:
+            self._rays = self._prepare(sweep)
+        return self._rays
+
+    def _prepare(self, sweep: Sweep) -> _Rays:
+        p, mount = self._p, self.mount
+        rotation = [rotate_into_world(mount.q_BC, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        columns = np.array(rotation)  # row i: where axis i of L points in B
+        d = sweep.directions_L
+        origins_B = np.array(p.mount_m) + sweep.origin_z_m[:, None] * columns[2]
+        across, upward = _perpendicular(d)
+        directions_B = []
+        for a, b in self._footprint:
+            radius = 0.5 * p.beam_divergence_rad  # of the cone; small enough for its own tangent
+            tilted = _unit(d + (a * radius) * across + (b * radius) * upward) if a or b else d
+            directions_B.append(tilted[:, :1] * columns[0] + tilted[:, 1:2] * columns[1] + tilted[:, 2:] * columns[2])
+        n = len(d)
+        offset_ns = sweep.time_offset_ns if p.rolling else np.zeros(n, np.int32)
+        parts = [slice(0, n)]
+        if p.rolling and p.subsweeps > 1:
+            edges = [-self.period_ns + self.period_ns * k // p.subsweeps for k in range(1, p.subsweeps)]
+            cuts = [0, *np.searchsorted(offset_ns, edges).tolist(), n]
+            parts = [slice(a, b) for a, b in pairwise(cuts)]
+        orders = []
+        for part in parts:
+            order = np.empty(part.stop - part.start, np.int32)
+            coherent_order(directions_B[0][part], order)
+            orders.append(order)
+        return _Rays(sweep, directions_B, origins_B, offset_ns, parts, orders)
+
+    def _cast(self, k: int, rays: _Rays, truth: TruthState) -> None:
+        """Cast part `k` of the footprint, the scene posed anew for each part of the sweep."""
+        farthest = self._receiver.farthest_m
+        count = len(rays.parts)
+        for i, (part, order) in enumerate(zip(rays.parts, rays.orders, strict=True)):
+            if part.start == part.stop:
+                continue
+            middle_ns = truth.t_ns
+            if self._p.rolling:
+                middle_ns += -self.period_ns + self.period_ns * (2 * i + 1) // (2 * count)
+            self._frames.pose(max(0, middle_ns), truth)
+            self._caster.cast(
+                self._origins_W[part],
+                self._directions_W[part],
+                0.0,
+                farthest,
+                self._range[k, part],
+                self._geom[k, part],
+                self._normal[part],
+                order=order,
+            )
+        n, d = self._normal, self._directions_W
+        cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
+        hit = self._geom[k] >= 0
+        self._strength[k] = np.where(hit, self._reflectivity[self._geom[k]] * cosine, 0.0)
+
+    def _echoes(self) -> Echoes:
+        if len(self._footprint) == 1:
+            return single_echoes(self._range[0], self._strength[0], self._geom[0])
+        p = self._p
+        return choose_echoes(self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m)
+
+
+def _own(values: NDArray[Scalar]) -> NDArray[Scalar]:
+    """An array that belongs to one sample and is never written again."""
+    values.flags.writeable = False
+    return values
+
+
+def _unit(v: Float64) -> Float64:
+    return v / np.sqrt(v[:, :1] * v[:, :1] + v[:, 1:2] * v[:, 1:2] + v[:, 2:] * v[:, 2:])
+
+
+def _perpendicular(d: Float64) -> tuple[Float64, Float64]:
+    """Two unit vectors across each direction: one level, one upward."""
+    level = np.zeros_like(d)
+    level[:, 0], level[:, 1] = -d[:, 1], d[:, 0]
+    steep = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] < 1e-12  # straight up or down: any level direction does
+    level[steep] = (0.0, 1.0, 0.0)
+    level = _unit(level)
+    up = np.stack(
+        [
+            d[:, 1] * level[:, 2] - d[:, 2] * level[:, 1],
+            d[:, 2] * level[:, 0] - d[:, 0] * level[:, 2],
+            d[:, 0] * level[:, 1] - d[:, 1] * level[:, 0],
+        ],
+        axis=-1,
+    )
+    return level, up

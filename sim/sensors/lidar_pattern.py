@@ -1,0 +1,202 @@
+"""Where and when a LiDAR looks: the rays of one sweep in its own frame L (forward, left, up), each with its time.
+
+Spinning: channel c of column j fires at
+
+    t = j * column + c * firing            after the start of the turn, while t < period
+    azimuth = start -+ 2 pi t / period + offset_c,     direction = (cos e cos a, cos e sin a, sin e),  e = elevation_c
+
+The turn starts at the back (azimuth pi), so that the seam lies behind the vehicle and mid-sweep looks ahead.
+
+Rosette: two equal prisms that turn against each other bend the beam by the sum of two turning vectors (first-order
+optics of a Risley pair):
+
+    direction ~ (1, r),     r = tan(FOV / 2) / 2 * (e^{i w1 t} + e^{i w2 t}),     t from the start of the run
+
+Speeds are whole rpm, so the figure closes after 60 s over their greatest common divisor (2.7 s for 7294 and -4664); a
+device whose motors drift never closes it.
+
+Times of a sweep are counted back from its end, the instant of capture. Angles go through `det_sin` and `det_cos`, so
+the directions are the same bits on every machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from hil.signals.time import NS_PER_S
+from sim._kernels import det_cos, det_sin
+from sim.model_file import StrictModel
+
+_RAD_PER_DEG = 0.017453292519943295
+_NS_PER_MIN = 60 * NS_PER_S
+MAX_POINTS = 1_000_000  # of one sweep
+
+Float64 = NDArray[np.float64]
+Elevation = Annotated[float, Field(ge=-90.0, le=90.0)]
+Azimuth = Annotated[float, Field(ge=-180.0, le=180.0)]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The rays of one sweep in the order in which they fire. Arrays of one length, not to be written to."""
+
+    directions_L: Float64  # (n, 3), unit
+    origin_z_m: Float64  # (n,) height of the beam's origin over that of L
+    ring: NDArray[np.uint16]  # (n,) 0: the lowest channel
+    time_offset_ns: NDArray[np.int32]  # (n,) from the capture, -period <= offset < 0
+
+
+class Pattern(Protocol):
+    """What gives the rays of each sweep."""
+
+    def sweep(self, seq: int) -> Sweep:
+        """The rays of sweep `seq`; the same object where no sweep differs from another."""
+        ...
+
+
+class SpinningPattern(StrictModel):
+    """A column of channels on a turning head."""
+
+    kind: Literal["spinning"]
+    elevation_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=256)]  # in firing order
+    azimuth_offset_deg: tuple[Azimuth, ...] = ()  # of each channel, to the left; empty: none
+    origin_z_m: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = ()  # of each channel; empty: none
+    firing_ns: Annotated[int, Field(ge=0, le=10_000_000)]  # from one channel to the next; 0: all at once
+    column_ns: Annotated[int, Field(gt=0, le=1_000_000_000)] | None = None  # from one column to the next
+    columns: Annotated[int, Field(gt=0, le=100_000)] | None = None  # of one turn, where the device divides the turn
+    clockwise: bool = True  # seen from above
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SpinningPattern:
+        if (self.column_ns is None) == (self.columns is None):
+            raise ValueError("a spinning pattern needs either column_ns or columns")
+        n = len(self.elevation_deg)
+        for name in ("azimuth_offset_deg", "origin_z_m"):
+            got = len(getattr(self, name))
+            if got not in (0, n):
+                raise ValueError(f"{name} has {got} values for {n} channels")
+        if self.column_ns is not None and (n - 1) * self.firing_ns >= self.column_ns:
+            raise ValueError(f"{n} channels of {self.firing_ns} ns do not fit into a column of {self.column_ns} ns")
+        return self
+
+    def points(self, period_ns: int) -> int:
+        """Rays of one sweep."""
+        columns = self.columns if self.columns is not None else period_ns // (self.column_ns or period_ns)
+        return max(1, columns) * len(self.elevation_deg)
+
+    def over(self, period_ns: int) -> Pattern:
+        """The pattern of a device that turns once in `period_ns`."""
+        return _Spinning(self, period_ns)
+
+
+class RosettePattern(StrictModel):
+    """One beam behind two prisms that turn against each other."""
+
+    kind: Literal["rosette"]
+    field_of_view_deg: Annotated[float, Field(gt=0.0, lt=170.0)]  # full angle of the cone
+    prism_rpm: tuple[Annotated[int, Field(ge=-100_000, le=100_000)], Annotated[int, Field(ge=-100_000, le=100_000)]]
+    points_per_s: Annotated[int, Field(gt=0, le=10_000_000)]
+
+    def points(self, period_ns: int) -> int:
+        """Rays of one sweep."""
+        return max(1, self.points_per_s * period_ns // NS_PER_S)
+
+    def over(self, period_ns: int) -> Pattern:
+        """The pattern cut into sweeps of `period_ns`."""
+        return _Rosette(self, period_ns)
+
+
+AnyPattern = Annotated[SpinningPattern | RosettePattern, Field(discriminator="kind")]
+
+
+def _angles(angles_rad: Float64) -> tuple[Float64, Float64]:
+    """Cosines and sines, the same bits everywhere."""
+    values = angles_rad.tolist()
+    return np.array([det_cos(a) for a in values]), np.array([det_sin(a) for a in values])
+
+
+class _Spinning:
+    """Every turn is the same."""
+
+    def __init__(self, pattern: SpinningPattern, period_ns: int) -> None:
+        self._pattern = pattern
+        self._period_ns = period_ns
+
+    def sweep(self, seq: int) -> Sweep:  # noqa: ARG002
+        """The rays of any turn."""
+        return self._turn
+
+    @cached_property
+    def _turn(self) -> Sweep:
+        p, period_ns = self._pattern, self._period_ns
+        channels = len(p.elevation_deg)
+        columns = p.points(period_ns) // channels
+        if p.columns is not None:
+            start_ns = np.arange(columns, dtype=np.int64) * period_ns // columns
+        else:
+            start_ns = np.arange(columns, dtype=np.int64) * (p.column_ns or 0)
+        fire_ns = start_ns[:, None] + np.arange(channels, dtype=np.int64) * p.firing_ns
+        # A device that divides the turn may fire its last channels after it: they belong to its last instant.
+        fire_ns = np.minimum(fire_ns, period_ns - 1)
+        sense = -1.0 if p.clockwise else 1.0
+        turn_cos, turn_sin = _angles((2.0 * np.pi) * (0.5 + sense * (fire_ns.ravel() / period_ns)))
+        offset = np.array(p.azimuth_offset_deg or (0.0,) * channels) * _RAD_PER_DEG
+        offset_cos, offset_sin = (np.tile(x, columns) for x in _angles(offset))
+        level, up = (np.tile(x, columns) for x in _angles(np.array(p.elevation_deg) * _RAD_PER_DEG))
+        directions = np.stack(
+            [
+                level * (turn_cos * offset_cos - turn_sin * offset_sin),
+                level * (turn_sin * offset_cos + turn_cos * offset_sin),
+                up,
+            ],
+            axis=-1,
+        )
+        # Rings count from the lowest channel up, whatever order they fire in.
+        order = sorted(range(channels), key=lambda c: (p.elevation_deg[c], c))
+        ring = np.empty(channels, dtype=np.uint16)
+        ring[order] = np.arange(channels, dtype=np.uint16)
+        origin_z_m = np.tile(np.array(p.origin_z_m or (0.0,) * channels), columns)
+        offset_ns = (fire_ns.ravel() - period_ns).astype(np.int32)
+        # Columns of a device that divides the turn may overlap in time.
+        first = np.argsort(offset_ns, kind="stable")
+        return Sweep(directions[first], origin_z_m[first], np.tile(ring, columns)[first], offset_ns[first])
+
+
+class _Rosette:
+    """No sweep is like another: the prisms go on from where they were."""
+
+    def __init__(self, pattern: RosettePattern, period_ns: int) -> None:
+        self._pattern = pattern
+        self._period_ns = period_ns
+        n = pattern.points(period_ns)
+        self._fire_ns = np.arange(n, dtype=np.int64) * period_ns // n
+        half_rad = 0.5 * pattern.field_of_view_deg * _RAD_PER_DEG
+        self._radius = 0.5 * det_sin(half_rad) / det_cos(half_rad)
+        # Turns within a sweep, once: a sweep only adds the turn at its start (addition theorem).
+        self._within = [_angles((2.0 * np.pi) * ((rpm * self._fire_ns) / _NS_PER_MIN)) for rpm in pattern.prism_rpm]
+        self._zero = np.zeros(n)
+        self._ring = np.zeros(n, dtype=np.uint16)
+        self._offset_ns = (self._fire_ns - period_ns).astype(np.int32)
+
+    def sweep(self, seq: int) -> Sweep:
+        """The rays of sweep `seq`, the first from the start of the run."""
+        left, up = self._zero, self._zero
+        for rpm, (cosine, sine) in zip(self._pattern.prism_rpm, self._within, strict=True):
+            # Whole turns leave in integers: an hour on, the phase is as exact as at the start.
+            phase = 2.0 * np.pi * ((rpm * seq * self._period_ns) % _NS_PER_MIN / _NS_PER_MIN)
+            c, s = det_cos(phase), det_sin(phase)
+            left = left + (c * cosine - s * sine)
+            up = up + (s * cosine + c * sine)
+        left, up = self._radius * left, self._radius * up
+        directions = np.empty((len(left), 3))
+        inverse = 1.0 / np.sqrt(1.0 + (left * left + up * up))
+        directions[:, 0] = inverse
+        directions[:, 1] = left * inverse
+        directions[:, 2] = up * inverse
+        return Sweep(directions, self._zero, self._ring, self._offset_ns)
