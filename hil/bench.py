@@ -241,7 +241,9 @@ class _Run:
             # Signatures carry wall-clock time.
             outside_input=self.config.autopilot.signing_key_file is not None
             or (self.router is not None and self.router.received_any)
-            or (self.manual is not None and self.manual.sent > 0),
+            or (self.manual is not None and self.manual.sent > 0)
+            # Another machine's driver draws other pictures.
+            or any(getattr(s.parameters, "colour", "native") != "native" for s in self.config.sensors.values()),
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             timing_s=self.timing_s,
@@ -314,6 +316,7 @@ class _Run:
         )
         if needs_frames(config, plan):
             self.frames = make_frames(self.bench)
+            stack.callback(self.frames.close)
         self.slots = [self._slot(name, s, plan) for name, s in config.sensors.items() if is_wanted(name, s, plan)]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
@@ -62,9 +62,20 @@ class FrameSource(Protocol):
         ...
 
     def renderer(
-        self, camera: CameraModel, *, shadows: bool, supersample: int, near_m: float, far_m: float
+        self,
+        camera: CameraModel,
+        *,
+        shadows: bool,
+        supersample: int,
+        near_m: float,
+        far_m: float,
+        colour: str = "native",
     ) -> Renderer:
-        """A renderer for one camera."""
+        """A renderer for one camera; `colour`: who draws its rgb (sim.frame.mujoco_backend)."""
+        ...
+
+    def close(self) -> None:
+        """Give back what renderers hold. Call once, when no further picture is taken."""
         ...
 
 
@@ -79,6 +90,7 @@ class SharedFrames:
         self.geometry: Any = FrameGeometry(world)
         self.classes = Classes(world.class_names, world.class_colours)
         self._threads = threads
+        self._to_close: list[Callable[[], None]] = []
 
     @property
     def posed(self) -> int:
@@ -101,12 +113,19 @@ class SharedFrames:
         self.geometry.pose(t_ns)
 
     def renderer(
-        self, camera: CameraModel, *, shadows: bool, supersample: int, near_m: float, far_m: float
+        self,
+        camera: CameraModel,
+        *,
+        shadows: bool,
+        supersample: int,
+        near_m: float,
+        far_m: float,
+        colour: str = "native",
     ) -> Renderer:
-        """A renderer for one camera."""
+        """A renderer for one camera. Raises ColourBackendError where MuJoCo's is asked for and cannot be had."""
         from sim.frame.renderer import FrameRenderer
 
-        made: Renderer = FrameRenderer(
+        native = FrameRenderer(
             self.geometry,
             camera,
             shadows=shadows,
@@ -115,4 +134,16 @@ class SharedFrames:
             far_m=far_m,
             threads=self._threads,
         )
+        if colour == "native":
+            return native
+        from sim.frame.mixed_renderer import MixedRenderer
+        from sim.frame.mujoco_backend import MujocoColour
+
+        made = MixedRenderer(native, MujocoColour(self.world, camera, backend=colour, shadows=shadows))
+        self._to_close.append(made.close)
         return made
+
+    def close(self) -> None:
+        """Gives graphics contexts back."""
+        while self._to_close:
+            self._to_close.pop()()

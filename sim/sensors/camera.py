@@ -51,7 +51,12 @@ class Camera:
         self.channels = p.channels
         self._frames = frames
         self._renderer: Renderer = frames.renderer(
-            self.model, shadows=p.shadows, supersample=p.supersample, near_m=p.near_m, far_m=p.far_m
+            self.model,
+            shadows=p.shadows,
+            supersample=p.supersample,
+            near_m=p.near_m,
+            far_m=p.far_m,
+            colour=p.colour,
         )
         self._moments = self._exposure_moments(p)
         self._bands = self._row_bands(p)

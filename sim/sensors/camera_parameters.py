@@ -120,8 +120,10 @@ class CameraParameters(StrictModel):
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
     mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zero looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05
-    far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 1000.0
+    far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 10_000.0
     shadows: bool = False
+    # Who draws rgb: the raster, or one of MuJoCo's renderers, for machines with a GPU (docs/frames.md).
+    colour: Literal["native", "egl", "filament"] = "native"
     supersample: Literal[1, 2] = 1  # 2: four samples of colour per pixel
     exposure: ExposureControl = ExposureControl()
     vignetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # 1: as cos^4 of the angle to the axis
@@ -158,7 +160,10 @@ class CameraParameters(StrictModel):
             raise ValueError(f"far_m {self.far_m:g} must be above near_m {self.near_m:g}")
         if self.supersample * max(self.resolution) > MAX_PIXELS_ACROSS:
             raise ValueError(f"supersample 2 takes pictures of at most {MAX_PIXELS_ACROSS // 2} pixels across")
-        check_invertible(self.model())
+        model = self.model()
+        check_invertible(model)
+        if self.colour != "native" and (not model.pinhole or abs(model.fx - model.fy) > 1e-6 * model.fy):
+            raise ValueError(f"colour {self.colour!r} draws pinhole cameras with square pixels only; use 'native'")
         return self
 
     def model(self) -> CameraModel:

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from hil.bench_suite.raster import buffers
-from hil.bench_suite.raster_cases import Case, scene_case
+from hil.bench_suite.raster_cases import Case, camera_pose, looking, scene_case
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import ColourBackendError, MujocoColour, egl_problem, filament_problem
 from sim.frame.renderer import FrameRenderer
+from sim.frame.source import SharedFrames, channel_array
+from sim.scene.scene import load_scene
+from sim.scene.world import load_world
 
 CAMERA = CameraModel.from_fov(160, 120, 90.0)
 
@@ -73,3 +76,26 @@ def test_what_cannot_be_drawn_is_refused_in_words(park: Case) -> None:
         MujocoColour(park.world, replace(CAMERA, fy=70.0))
     with pytest.raises(ColourBackendError, match="middle"):
         MujocoColour(park.world, replace(CAMERA, cx=70.0), backend="filament")
+
+
+def test_a_camera_with_colour_from_mujoco_keeps_the_rasters_other_channels() -> None:
+    if egl_problem():
+        pytest.skip(egl_problem())
+    frames = SharedFrames(load_world(load_scene("radar_range")))
+    camera = CameraModel.from_fov(64, 48, 80.0)
+    options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0}
+    pose = camera_pose(np.array([-4.0, 0.0, 1.8]), looking(0.0, 10.0))
+    pictures = {}
+    for colour in ("native", "egl"):
+        frames.expect(1_500_000_000)
+        out = {name: channel_array(name, camera) for name in ("rgb", "depth", "instance")}
+        out["rgb"][:] = 7
+        renderer = frames.renderer(camera, colour=colour, **options)
+        renderer.render(pose, out, rows=(0, 24))
+        pictures[colour] = out
+    frames.close()
+    assert (pictures["egl"]["rgb"][24:] == 7).all()
+    assert np.abs(pictures["egl"]["rgb"][:24].astype(int) - pictures["native"]["rgb"][:24]).mean() < 80.0
+    assert (pictures["egl"]["rgb"][:24] != pictures["native"]["rgb"][:24]).any()
+    for name in ("depth", "instance"):
+        assert np.array_equal(pictures["egl"][name][:24], pictures["native"][name][:24])

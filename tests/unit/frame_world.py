@@ -51,6 +51,9 @@ class FormulaFrames:
         self.options.append(options)
         return FormulaRenderer(self, camera)
 
+    def close(self) -> None:
+        pass
+
 
 class FormulaRenderer:
     def __init__(self, frames: FormulaFrames, camera: CameraModel) -> None:

@@ -47,8 +47,6 @@ MAY_STAY = {
 G = 9.80665
 TO_SI = {
     "m": 1.0,
-    "cm": 0.01,
-    "mm": 0.001,
     "ug/rtHz": 1e-6 * G,
     "mdps/rtHz": math.radians(1e-3),
     "dps/rtHz": math.radians(1.0),
