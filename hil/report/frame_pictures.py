@@ -46,6 +46,7 @@ _MOST_NAMES = 14  # in a legend
 _LARGEST_CLOUD_M = 120.0
 _INK = "#20262e"
 _WIDTH_IN, _HEAD_IN, _MARGIN_IN = 13.5, 0.42, 0.08  # of a figure; dots per inch: hil.report.figures
+_FOOT_IN = 0.25  # the numbers under an axis of the last row
 _PICTURE_PART = 0.76  # of a panel's width; beside it the legend
 _FLATTEST, _TALLEST = 0.1, 2.5  # pictures beyond this are stretched to it
 _WIDEST_IN = 6.2  # picture, where there is only one
@@ -221,7 +222,7 @@ def _panels(
     cell_in = _WIDTH_IN / columns
     picture_in = min(cell_in * _PICTURE_PART, _WIDEST_IN)
     row_in = picture_in * ratio + space_in
-    height_in = rows * row_in + _HEAD_IN
+    height_in = rows * row_in + _HEAD_IN + _FOOT_IN
     figure = Figure(figsize=(_WIDTH_IN, height_in))
     figure.text(0.01, 1.0 - 0.1 / height_in, title, va="top", fontsize=11, fontweight="bold", color=_INK)
     panels = []

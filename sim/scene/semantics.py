@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.maps.scene_map import Actor, Surface
+from sim.scene.surfaces import NO_SURFACE
 
 MAX_INSTANCES = 2**16 - 1
 _VISIBLE_GROUPS = 3  # groups below are drawn
@@ -128,12 +129,12 @@ def _matching(pattern: str, names: Mapping[str, object]) -> list[str]:
 def surfaces(
     model: mujoco.MjModel, names: Names, of_material: Mapping[str, Surface], default: Surface
 ) -> tuple[NDArray[np.uint8], tuple[Surface, ...]]:
-    """Surface of each geom, and the surfaces, the default first. Equal surfaces are one."""
-    table: dict[Surface, int] = {default: 0}
-    number = [table.setdefault(of_material[name], len(table)) if name in of_material else 0 for name in names.materials]
+    """Surface of each geom, and the surfaces: first that of nothing, then the default. Equal surfaces are one."""
+    table: dict[Surface, int] = {NO_SURFACE: 0, default: 1}
+    number = [table.setdefault(of_material[name], len(table)) if name in of_material else 1 for name in names.materials]
     if len(table) > 256:
         raise ValueError("holds more than 256 different surfaces")
-    of_geom = np.array([*number, 0], np.uint8)[model.geom_matid]  # material -1: the last, which is the default
+    of_geom = np.array([*number, 1], np.uint8)[model.geom_matid]  # material -1: the last, which is the default
     return of_geom, tuple(table)
 
 

@@ -26,5 +26,6 @@ SURFACES: dict[str, Surface] = {
     "sand": surfaces.SAND,
     "rubber": surfaces.RUBBER,
 }
+NO_SURFACE = Surface(lidar_reflectivity=0.0, relative_permittivity=1.0, conductivity_s_per_m=0.0, roughness_m=0.0)
 DEFAULT_SURFACE = SURFACES["concrete"]  # of what has no material, or one that nobody described
 MAX_SURFACES = 256  # a surface id is one byte

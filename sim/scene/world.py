@@ -48,7 +48,7 @@ class World:
     class_names: tuple[str, ...]  # index = class id; [0] == "none"
     class_colours: tuple[tuple[int, int, int], ...]  # to show them in
     instance_names: tuple[str, ...]  # index = instance id; [0] == "none"
-    surfaces: tuple[Surface, ...]  # index = surface id
+    surfaces: tuple[Surface, ...]  # index = surface id; [0] is that of nothing
     geom_class: NDArray[np.uint8]
     geom_instance: NDArray[np.uint16]
     geom_surface: NDArray[np.uint8]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,9 +17,11 @@ SECONDS = 60
 
 @pytest.fixture(scope="module")
 def fuzz_frame() -> Path:
-    if shutil.which("cmake") is None:
-        pytest.skip("no cmake on the PATH")
-    for command in (["cmake", "-S", str(HERE), "-B", str(BUILD)], ["cmake", "--build", str(BUILD), "--parallel", "2"]):
+    # The environment's own cmake; what built the kernels.
+    cmake = shutil.which("cmake", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
+    if cmake is None:
+        pytest.skip("no cmake, neither in the environment nor on the PATH")
+    for command in ([cmake, "-S", str(HERE), "-B", str(BUILD)], [cmake, "--build", str(BUILD), "--parallel", "2"]):
         made = subprocess.run(command, capture_output=True, text=True, check=False)
         if made.returncode != 0 and "asan" in made.stderr:
             pytest.skip("this compiler has no AddressSanitizer")

@@ -16,7 +16,7 @@ from sim.scene.classes import CLASS_COLOURS, MAX_CLASSES, class_table
 from sim.scene.light import Light
 from sim.scene.maps import catalog
 from sim.scene.scene import Box, Scene, load_scene, scene_names
-from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
+from sim.scene.surfaces import DEFAULT_SURFACE, NO_SURFACE, SURFACES
 from sim.scene.world import World, load_world
 from tests.unit.walled_yard import TETRAHEDRON, Pacer, yard, yard_map
 
@@ -44,7 +44,8 @@ def test_without_a_map_the_world_is_the_ground_and_boxes() -> None:
     assert tuple(world.model.geom("crate").size) == (1.0, 2.0, 3.0)
     assert world.class_names[0] == "none"
     assert world.geom_visible.all()
-    assert world.surfaces == (DEFAULT_SURFACE,)
+    assert world.surfaces == (NO_SURFACE, DEFAULT_SURFACE)
+    assert (world.geom_surface == 1).all()
 
 
 def test_a_world_is_made_once() -> None:
@@ -66,7 +67,7 @@ def test_every_scene_has_a_world_in_which_every_vehicle_can_take_off(name: str) 
     assert world.geom_class.min() > 0
     assert world.geom_instance.max() == len(world.instance_names) - 1
     assert sorted(set(world.geom_instance.tolist())) == list(range(1, len(world.instance_names)))
-    assert world.geom_surface.max() == len(world.surfaces) - 1 or len(world.surfaces) == 1
+    assert world.geom_surface.max() == len(world.surfaces) - 1 or len(world.surfaces) == 2
     assert len(world.class_names) == len(world.class_colours) <= MAX_CLASSES
     assert not set(world.class_names) - set(CLASS_COLOURS), "a class that the table does not have"
     with pytest.raises(ValueError, match="read-only"):
