@@ -3,6 +3,8 @@
 
 #include <cstdint>
 #include <cstring>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "resolve.hpp"
@@ -60,17 +62,23 @@ public:
             if (!part.intact()) return false;
         return true;
     }
-    // Index of the first channel that differs in rows [row0, row1), of those that both have; -1: none.
-    int differs(const Channels &other, int row0, int row1) const {
-        for (int i = 0; i < 9; ++i) {
-            if (!has(i) || !other.has(i)) continue;
-            const auto [from, to] = span(i, row0, row1);
-            if (std::memcmp(parts_[static_cast<std::size_t>(i)].begin() + from,
-                            other.parts_[static_cast<std::size_t>(i)].begin() + from, to - from) != 0) {
-                return i;
+    // The first pixel that differs, as words: where, and the distance and geom that both have there.
+    std::string first_difference(const Channels &other, int row0, int row1) const {
+        for (int y = row0; y < row1; ++y) {
+            for (int x = 0; x < width_; ++x) {
+                for (int i = 0; i < 9; ++i) {
+                    if (!has(i) || !other.has(i)) continue;
+                    const std::size_t from = kBytes[i] * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                                                          static_cast<std::size_t>(x));
+                    const auto part = static_cast<std::size_t>(i);
+                    if (std::memcmp(parts_[part].begin() + from, other.parts_[part].begin() + from, kBytes[i]) != 0) {
+                        return "pixel (" + std::to_string(x) + ", " + std::to_string(y) + "), channel " +
+                               std::to_string(i) + "; " + seen(x, y) + ", and " + other.seen(x, y);
+                    }
+                }
             }
         }
-        return -1;
+        return "";
     }
     bool only_rows(int row0, int row1) const {
         for (int i = 0; i < 9; ++i) {
@@ -90,6 +98,15 @@ private:
     std::pair<std::size_t, std::size_t> span(int channel, int row0, int row1) const {
         const std::size_t row = kBytes[channel] * static_cast<std::size_t>(width_);
         return {row * static_cast<std::size_t>(row0), row * static_cast<std::size_t>(row1)};
+    }
+    std::string seen(int x, int y) const {
+        const std::size_t at = 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                                    static_cast<std::size_t>(x));
+        float range = 0.0f;
+        std::int32_t geom = 0;
+        if (has(1)) std::memcpy(&range, parts_[1].begin() + at, 4);
+        if (has(8)) std::memcpy(&geom, parts_[8].begin() + at, 4);
+        return "geom " + std::to_string(geom) + " at " + std::to_string(range) + " m";
     }
     int width_, height_;
     unsigned wanted_;

@@ -2,8 +2,10 @@
 // no numbers, poses that are none, cameras inside geometry, pictures of one pixel and of millions.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -19,6 +21,7 @@ using namespace hil::sim::frame;
 // SplitMix64 (Steele, Lea and Flood, OOPSLA 2014).
 class Dice {
 public:
+    bool bent = false;  // it has made a rotation that is none: bounds, and so what is culled, promise nothing
     explicit Dice(std::uint64_t seed) : state_(seed) {}
     std::uint64_t bits() {
         std::uint64_t z = (state_ += 0x9e3779b97f4a7c15u);
@@ -54,9 +57,10 @@ inline void rotation(Dice &dice, double *R) {
                             2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
                             2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
     for (int i = 0; i < 9; ++i) R[i] = made[i];
-    if (dice.one_in(40)) R[dice.below(9)] = dice.number(-1.0, 1.0);
-    if (dice.one_in(80)) {
-        for (int i = 0; i < 9; ++i) R[i] = 0.0;
+    if (dice.one_in(60)) {
+        dice.bent = true;
+        if (dice.one_in(2)) R[dice.below(9)] = dice.number(-1.0, 1.0);
+        else std::fill(R, R + 9, 0.0);
     }
 }
 
@@ -142,21 +146,25 @@ inline RasterCamera random_camera(Dice &dice, const Geometry &geometry) {
     return camera;
 }
 
-// Well-formed, as the bindings see to: powers of two, each level half the one before; the rest is anything.
+// Levels of a texture: an array, or a vector that has to grow first.
+template <class Offsets>
+void make_room(Offsets &offsets) {
+    if constexpr (requires { offsets.resize(16); }) offsets.resize(16);
+}
+
+// Well-formed, as the bindings see to: powers of two from 4, each level half the one before; the rest is anything.
 inline Texture random_texture(Dice &dice) {
     Texture t;
     t.cube = dice.one_in(3);
-    t.width = 1 << dice.below(6);
-    const int face = t.cube ? t.width : 1 << dice.below(6);
+    t.width = 4 << dice.below(5);
+    const int face = t.cube ? t.width : 4 << dice.below(5);
     t.height = t.cube ? 6 * face : face;
-    int w = t.width, h = face;
-    do {
-        t.offset.push_back(static_cast<std::int32_t>(t.texel.size()));
-        for (int i = 0; i < w * h * (t.cube ? 6 : 1); ++i) t.texel.push_back(static_cast<std::uint32_t>(dice.bits()));
-        ++t.levels;
-        if (w == 1 && h == 1) break;
-        w = w > 1 ? w / 2 : 1, h = h > 1 ? h / 2 : 1;
-    } while (!dice.one_in(6));
+    make_room(t.offset);
+    for (int w = t.width, h = face; w >= 4 && h >= 4; w /= 2, h /= 2) {
+        t.offset[t.levels++] = static_cast<std::int32_t>(t.texel.size());
+        for (int i = 0; i < w * h * (t.cube ? 6 : 1); ++i) t.texel.push_back(static_cast<std::int32_t>(dice.bits()));
+        if (dice.one_in(6)) break;
+    }
     return t;
 }
 
