@@ -29,7 +29,14 @@ void local_box(Geom &g, const std::vector<Mesh> &meshes) {
         g.half[0] = x, g.half[1] = y, g.half[2] = z;
     };
     switch (g.shape) {
-        case Shape::kPlane: half(s[0] > 0.0 ? s[0] : kInf, s[1] > 0.0 ? s[1] : kInf, 0.0); break;
+        case Shape::kPlane: {
+            // As the kernels read it: what rounds to nothing, or is too far to matter, is without end.
+            const auto edge = [](double size) {
+                return static_cast<float>(size) > 0.0f && size < kFarthest ? size : kInf;
+            };
+            half(edge(s[0]), edge(s[1]), 0.0);
+            break;
+        }
         case Shape::kSphere: half(s[0], s[0], s[0]); break;
         case Shape::kCapsule: half(s[0], s[0], s[1] + s[0]); break;
         case Shape::kCylinder: half(s[0], s[0], s[1]); break;

@@ -297,7 +297,9 @@ HIL_INLINE unsigned bits(const I &m) {
     unsigned found = 0;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
 #if defined(__AVX512F__)
-        found = _mm512_cmplt_epi32_mask((__m512i)m.r[i], _mm512_setzero_si512());
+        const __mmask16 mask = _mm512_cmplt_epi32_mask((__m512i)m.r[i], _mm512_setzero_si512());
+        // Not a conversion: GCC 12 can spill the mask as two bytes and read it back as four (tests/fuzz_frame).
+        __asm__("kmovw %1, %0" : "=r"(found) : "k"(mask));
 #elif defined(__AVX2__)
         found |= (unsigned)_mm256_movemask_ps((__m256)m.r[i]) << (8 * i);
 #elif defined(__SSE2__)
@@ -312,7 +314,8 @@ HIL_INLINE unsigned bits(const L &m) {
     unsigned found = 0;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
 #if defined(__AVX512F__)
-        found = _mm512_cmplt_epi64_mask((__m512i)m.r[i], _mm512_setzero_si512());
+        const __mmask8 mask = _mm512_cmplt_epi64_mask((__m512i)m.r[i], _mm512_setzero_si512());
+        __asm__("kmovb %1, %0" : "=r"(found) : "k"(mask));
 #elif defined(__AVX2__)
         found |= (unsigned)_mm256_movemask_pd((__m256d)m.r[i]) << (4 * i);
 #elif defined(__SSE2__)

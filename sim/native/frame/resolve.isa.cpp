@@ -169,8 +169,9 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
     level = select(covered < splat<F>(1), splat<I>(0), level);
     level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
-    u = u - floor(u);
-    v = v - floor(v);
+    // What no int holds (a mesh may come with any numbers) would be another texel on another machine.
+    u = select(abs(u) < splat<F>(1e6f), u - floor(u), splat<F>(0));
+    v = select(abs(v) < splat<F>(1e6f), v - floor(v), splat<F>(0));
     const I one = splat<I>(1), w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
     // An edge has at most 4096 texels: the products stay within 28 bits.
     const I column = shift_right(truncate(u * 65536.0f) * w, 16) & (w - one);
