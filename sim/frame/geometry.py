@@ -38,8 +38,9 @@ class FrameGeometry:
     def __init__(self, world: World) -> None:
         self.world = world
         self.native = Geometry()
-        self.posed = 0  # actors posed so far, and those that were left out because nobody could see them
-        self.unposed = 0
+        self.posed = 0  # actors posed so far
+        self._left_out = 0  # of moments that are over
+        self._looked = False  # somebody, at this moment
         model = world.model
         self.scenery: Scenery = make_scenery(model)
         data = mujoco.MjData(model)
@@ -83,19 +84,26 @@ class FrameGeometry:
 
     def expect(self, t_ns: int) -> None:
         """From now on the time is `t_ns`; whoever looks brings what it may see."""
+        if t_ns != self.t_ns:
+            self._left_out, self._looked = self.unposed, False
         self.t_ns = t_ns
+
+    @property
+    def unposed(self) -> int:
+        """Actors so far that nobody could see at a moment when somebody looked."""
+        return self._left_out + (sum(actor.t_ns != self.t_ns for actor in self._actors) if self._looked else 0)
 
     def bring(self, out_of_reach: OutOfReach | None = None) -> None:
         """Pose the actors that are not yet where they are at this time.
 
         Those for which `out_of_reach` is true are hidden instead, until somebody brings them.
         """
+        self._looked = True
         for actor in self._actors:
             if actor.t_ns == self.t_ns:
                 continue
             if out_of_reach is not None and out_of_reach(*actor.actor.bound(self.t_ns)):
                 actor.hide(self.native)
-                self.unposed += 1
             else:
                 actor.move(self.native, self.t_ns)
                 self.posed += 1

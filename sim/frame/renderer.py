@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
-from sim._kernels import Daylight, Picture, SunShadows
+from sim._kernels import Daylight, Picture, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
@@ -33,6 +33,7 @@ class RenderSkips:
 
     frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds
     occlusion: bool = True  # what lies behind something in all its pixels
+    mesh_backs: bool = True  # triangles of closed meshes that face away
     static_shadows: bool = True  # the sun's picture of what stands still is drawn once
     unseen_actors: bool = True  # actors that no pixel (and no shadow) can show are not posed
 
@@ -107,10 +108,8 @@ class FrameRenderer:
         first, last = rows if rows is not None else (0, self.camera.height)
         wanted = dict(out)
         if self._fine is not None and self._fine_rgb is not None and "rgb" in wanted:
-            fine_last = 2 * self.camera.height if last == self.camera.height else 2 * last
-            self._take(self._fine, pose, shadows, {"rgb": self._fine_rgb}, 2 * first, fine_last)
-            rgb = wanted.pop("rgb")
-            rgb[first:last] = mean_of_four(self._fine_rgb[2 * first : 2 * last])
+            self._take(self._fine, pose, shadows, {"rgb": self._fine_rgb}, 2 * first, 2 * last)
+            mean_of_four(self._fine_rgb[2 * first : 2 * last], wanted.pop("rgb")[first:last])
         if wanted:
             self._take(self._picture, pose, shadows, wanted, first, last)
 
@@ -155,6 +154,7 @@ class FrameRenderer:
             self.far_m,
             self.skips.frustum,
             self.skips.occlusion,
+            self.skips.mesh_backs,
             first,
             last,
             self.threads,
@@ -193,22 +193,3 @@ def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShad
     if key not in kept:
         kept[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
     return kept[key]
-
-
-def _curves() -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """sRGB code -> linear in 1/16320, and the sum of four of those -> code."""
-    codes = np.arange(256) / 255.0
-    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    to_linear = np.round(linear * 16320.0).astype(np.uint16)
-    sums = np.arange(4 * 16320 + 1) / (4 * 16320.0)
-    coded = np.where(sums <= 0.0031308, 12.92 * sums, 1.055 * sums ** (1 / 2.4) - 0.055)
-    return to_linear, np.round(255.0 * coded).astype(np.uint8)
-
-
-_TO_LINEAR, _TO_CODE = _curves()
-
-
-def mean_of_four(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Half the size: the mean of 2 x 2 pixels in linear light. (2h, 2w, 3) -> (h, w, 3)."""
-    linear = _TO_LINEAR[rgb]
-    return _TO_CODE[linear[0::2, 0::2] + linear[0::2, 1::2] + linear[1::2, 0::2] + linear[1::2, 1::2]]

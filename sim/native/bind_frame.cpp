@@ -12,6 +12,8 @@
 #include <string>
 
 #include "frame/picture.hpp"
+#include "frame/supersample.hpp"
+#include "srgb.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -69,13 +71,12 @@ int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, 
     t.cube = cube;
     std::int32_t code[256];  // sRGB (IEC 61966-2-1) to ten bits of the square root of linear light
     for (int i = 0; i < 256; ++i) {
-        const double c = i / 255.0;
-        code[i] = static_cast<std::int32_t>(
-            std::lround(1023.0 * std::sqrt(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
+        code[i] = static_cast<std::int32_t>(std::lround(1023.0 * std::sqrt(hil::sim::srgb_to_linear(i / 255.0))));
     }
     if (levels.empty() || levels.size() > 16) throw std::invalid_argument("a texture needs 1 to 16 levels");
     for (const auto &level : levels) {
         const auto h = level.shape(0), w = level.shape(1);
+        if (w > 4096 || h > 6 * 4096) throw std::invalid_argument("an edge of a texture has more than 4096 texels");
         if (w < 4 || h < 4 || w % 4 != 0 || h % 4 != 0) throw std::invalid_argument("a level of a texture is smaller than 4 x 4");
         t.offset[t.levels++] = static_cast<std::int32_t>(t.texel.size());
         for (std::size_t i = 0; i < w * h; ++i) {
@@ -107,6 +108,16 @@ int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, 
 void bind_frame(nb::module_ &m) {
     m.def("frame_isa", [] { return std::string(fr::isa_name(fr::best_isa())); },
           "Instruction set the frame kernels use on this CPU: base, avx2 or avx512. HIL_ISA in the environment lowers it.");
+
+    m.def(
+        "mean_of_four",
+        [](const Array<std::uint8_t, -1, -1, 3> &fine, const nb::ndarray<std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu> &out) {
+            if (fine.shape(0) != 2 * out.shape(0) || fine.shape(1) != 2 * out.shape(1)) {
+                throw std::invalid_argument("the picture to average must be twice as wide and twice as high");
+            }
+            fr::mean_of_four(fine.data(), static_cast<int>(out.shape(1)), static_cast<int>(out.shape(0)), out.data());
+        },
+        "fine"_a.noconvert(), "out"_a.noconvert(), "Mean of 2 x 2 pixels in linear light (frame/supersample.hpp).");
 
     nb::class_<fr::Geometry>(m, "Geometry", "Geoms, meshes and the trees over them (frame/geometry.hpp).")
         .def(nb::init<>())
@@ -291,7 +302,7 @@ void bind_frame(nb::module_ &m) {
         .def(
             "take",
             [](fr::Picture &self, const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W, const fr::Daylight &light,
-               const fr::SunShadows *shadows, const nb::dict &out, float near_t, float far_t, bool frustum, bool occlusion,
+               const fr::SunShadows *shadows, const nb::dict &out, float near_t, float far_t, bool frustum, bool occlusion, bool backs,
                int row0, int row1, int threads) {
                 const fr::VisibilityBuffer &b = self.raster().buffer();
                 fr::RasterOptions options;
@@ -299,6 +310,7 @@ void bind_frame(nb::module_ &m) {
                 options.far_t = far_t;
                 options.frustum_culling = frustum;
                 options.occlusion_culling = occlusion;
+                options.hide_backs = backs;
                 fr::ChannelOutputs o;
                 o.depth = channel<float>(out, "depth", b.height, b.width, 1);
                 o.range = channel<float>(out, "range", b.height, b.width, 1);
@@ -314,6 +326,6 @@ void bind_frame(nb::module_ &m) {
                 self.take(camera, options, light, shadows, o, row0, row1, threads);
             },
             "p_WC"_a, "R_WC"_a, "v_WC_W"_a, "light"_a, "shadows"_a.none(), "out"_a, "near_t"_a, "far_t"_a, "frustum"_a,
-            "occlusion"_a, "row0"_a, "row1"_a, "threads"_a)
+            "occlusion"_a, "backs"_a, "row0"_a, "row1"_a, "threads"_a)
         .def_prop_ro("counts", [](const fr::Picture &p) { return p.raster().counts(); });
 }

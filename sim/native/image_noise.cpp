@@ -7,6 +7,7 @@
 
 #include "detmath.hpp"
 #include "noise_stream.hpp"
+#include "srgb.hpp"
 
 namespace hil::sim {
 namespace {
@@ -24,13 +25,11 @@ struct Tables {
 
     Tables() {
         for (std::size_t i = 0; i < linear.size(); ++i) {
-            const double s = static_cast<double>(i) / 255.0;
-            linear[i] = static_cast<float>(s <= 0.04045 ? s / 12.92 : det::pow((s + 0.055) / 1.055, 2.4));
+            linear[i] = static_cast<float>(srgb_to_linear(static_cast<double>(i) / 255.0));
         }
         for (std::size_t i = 0; i < kShades; ++i) {
             const double x = static_cast<double>(i) / static_cast<double>(kShades - 1);
-            const double s = x <= 0.0031308 ? 12.92 * x : 1.055 * det::pow(x, 1.0 / 2.4) - 0.055;
-            srgb[i] = static_cast<std::uint8_t>(s * 255.0 + 0.5);
+            srgb[i] = static_cast<std::uint8_t>(linear_to_srgb(x) * 255.0 + 0.5);
         }
         for (std::size_t i = 1; i < kCells; ++i) {
             normal[i] = static_cast<float>(normal_from_uniform(static_cast<double>(i) / static_cast<double>(kCells)));

@@ -334,12 +334,6 @@ def test_what_does_not_fit_is_refused() -> None:
             caster.cast(o, d, 0.0, 1.0, r, g, order=np.array(order, np.int32))
     with pytest.raises(ValueError, match="sse9"):
         caster.cast(o, d, 0.0, 1.0, r, g, isa="sse9")
-    made = Geometry()
-    made.finish()
-    late = RayCaster(made)
-    made.add_geom(2, (1.0, 0.0, 0.0), (5.0, 0.0, 0.0), LEVEL, -1, False, True, 0, 0, 0)
-    with pytest.raises(RuntimeError, match="after the caster"):
-        late.cast(o, d, 0.0, 1.0, r, g)
 
 
 def test_the_order_of_rays_is_a_permutation_that_keeps_neighbours() -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sim._kernels import Geometry, Picture, Scenery, SunShadows, frame_isa
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
+from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import CameraPose, FrameRenderer, RenderSkips
 from sim.scene.scene import load_scene
@@ -78,7 +79,7 @@ def test_one_picture_for_any_threads_and_instruction_set(geometry: FrameGeometry
                     FrameRenderer(geometry, CAMERA, shadows=shadows, isa=isa)
 
 
-@pytest.mark.parametrize("skip", ["frustum", "occlusion", "static_shadows", "unseen_actors"])
+@pytest.mark.parametrize("skip", ["frustum", "occlusion", "mesh_backs", "static_shadows", "unseen_actors"])
 def test_what_is_skipped_changes_no_bit(park: World, skip: str) -> None:
     shadows = skip == "static_shadows"
     on, off = FrameGeometry(park), FrameGeometry(park)
@@ -138,15 +139,112 @@ def test_a_table_of_rays_sees_what_the_pinhole_sees(geometry: FrameGeometry) -> 
     for pose in VIEWS:
         expected = picture(FrameRenderer(geometry, CAMERA), pose, "depth", "range", "geom", "normal", "radial_velocity")
         out = {name: np.empty_like(array) for name, array in expected.items()}
-        table.take(pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, out, 0.05, 10_000.0, True, True, 0, 120, 1)
+        table.take(pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, out, 0.05, 10_000.0, True, True, True, 0, 120, 1)
         same = out["geom"] == expected["geom"]
         assert same.mean() > 0.999
         seen = same & (expected["geom"] >= 0) & (expected["range"] < 100.0)
         for name, within in (("depth", 2e-4), ("range", 2e-4), ("radial_velocity", 1e-5)):
             assert float(np.quantile(np.abs(out[name][seen] - expected[name][seen]), 0.999)) < within, name
         unculled = {name: np.empty_like(array) for name, array in expected.items()}
-        table.take(pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, unculled, 0.05, 10_000.0, False, False, 0, 120, 1)
+        table.take(
+            pose.p_WC, pose.R_WC, pose.v_WC_W, light, None, unculled, 0.05, 10_000.0, False, False, False, 0, 120, 1
+        )
         assert digest(unculled) == digest(out)
+
+
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+CUBE_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+     [1, 5, 7], [1, 7, 3]],
+    np.int32,
+)  # fmt: skip
+
+
+def native(vertex: NDArray[np.float32], triangle: NDArray[np.int32]) -> tuple[Geometry, Scenery]:
+    """A mesh at (0, 0, 5), moving."""
+    geometry, scenery = Geometry(), Scenery()
+    mesh = geometry.add_mesh(vertex, triangle, None, None)
+    identity = (1.0, 0, 0, 0, 1, 0, 0, 0, 1)
+    geometry.add_geom(7, (1.0, 1, 1), (0.0, 0, 5), identity, mesh, False, True, 1, 1, 1)
+    geometry.finish()
+    scenery.add_geom((0.5, 0.5, 0.5), 0.0, -1, 1.0, 1.0, False)
+    return geometry, scenery
+
+
+def depths(made: tuple[Geometry, Scenery], z_m: float, *, backs: bool) -> NDArray[np.float32]:
+    """What a camera at (0.1, 0.1, z) that looks along +z sees."""
+    light = FrameRenderer(FrameGeometry(load_world(load_scene("airfield"))), CAMERA)._light
+    camera = Picture(*made, 16, 16, 16.0, 16.0, 8.0, 8.0)
+    out = {"depth": np.zeros((16, 16), np.float32)}
+    pose = ((0.1, 0.1, z_m), (1.0, 0, 0, 0, 1, 0, 0, 0, 1), (0.0, 0, 0))
+    camera.take(*pose, light, None, out, 0.05, 100.0, True, True, backs, 0, 16, 1)
+    return out["depth"]
+
+
+@pytest.mark.parametrize("z_m", [0.0, 3.9, 3.96, 3.98, 3.9999, 4.5, 5.9])
+def test_a_closed_mesh_is_seen_from_far_near_and_within(z_m: float) -> None:
+    # Where the near limit of 5 cm cuts the front away, the back is seen, as of a box.
+    front, back = 4.0 - z_m, 6.0 - z_m
+    middle = depths(native(CUBE, CUBE_FACES), z_m, backs=True)[8, 8]
+    assert middle == pytest.approx(front if front >= 0.05 else back, abs=1e-5)
+
+
+@pytest.mark.parametrize("wound", ["outwards", "inwards", "second inwards", "open"])
+def test_leaving_out_the_backs_of_meshes_changes_no_bit(wound: str) -> None:
+    second = CUBE * 1.5 + np.float32([0, 0, 6])
+    faces = [CUBE_FACES, CUBE_FACES + 8]
+    if wound == "inwards":
+        faces = [f[:, ::-1] for f in faces]
+    elif wound == "second inwards":
+        faces = [CUBE_FACES[:, ::-1], CUBE_FACES + 8]
+    elif wound == "open":
+        faces = [CUBE_FACES[:-1], CUBE_FACES[1:] + 8]
+    made = native(np.concatenate([CUBE, second]), np.ascontiguousarray(np.concatenate(faces)))
+    for z_m in (-3.0, 3.0, 3.97, 4.4, 7.0):
+        assert np.array_equal(depths(made, z_m, backs=True), depths(made, z_m, backs=False)), z_m
+
+
+def test_geometry_refuses_what_would_break_it() -> None:
+    geometry, scenery = native(CUBE, CUBE_FACES)
+    index, one, rotation = np.zeros(1, np.int32), np.zeros((1, 3)), np.eye(3)[None].copy()
+    for refused in (
+        lambda: geometry.move(index, one, rotation, one, one),
+        lambda: geometry.hide(index),
+        lambda: geometry.add_mesh(CUBE, CUBE_FACES, None, None),
+        lambda: geometry.add_geom(2, (1.0, 0, 0), (0.0, 0, 0), (1.0, 0, 0, 0, 1, 0, 0, 0, 1), -1, False, True, 0, 0, 0),
+        lambda: Geometry().add_mesh(CUBE, CUBE_FACES + 1, None, None),
+        lambda: scenery.add_texture([np.zeros((8192, 4, 3), np.uint8)] * 2, False),
+        lambda: scenery.add_texture([np.zeros((6, 6, 3), np.uint8)], False),
+        lambda: scenery.add_geom((1.0, 1, 1), 0.0, 5, 1.0, 1.0, False),
+    ):
+        with pytest.raises(ValueError):  # noqa: PT011 (each says what is wrong in words of its own)
+            refused()
+
+
+def test_shadows_do_not_depend_on_when_they_were_first_drawn() -> None:
+    world = load_world(load_scene("radar_range"))
+    pose = looking((-3.0, -4.0, 2.5), (3.0, 0.5, 0.5))
+    pictures = []
+    for first_ns in (0, 7_000_000_000):
+        geometry = FrameGeometry(world)
+        geometry.pose(first_ns)
+        renderer = FrameRenderer(geometry, CAMERA, shadows=True)
+        renderer.render(pose, renderer.buffers("rgb"))
+        geometry.pose(7_000_000_000)
+        pictures.append(digest(picture(renderer, pose, "rgb")))
+    assert pictures[0] == pictures[1]
+
+
+def test_a_lens_leaves_out_what_it_cannot_see(geometry: FrameGeometry) -> None:
+    lens = replace(CAMERA, distortion=BrownConrady(k1=-0.1, k2=0.01))
+    counts = []
+    for pose in VIEWS:
+        culled = FrameRenderer(geometry, lens)
+        everything = FrameRenderer(geometry, lens, skips=RenderSkips.none())
+        assert digest(picture(culled, pose)) == digest(picture(everything, pose))
+        counts.append((culled._picture.counts.geoms, everything._picture.counts.geoms))
+    # The first sees most of the park from a corner, the second half of it.
+    assert counts[1][0] < 0.7 * counts[1][1]
 
 
 HILLS = """
@@ -223,7 +321,7 @@ def test_an_empty_world_has_a_sky() -> None:
     out = {"rgb": np.zeros((8, 8, 3), np.uint8), "geom": np.zeros((8, 8), np.int32)}
     shadows = SunShadows(native, (0.0, 0.6, 0.8), 64)
     shadows.update(True)
-    camera.take(VIEWS[0].p_WC, VIEWS[0].R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, 0, 8, 1)
+    camera.take(VIEWS[0].p_WC, VIEWS[0].R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, True, 0, 8, 1)
     assert (out["geom"] == -1).all()
     assert out["rgb"].min() > 0
 

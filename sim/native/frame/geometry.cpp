@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 namespace hil::sim::frame {
@@ -115,25 +116,39 @@ bool is_closed(const Mesh &mesh) {
         const float *v = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[i])];
         corner[i] = places.try_emplace({v[0] + 0.0f, v[1] + 0.0f, v[2] + 0.0f}, static_cast<std::int32_t>(places.size())).first->second;
     }
+    std::vector<std::int32_t> parent(places.size());  // union-find: which corners hang together
+    std::iota(parent.begin(), parent.end(), 0);
+    const auto root = [&](std::int32_t i) {
+        while (parent[static_cast<std::size_t>(i)] != i) {
+            auto &p = parent[static_cast<std::size_t>(i)];
+            i = p = parent[static_cast<std::size_t>(p)];
+        }
+        return i;
+    };
     std::vector<std::pair<std::int32_t, std::int32_t>> edges, reversed;
-    double volume = 0.0;
     for (std::size_t t = 0; t < corner.size(); t += 3) {
         for (std::size_t k = 0; k < 3; ++k) {
             const std::int32_t a = corner[t + k], b = corner[t + (k + 1) % 3];
             if (a == b) return false;
             edges.emplace_back(a, b);
             reversed.emplace_back(b, a);
-        }
-        const float *v[3];
-        for (std::size_t k = 0; k < 3; ++k) v[k] = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[t + k])];
-        for (int i = 0; i < 3; ++i) {
-            const int j = (i + 1) % 3, k = (i + 2) % 3;
-            volume += static_cast<double>(v[0][i]) * (static_cast<double>(v[1][j]) * v[2][k] - static_cast<double>(v[1][k]) * v[2][j]);
+            parent[static_cast<std::size_t>(root(a))] = root(b);
         }
     }
     std::sort(edges.begin(), edges.end());
     std::sort(reversed.begin(), reversed.end());
-    return volume > 0.0 && edges == reversed && std::adjacent_find(edges.begin(), edges.end()) == edges.end();
+    if (edges != reversed || std::adjacent_find(edges.begin(), edges.end()) != edges.end()) return false;
+    std::map<std::int32_t, double> volume;  // six times that of each part
+    for (std::size_t t = 0; t < corner.size(); t += 3) {
+        const float *v[3];
+        for (std::size_t k = 0; k < 3; ++k) v[k] = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[t + k])];
+        double &sum = volume[root(corner[t])];
+        for (int i = 0; i < 3; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            sum += static_cast<double>(v[0][i]) * (static_cast<double>(v[1][j]) * v[2][k] - static_cast<double>(v[1][k]) * v[2][j]);
+        }
+    }
+    return std::all_of(volume.begin(), volume.end(), [](const auto &part) { return part.second > 0.0; });
 }
 
 bool usable_size(const Geom &g) {
@@ -154,6 +169,7 @@ bool usable_size(const Geom &g) {
 
 int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle,
                        std::size_t triangles, const float *uv, const float *corner_normal) {
+    if (finished_) throw std::invalid_argument("the geometry is finished: nothing can be added");
     Mesh mesh;
     mesh.vertex.assign(vertex, vertex + 3 * vertices);
     std::vector<Aabb> boxes;
@@ -198,6 +214,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
 }
 
 int Geometry::add_geom(const Geom &geom) {
+    if (finished_) throw std::invalid_argument("the geometry is finished: nothing can be added");
     Geom g = geom;
     if (g.shape == Shape::kMesh && (g.mesh < 0 || static_cast<std::size_t>(g.mesh) >= meshes_.size())) {
         throw std::invalid_argument("a geom names a mesh that does not exist");
@@ -217,6 +234,7 @@ int Geometry::add_geom(const Geom &geom) {
 }
 
 void Geometry::finish() {
+    finished_ = true;
     std::vector<Aabb> boxes;
     std::vector<std::int32_t> items;
     unbounded_.clear();
@@ -241,7 +259,7 @@ void Geometry::finish() {
 }
 
 void Geometry::move(int index, const double *p_WG, const double *R_WG, const double *v_W, const double *w_W) {
-    Geom &g = geoms_.at(static_cast<std::size_t>(index));
+    Geom &g = moving_geom(index);
     std::copy_n(p_WG, 3, g.p_WG);
     std::copy_n(R_WG, 9, g.R_WG);
     std::copy_n(v_W, 3, g.v_W);
@@ -250,8 +268,15 @@ void Geometry::move(int index, const double *p_WG, const double *R_WG, const dou
     ++version_;
 }
 
+Geom &Geometry::moving_geom(int index) {
+    Geom &g = geoms_.at(static_cast<std::size_t>(index));
+    if (!g.moving) throw std::invalid_argument("this geom stands still: it was not added as a moving one");
+    return g;
+}
+
 void Geometry::hide(int index) {
-    shown_.at(static_cast<std::size_t>(index)) = 0;
+    moving_geom(index);
+    shown_[static_cast<std::size_t>(index)] = 0;
     ++version_;
 }
 

@@ -31,8 +31,8 @@ struct Mesh {
     // [triangles][2][3]: gradients of the barycentric coordinates of the second and third corner; zero at the first.
     std::vector<float> barycentric;
     Bvh packed_tree;
-    // Every edge belongs to two triangles that run along it in opposite directions, and these face outwards: from
-    // outside, no ray meets the back of a triangle first.
+    // Every edge belongs to two triangles that run along it in opposite directions, and every part of it that hangs
+    // together faces outwards: from outside, no ray meets the back of a triangle first.
     bool closed = false;
 };
 
@@ -53,13 +53,14 @@ struct Geom {
 
 class Geometry {
 public:
-    // Meshes first, then geoms, then `finish`. Indices are in the order of adding.
+    // Meshes first, then geoms, then `finish`; after it nothing is added. Indices are in the order of adding.
+    // std::invalid_argument: a triangle or geom that names what does not exist, anything added too late.
     int add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle, std::size_t triangles,
                  const float *uv, const float *corner_normal);
     int add_geom(const Geom &geom);  // centre, half, v_W, w_W are filled in here
     void finish();
 
-    // New pose and velocity of moving geom `index`. A pose that is not finite hides it until the next.
+    // New pose and velocity of moving geom `index`; std::invalid_argument for one that stands still. A pose that is not finite hides it until the next.
     void move(int index, const double *p_WG, const double *R_WG, const double *v_W, const double *w_W);
 
     // Nowhere until it is moved again.
@@ -76,6 +77,7 @@ public:
 
 private:
     void place(int index);
+    Geom &moving_geom(int index);
 
     std::vector<Mesh> meshes_;
     std::vector<Geom> geoms_;
@@ -84,6 +86,7 @@ private:
     std::vector<Aabb> boxes_;
     std::vector<std::uint8_t> shown_;
     std::uint64_t version_ = 0;
+    bool finished_ = false;
 };
 
 }  // namespace hil::sim::frame

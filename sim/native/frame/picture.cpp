@@ -31,7 +31,6 @@ namespace {
 
 constexpr double kMargin = 2.0;          // metres around what casts shadows
 constexpr double kWidest = 2000.0;       // shadows are kept for so much of a scene
-constexpr double kTextureSharpness = 1.0;
 
 }  // namespace
 
@@ -42,7 +41,7 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
     double z[3], x[3], y[3];
     for (int i = 0; i < 3; ++i) z[i] = -sun_W[i] / length;
     // x level, y completes a right-handed frame.
-    const double level = std::hypot(z[0], z[1]);
+    const double level = std::sqrt(z[0] * z[0] + z[1] * z[1]);
     x[0] = level > 1e-9 ? -z[1] / level : 1.0, x[1] = level > 1e-9 ? z[0] / level : 0.0, x[2] = 0.0;
     for (int i = 0; i < 3; ++i) y[i] = z[(i + 1) % 3] * x[(i + 2) % 3] - z[(i + 2) % 3] * x[(i + 1) % 3];
     for (int i = 0; i < 3; ++i) {
@@ -55,7 +54,8 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
     std::fill(hi, hi + 3, -std::numeric_limits<double>::infinity());
     for (std::size_t g = 0; g < geometry.geoms().size(); ++g) {
         const Geom &geom = geometry.geoms()[g];
-        if (!geometry.shown(static_cast<int>(g)) || std::isinf(geom.half[0]) || std::isinf(geom.half[1])) continue;
+        // What moves counts for nothing: the map must not depend on where it happens to be now.
+        if (geom.moving || !geometry.shown(static_cast<int>(g)) || std::isinf(geom.half[0]) || std::isinf(geom.half[1])) continue;
         const Aabb &box = geometry.world_box(static_cast<int>(g));
         for (int corner = 0; corner < 8; ++corner) {
             double p[3];
@@ -125,7 +125,6 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
         shadow.rays = &map->raster->rays();
         shadow.drawn = map->band->drawn.data();
         shadow.drawn_of_geom = map->band->drawn_of_geom.data();
-        shadow.pixels_per_m = static_cast<float>(pixels_per_m_);
         shadow.x0 = shadow.buffer->blocks_x, shadow.y0 = shadow.buffer->blocks_y;
         shadow.x1 = shadow.y1 = 0;
         for (const DrawnGeom &g : map->band->drawn) {
@@ -147,7 +146,6 @@ void Picture::take(const RasterCamera &camera, const RasterOptions &options, con
     job.geoms = raster_->geometry().geoms().data();
     job.scenery = &scenery_;
     job.out = out;
-    job.far_t = options.far_t;
     job.light = &light;
     for (int c = 0; c < 3; ++c) {
         double sun = 0.0;
@@ -155,8 +153,7 @@ void Picture::take(const RasterCamera &camera, const RasterOptions &options, con
         job.sun_C[c] = static_cast<float>(sun);
         job.up_C[c] = static_cast<float>(camera.R_WC[6 + c]);
     }
-    const double width = raster_->buffer().width;
-    job.pixel_angle = static_cast<float>(kTextureSharpness / (raster_->rays().projection == Projection::kTable ? width / 3.0 : raster_->fx()));
+    job.pixel_angle_rad = static_cast<float>(raster_->pixel_angle_rad());
     if (shadows != nullptr && out.rgb != nullptr) shadows->fill(job, camera);
     const ResolveKernels &kernels = resolve_kernels(raster_->isa());
     raster_->draw(camera, options, row0, row1, threads, [&](const Raster::Band &band) {

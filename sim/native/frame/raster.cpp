@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <limits>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 
 #include "view.hpp"
@@ -52,13 +54,12 @@ void halves(const Aabb &box, double *centre, double *half) {
     }
 }
 
-bool outside_box(const double *p, const Aabb &box) {
-    bool inside = true;
-    for (int i = 0; i < 3; ++i) {
-        const double margin = 1e-3 + 1e-4 * (static_cast<double>(box.hi[i]) - box.lo[i]);
-        inside = inside && p[i] > box.lo[i] - margin && p[i] < box.hi[i] + margin;
-    }
-    return !inside;
+// Whether two cones (axis, cosine of the half angle; below -1: all directions) share a direction; 1e-3 to spare.
+bool cones_meet(const float *a, const float *b) {
+    if (a[3] < -1.0f || b[3] < -1.0f || a[3] + b[3] <= 0.0f) return true;
+    const double sine2 = (1.0 - static_cast<double>(a[3]) * a[3]) * (1.0 - static_cast<double>(b[3]) * b[3]);
+    const double cosine = static_cast<double>(a[0]) * b[0] + static_cast<double>(a[1]) * b[1] + static_cast<double>(a[2]) * b[2];
+    return cosine >= static_cast<double>(a[3]) * b[3] - std::sqrt(std::max(0.0, sine2)) - 1e-3;
 }
 
 struct BlockRect {
@@ -98,6 +99,7 @@ Raster::Raster(const Geometry &geometry, int width, int height, Projection proje
     }
     if (projection == Projection::kTable) throw std::invalid_argument("a table of rays needs directions");
     allocate(width, height);
+    pixel_angle_rad_ = 1.0 / fx;
     rays_.projection = projection;
     rays_.fx = static_cast<float>(fx), rays_.fy = static_cast<float>(fy);
     rays_.cx = static_cast<float>(cx), rays_.cy = static_cast<float>(cy);
@@ -123,19 +125,19 @@ Raster::Raster(const Geometry &geometry, int width, int height, const double *di
         const double *from = directions_C + 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
         std::copy_n(from, 3, d);
     };
-    // The cone of a square of pixels: around the mean direction, as wide as its widest pixel.
-    const auto cone = [&](int x0, int y0, int edge, float *to) {
+    // The cone of a rectangle of pixels: around the mean direction, as wide as its widest pixel.
+    const auto cone = [&](int x0, int y0, int columns, int rows, float *to) {
         double sum[3] = {}, d[3];
-        for (int y = y0; y < y0 + edge; ++y) {
-            for (int x = x0; x < x0 + edge; ++x) {
+        for (int y = y0; y < y0 + rows; ++y) {
+            for (int x = x0; x < x0 + columns; ++x) {
                 at(x, y, d);
                 for (int i = 0; i < 3; ++i) sum[i] += d[i];
             }
         }
         const double length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]);
         double least = 2.0;
-        for (int y = y0; y < y0 + edge; ++y) {
-            for (int x = x0; x < x0 + edge; ++x) {
+        for (int y = y0; y < y0 + rows; ++y) {
+            for (int x = x0; x < x0 + columns; ++x) {
                 at(x, y, d);
                 least = std::min(least, (d[0] * sum[0] + d[1] * sum[1] + d[2] * sum[2]) / length);
             }
@@ -157,15 +159,21 @@ Raster::Raster(const Geometry &geometry, int width, int height, const double *di
                     rays_.xyz[48 * block + 16 * i + static_cast<std::size_t>(lane)] = static_cast<float>(d[i]);
                 }
             }
-            cone(kBlock * column, kBlock * row, kBlock, &rays_.block_cone[4 * block]);
+            cone(kBlock * column, kBlock * row, kBlock, kBlock, &rays_.block_cone[4 * block]);
         }
     }
     for (int row = 0; row < b.tiles_y; ++row) {
         for (int column = 0; column < b.tiles_x; ++column) {
             const auto tile = static_cast<std::size_t>(row * b.tiles_x + column);
-            cone(kBlock * kTile * column, kBlock * kTile * row, kBlock * kTile, &rays_.tile_cone[4 * tile]);
+            cone(kBlock * kTile * column, kBlock * kTile * row, kBlock * kTile, kBlock * kTile, &rays_.tile_cone[4 * tile]);
         }
     }
+    cone(0, 0, width, height, rays_.cone);
+    double a[3], c[3];
+    at(width / 2, height / 2, a);
+    at(width / 2 + 1, height / 2, c);
+    const double across = std::sqrt((c[0] - a[0]) * (c[0] - a[0]) + (c[1] - a[1]) * (c[1] - a[1]) + (c[2] - a[2]) * (c[2] - a[2]));
+    if (across > 1e-9) pixel_angle_rad_ = across;
 }
 
 namespace {
@@ -247,6 +255,11 @@ private:
     bool node_hidden(const View &view, const Aabb &box, float nearest) {
         double centre[3], half[3];
         halves(box, centre, half);
+        if (view.projection == Projection::kTable) {
+            float cone[4];
+            view.cone_of(centre, half, cone);
+            return cone_hidden(cone, nearest);
+        }
         PixelRect rect;
         if (!view.pixels(centre, half, rect)) return false;
         const BlockRect blocks = blocks_of(rect);
@@ -264,6 +277,17 @@ private:
                         if (!(nearest > row[x])) return false;
                     }
                 }
+            }
+        }
+        return true;
+    }
+
+    // The same for a table of rays: by tiles alone.
+    bool cone_hidden(const float *cone, float nearest) {
+        for (int ty = row0_ / kTile; ty <= (row1_ - 1) / kTile; ++ty) {
+            for (int tx = 0; tx < buffer_.tiles_x; ++tx) {
+                const float *tile = &rays_.tile_cone[4 * static_cast<std::size_t>(ty * buffer_.tiles_x + tx)];
+                if (cones_meet(cone, tile) && !(nearest > tile_farthest(tx, ty))) return false;
             }
         }
         return true;
@@ -303,6 +327,7 @@ private:
                 double centre[3], half[3];
                 halves(geometry_.world_box(index), centre, half);
                 view_.cone_of(centre, half, d.cone);
+                if (options_.occlusion_culling && cone_hidden(d.cone, static_cast<float>(nearest))) return;
             }
         }
         ++counts_.geoms;
@@ -313,7 +338,9 @@ private:
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
             const View local = view_.in(g.p_WG, g.R_WG);
-            d.backs_hidden = d.mesh->closed && (view_.projection == Projection::kParallel || outside_box(local.p, d.mesh->box));
+            // With all of it beyond the near limit the camera is outside, and no front is cut away.
+            d.backs_hidden = options_.hide_backs && d.mesh->closed &&
+                             (view_.projection == Projection::kParallel || nearest > options_.near_t);
             collect_packets(*d.mesh, local);
             if (packets_.empty()) return;
         }
@@ -438,7 +465,7 @@ void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptio
     band.counts = {};
     if (!finite(camera.p_WC, 3) || !finite(camera.R_WC, 9) || !finite(camera.v_W, 3)) return;
     const View view = make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, b.width, kBlock * band.row0,
-                                std::min(kBlock * band.row1, b.height), options);
+                                std::min(kBlock * band.row1, b.height), rays_.cone, options);
     Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), band).run();
 }
 
@@ -457,15 +484,30 @@ void Raster::draw(const RasterCamera &camera, const RasterOptions &options, int 
         bands_[static_cast<std::size_t>(i)].row0 = std::max(first, (first_tile + tiles * i / bands) * kTile);
         bands_[static_cast<std::size_t>(i)].row1 = std::min(last, (first_tile + tiles * (i + 1) / bands) * kTile);
     }
+    std::vector<std::exception_ptr> failed(static_cast<std::size_t>(bands));
     const auto work = [&](int i) {
-        Band &band = bands_[static_cast<std::size_t>(i)];
-        draw_band(band, camera, options);
-        if (then) then(band);
+        try {
+            Band &band = bands_[static_cast<std::size_t>(i)];
+            draw_band(band, camera, options);
+            if (then) then(band);
+        } catch (...) {
+            failed[static_cast<std::size_t>(i)] = std::current_exception();
+        }
     };
     std::vector<std::thread> others;
-    for (int i = 1; i < bands; ++i) others.emplace_back(work, i);
+    others.reserve(static_cast<std::size_t>(bands));
+    for (int i = 1; i < bands; ++i) {
+        try {
+            others.emplace_back(work, i);
+        } catch (const std::system_error &) {
+            work(i);  // the system gives no more threads
+        }
+    }
     work(0);
     for (auto &thread : others) thread.join();
+    for (const auto &failure : failed) {
+        if (failure) std::rethrow_exception(failure);
+    }
     cleared_ = true;
     counts_ = {};
     for (int i = 0; i < bands; ++i) {

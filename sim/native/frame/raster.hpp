@@ -38,6 +38,7 @@ struct RasterOptions {
     float near_t = 0.05f, far_t = 10000.0f;
     bool frustum_culling = true;
     bool occlusion_culling = true;
+    bool hide_backs = true;  // of closed meshes seen from outside
     // Which geoms are drawn.
     bool draw_static = true, draw_moving = true;
     // Clear only what the picture before has touched: for pictures of a few moving geoms. Only without occlusion culling,
@@ -46,7 +47,7 @@ struct RasterOptions {
 };
 
 struct RasterCounts {  // of the last picture
-    std::int64_t nodes = 0, geoms = 0, blocks = 0;
+    std::int64_t nodes = 0, geoms = 0;
 };
 
 // What the kernels need of one geom in one picture. Local frame: the geom's, divided by the semi-axes for ellipsoids.
@@ -82,6 +83,7 @@ struct RayTable {
     std::vector<float> x, y;      // pinhole, parallel: [blocks_x][16] and [blocks_y][16]
     std::vector<float> xyz;       // table: [blocks][3][16]
     std::vector<float> tile_cone, block_cone;  // table: axis and cosine of the half angle [.][4]
+    float cone[4] = {0, 0, 0, -2};             // table: of the whole picture
     float fx = 1, fy = 1, cx = 0, cy = 0;      // pinhole, parallel
 };
 
@@ -121,7 +123,7 @@ public:
     const Geometry &geometry() const { return geometry_; }
     const RasterCounts &counts() const { return counts_; }
     Isa isa() const { return isa_; }
-    double fx() const { return fx_; }
+    double pixel_angle_rad() const { return pixel_angle_rad_; }  // of one pixel, in the middle of the picture
 
 private:
     void allocate(int width, int height);
@@ -130,7 +132,7 @@ private:
 
     const Geometry &geometry_;
     Isa isa_;
-    double fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;
+    double fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0, pixel_angle_rad_ = 1e-3;
     VisibilityBuffer buffer_;
     RayTable rays_;
     RasterCounts counts_;

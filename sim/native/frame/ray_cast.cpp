@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 
 namespace hil::sim::frame {
@@ -190,8 +191,14 @@ void RayCaster::cast(const double *origin, bool one_origin, const double *direct
     if (workers == 1) return work(0, count);
     const std::size_t share = ((count + workers - 1) / workers + kLanes - 1) / kLanes * kLanes;
     std::vector<std::thread> running;
+    running.reserve(workers);
     for (std::size_t begin = share; begin < count; begin += share) {
-        running.emplace_back(work, begin, std::min(count, begin + share));
+        const std::size_t end = std::min(count, begin + share);
+        try {
+            running.emplace_back(work, begin, end);
+        } catch (const std::system_error &) {
+            work(begin, end);  // the system gives no more threads
+        }
     }
     work(0, std::min(count, share));
     for (std::thread &thread : running) thread.join();

@@ -32,7 +32,6 @@ struct ShadowMap {
     const RayTable *rays = nullptr;
     const DrawnGeom *drawn = nullptr;         // transforms sun camera -> local
     const std::int32_t *drawn_of_geom = nullptr;
-    float pixels_per_m = 1.0f;
     std::int32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // pixels that hold anything
 };
 
@@ -44,11 +43,10 @@ struct ResolveJob {
     const Geom *geoms;
     const Scenery *scenery;
     ChannelOutputs out;
-    float far_t;
     int row0, row1;  // block rows
     // Light in C.
     float sun_C[3], up_C[3];
-    float pixel_angle;  // of one pixel [rad], for the choice of texture level
+    float pixel_angle_rad;  // of one pixel, for the choice of texture level
     const Daylight *light;
     // Camera to sun camera: p_S = M p_C + s.
     float camera_to_sun[9], camera_in_sun[3];

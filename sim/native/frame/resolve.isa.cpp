@@ -114,7 +114,7 @@ HIL_INLINE I texel_at(const I &row, const I &column, const I &width) {
 }
 
 // Colour of the surface, linear.
-HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery &scenery, const Surface &s, float pixel_angle,
+HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery &scenery, const Surface &s, float pixel_angle_rad,
                       const F &mesh_u, const F &mesh_v, bool mesh_uv) {
     const float base[3] = {look.rgb[0], look.rgb[1], look.rgb[2]};
     if (look.texture < 0) return {splat<F>(decode(base[0])), splat<F>(decode(base[1])), splat<F>(decode(base[2]))};
@@ -165,7 +165,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     // Texels that one pixel covers, across: the finest level that has no more than about one and a half.
     const F range = s.t * s.length;
     const F facing = max(abs(dot(s.normal, s.d)) * s.per_length, splat<F>(0.15f));
-    const F covered = range * pixel_angle * max(du * (float)width, dv * (float)height) / facing * 0.7f;
+    const F covered = range * pixel_angle_rad * max(du * (float)width, dv * (float)height) / facing * 0.7f;
     I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
     level = select(covered < splat<F>(1), splat<I>(0), level);
     level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
@@ -235,8 +235,8 @@ struct Caster {
 
 HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
 
-// 1 where the sun is seen, 0 where not. The four pixels of the sun's picture around a point decide where they agree and
-// name no part of the point's own mesh; elsewhere the point's own ray is tried against the shapes and triangles that they
+// 1 where the sun is seen, 0 where not. The four pixels of the sun's picture around a point decide where they name the
+// same geom, and not the point's own mesh; elsewhere the point's own ray is tried against the shapes and triangles that they
 // name, so the edge of a shadow is as sharp as the shape, whatever the resolution of the sun's picture.
 HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
     constexpr int kMost = 64;   // casters asked in one block
@@ -277,7 +277,7 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
         for (; lanes != 0; lanes &= lanes - 1) {
             const int lane = __builtin_ctz(lanes);
             int hits = 0;
-            bool own = false;
+            bool own = false, one = true;
             Caster found[4];
             for (int tap = 0; tap < 4; ++tap) {
                 const long at = places[tap][lane];
@@ -287,8 +287,9 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
                 if (caster < 0 || (caster == g.geom && is_convex)) continue;
                 own = own || caster == g.geom;
                 found[hits++] = {caster, buffer.triangle.data()[at]};
+                one = one && caster == found[0].geom;
             }
-            if (hits == 4 && !own) {
+            if (hits == 4 && one && !own) {
                 blocked[lane] = -1;
             } else if (hits > 0) {
                 doubtful |= 1u << lane;
@@ -338,7 +339,7 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
                      const Vec<F> &normal, const F &u, const F &v, bool mesh_uv) {
     const Daylight &light = *job.light;
     const Appearance &look = job.scenery->geoms.data()[g.geom];
-    Rgb c = albedo(g, look, *job.scenery, s, job.pixel_angle, u, v, mesh_uv);
+    Rgb c = albedo(g, look, *job.scenery, s, job.pixel_angle_rad, u, v, mesh_uv);
     const F zero = splat<F>(0);
     F sun = normal.x * job.sun_C[0] + normal.y * job.sun_C[1] + normal.z * job.sun_C[2];
     const F up = normal.x * job.up_C[0] + normal.y * job.up_C[1] + normal.z * job.up_C[2];

@@ -46,7 +46,7 @@ bool quadric_bounds(const double *c, double a11, double a13, double a22, double 
 }  // namespace
 
 View make_view(const RasterCamera &camera, Projection projection, double fx, double fy, double cx, double cy,
-               double width, double row0, double row1, const RasterOptions &options) {
+               double width, double row0, double row1, const float *cone_C, const RasterOptions &options) {
     View v{};
     v.projection = projection;
     v.fx = fx, v.fy = fy, v.cx = cx, v.cy = cy;
@@ -67,7 +67,8 @@ View make_view(const RasterCamera &camera, Projection projection, double fx, dou
     if (projection == Projection::kParallel) {
         v.side_offset[0] = -left, v.side_offset[1] = right, v.side_offset[2] = -top, v.side_offset[3] = bottom;
     }
-    v.cone[3] = -2.0;
+    for (int i = 0; i < 3; ++i) v.cone[i] = cone_C[0] * v.axis[0][i] + cone_C[1] * v.axis[1][i] + cone_C[2] * v.axis[2][i];
+    v.cone[3] = cone_C[3];
     return v;
 }
 
@@ -84,7 +85,7 @@ View View::in(const double *p_AG, const double *R_AG) const {
 bool View::outside(const double *centre, const double *half) const {
     const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
     if (projection == Projection::kTable) {
-        const double distance = std::sqrt(dot(c, c)), radius = std::sqrt(dot(half, half));
+        const double distance = std::sqrt(dot(c, c)), radius = 1.0001 * std::sqrt(dot(half, half)) + 1e-5;
         if (distance - radius > far_t) return true;
         if (cone[3] < -1.0 || distance <= radius) return false;
         const double sine = radius / distance, cosine = std::sqrt(1.0 - sine * sine);
