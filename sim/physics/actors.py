@@ -54,7 +54,7 @@ class Actors:
         self.posed = 0  # poses that were computed
         tick_s = tick_ns / NS_PER_S
         self._reach_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
-        speeds = [float(getattr(actor, "max_speed_mps", math.inf)) for actor in self._actors]
+        speeds = [actor.max_speed_mps for actor in self._actors]
         # How much smaller a gap may have become by the next tick; infinite: it must be found anew.
         self.approach_m = max(speeds, default=0.0) * tick_s
         self.put_away()

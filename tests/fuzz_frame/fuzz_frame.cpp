@@ -18,6 +18,7 @@
 #include "guarded.hpp"
 #include "picture.hpp"
 #include "random_scene.hpp"
+#include "ray_cast.hpp"
 
 namespace fuzz {
 
@@ -77,6 +78,43 @@ Channels take(Picture &picture, const Shot &shot, unsigned wanted, int row0, int
     return channels;
 }
 
+// Random rays, some odd: the same answer with and without the tree, by any instruction set and number of threads.
+void rays(Dice &dice, const Geometry &geometry) {
+    constexpr std::size_t kRays = 64;
+    std::vector<double> origin(3 * kRays), direction(3 * kRays);
+    for (double &x : origin) x = dice.number(-15.0, 15.0);
+    for (double &x : direction) x = dice.number(-1.0, 1.0);
+    RayCaster caster(geometry);
+    caster.refresh();
+    const double t_max = dice.one_in(3) ? dice.number(0.0, 30.0) : 1e6;
+    std::vector<double> first_range;
+    std::vector<std::int32_t> first_geom;
+    const auto cast = [&](bool tree, bool max_range, int threads, Isa isa, const char *what) {
+        std::vector<double> range(kRays), normal(3 * kRays), velocity(kRays);
+        std::vector<std::int32_t> geom(kRays);
+        const CastOutput out{range.data(), geom.data(), normal.data(), velocity.data()};
+        caster.cast(origin.data(), false, direction.data(), kRays, 0.0, t_max, {tree, max_range}, nullptr, threads, isa, out);
+        if (first_geom.empty()) {
+            first_range = range, first_geom = geom;
+            return;
+        }
+        for (std::size_t i = 0; i < kRays; ++i) {
+            const bool same_range = std::memcmp(&range[i], &first_range[i], sizeof(double)) == 0;
+            if (geom[i] != first_geom[i] || !same_range) {
+                throw Failure(std::string("rays, ") + what + ": ray " + std::to_string(i));
+            }
+        }
+    };
+    cast(true, true, 1, best_isa(), "");
+    cast(true, true, 3, best_isa(), "number of threads");
+    for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
+        if (has_isa(isa)) cast(true, true, 1, isa, isa_name(isa));
+    }
+    if (dice.bent) return;  // boxes hold what rotations that are none do to a shape only roughly
+    cast(false, true, 1, best_isa(), "tree");
+    cast(true, false, 1, best_isa(), "greatest range");
+}
+
 void one(std::uint64_t seed) {
     Dice dice(seed);
     const bool huge = seed % 500 == 7;
@@ -88,10 +126,12 @@ void one(std::uint64_t seed) {
     const std::uint64_t raster_seed = dice.bits();
     std::unique_ptr<Picture> picture;
     std::unique_ptr<SunShadows> shadows;
+    int resolution = 0;
     try {
         picture = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed), scenery);
         if (dice.one_in(3)) {
-            shadows = std::make_unique<SunShadows>(geometry, shot.light.sun_W, 1 + dice.below(300), best_isa());
+            resolution = 1 + dice.below(300);
+            shadows = std::make_unique<SunShadows>(geometry, shot.light.sun_W, resolution, best_isa());
         }
     } catch (const std::invalid_argument &) {
         if (picture == nullptr) return;  // refused in words; without the sun there is a picture all the same
@@ -109,9 +149,16 @@ void one(std::uint64_t seed) {
         const auto wanted = static_cast<unsigned>(dice.below(kAll + 1));
         same(whole, take(*picture, shot, wanted, 0, height, 1), 0, height, "other channels asked for");
         for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
-            if (shadows != nullptr || !has_isa(isa) || isa == best_isa()) continue;
+            if (!has_isa(isa) || isa == best_isa()) continue;
             Picture other(random_raster(geometry, huge, isa, raster_seed), scenery);
-            same(whole, take(other, shot, kAll, 0, height, 1), 0, height, isa_name(isa));
+            Shot again = shot;
+            std::unique_ptr<SunShadows> sun;
+            if (shadows != nullptr) {
+                sun = std::make_unique<SunShadows>(geometry, shot.light.sun_W, resolution, isa);
+                sun->update(true);
+                again.shadows = sun.get();
+            }
+            same(whole, take(other, again, kAll, 0, height, 1), 0, height, isa_name(isa));
         }
         if (dice.bent) continue;  // threads and rows have bounds of their own
         same(whole, take(*picture, shot, kAll, 0, height, 2 + dice.below(6)), 0, height, "number of threads");
@@ -128,7 +175,11 @@ void one(std::uint64_t seed) {
         slow.options = shot.options;
         slow.options.occlusion_culling = false;
         same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "occlusion culling");
+        slow.options = shot.options;
+        slow.options.hide_backs = false;
+        same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "backs of meshes");
     }
+    if (!huge) rays(dice, geometry);
 }
 
 }  // namespace fuzz

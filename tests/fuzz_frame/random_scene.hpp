@@ -64,7 +64,33 @@ inline void rotation(Dice &dice, double *R) {
     }
 }
 
+// One or two closed boxes apart from each other, each wound outwards or inwards, now and then with a face missing.
+inline int add_boxes(Dice &dice, Geometry &geometry) {
+    constexpr std::int32_t faces[36] = {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1,
+                                        2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3};
+    std::vector<float> vertex;
+    std::vector<std::int32_t> triangle;
+    for (int box = 0; box < 1 + dice.below(2); ++box) {
+        double half[3];
+        for (double &h : half) h = dice.uniform(0.05, 2.0);
+        const bool inwards = dice.one_in(4);
+        const int missing = dice.one_in(4) ? 3 * dice.below(12) : -1;
+        for (int i = 0; i < 8; ++i) {
+            for (int k = 0; k < 3; ++k) {
+                const double side = i >> (2 - k) & 1 ? half[k] : -half[k];
+                vertex.push_back(static_cast<float>(side + (k == 2 ? 5.0 * box : 0.0)));
+            }
+        }
+        for (int i = 0; i < 36; i += 3) {
+            if (i == missing) continue;
+            for (int k = 0; k < 3; ++k) triangle.push_back(8 * box + faces[i + (inwards ? 2 - k : k)]);
+        }
+    }
+    return geometry.add_mesh(vertex.data(), vertex.size() / 3, triangle.data(), triangle.size() / 3, nullptr, nullptr);
+}
+
 inline int add_mesh(Dice &dice, Geometry &geometry) {
+    if (dice.one_in(3)) return add_boxes(dice, geometry);
     const int vertices = dice.one_in(10) ? 0 : 1 + dice.below(40);
     const int triangles = vertices == 0 || dice.one_in(10) ? 0 : dice.below(80);
     const double reach = dice.uniform(0.01, 5.0);

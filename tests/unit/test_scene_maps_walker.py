@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
@@ -82,6 +83,19 @@ def test_bound_holds_everything(walker: Walker) -> None:
             reach = sum(shape.size) if shape.kind == "capsule" else max(shape.size)
             assert math.dist(centre, (cx, cy, cz)) + reach <= radius
     assert radius < 0.75 * walker.figure.height_m  # and little more
+
+
+@pytest.mark.parametrize("generator", sorted(GENERATORS))
+def test_nobody_is_faster_than_it_says(generator: str) -> None:
+    # What physics relies on when it asks only now and then where people are.
+    chosen = GENERATORS[generator]
+    actors = chosen.generate(chosen.parameters(), 3).actors
+    assert actors
+    step_ns = 20_000_000
+    for actor in actors:
+        places = np.array([actor.bound(k * step_ns)[0] for k in range(3000)])
+        speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / (step_ns * 1e-9)
+        assert speeds.max() <= actor.max_speed_mps < 3.0
 
 
 def limb_end(walker: Walker, p: Float64, q: Float64, limb: str, along_z_m: float) -> Float64:

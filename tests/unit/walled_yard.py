@@ -54,11 +54,10 @@ class Pacer:
     name = "person_00"
     bodies = ("person_00_body", "person_00_head")
 
-    def __init__(self, x0: float = 0.0, y0: float = 0.0, *, max_speed_mps: float | None = 1.0) -> None:
+    def __init__(self, x0: float = 0.0, y0: float = 0.0, *, max_speed_mps: float = 1.0) -> None:
         self._x0, self._y0 = x0, y0
         self.posed = 0
-        if max_speed_mps is not None:
-            self.max_speed_mps = max_speed_mps
+        self.max_speed_mps = max_speed_mps
 
     def _x(self, t_ns: int) -> float:
         phase = t_ns % 8_000_000_000 / 1e9

@@ -40,6 +40,11 @@ class Actor(Protocol):
     @property
     def bodies(self) -> tuple[str, ...]: ...
 
+    @property
+    def max_speed_mps(self) -> float:
+        """Greatest speed that the centre of `bound` ever has."""
+        ...
+
     def bound(self, t_ns: int) -> tuple[Vec3, float]:
         """Centre [m, W] and radius [m] of a sphere that holds all of it at `t_ns`."""
         ...

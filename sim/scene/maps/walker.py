@@ -34,6 +34,11 @@ class Walker:
         self._per_m = cycles / path.lap_m
         self._radius_m = self._bound_radius()
 
+    @property
+    def max_speed_mps(self) -> float:
+        # Corners are interpolated: their metres are not exactly metres.
+        return 1.05 * self.path.speed_mps
+
     def _bound_radius(self) -> float:
         middle = 0.5 * self.figure.height_m
         reach = {
