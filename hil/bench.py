@@ -36,6 +36,7 @@ from hil.calibration_export import write_calibration
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.frame_stages import (
     description,
+    draws_elsewhere,
     is_wanted,
     needs_frames,
     output_ports,
@@ -180,6 +181,7 @@ class _Run:
         self.manual: ManualControlSource | None = None
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
+        self.drawn_elsewhere = False  # pictures by a driver that draws other ones on another machine
         self.frames: FrameSource | None = None  # what cameras and LiDARs look at; None: the bench has none
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
@@ -242,8 +244,7 @@ class _Run:
             outside_input=self.config.autopilot.signing_key_file is not None
             or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0)
-            # Another machine's driver draws other pictures.
-            or any(getattr(s.parameters, "colour", "native") != "native" for s in self.config.sensors.values()),
+            or self.drawn_elsewhere,
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             timing_s=self.timing_s,
@@ -284,6 +285,7 @@ class _Run:
         config = self.config
         plan = plan_stages(stage_specs(config))
         self.skipped = list(plan.skipped)
+        self.drawn_elsewhere = draws_elsewhere(config, plan)
 
         def vehicle() -> QuadrotorPhysics:
             return QuadrotorPhysics(

@@ -37,6 +37,11 @@ def main() -> None:
         status = _complain(str(stop) or "stopped from the keyboard", ERROR_STATUS)
     except BrokenPipeError:
         status = ERROR_STATUS  # whoever read our output is gone; there is nobody to tell
+    except Exception as defect:
+        if os.environ.get("HIL_TRACEBACK"):
+            raise
+        text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
+        status = _complain(text, ERROR_STATUS)
     _leave_quietly()
     sys.exit(status)
 

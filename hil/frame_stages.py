@@ -69,6 +69,15 @@ def needs_frames(config: BenchConfig, plan: StagePlan | None = None) -> bool:
     )
 
 
+def draws_elsewhere(config: BenchConfig, plan: StagePlan) -> bool:
+    """Whether a camera's colour comes from a renderer whose pictures differ between machines."""
+    return any(
+        getattr(sensor.parameters, "colour", "native") != "native"
+        and "rgb" in (wanted_channels(name, sensor, plan) or ())
+        for name, sensor in config.sensors.items()
+    )
+
+
 def description(name: str, sensor: Any) -> FrameDescription:
     """What the recording says about a camera or LiDAR. `sensor` tells by its `mount` and, a camera, its `model`."""
     camera = getattr(sensor, "model", None)

@@ -177,5 +177,6 @@ def _numbers(option: str, text: str | None, count: int) -> tuple[float, ...] | N
     except ValueError:
         values = ()
     if len(values) != count or not all(math.isfinite(v) and abs(v) <= 50_000.0 for v in values):
-        raise ConfigError([Problem(option, f"must be {count} numbers with commas between, not {text!r}")])
+        message = f"must be {count} numbers from -50000 to 50000 with commas between, not {text!r}"
+        raise ConfigError([Problem(option, message)])
     return values

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bench_suite.raster_cases import world_of
 from sim._kernels import RayCaster, coherent_order, det_cos, det_sin
 from sim.frame.geometry import FrameGeometry
+from sim.frame.mujoco_backend import WorldPose
 from sim.scene.scene import load_scene
 from sim.scene.world import World, load_world
 
 Float64 = NDArray[np.float64]
 
 PATTERNS = {"16x900": (16, 900, 15.0), "32x1024": (32, 1024, 20.0), "64x2048": (64, 2048, 22.5)}
-GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # MuJoCo's convention of what is looked at
 _KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
-_SCENE = """name: {name}
-description: shapes at random
-site: {{latitude_deg: 47.4, longitude_deg: 8.5, altitude_m: 400.0}}
-ground_friction: 0.8
-map: {{mjcf: {name}.xml}}
-"""
 
 
 @dataclass(frozen=True)
@@ -82,31 +75,15 @@ def shapes(count: int, *, far_beyond_m: float | None = None, near: int = 0) -> P
     With `far_beyond_m` only the first `near` of them are there, all others between that distance and ten times it.
     """
     name = f"{count} geoms" if far_beyond_m is None else f"{count} geoms, {near} in reach"
-    with tempfile.TemporaryDirectory() as folder:
-        stem = f"shapes_{count}"
-        (Path(folder) / f"{stem}.xml").write_text(_mjcf(count, far_beyond_m, near))
-        (Path(folder) / f"{stem}.yaml").write_text(_SCENE.format(name=stem))
-        world = load_world(load_scene(Path(folder) / f"{stem}.yaml"))
+    world = world_of("".join(_lines(count, far_beyond_m, near)))
     return _place(name, world, ((0.3, 0.2, 2.0), (15.0, -12.0, 6.0), (-25.0, 20.0, 1.0)))
 
 
 def _place(name: str, world: World, origins_W: tuple[tuple[float, float, float], ...]) -> Place:
-    geometry = FrameGeometry(world)
-    data = mujoco.MjData(world.model)
-    # MuJoCo's actors go where this project's are at t = 0.
-    for actor in world.map.actors:
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-        actor.pose(0, p, q, v, w)
-        for body, position, attitude in zip(actor.bodies, p, q, strict=True):
-            mocap = int(world.model.body(body).mocapid[0])
-            data.mocap_pos[mocap], data.mocap_quat[mocap] = position, attitude
+    geometry = FrameGeometry(world)  # as it is at t = 0
+    data = WorldPose(world).at(0)
     mujoco.mj_forward(world.model, data)  # mj_multiRay also needs the bounding volumes of bodies
     return Place(name, world.model, data, geometry, RayCaster(geometry.native), origins_W)
-
-
-def _mjcf(count: int, far_beyond_m: float | None, near: int) -> str:
-    return "".join(_lines(count, far_beyond_m, near))
 
 
 def _lines(count: int, far_beyond_m: float | None, near: int) -> Iterator[str]:

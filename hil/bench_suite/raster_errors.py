@@ -23,6 +23,7 @@ from sim.frame.mujoco_backend import WorldPose
 Float64 = NDArray[np.float64]
 NEAR_M = 60.0  # errors of depth are bounded out to here
 _FAR_M = 10_000.0  # the raster draws nothing beyond
+_DRAWS = 8  # of pixels of a view, at most: it may be all silhouettes
 
 
 @dataclass
@@ -45,8 +46,12 @@ class Errors:
 
 @dataclass(frozen=True)
 class Truth:
-    """Pixels of one view, and what mj_ray and the twists of the bodies say about them."""
+    """Pixels of one view, and what mj_ray and the twists of the bodies say about them.
 
+    The first `drawn` stand for the whole picture; the others were drawn because too few lay away from silhouettes.
+    """
+
+    drawn: int
     rows: NDArray[np.intp]
     columns: NDArray[np.intp]
     geom: NDArray[np.int32]
@@ -59,23 +64,31 @@ class Truth:
 
 
 def truth(case: Case, view: View, posed: WorldPose, camera: CameraModel, pixels: int, seed: int) -> Truth:
-    """`pixels` random ones of the view, the outermost ring left out."""
+    """Random pixels of the view, the outermost ring left out, until `pixels` of them lie away from silhouettes."""
     data = posed.at(view.t_ns)
     model = posed.model
     random = np.random.Generator(np.random.Philox(seed))
-    rows, columns = random.integers(1, camera.height - 1, pixels), random.integers(1, camera.width - 1, pixels)
     directions_C = camera.rays()
     R_WC = np.reshape(view.pose.R_WC, (3, 3))
     p_W = np.array(view.pose.p_WC)
-    around = np.zeros((9, pixels), np.int32)
-    for k, (dy, dx) in enumerate((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1)):
-        d_C = directions_C[rows + dy, columns + dx]
-        geom, distance, normal = cast(model, data, p_W, d_C @ R_WC.T)
-        geom = np.where(distance * d_C[:, 2] <= _FAR_M, geom, -1)
-        around[k] = geom
-        if k == 4:
-            middle = (geom, np.where(geom >= 0, distance, np.inf), normal, d_C)
-    geom, range_m, normal_W, d_C = middle
+    draws: list[tuple[NDArray, ...]] = []
+    missing = pixels
+    while missing > 0 and len(draws) < _DRAWS:
+        rows, columns = random.integers(1, camera.height - 1, pixels), random.integers(1, camera.width - 1, pixels)
+        if draws:  # a few more than are missing, for some of them are no good either
+            some = min(pixels, 2 * missing)
+            rows, columns = rows[:some], columns[:some]
+        around = np.zeros((9, len(rows)), np.int32)
+        for k, (dy, dx) in enumerate((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1)):
+            d_C = directions_C[rows + dy, columns + dx]
+            geom, distance, normal = cast(model, data, p_W, d_C @ R_WC.T)
+            around[k] = geom = np.where(distance * d_C[:, 2] <= _FAR_M, geom, -1)
+            if k == 4:
+                middle = (geom, np.where(geom >= 0, distance, np.inf), normal, d_C)
+        inside = (around == around[4]).all(axis=0)
+        draws.append((rows, columns, inside, *middle))
+        missing -= int(inside.sum())
+    rows, columns, inside, geom, range_m, normal_W, d_C = (np.concatenate(parts) for parts in zip(*draws, strict=True))
     normal_C = normal_W @ R_WC
     normal_C *= -np.where(np.einsum("ij,ij->i", normal_C, d_C) > 0, 1.0, -1.0)[:, None]
     body = model.geom_bodyid[geom]
@@ -84,11 +97,12 @@ def truth(case: Case, view: View, posed: WorldPose, camera: CameraModel, pixels:
     v_W = posed.v_WB_W[body] + np.cross(posed.w_WB_W[body], arm - data.xpos[body]) - np.array(view.pose.v_WC_W)
     instance = np.where(geom >= 0, case.world.geom_instance[geom].astype(np.int32), 0)
     return Truth(
+        len(draws[0][0]),
         rows,
         columns,
         geom,
         instance,
-        (around == around[4]).all(axis=0),
+        inside,
         range_m * d_C[:, 2],
         range_m,
         normal_C,
@@ -105,7 +119,7 @@ def errors(frame: Mapping[str, NDArray], true: Truth, model: mujoco.MjModel) -> 
             same = frame["instance"][at].astype(np.int32) == true.instance
         else:
             same = frame["geom"][at] == true.geom
-        result.id_agrees, result.id_agrees_anywhere = same[true.inside], same
+        result.id_agrees, result.id_agrees_anywhere = same[true.inside], same[: true.drawn]
     # Where another geom is seen, it is the id that is wrong.
     seen = frame["geom"][at] == true.geom if "geom" in frame else np.ones(len(true.geom), bool)
     near = true.inside & (true.geom >= 0) & (true.range_m <= NEAR_M) & seen

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from hil.bench_suite.raster_cases import Case, View
 from sim.frame.camera_model import CameraModel
-from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem
+from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_pictures_of
 
 CHANNELS = ("rgb", "depth", "segmentation")  # what it can give, in its own pass each
 
@@ -33,11 +33,8 @@ class MujocoRenderer:
     def __init__(
         self, case: Case, camera: CameraModel, *, shadows: bool, two_passes: bool = False, antialiased: bool = False
     ) -> None:
-        model = case.world.model
-        view = model.vis
-        view.global_.offwidth = max(int(view.global_.offwidth), camera.width)
-        view.global_.offheight = max(int(view.global_.offheight), camera.height)
-        view.quality.offsamples = 4 if antialiased else 0
+        model = with_pictures_of(case.world.model, camera)
+        model.vis.quality.offsamples = 4 if antialiased else 0
         self.name = "MuJoCo, two passes" if two_passes else "MuJoCo, a pass a channel"
         self.name += ", 4 samples" if antialiased else ""
         self._camera, self._two_passes = camera, two_passes
@@ -55,7 +52,7 @@ class MujocoRenderer:
         self._renderer.update_scene(self._posed.at(view.t_ns))
         extent, planes = self._renderer.model.stat.extent, self._renderer.model.vis.map
         for eye in scene.camera:
-            aim(eye, self._camera, view.pose, near_m=planes.znear * extent, far_m=planes.zfar * extent)
+            aim(eye, self._camera, view.pose, (planes.znear * extent, planes.zfar * extent))
 
     def render(self, channels: Sequence[str]) -> dict[str, NDArray]:
         """The channels of the view last posed; `geom` stands for segmentation, of which ids are the raw form."""

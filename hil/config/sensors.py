@@ -13,10 +13,17 @@ from hil.config.schema import SensorConfig
 from hil.documents.document import Place
 from hil.documents.validate import at, nearest, shown, validate
 from hil.signals.errors import Problem
+from hil.signals.time import period_ns_from_hz
 from sim.sensors.catalog import KINDS, PRESETS
+from sim.sensors.lidar_parameters import LidarParameters
+from sim.sensors.lidar_pattern import MAX_POINTS
 
 AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
 FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # besides the imu: without them no mission is flown
+# Ports of the bench and topics of the recording.
+_TAKEN_NAMES = frozenset(
+    {"truth", "actuators", "physics", "autopilot", "recorder", "events", "mavlink", "tf", "tf_static", "clock"}
+)
 _OWN_KEYS = ("preset", "kind", "autopilot", "rate_hz")
 
 
@@ -57,6 +64,9 @@ def _resolve(
     place: Place = ("sensors", name)
     if not name.isidentifier():
         problems.append(at(settings, place, "cannot be the name of a sensor", "use letters, digits and _"))
+    elif name in _TAKEN_NAMES:
+        hint = f"the bench's own streams have that name; taken are {', '.join(sorted(_TAKEN_NAMES))}"
+        problems.append(at(settings, place, "cannot be the name of a sensor", hint))
     if not isinstance(entry, dict):
         problems.append(at(settings, place, f"must be a mapping of keys, not {shown(entry)}"))
         return None, None, None
@@ -74,6 +84,12 @@ def _resolve(
         return None, None, kind
     parameters = KINDS[kind].parameters.model_validate(built.model_dump(exclude=set(_OWN_KEYS)))
     rate_hz: float = built.rate_hz  # type: ignore[attr-defined]
+    if isinstance(parameters, LidarParameters):
+        points = parameters.pattern.points(period_ns_from_hz(rate_hz))
+        if points > MAX_POINTS:
+            message = f"gives {points} points a sweep, more than {MAX_POINTS}"
+            problems.append(at(settings, (*place, "rate_hz"), message, "raise it"))
+            return None, None, kind
     flag: bool | None = built.autopilot  # type: ignore[attr-defined]
     return SensorConfig(kind=kind, preset=preset, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
 

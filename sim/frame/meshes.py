@@ -37,6 +37,9 @@ def mesh_triangles(model: mujoco.MjModel, mesh: int) -> Triangles:
     if model.mesh_texcoordadr[mesh] >= 0:
         coordinates = part(model.mesh_texcoord, model.mesh_texcoordadr, model.mesh_texcoordnum)
         uv = coordinates[part(model.mesh_facetexcoord, model.mesh_faceadr, model.mesh_facenum)]
+        uv = uv * np.array([1.0, -1.0], np.float32) + np.array(
+            [0.0, 1.0], np.float32
+        )  # MuJoCo's v counts from the first row down
     return Triangles(
         _as(vertex, np.float32),
         _as(triangle, np.int32),

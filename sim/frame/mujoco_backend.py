@@ -12,6 +12,7 @@ colour comes from here is not reproducible bit for bit. Pinhole cameras only.
 
 from __future__ import annotations
 
+import copy
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
     from sim.frame.renderer import CameraPose
     from sim.scene.world import World
 
+Planes = tuple[float, float]  # distance of the near and of the far one [m]
 BACKENDS = ("egl", "filament")
-_NEAR_M, _FAR_M = 0.05, 1000.0
 _FILAMENT_PROBE = (
     "import mujoco.studio.window; from mujoco import mjrf; "
     "mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))"
@@ -76,7 +77,16 @@ class WorldPose:
 class MujocoColour:
     """Renders `rgb` of a world. ColourBackendError where the machine has no such renderer."""
 
-    def __init__(self, world: World, camera: CameraModel, *, backend: str = "egl", shadows: bool = False) -> None:
+    def __init__(
+        self,
+        world: World,
+        camera: CameraModel,
+        *,
+        backend: str = "egl",
+        shadows: bool = False,
+        near_m: float = 0.05,
+        far_m: float = 1000.0,
+    ) -> None:
         if backend not in BACKENDS:
             raise ColourBackendError(f"no colour backend {backend!r}; there are: {', '.join(BACKENDS)}")
         if not camera.pinhole:
@@ -94,7 +104,7 @@ class MujocoColour:
             raise ColourBackendError(f"the colour backend {backend!r} does not work here: {problem}")
         self._world_pose = WorldPose(world)
         made = _Classic if backend == "egl" else _Filament
-        self._renderer = made(world.model, camera, shadows=shadows)
+        self._renderer = made(world.model, camera, (near_m, far_m), shadows=shadows)
         self._data = self._world_pose.data
 
     def pose(self, t_ns: int) -> None:
@@ -122,12 +132,16 @@ def egl_context() -> Iterator[None]:
     from mujoco.egl import GLContext
     from mujoco.rendering.classic import renderer
 
-    before = renderer.gl_context.GLContext
-    renderer.gl_context.GLContext = GLContext
+    chosen: Any = renderer.gl_context
+    before = getattr(chosen, "GLContext", None)  # none at all where MUJOCO_GL says "disabled"
+    chosen.GLContext = GLContext
     try:
         yield
     finally:
-        renderer.gl_context.GLContext = before
+        if before is None:
+            del chosen.GLContext
+        else:
+            chosen.GLContext = before
 
 
 @cache
@@ -160,11 +174,9 @@ def filament_problem() -> str:
 class _Classic:
     """MjvScene and mujoco.Renderer, with the frustum of a CameraModel."""
 
-    def __init__(self, model: mujoco.MjModel, camera: CameraModel, *, shadows: bool) -> None:
-        view = model.vis
-        view.global_.offwidth = max(int(view.global_.offwidth), camera.width)
-        view.global_.offheight = max(int(view.global_.offheight), camera.height)
-        self._camera = camera
+    def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
+        model = with_pictures_of(model, camera)
+        self._camera, self._planes_m = camera, planes_m
         with egl_context():
             self._renderer = mujoco.Renderer(model, camera.height, camera.width, max_geom=model.ngeom + 100)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
@@ -186,19 +198,19 @@ class _Classic:
     def _aim(self, data: mujoco.MjData, pose: CameraPose) -> None:
         self._renderer.update_scene(data)
         for eye in self._renderer.scene.camera:  # both of a stereo pair: mjr_render takes their mean
-            aim(eye, self._camera, pose)
+            aim(eye, self._camera, pose, self._planes_m)
 
 
 class _Filament:
     """mjrf's own objects: MuJoCo's Python wrapper round them needs Python 3.12."""
 
-    def __init__(self, model: mujoco.MjModel, camera: CameraModel, *, shadows: bool) -> None:
+    def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
         import mujoco.studio.window  # noqa: F401 - registers where Filament's materials are found
         from mujoco import mjrf
         from mujoco.rendering.filament.model_scene import ModelScene
 
         self._rf: Any = mjrf
-        self._camera, self._shadows = camera, shadows
+        self._camera, self._planes_m, self._shadows = camera, planes_m, shadows
         self._context = mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))
         self._scene = ModelScene(self._context, model)
         self._target = self._context.create_render_target(
@@ -211,7 +223,7 @@ class _Filament:
         request, read = self._rf.RenderRequest(), self._rf.ReadRequest(target=self._target)
         request.scene, request.target = self._scene.scene, self._target
         eye = self._rf.Camera()
-        aim(eye, self._camera, pose)
+        aim(eye, self._camera, pose, self._planes_m)
         request.camera, request.shadows = eye, self._shadows
         request.viewport.width, request.viewport.height = self._camera.width, self._camera.height
         read.set_buffer(rgb)
@@ -221,8 +233,18 @@ class _Filament:
         del self._scene, self._target, self._context
 
 
-def aim(eye: Any, camera: CameraModel, pose: CameraPose, *, near_m: float = _NEAR_M, far_m: float = _FAR_M) -> None:
+def with_pictures_of(model: mujoco.MjModel, camera: CameraModel) -> mujoco.MjModel:
+    """A copy whose buffers hold the camera's pictures: a World and its model are shared, and not to be written to."""
+    model = copy.copy(model)
+    view = model.vis
+    view.global_.offwidth = max(int(view.global_.offwidth), camera.width)
+    view.global_.offheight = max(int(view.global_.offheight), camera.height)
+    return model
+
+
+def aim(eye: Any, camera: CameraModel, pose: CameraPose, planes_m: Planes) -> None:
     """Puts MuJoCo's GL camera at the pose, with the frustum of `camera` (the picture's shape gives its width)."""
+    near_m, far_m = planes_m
     R_WC = np.reshape(pose.R_WC, (3, 3))
     left, right = -near_m * camera.cx / camera.fx, near_m * (camera.width - camera.cx) / camera.fx
     eye.pos, eye.forward, eye.up = pose.p_WC, R_WC[:, 2], -R_WC[:, 1]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim._kernels import Scenery
+from sim.scene.semantics import of_material_colour
 
-_DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
-_CUBE_TYPES = (mujoco.mjtTexture.mjTEXTURE_CUBE,)
+_CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _SMALLEST, _LARGEST = 4, 4096  # texels along an edge
 
 
@@ -23,12 +23,13 @@ def make_scenery(model: mujoco.MjModel, extra_rgb: list[tuple[float, float, floa
     """The look of every geom of `model`, and after them of further geoms of plain colours."""
     scenery = Scenery()
     textures: dict[int, int] = {}
+    of_material = of_material_colour(model)
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
         emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
         if material >= 0:
-            if np.allclose(rgba, _DEFAULT_RGBA):
+            if of_material[geom]:
                 rgba = model.mat_rgba[material]
             emission = float(model.mat_emission[material])
             source = _rgb_texture(model, material)
@@ -60,7 +61,7 @@ def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int) -> int:
     begin = int(model.tex_adr[texture])
     texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
     rgb = np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
-    cube = model.tex_type[texture] in _CUBE_TYPES and height == 6 * width
+    cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
     faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
     levels = []
     while True:

@@ -139,7 +139,9 @@ class SharedFrames:
         from sim.frame.mixed_renderer import MixedRenderer
         from sim.frame.mujoco_backend import MujocoColour
 
-        made = MixedRenderer(native, MujocoColour(self.world, camera, backend=colour, shadows=shadows))
+        made = MixedRenderer(
+            native, MujocoColour(self.world, camera, backend=colour, shadows=shadows, near_m=near_m, far_m=far_m)
+        )
         self._to_close.append(made.close)
         return made
 

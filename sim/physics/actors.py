@@ -7,8 +7,8 @@ in which the vehicle travels less than
 
 The margin is what a vehicle within the model's speed limit could travel in a tick, so that this also holds for the
 path with contact, which is not known beforehand. A gap found at one tick serves the next ones too: each takes from it
-what the vehicle travelled, and what the actors may have moved towards it, max_speed_mps * tick, where they all state
-that speed (of their spheres: of the centre and of the radius together).
+what the vehicle travelled, and what the actors may have moved towards it, max_speed_mps * tick (of the spheres'
+centres: their radii do not change).
 
 Through one tick actors stand where they are at its end. Contact takes them as things at rest.
 """

@@ -138,11 +138,15 @@ def surfaces(
     return of_geom, tuple(table)
 
 
+def of_material_colour(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Geoms that have the colour of their material, as MuJoCo draws them: their own is exactly the default grey."""
+    plain: NDArray[np.bool_] = np.all(model.geom_rgba == _DEFAULT_RGBA, axis=1)
+    return (model.geom_matid >= 0) & plain
+
+
 def visible(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Geoms that are drawn: of a group below 3, and not wholly transparent."""
     alpha = model.geom_rgba[:, 3].copy()
-    with_material = model.geom_matid >= 0
-    plain = np.all(model.geom_rgba == _DEFAULT_RGBA, axis=1)
-    from_material = with_material & plain
+    from_material = of_material_colour(model)
     alpha[from_material] = model.mat_rgba[model.geom_matid[from_material], 3]
     return (model.geom_group < _VISIBLE_GROUPS) & (alpha > 0.0)

@@ -32,6 +32,10 @@ from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 from sim.scene.words import nearest
 
 _KEPT = 4  # worlds
+_SHAPES = tuple(
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
+    for kind in ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
+)
 VEHICLE = "vehicle"  # the name that the vehicle's body has
 
 # A plane is drawn as far as this and goes on for ever.
@@ -303,6 +307,9 @@ def _unfit(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list
     if VEHICLE in names.bodies:
         message = f"holds a body named {VEHICLE!r}, which is the name of the one that the bench adds"
         problems.append(Problem(file.where("body", VEHICLE), message))
+    for geom in np.flatnonzero(~np.isin(model.geom_type, _SHAPES)).tolist():
+        message = f"geom {names.geoms[geom]!r} is of a kind that the bench does not simulate (sdf?)"
+        problems.append(Problem(file.where("geom", names.geoms[geom]), message, "use a mesh or a primitive"))
     if model.nflex:
         problems.append(Problem(file.root.source, "holds a flexible body, which the bench does not simulate"))
     for body in np.flatnonzero(model.body_mocapid >= 0).tolist():

@@ -162,9 +162,22 @@ class CameraParameters(StrictModel):
             raise ValueError(f"supersample 2 takes pictures of at most {MAX_PIXELS_ACROSS // 2} pixels across")
         model = self.model()
         check_invertible(model)
-        if self.colour != "native" and (not model.pinhole or abs(model.fx - model.fy) > 1e-6 * model.fy):
-            raise ValueError(f"colour {self.colour!r} draws pinhole cameras with square pixels only; use 'native'")
+        if self.colour != "native":
+            self._could_be_drawn_by_mujoco(model)
         return self
+
+    def _could_be_drawn_by_mujoco(self, model: CameraModel) -> None:
+        who = f"colour {self.colour!r}"
+        if not model.pinhole:
+            raise ValueError(f"{who} draws pinhole cameras only; for distortion use 'native'")
+        if self.colour == "egl" and abs(model.fx - model.fy) > 1e-6 * model.fy:
+            raise ValueError(f"{who} draws square pixels only: fx and fy must be the same, or use 'native'")
+        if self.colour == "filament" and abs(model.cx - 0.5 * model.width) > 1e-6:
+            raise ValueError(f"{who} needs the optical axis in the middle: cx = (width - 1) / 2, or use 'native'")
+        if self.rolling_shutter_s > 0.0:
+            raise ValueError(f"{who} draws the whole picture at once: no rolling_shutter_s, or use 'native'")
+        if self.supersample != 1:
+            raise ValueError(f"{who} draws the whole picture at once: supersample 1, or use 'native'")
 
     def model(self) -> CameraModel:
         """The camera that these numbers describe. ValueError where there is none."""

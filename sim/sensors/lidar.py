@@ -3,22 +3,24 @@
 The sweep ends at the capture: it covers [t_capture - period, t_capture). Ray i fires `time_offset_ns[i]` (< 0) from the
 capture, from where the vehicle is then (sim/sensors/sweep_motion.py says how exact that is). Moving people and vehicles
 are posed `subsweeps` times a sweep, in the middle of each part: a limb at 5 m/s is off by at most 25 mm with ten parts
-of a sweep of 0.1 s, a walking body by 8 mm. With `rolling: false` everything is of the instant of capture, offsets too.
+of a sweep of 0.1 s, a walking body by 8 mm. Those that no ray of a part can reach are not posed for it. With
+`rolling: false` everything is of the instant of capture, offsets too.
 
 `points_L` is what the device puts out: range times direction in its own frame L (forward, left, up) at the ray's own
 time, so the cloud of a moving vehicle is bent, and straightening it is up to who receives it. p_WL and q_WL are the
 pose at the capture. Rays without a return are left out.
 
 Nothing beyond the range is looked at and nothing without a geom in reach is tested: both change no bit
-(`RayCaster.cast(tree=..., max_range=...)` and their test).
+(`RayCaster.cast(tree=..., max_range=...)` and their test), nor does it that people out of reach are not posed.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +34,15 @@ from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep
 from sim.sensors.rotation import rotate_into_world
 from sim.sensors.sensor import Installation
-from sim.sensors.sweep_motion import at_rest, sweep_motion
+from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
+
+if TYPE_CHECKING:
+    from sim.frame.geometry import OutOfReach
 
 Float64 = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
+
+_SLACK_M = 1e-3  # far above rounding
 
 # A beam's footprint: the middle and four rays at half its radius, which share its light evenly.
 _FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
@@ -99,10 +106,10 @@ class Lidar:
         rays = self._ready(seq)
         motion = sweep_motion(truth, self._recent(t_ns)) if p.rolling else at_rest(truth)
         self._before = truth
-        for k, directions_B in enumerate(rays.directions_B):
-            sweep_rays(motion, rays.offset_ns, rays.origins_B, directions_B, self._origins_W, self._directions_W)
-            self._cast(k, rays, truth)
-        self._frames.pose(t_ns, truth)
+        for i, part in enumerate(rays.parts):
+            if part.start != part.stop:
+                self._cast(rays, i, motion, self._middle_ns(i, len(rays.parts), t_ns))
+        self._frames.expect(t_ns)
         echoes = self._echoes()
         kept, range_m, intensity = self._receiver.measure(echoes, seq)
         sweep = rays.sweep
@@ -162,37 +169,44 @@ class Lidar:
             orders.append(order)
         return _Rays(sweep, directions_B, origins_B, offset_ns, parts, orders)
 
-    def _cast(self, k: int, rays: _Rays, truth: TruthState) -> None:
-        """Cast part `k` of the footprint, the scene posed anew for each part of the sweep."""
-        farthest = self._receiver.farthest_m
-        count = len(rays.parts)
-        for i, (part, order) in enumerate(zip(rays.parts, rays.orders, strict=True)):
-            if part.start == part.stop:
-                continue
-            middle_ns = truth.t_ns
-            if self._p.rolling:
-                middle_ns += -self.period_ns + self.period_ns * (2 * i + 1) // (2 * count)
-            self._frames.pose(max(0, middle_ns), truth)
-            self._caster.cast(
-                self._origins_W[part],
-                self._directions_W[part],
-                0.0,
-                farthest,
-                self._range[k, part],
-                self._geom[k, part],
-                self._normal[part],
-                order=order,
-            )
-        n, d = self._normal, self._directions_W
-        cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
-        hit = self._geom[k] >= 0
-        self._strength[k] = np.where(hit, self._reflectivity[self._geom[k]] * cosine, 0.0)
+    def _middle_ns(self, i: int, count: int, t_ns: int) -> int:
+        """The time of which the scene is in part `i` of `count`."""
+        if not self._p.rolling:
+            return t_ns
+        return max(0, t_ns - self.period_ns + self.period_ns * (2 * i + 1) // (2 * count))
+
+    def _cast(self, rays: _Rays, i: int, motion: Motion, t_ns: int) -> None:
+        """Cast part `i` of the sweep, every ray of the footprint, in the scene as it is at `t_ns`."""
+        part, farthest = rays.parts[i], self._receiver.farthest_m
+        origins_W, directions_W, normal = self._origins_W[part], self._directions_W[part], self._normal[part]
+        for k, directions_B in enumerate(rays.directions_B):
+            sweep_rays(motion, rays.offset_ns[part], rays.origins_B[part], directions_B[part], origins_W, directions_W)
+            if k == 0:  # all of the footprint begin in the same places
+                self._frames.expect(t_ns)
+                self._frames.geometry.bring(_out_of_reach(origins_W, farthest))
+            range_m, geom = self._range[k, part], self._geom[k, part]
+            self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
+            n, d = normal, directions_W
+            cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
+            self._strength[k, part] = np.where(geom >= 0, self._reflectivity[geom] * cosine, 0.0)
 
     def _echoes(self) -> Echoes:
         if len(self._footprint) == 1:
             return single_echoes(self._range[0], self._strength[0], self._geom[0])
         p = self._p
         return choose_echoes(self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m)
+
+
+def _out_of_reach(origins_W: Float64, farthest_m: float) -> OutOfReach:
+    """Whether nothing within a sphere can be met: it is farther than that from the box of all origins."""
+    (x0, y0, z0), (x1, y1, z1) = origins_W.min(axis=0).tolist(), origins_W.max(axis=0).tolist()
+
+    def out_of_reach(centre: tuple[float, float, float], radius_m: float) -> bool:
+        x, y, z = centre
+        dx, dy, dz = max(x0 - x, 0.0, x - x1), max(y0 - y, 0.0, y - y1), max(z0 - z, 0.0, z - z1)
+        return math.sqrt(dx * dx + dy * dy + dz * dz) > radius_m + farthest_m + _SLACK_M
+
+    return out_of_reach
 
 
 def _own(values: NDArray[Scalar]) -> NDArray[Scalar]:

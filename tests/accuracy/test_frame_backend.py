@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import Case, camera_pose, looking, scene_case
+from hil.bench_suite.raster_rivals import MujocoRenderer
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
@@ -46,6 +51,52 @@ def test_silhouettes_agree_with_the_raster(park: Case, camera: CameraModel) -> N
             assert rgb.std() > 5.0
     finally:
         colour.close()
+
+
+def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -> None:
+    if egl_problem():
+        pytest.skip(egl_problem())
+    camera = CameraModel.from_fov(2000, 150, 90.0)  # wider than the buffers that the map asks for
+    size = park.world.model.vis.global_
+    before = (size.offwidth, size.offheight)
+    assert camera.width > before[0]
+    geometry = FrameGeometry(park.world)
+    renderer, out = FrameRenderer(geometry, camera), buffers(camera, ("depth",))
+    view = park.views[1]  # looks down
+    geometry.pose(view.t_ns)
+    renderer.render(view.pose, out)
+    middle_m = float(np.median(out["depth"][out["depth"] < 60.0]))
+    for planes in ({"near_m": 0.05, "far_m": middle_m}, {"near_m": middle_m, "far_m": 60.0}):
+        colour = MujocoColour(park.world, camera, **planes)
+        try:
+            colour.pose(view.t_ns)
+            seen = colour.geom_ids(view.pose) >= 0
+        finally:
+            colour.close()
+        depth, low, high = out["depth"], planes["near_m"], planes["far_m"]
+        assert seen[(depth > 1.01 * low) & (depth < 0.99 * high)].mean() > 0.99
+        # Beyond the near plane something else may stand behind; beyond the far one there is nothing.
+        assert not seen[depth > 1.01 * high].any()
+    rival = MujocoRenderer(park, camera, shadows=False)
+    rival.close()
+    assert (size.offwidth, size.offheight) == before
+    assert park.world.model.vis.quality.offsamples == mujoco.MjSpec().compile().vis.quality.offsamples
+
+
+@pytest.mark.parametrize("said", ["disabled", "egl", "glfw"])
+def test_the_renderer_is_found_whatever_mujoco_was_told_when_it_was_imported(said: str) -> None:
+    if egl_problem():
+        pytest.skip(egl_problem())
+    script = "from sim.frame.mujoco_backend import egl_problem; print(egl_problem())"
+    child = subprocess.run(
+        [sys.executable, "-c", script],
+        env=os.environ | {"MUJOCO_GL": said, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert child.stdout.strip() == ""
 
 
 def test_filament_shows_what_the_classic_renderer_shows(park: Case) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hil.bench_suite.raster_cases import Case, field_case, scene_case
-from hil.bench_suite.skip import Outputs, Rule, compare, raster_rules
+from hil.bench_suite.skip import Outputs, Rule, compare, contact_rule, lidar_rules, raster_rules
+from hil.signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.renderer import RenderSkips
 
@@ -38,3 +39,28 @@ def test_a_difference_of_one_bit_is_seen() -> None:
             yield 1.0, {"depth": np.array([1.0, np.nextafter(2.0, 3.0) if on and k == 2 else 2.0])}
 
     assert compare(Rule("spoilt", "none", run), turns=1)[1] == 0.25
+
+
+def test_the_flight_of_the_contact_rule_lands_again_and_all_of_its_state_is_compared() -> None:
+    rule = contact_rule(4.0)
+    ((_, flight),) = list(rule.run(True))
+    assert set(flight) == set(TruthState._fields)
+    assert {len(values) for values in flight.values()} == {1000}
+    touches = flight["in_contact"]
+    airborne = np.flatnonzero(~touches)
+    assert touches[0]
+    assert flight["p_WB"][airborne, 2].max() > 0.7
+    assert touches[airborne[0] :].sum() > 100
+    assert touches[-1]
+    assert compare(rule, turns=1)[1] == 0.0
+
+
+def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
+    rules = lidar_rules(park)
+    assert len(rules) == 2
+    for rule in rules:
+        assert compare(rule, turns=1)[1] == 0.0
+        _, found = next(rule.run(False))
+        met = found["range"][found["geom"] >= 0]
+        assert len(met) > 1000
+        assert met.max() <= 50.0

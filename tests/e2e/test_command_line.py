@@ -110,3 +110,11 @@ def test_wrong_usage(tmp_path: Path) -> None:
     assert hil("--help").returncode == 0
     assert hil("check", env={"MUJOCO_GL": "osmesa"}).returncode == 0
     assert hil("replay", str(tmp_path / "nowhere")).returncode == 3
+
+
+def test_a_defect_is_an_error_with_a_message() -> None:
+    script = "import hil.cli, hil.entry, sys; hil.cli.run_command_line = lambda a: 1 / 0; hil.entry.main()"
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 3
+    assert ended.stderr.startswith("error: ZeroDivisionError")
+    assert "Traceback" not in ended.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -95,6 +96,10 @@ class World:
 class GeometryOf:
     native: Geometry
     world: World
+    bring_all: Callable[[], None]
+
+    def bring(self, out_of_reach: Any = None) -> None:
+        self.bring_all()
 
 
 @dataclass
@@ -111,12 +116,17 @@ class ModelFrames:
         names = [self.model.geom(g).name for g in range(n)]
         surfaces = tuple(Reflecting(self.reflectivity.get(name, 0.5)) for name in names)
         world = World((np.arange(n) % 200 + 1).astype(np.uint8), np.arange(n, dtype=np.uint8), surfaces)
-        self.geometry: Any = GeometryOf(native(self.model, self.data), world)
+        self.geometry: Any = GeometryOf(native(self.model, self.data), world, self._bring)
         self.class_names = ("none", *names)
+        self.t_ns = 0
         self.posed: list[int] = []
         self._start = self.data.mocap_pos.copy()
 
-    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:
+    def expect(self, t_ns: int) -> None:
+        self.t_ns = t_ns
+
+    def _bring(self) -> None:
+        t_ns = self.t_ns
         self.posed.append(t_ns)
         for m, speed in enumerate(self.speed_mps):
             self.data.mocap_pos[m] = self._start[m] + np.asarray(speed) * t_ns * 1e-9

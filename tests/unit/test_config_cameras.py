@@ -84,6 +84,8 @@ def test_a_preset_with_everything_over_it_survives_being_saved() -> None:
         ("{preset: camera_320x240, rate_hz: 1000}", "6", "at most the tick's rate"),
         ("{preset: camera_320x24, rate_hz: 10}", "6", "did you mean 'camera_320x240'?"),
         ("{preset: camera_320x240, rate_hz: 10, fov: 80}", "6", "fov"),
+        ("{preset: camera_320x240, rate_hz: 10, colour: egl, rolling_shutter_s: 0.01}", "6", "whole picture at once"),
+        ("{preset: camera_320x240, rate_hz: 10, colour: filament, supersample: 2}", "6", "whole picture at once"),
     ],
 )
 def test_what_is_absurd_is_named_with_its_line(camera: str, place: str, message: str) -> None:

@@ -16,6 +16,7 @@ from hil.recorder.reading import read_messages
 from hil.recorder.recorder import MCAP_NAME
 from hil.replay import compare, replay
 from hil.stages import plan_stages
+from sim.frame.mujoco_backend import egl_problem
 from tests.unit.frame_world import FormulaFrames
 
 FLIGHT = ["duration_s=3", "autopilot.transport=loopback", "record.tlog=false", "record.report=false"]
@@ -102,6 +103,25 @@ def test_cameras_at_one_moment_share_the_scene(tmp_path: Path, worlds: list[Form
     told = {row["what"]: row["saved"] for row in run["skipped"]}
     assert told["posing of people and vehicles"] == "7 of 36 posings"
     assert run["timing"]["phase_us"]["frames"]["max"] > 10.0
+
+
+def test_only_colour_that_is_drawn_by_another_makes_a_run_not_deterministic(
+    tmp_path: Path, worlds: list[FormulaFrames]
+) -> None:
+    egl = [*FRONT, "sensors.front.colour=egl"]
+    assert not fly(tmp_path / "drawn", *egl)["deterministic"]
+    assert fly(tmp_path / "native", *FRONT)["deterministic"]
+    assert fly(tmp_path / "depth", *egl, "sensors.front.channels=[depth]")["deterministic"]
+    assert fly(tmp_path / "nobody", *egl, "record.images=false")["deterministic"]
+
+
+def test_a_run_with_colour_by_egl(tmp_path: Path) -> None:
+    if egl_problem():
+        pytest.skip(egl_problem())
+    run = fly(tmp_path, *FRONT, "sensors.front.colour=egl", "duration_s=0.5")
+    assert not run["deterministic"]
+    pictures = messages(tmp_path, "/front/rgb")
+    assert len(pictures) == 5
 
 
 def test_a_stage_for_every_channel() -> None:

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import PointCloudSample, TruthState
+from sim.frame.geometry import FrameGeometry
+from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
+from sim.scene.world import load_world
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_echo import choose_echoes
@@ -186,9 +189,34 @@ def test_what_moves_is_met_within_half_a_part_of_the_sweep_of_where_it_is() -> N
         wall_m = 19.0 - 5.0 * (1.0 + cloud.time_offset_ns * 1e-9)
         error_m = np.abs(cloud.points_L[:, 0] - wall_m)
         assert 0.3 * most_m < error_m.max() < most_m + 1e-3
-        assert frames.posed[-1] == 10 * T_NS
-        assert len(frames.posed) == parts + 1
-        assert np.diff(frames.posed).min() > 0
+        assert frames.t_ns == 10 * T_NS  # for who looks next
+        assert len(frames.posed) == parts
+        assert (np.diff(frames.posed) > 0).all()
+
+
+@pytest.mark.parametrize("divergence_rad", [0.0, 0.003])
+def test_people_out_of_reach_are_not_posed_and_change_no_point(
+    divergence_rad: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = load_world(load_scene("city_park"))
+    bring = FrameGeometry.bring
+    person = world.class_names.index("person")
+
+    def clouds(reach_m: float) -> tuple[list[PointCloudSample], int]:
+        frames = SharedFrames(world)
+        sensor = lidar(frames, beam_divergence_rad=divergence_rad, max_range_m=reach_m)
+        before = frames.posed
+        return [sensor.sample(moving((k + 1) * T_NS), k) for k in range(2)], frames.posed - before
+
+    found = {reach_m: clouds(reach_m) for reach_m in (3.0, 40.0)}
+    monkeypatch.setattr(FrameGeometry, "bring", lambda geometry, _=None: bring(geometry))
+    people, parts = len(world.map.actors), 2 * 10
+    for reach_m, (some, posed) in found.items():
+        everybody, all_posed = clouds(reach_m)
+        assert some == everybody
+        assert all_posed == people * parts  # once a part, however many rays a footprint has
+        assert (posed == 0) if reach_m == 3.0 else (0 < posed < all_posed)
+    assert sum((cloud.segmentation == person).sum() for cloud in found[40.0][0]) > 0
 
 
 def test_noise_has_its_deviation_and_its_step() -> None:

@@ -10,6 +10,10 @@ import pytest
 
 from hil.config import load_bench, save_bench
 from hil.signals.errors import ConfigError
+from sim.frame.camera_model import CameraModel
+from sim.frame.camera_pose import CameraPose
+from sim.frame.geometry import FrameGeometry
+from sim.frame.renderer import FrameRenderer
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.classes import CLASS_COLOURS, MAX_CLASSES, class_table
@@ -108,6 +112,30 @@ def test_classes_instances_and_surfaces_of_a_users_file(tmp_path: Path) -> None:
     assert "ghost_0" not in visible  # wholly transparent
     assert not world.geom_visible[model.geom_group == 4].any()
     assert world.geom_visible.sum() == model.ngeom - 2
+
+
+def test_a_colour_next_to_the_default_grey_is_a_colour(tmp_path: Path) -> None:
+    """As in MuJoCo: only exactly 0.5 0.5 0.5 1 gives way to the material, in what is visible and in what is drawn."""
+    path = tmp_path / "greys.xml"
+    path.write_text(
+        '<mujoco><asset><material name="clear" rgba="1 0 0 0"/><material name="red" rgba="1 0 0 1"/></asset><worldbody>'
+        '<geom size="1" material="clear"/><geom size="1" material="clear" rgba="0.500002 0.5 0.5 1"/>'
+        '<geom size="1" pos="3 0 0" material="red" rgba="0.500002 0.5 0.5 1"/>'
+        '<geom size="1" pos="6 0 0" material="red"/></worldbody></mujoco>'
+    )
+    plain = load_scene("airfield").model_dump()
+    world = load_world(Scene.model_validate(plain | {"name": "greys", "map": {"mjcf": str(path)}}))
+    assert world.geom_visible.tolist() == [False, True, True, True]
+    geometry = FrameGeometry(world)
+    renderer = FrameRenderer(geometry, CameraModel.from_fov(8, 8, 20.0))
+    straight_down = (0.0, -1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+    colours = []
+    for x in (3.0, 6.0):
+        out = renderer.buffers("rgb")
+        renderer.render(CameraPose((x, 0.0, 4.0), straight_down), out)
+        colours.append(out["rgb"][4, 4].astype(int))
+    assert abs(colours[0][0] - colours[0][1]) < 40  # grey in the light of the sun and the sky
+    assert colours[1][0] > colours[1][1] + 80
 
 
 def test_the_last_glob_that_matches_counts(tmp_path: Path) -> None:

@@ -221,7 +221,25 @@ def test_every_preset_takes_a_picture(preset: str) -> None:
     assert isinstance(sample, ImageSample)
     width, height = PRESETS[preset].parameters.resolution  # type: ignore[attr-defined]
     assert {picture.shape[:2] for picture in sample.channels.values()} == {(height, width)}
-    assert frames.options[0] == {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 1000.0}
+    options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0, "colour": "native"}
+    assert frames.options[0] == options
+
+
+OFF_CENTRE = {"fov_deg": None, "intrinsics": {"fx": 50.0, "fy": 50.0, "cx": 30.0, "cy": 20.0}}
+NOT_SQUARE = {"fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"colour": "egl", **OFF_CENTRE},
+        {"colour": "filament", "fov_deg": None, "intrinsics": NOT_SQUARE},
+        {"colour": "egl", "motion_blur": {"exposure_s": 0.01}},
+        {"rolling_shutter_s": 0.01, "supersample": 2},
+    ],
+)
+def test_what_a_renderer_of_mujocos_can_draw_is_not_refused(values: dict[str, Any]) -> None:
+    assert camera(**values).channels == ("rgb", "depth")
 
 
 @pytest.mark.parametrize(
@@ -247,6 +265,11 @@ def test_every_preset_takes_a_picture(preset: str) -> None:
         ({"resolution": (5000, 8), "supersample": 2}, "at most 4096 pixels across"),
         ({"supersample": 3}, "supersample"),
         ({"colour": True}, "colour"),
+        ({"colour": "egl", "rolling_shutter_s": 0.01}, "'egl' draws the whole picture at once: no rolling_shutter_s"),
+        ({"colour": "filament", "supersample": 2}, "'filament' draws the whole picture at once: supersample 1"),
+        ({"colour": "egl", "distortion": {"model": "kannala_brandt"}}, "'egl' draws pinhole cameras only"),
+        ({"colour": "egl", **OFF_CENTRE, "intrinsics": NOT_SQUARE}, "'egl' draws square pixels only"),
+        ({"colour": "filament", **OFF_CENTRE}, "'filament' needs the optical axis in the middle"),
     ],
 )
 def test_absurd_parameters_are_refused(values: dict[str, Any], message: str) -> None:

@@ -133,22 +133,39 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     } else if (g.shape == Shape::kMesh) {
         for (int i = 0; i < 3; ++i) edge[i] = g.mesh->box.hi[i] - g.mesh->box.lo[i];
     }
+    I cube_face = splat<I>(0);
     F u, v, du = splat<F>(1), dv = du;  // du, dv: copies of the texture per metre
     if (mesh_uv) {
         u = mesh_u * look.repeat[0];
         v = mesh_v * look.repeat[1];
         du = splat<F>(look.repeat[0] * g.mesh->uv_per_m);
         dv = splat<F>(look.repeat[1] * g.mesh->uv_per_m);
+    } else if (texture.cube) {
+        // By direction from the middle of the geom's box, faces and their axes as OpenGL has them.
+        const auto per_half = [&](const F &x, int i) { return x * (edge[i] > 0.0f && edge[i] < 1e6f ? 2.0f / edge[i] : 1.0f); };
+        const F qx = per_half(p.x, 0), qy = per_half(p.y, 1), qz = per_half(p.z, 2);
+        const F ax = abs(qx), ay = abs(qy), az = abs(qz);
+        const I face_z = (az >= ax) & (az >= ay), face_x = ~face_z & (ax >= ay);
+        const F major = select(face_x, qx, select(face_z, qz, qy));
+        const F half_per = 0.5f / max(abs(major), splat<F>(1e-20f));
+        u = select(face_x, -copysign(splat<F>(1), qx) * qz, select(face_z, copysign(splat<F>(1), qz) * qx, qx));
+        v = select(face_x | face_z, qy, -copysign(splat<F>(1), qy) * qz);
+        u = u * half_per + 0.5f;
+        v = v * half_per + 0.5f;
+        // The far rim of a face is its own, not the near rim of the next copy.
+        u = min(u, splat<F>(0.99999f));
+        v = min(v, splat<F>(0.99999f));
+        const float largest = edge[0] > edge[1] ? (edge[0] > edge[2] ? edge[0] : edge[2]) : (edge[1] > edge[2] ? edge[1] : edge[2]);
+        du = splat<F>(largest > 0.0f && largest < 1e6f ? 1.0f / largest : 1.0f);
+        dv = du;
+        cube_face = select(face_x, splat<I>(0), select(face_z, splat<I>(4), splat<I>(2))) + ((major < splat<F>(0)) & splat<I>(1));
     } else {
         u = select(along_x, p.y, p.x);
         v = select(along_z, p.y, p.z);
         const F ex = splat<F>(edge[0] > 0.0f && edge[0] < 1e6f ? 1.0f / edge[0] : 1.0f);
         const F ey = splat<F>(edge[1] > 0.0f && edge[1] < 1e6f ? 1.0f / edge[1] : 1.0f);
         const F ez = splat<F>(edge[2] > 0.0f && edge[2] < 1e6f ? 1.0f / edge[2] : 1.0f);
-        if (texture.cube) {
-            du = select(along_x, ey, ex);
-            dv = select(along_z, ey, ez);
-        } else if (look.per_metre) {
+        if (look.per_metre) {
             // MuJoCo's unit of length for this is 2 m.
             du = splat<F>(0.5f * look.repeat[0]);
             dv = splat<F>(0.5f * look.repeat[1]);
@@ -176,10 +193,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     // An edge has at most 4096 texels: the products stay within 28 bits.
     const I column = shift_right(truncate(u * 65536.0f) * w, 16) & (w - one);
     I row = h - one - (shift_right(truncate(v * 65536.0f) * h, 16) & (h - one));
-    if (texture.cube) {
-        const I below = (select(along_x, s.gradient.x, select(along_z, s.gradient.z, s.gradient.y)) < splat<F>(0)) & one;
-        row = row + h * (select(along_x, splat<I>(0), select(along_z, splat<I>(4), splat<I>(2))) + below);
-    }
+    if (texture.cube) row = row + h * cube_face;
     const I zero = splat<I>(0);
     const I at = select(s.mask, look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, w), zero);
     const I packed = gather(texture.texel.data(), at);
