@@ -41,6 +41,7 @@ class FrameGeometry:
         self.posed = 0  # actors posed so far
         self._left_out = 0  # of moments that are over
         self._looked = False  # somebody, at this moment
+        self._settled = False
         model = world.model
         self.scenery: Scenery = make_scenery(model)
         data = mujoco.MjData(model)
@@ -85,8 +86,13 @@ class FrameGeometry:
     def expect(self, t_ns: int) -> None:
         """From now on the time is `t_ns`; whoever looks brings what it may see."""
         if t_ns != self.t_ns:
-            self._left_out, self._looked = self.unposed, False
+            self._left_out, self._looked, self._settled = self.unposed, False, False
         self.t_ns = t_ns
+
+    @property
+    def settled(self) -> bool:
+        """Whether everything is where it is at this time, and somebody looked."""
+        return self._settled
 
     @property
     def unposed(self) -> int:
@@ -98,12 +104,13 @@ class FrameGeometry:
 
         Those for which `out_of_reach` is true are hidden instead, until somebody brings them.
         """
-        self._looked = True
+        self._looked = self._settled = True
         for actor in self._actors:
             if actor.t_ns == self.t_ns:
                 continue
             if out_of_reach is not None and out_of_reach(*actor.actor.bound(self.t_ns)):
                 actor.hide(self.native)
+                self._settled = False
             else:
                 actor.move(self.native, self.t_ns)
                 self.posed += 1

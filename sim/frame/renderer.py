@@ -102,7 +102,8 @@ class FrameRenderer:
         shadows = self._shadows if "rgb" in out else None
         # The shadow of what is out of sight may be in sight.
         unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
-        self.geometry.bring(self._out_of_sight(pose) if unseen else None)
+        if not self.geometry.settled:
+            self.geometry.bring(self._out_of_sight(pose) if unseen else None)
         if shadows is not None:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 from numpy.typing import NDArray
 
 from hil.signals.classes import Classes
-from hil.signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
@@ -52,13 +51,6 @@ class FrameSource(Protocol):
 
     def expect(self, t_ns: int) -> None:
         """The time is `t_ns`; a renderer then poses what it may see, if nobody has yet."""
-        ...
-
-    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:
-        """Put everything where it is at `t_ns`, for whoever casts rays all round.
-
-        `truth` is the vehicle's, for a source that shows the vehicle's own body.
-        """
         ...
 
     def renderer(
@@ -107,10 +99,6 @@ class SharedFrames:
     def expect(self, t_ns: int) -> None:
         """The time is `t_ns`."""
         self.geometry.expect(t_ns)
-
-    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:  # noqa: ARG002 (no body to pose)
-        """Put everything where it is at `t_ns`."""
-        self.geometry.pose(t_ns)
 
     def renderer(
         self,

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.classes import Classes
-from hil.signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
@@ -43,9 +42,6 @@ class FormulaFrames:
         self.expected.append(t_ns)
         self.posed += t_ns != self.t_ns
         self.t_ns = t_ns
-
-    def pose(self, t_ns: int, truth: TruthState | None = None) -> None:
-        self.expect(t_ns)
 
     def renderer(self, camera: CameraModel, **options: Any) -> FormulaRenderer:
         self.options.append(options)
