@@ -7,10 +7,14 @@ from tests.cpu_masks import output_of
 
 FLIGHT = """
 import hashlib, struct
+import numpy as np
+from sim.frame.channels import CHANNELS
+from sim.frame.source import SharedFrames
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import PRESETS, make_sensor
+from sim.scene.world import load_world
+from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.faults import FAULT_LIST, FaultySensor
 
 EXTRA = {
@@ -32,9 +36,17 @@ FAULTS = [
 ]
 scene, tick_ns = load_scene("airfield"), 4_000_000
 physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, initial_yaw_rad=0.4)
+frames = SharedFrames(load_world(load_scene("radar_range")))
 sensors = []
 for name in PRESETS:
     kind = PRESETS[name].kind
+    if KINDS[kind].needs_frames:
+        extra = {"shadows": True, "channels": list(CHANNELS)} if kind == "camera" else {"beam_divergence_rad": 0.003}
+        made = make_sensor(
+            name, preset=name, rate_hz=2.0, seed=SEED, scene=scene, step_ns=tick_ns, overrides=extra, frames=frames
+        )
+        sensors.append((made, 125))
+        continue
     every = 25 if kind == "gps" else 1 if kind == "imu" else 5
     made = make_sensor(
         name, preset=name, rate_hz=250.0 / every, seed=SEED, scene=scene, step_ns=tick_ns, overrides=EXTRA[kind]
@@ -46,7 +58,11 @@ for name in PRESETS:
 h, digest = physics.vehicle.hover_control, hashlib.sha256()
 
 def feed(value):
-    if isinstance(value, tuple):
+    if isinstance(value, np.ndarray):
+        digest.update(value.tobytes())
+    elif isinstance(value, dict):
+        feed(tuple(value.values()))
+    elif isinstance(value, tuple):
         for item in value:
             feed(item)
     else:
@@ -71,5 +87,5 @@ def digest(seed: int = 1, environment: dict[str, str] | None = None) -> str:
 
 def test_masked_cpu_features_change_no_bit_of_any_sensor() -> None:
     plain = digest()
-    assert plain == digest(environment=cpu_masks.ALL)
+    assert plain == digest(environment=cpu_masks.ALL | {"HIL_ISA": "base"})
     assert plain != digest(seed=2)
