@@ -234,7 +234,13 @@ HIL_INLINE F to_float(const I &a) {
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = __builtin_convertvector(a.r[i], FloatRegister);
     return v;
 }
+// Of what an int32 holds.
 HIL_INLINE F floor(const F &a) {
+#if defined(__AVX512F__)
+    F v;
+    v.r[0] = (FloatRegister)_mm512_roundscale_ps((__m512)a.r[0], _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC);
+    return v;
+#else
     const F t = to_float(truncate(a));
     F one;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) one.r[i] = (FloatRegister){} + 1.0f;
@@ -242,6 +248,7 @@ HIL_INLINE F floor(const F &a) {
     F v;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = t.r[i] - (FloatRegister)(above.r[i] & (IntRegister)one.r[i]);
     return v;
+#endif
 }
 template <class T>
 HIL_INLINE Pack<T> shift_right(const Pack<T> &a, int n) {
@@ -252,6 +259,11 @@ HIL_INLINE Pack<T> shift_right(const Pack<T> &a, int n) {
 HIL_INLINE I shift_right(const I &a, const I &n) {
     I v;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = a.r[i] >> n.r[i];
+    return v;
+}
+HIL_INLINE I shift_left(const I &a, const I &n) {
+    I v;
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = a.r[i] << n.r[i];
     return v;
 }
 template <class T>

@@ -113,9 +113,9 @@ HIL_INLINE I encode(const Rgb &c) {
            shift_left(code(over(b) * (rg * per)), 16);
 }
 
-// Place of a texel: images are stored in squares of 4 x 4, a cache line each.
-HIL_INLINE I texel_at(const I &row, const I &column, const I &width) {
-    return shift_left(shift_right(row, 2) * shift_right(width, 2) + shift_right(column, 2), 4) +
+// Place of a texel in an image 2^power wide: images are stored in squares of 4 x 4, a cache line each.
+HIL_INLINE I texel_at(const I &row, const I &column, const I &power) {
+    return shift_left(shift_left(shift_right(row, 2), power - (std::int32_t)2) + shift_right(column, 2), 4) +
            shift_left(row & (std::int32_t)3, 2) + (column & (std::int32_t)3);
 }
 
@@ -196,12 +196,11 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     u = select(abs(u) < splat<F>(1e6f), u - floor(u), splat<F>(0));
     v = select(abs(v) < splat<F>(1e6f), v - floor(v), splat<F>(0));
     const I one = splat<I>(1), w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
-    // An edge has at most 4096 texels: the products stay within 28 bits.
-    const I column = shift_right(truncate(u * 65536.0f) * w, 16) & (w - one);
-    I row = h - one - (shift_right(truncate(v * 65536.0f) * h, 16) & (h - one));
+    const I column = truncate(u * to_float(w)) & (w - one);
+    I row = h - one - (truncate(v * to_float(h)) & (h - one));
     if (texture.cube) row = row + h * cube_face;
     const I zero = splat<I>(0);
-    const I at = select(s.mask, look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, w), zero);
+    const I at = select(s.mask, look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, splat<I>(__builtin_ctz((unsigned)width)) - level), zero);
     const I packed = gather(texture.texel.data(), at);
     const auto channel = [&](int shift, float tint) {
         const F root = to_float(shift_right(packed, shift) & (std::int32_t)1023);
@@ -397,6 +396,13 @@ HIL_INLINE void put(T *picture, int width, int x, int y, int columns, int rows, 
     }
 }
 
+// The same value for all of a block that is four columns wide.
+template <class T>
+HIL_INLINE void put_one(T *picture, int width, int x, int y, int rows, int value) {
+    const T four[4] = {(T)value, (T)value, (T)value, (T)value};
+    for (int r = 0; r < rows; ++r) __builtin_memcpy(picture + (long)(y + r) * width + x, four, sizeof four);
+}
+
 HIL_INLINE void put3(float *picture, int width, int x, int y, int columns, int rows, const float (*lanes)[16]) {
     for (int r = 0; r < rows; ++r) {
         float *to = picture + 3 * ((long)(y + r) * width + x);
@@ -444,11 +450,13 @@ void resolve(const ResolveJob &job) {
             }
             if (labels) {
                 std::int32_t cls[16], mat[16], ins[16];
-                if (!any(id != splat<I>(ids[0]))) {
+                const bool uniform = columns == 4 && !any(id != splat<I>(ids[0]));
+                if (uniform) {
                     const bool nothing = ids[0] < 0;
-                    store(cls, splat<I>(nothing ? 0 : job.geoms[ids[0]].class_id));
-                    store(mat, splat<I>(nothing ? 0 : job.geoms[ids[0]].surface));
-                    store(ins, splat<I>(nothing ? 0 : job.geoms[ids[0]].instance));
+                    const Geom *g = job.geoms + (nothing ? 0 : ids[0]);
+                    if (out.segmentation) put_one(out.segmentation, b.width, x, y, rows, nothing ? 0 : g->class_id);
+                    if (out.material) put_one(out.material, b.width, x, y, rows, nothing ? 0 : g->surface);
+                    if (out.instance) put_one(out.instance, b.width, x, y, rows, nothing ? 0 : g->instance);
                 } else {
                     for (int lane = 0; lane < 16; ++lane) {
                         const std::int32_t geom = ids[lane];
@@ -457,9 +465,9 @@ void resolve(const ResolveJob &job) {
                         ins[lane] = geom < 0 ? 0 : job.geoms[geom].instance;
                     }
                 }
-                if (out.segmentation) put(out.segmentation, b.width, x, y, columns, rows, cls);
-                if (out.material) put(out.material, b.width, x, y, columns, rows, mat);
-                if (out.instance) put(out.instance, b.width, x, y, columns, rows, ins);
+                if (out.segmentation && !uniform) put(out.segmentation, b.width, x, y, columns, rows, cls);
+                if (out.material && !uniform) put(out.material, b.width, x, y, columns, rows, mat);
+                if (out.instance && !uniform) put(out.instance, b.width, x, y, columns, rows, ins);
             }
             if (!wants_normal && !out.radial_velocity) continue;
             Vec<F> normals{zero, zero, zero};

@@ -130,6 +130,15 @@ bool View::pixels(const double *centre, const double *half, PixelRect &rect) con
         corner[i][1] = y + a * arm[0][1] + b * arm[1][1] + e * arm[2][1];
         corner[i][2] = z + a * arm[0][2] + b * arm[1][2] + e * arm[2][2];
     }
+    if (z - reach(axis[2], half) > 1e-3) {
+        for (const auto &p0 : corner) {
+            const double inverse = 1.0 / p0[2];
+            rx.take(p0[0] * inverse);
+            ry.take(p0[1] * inverse);
+        }
+        rect = {cx + fx * rx.lo, cx + fx * rx.hi, cy + fy * ry.lo, cy + fy * ry.hi};
+        return true;
+    }
     // Of a box that reaches behind the camera, the part in front of half the near limit counts.
     const double z_near = 0.5 * near_t;
     for (int i = 0; i < 8; ++i) {
