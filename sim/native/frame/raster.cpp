@@ -62,6 +62,15 @@ bool cones_meet(const float *a, const float *b) {
     return cosine >= static_cast<double>(a[3]) * b[3] - std::sqrt(std::max(0.0, sine2)) - 1e-3;
 }
 
+double distance_to_box(const double *p, const Aabb &box) {
+    double sum = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        const double outside = std::max({box.lo[i] - p[i], p[i] - box.hi[i], 0.0});
+        sum += outside * outside;
+    }
+    return std::sqrt(sum);
+}
+
 struct BlockRect {
     int x0, x1, y0, y1;  // ends excluded
     bool empty() const { return x0 >= x1 || y0 >= y1; }
@@ -338,9 +347,10 @@ private:
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
             const View local = view_.in(g.p_WG, g.R_WG);
-            // With all of it beyond the near limit the camera is outside, and no front is cut away.
+            // From farther than the near limit reaches the camera is outside, and no front is cut away.
             d.backs_hidden = options_.hide_backs && d.mesh->closed &&
-                             (view_.projection == Projection::kParallel || nearest > options_.near_t);
+                             (view_.projection == Projection::kParallel ||
+                              distance_to_box(local.p, d.mesh->box) > 1.001 * view_.near_reach_m + 1e-4);
             collect_packets(*d.mesh, local);
             if (packets_.empty()) return;
         }

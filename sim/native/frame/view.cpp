@@ -56,6 +56,8 @@ View make_view(const RasterCamera &camera, Projection projection, double fx, dou
         for (int k = 0; k < 3; ++k) v.axis[k][i] = camera.R_WC[3 * i + k];
     }
     const double left = -cx / fx, right = (width - cx) / fx, top = (row0 - cy) / fy, bottom = (row1 - cy) / fy;
+    const double across = std::max(std::fabs(left), std::fabs(right)), along = std::max(std::fabs(top), std::fabs(bottom));
+    v.near_reach_m = options.near_t * (projection == Projection::kPinhole ? std::sqrt(1.0 + across * across + along * along) : 1.0);
     for (int i = 0; i < 3; ++i) {
         const double x = v.axis[0][i], y = v.axis[1][i], z = v.axis[2][i];
         const bool pinhole = projection == Projection::kPinhole;

@@ -23,6 +23,7 @@ struct View {
     double cone[4];      // table: axis in A and cosine of the half angle of the whole picture; < -1: all
     double fx, fy, cx, cy;
     double near_t, far_t;
+    double near_reach_m;  // what the near limit cuts off within the picture is no farther from the camera
 
     // The same camera in the frame of a geom at (p_WG, R_WG).
     View in(const double *p_AG, const double *R_AG) const;
