@@ -27,17 +27,6 @@ using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
 using Rgb = std::array<float, 3>;
 
-fr::Isa isa_by_name(const std::string &name) {
-    if (name.empty()) return fr::best_isa();
-    for (const fr::Isa isa : {fr::Isa::kBase, fr::Isa::kAvx2, fr::Isa::kAvx512}) {
-        if (name == fr::isa_name(isa)) {
-            if (!fr::has_isa(isa)) throw std::invalid_argument("this CPU has no " + name);
-            return isa;
-        }
-    }
-    throw std::invalid_argument("unknown instruction set '" + name + "': base, avx2 or avx512");
-}
-
 fr::RasterCamera camera_of(const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W) {
     fr::RasterCamera camera{};
     std::copy(p_WC.begin(), p_WC.end(), camera.p_WC);
@@ -263,7 +252,7 @@ void bind_frame(nb::module_ &m) {
         .def(
             "__init__",
             [](fr::SunShadows *self, const fr::Geometry &geometry, const Rgb &sun_W, int resolution, const std::string &isa) {
-                new (self) fr::SunShadows(geometry, sun_W.data(), resolution, isa_by_name(isa));
+                new (self) fr::SunShadows(geometry, sun_W.data(), resolution, fr::isa_by_name(isa));
             },
             "geometry"_a, "sun_W"_a, "resolution"_a, "isa"_a = "", nb::keep_alive<1, 2>())
         .def("update", &fr::SunShadows::update, "reuse_static"_a, nb::call_guard<nb::gil_scoped_release>());
@@ -281,7 +270,7 @@ void bind_frame(nb::module_ &m) {
                     throw std::invalid_argument("the scenery must tell the look of every geom");
                 }
                 new (self) fr::Picture(std::make_unique<fr::Raster>(geometry, width, height, fr::Projection::kPinhole, fx, fy,
-                                                                    cx, cy, isa_by_name(isa)),
+                                                                    cx, cy, fr::isa_by_name(isa)),
                                        scenery);
             },
             "geometry"_a, "scenery"_a, "width"_a, "height"_a, "fx"_a, "fy"_a, "cx"_a, "cy"_a, "isa"_a = "",
@@ -295,7 +284,7 @@ void bind_frame(nb::module_ &m) {
                 }
                 new (self) fr::Picture(
                     std::make_unique<fr::Raster>(geometry, static_cast<int>(directions_C.shape(1)),
-                                                 static_cast<int>(directions_C.shape(0)), directions_C.data(), isa_by_name(isa)),
+                                                 static_cast<int>(directions_C.shape(0)), directions_C.data(), fr::isa_by_name(isa)),
                     scenery);
             },
             "geometry"_a, "scenery"_a, "directions_C"_a, "isa"_a = "", nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())

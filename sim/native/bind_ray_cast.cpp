@@ -30,16 +30,6 @@ void expect(std::size_t got, std::size_t count, const char *what) {
     }
 }
 
-Isa isa_by_name(const std::string &name) {
-    if (name.empty()) return best_isa();
-    for (const Isa isa : {Isa::kBase, Isa::kAvx2, Isa::kAvx512}) {
-        if (name != isa_name(isa)) continue;
-        if (!has_isa(isa)) throw std::invalid_argument("this CPU has no " + name);
-        return isa;
-    }
-    throw std::invalid_argument("instruction set '" + name + "' is unknown: base, avx2 or avx512");
-}
-
 void cast(RayCaster &caster, In3 origins, In3 directions, double t_min, double t_max, OutDouble range, OutInt geom,
           std::optional<Out3> normal, std::optional<OutDouble> radial_velocity, std::optional<Order> order, int threads,
           bool tree, bool max_range,

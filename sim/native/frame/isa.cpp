@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <initializer_list>
+#include <stdexcept>
 
 namespace hil::sim::frame {
 
@@ -40,6 +41,16 @@ const char *isa_name(Isa isa) {
         case Isa::kAvx2: return "avx2";
         default: return "base";
     }
+}
+
+Isa isa_by_name(const std::string &name) {
+    if (name.empty()) return best_isa();
+    for (const Isa isa : {Isa::kBase, Isa::kAvx2, Isa::kAvx512}) {
+        if (name != isa_name(isa)) continue;
+        if (!has_isa(isa)) throw std::invalid_argument("this CPU has no " + name);
+        return isa;
+    }
+    throw std::invalid_argument("unknown instruction set '" + name + "': base, avx2 or avx512");
 }
 
 }  // namespace hil::sim::frame

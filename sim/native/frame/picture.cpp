@@ -7,25 +7,7 @@
 
 namespace hil::sim::frame {
 
-#define HIL_DECLARE_ISA(name)                         \
-    namespace name {                                  \
-    extern const ResolveKernels resolve_kernels_of_isa; \
-    }
-HIL_DECLARE_ISA(base)
-#if defined(__x86_64__) || defined(_M_X64)
-HIL_DECLARE_ISA(avx2)
-HIL_DECLARE_ISA(avx512)
-#endif
-#undef HIL_DECLARE_ISA
-
-const ResolveKernels &resolve_kernels(Isa isa) {
-#if defined(__x86_64__) || defined(_M_X64)
-    if (isa == Isa::kAvx512) return avx512::resolve_kernels_of_isa;
-    if (isa == Isa::kAvx2) return avx2::resolve_kernels_of_isa;
-#endif
-    (void)isa;
-    return base::resolve_kernels_of_isa;
-}
+HIL_BY_ISA(ResolveKernels, resolve_kernels, resolve_kernels_of_isa)
 
 namespace {
 

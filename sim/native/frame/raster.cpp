@@ -13,25 +13,7 @@
 
 namespace hil::sim::frame {
 
-#define HIL_DECLARE_ISA(name)                                    \
-    namespace name {                                             \
-    extern const RasterKernels raster_kernels_of_isa;            \
-    }
-HIL_DECLARE_ISA(base)
-#if defined(__x86_64__) || defined(_M_X64)
-HIL_DECLARE_ISA(avx2)
-HIL_DECLARE_ISA(avx512)
-#endif
-#undef HIL_DECLARE_ISA
-
-const RasterKernels &raster_kernels(Isa isa) {
-#if defined(__x86_64__) || defined(_M_X64)
-    if (isa == Isa::kAvx512) return avx512::raster_kernels_of_isa;
-    if (isa == Isa::kAvx2) return avx2::raster_kernels_of_isa;
-#endif
-    (void)isa;
-    return base::raster_kernels_of_isa;
-}
+HIL_BY_ISA(RasterKernels, raster_kernels, raster_kernels_of_isa)
 
 namespace {
 
