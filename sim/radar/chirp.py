@@ -1,0 +1,92 @@
+"""FMCW frame: M chirps of N samples, and what follows from them.
+
+A chirp sweeps the bandwidth B in the time T = N / f_s of its samples; chirps repeat every T_c. With the centre of the
+sweep f_c and lambda = c / f_c (Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 5; paper, table 3):
+
+    range resolution  d_res = c / (2 B)           unambiguous range (real samples)  d_max = d_res N / 2
+    speed resolution  v_res = lambda / (2 M T_c)  unambiguous speed                 v_max = lambda / (4 T_c)
+
+Time runs from the middle of the frame: sample n of chirp m is taken at
+
+    t(m, n) = (m - (M - 1) / 2) T_c + (n - (N - 1) / 2) / f_s
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from sim.model_file import StrictModel
+
+SPEED_OF_LIGHT_MPS = 299_792_458.0
+
+_Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
+
+
+class Chirp(StrictModel):
+    """The frame of an FMCW radar. `bandwidth_hz` is what is swept while the samples are taken."""
+
+    center_frequency_hz: _Frequency
+    bandwidth_hz: _Frequency
+    samples: Annotated[int, Field(ge=8, le=1024)]
+    sample_rate_hz: _Frequency
+    chirps: Annotated[int, Field(ge=2, le=1024)]
+    repetition_s: Annotated[float, Field(gt=0.0, le=1.0)]
+
+    @model_validator(mode="after")
+    def _possible(self) -> Chirp:
+        if self.samples % 2:
+            raise ValueError(f"samples must be even, not {self.samples}")
+        if self.sampling_s > self.repetition_s:
+            raise ValueError(
+                f"{self.samples} samples at {self.sample_rate_hz:g} Hz take {self.sampling_s:.6g} s, longer than "
+                f"repetition_s {self.repetition_s:g}"
+            )
+        if 0.5 * self.bandwidth_hz >= self.center_frequency_hz:
+            raise ValueError(
+                f"bandwidth_hz {self.bandwidth_hz:g} about center_frequency_hz {self.center_frequency_hz:g} reaches 0 Hz"
+            )
+        return self
+
+    @property
+    def sampling_s(self) -> float:
+        """Time of the samples of one chirp."""
+        return self.samples / self.sample_rate_hz
+
+    @property
+    def start_frequency_hz(self) -> float:
+        return self.center_frequency_hz - 0.5 * self.bandwidth_hz
+
+    @property
+    def slope_hz_per_s(self) -> float:
+        return self.bandwidth_hz / self.sampling_s
+
+    @property
+    def wavelength_m(self) -> float:
+        return SPEED_OF_LIGHT_MPS / self.center_frequency_hz
+
+    @property
+    def frame_s(self) -> float:
+        """From the first chirp to where the one after the last would begin."""
+        return self.chirps * self.repetition_s
+
+    @property
+    def range_resolution_m(self) -> float:
+        return SPEED_OF_LIGHT_MPS / (2.0 * self.bandwidth_hz)
+
+    @property
+    def max_range_m(self) -> float:
+        return 0.5 * self.samples * self.range_resolution_m
+
+    @property
+    def speed_resolution_mps(self) -> float:
+        return self.wavelength_m / (2.0 * self.frame_s)
+
+    @property
+    def max_speed_mps(self) -> float:
+        return self.wavelength_m / (4.0 * self.repetition_s)
+
+    def beat_frequency_hz(self, range_m: float) -> float:
+        """Of an echo at rest."""
+        return self.slope_hz_per_s * 2.0 * range_m / SPEED_OF_LIGHT_MPS
