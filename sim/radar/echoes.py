@@ -1,0 +1,25 @@
+"""The echoes of one radar frame, as arrays: what the pictures give and what the synthesis sums.
+
+An echo stands at range R and recedes at v, both in the middle of the frame, in the unit direction d_R from the radar
+(frame R: x forward, y left, z up); its amplitude A is the peak of its beat signal in ADC counts, before the filters of
+the receiver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes:
+    """n echoes; all arrays are C-contiguous float64."""
+
+    range_m: Float64  # (n,)
+    speed_mps: Float64  # (n,), + receding
+    direction_R: Float64  # (n, 3), unit
+    amplitude: Float64  # (n,), counts, >= 0
