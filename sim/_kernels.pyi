@@ -326,3 +326,33 @@ def sweep_rays(
 ) -> None: ...
 def uniform_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
 def normal_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
+
+RADAR_CURVE_STEPS: int
+
+def radar_backscatter(
+    eps_r: float, eps_i: float, phase_height: float, facet_slope: float, cosine: Float64, sigma0: Float64
+) -> None: ...
+def radar_fresnel_power(eps_r: float, eps_i: float, cosine: float) -> float: ...
+def radar_amplitude_curve(
+    eps_r: float, eps_i: float, phase_height: float, facet_slope: float, out: NDArray[np.float32]
+) -> None: ...
+def pixel_solid_angles(corners: Float64, out: Float64) -> None: ...
+def azimuth_elevation(direction_R: Float64, azimuth_rad: Float64, elevation_rad: Float64) -> None: ...
+def cosine_pattern(direction_R: Float64, azimuth_exponent: float, elevation_exponent: float, out: Float64) -> None: ...
+def collect_scatterers(
+    blocks: NDArray[np.float32],
+    direction_R: Float64,
+    curves: NDArray[np.float32],
+    class_kept: NDArray[np.uint8] | None,
+    max_range_m: float,
+    picture_range: NDArray[np.float32],
+    normal: NDArray[np.float32],
+    material: NDArray[np.uint8],
+    radial_velocity: NDArray[np.float32],
+    segmentation: NDArray[np.uint8] | None,
+    range_m: Float64,
+    speed_mps: Float64,
+    echo_direction_R: Float64,
+    amplitude: Float64,
+    isa: str,
+) -> tuple[int, int, int, int, int, int, int, int]: ...

@@ -1,0 +1,149 @@
+// sim._kernels: pictures to radar echoes, and what is prepared for that. Contracts: sim/native/radar/scatterers.hpp,
+// reflection.hpp and directions.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+
+#include "radar/directions.hpp"
+#include "radar/reflection.hpp"
+#include "radar/scatterers.hpp"
+
+namespace nb = nanobind;
+namespace rd = hil::sim::radar;
+using namespace nb::literals;
+
+namespace {
+
+template <class T, class... Shape>
+using In = nb::ndarray<const T, nb::c_contig, nb::device::cpu, Shape...>;
+template <class T, class... Shape>
+using Out = nb::ndarray<T, nb::numpy, nb::c_contig, nb::device::cpu, Shape...>;
+
+using Flat = nb::ndim<1>;
+using Plane = nb::ndim<2>;
+using Triples = nb::shape<-1, 3>;
+using Rays = nb::shape<-1, -1, 3>;
+using Blocks = nb::shape<-1, 4, rd::kLanes>;
+using Curves = nb::shape<-1, rd::kCurveSteps + 1>;
+using Classes = nb::shape<256>;
+using Counts = std::tuple<long, long, long, long, long, long, long, long>;
+
+void need(bool holds, const char *message) {
+    if (!holds) throw std::invalid_argument(message);
+}
+
+template <class A>
+bool has_shape(const A &array, std::size_t height, std::size_t width) {
+    return array.shape(0) == height && array.shape(1) == width;
+}
+
+rd::ReflectingSurface surface_of(double eps_r, double eps_i, double phase_height, double facet_slope) {
+    need(eps_r > 0.0 && eps_i >= 0.0 && phase_height >= 0.0 && facet_slope > 0.0, "this is no surface");
+    return {eps_r, eps_i, phase_height, facet_slope};
+}
+
+}  // namespace
+
+void bind_radar_scatterers(nb::module_ &m) {
+    m.attr("RADAR_CURVE_STEPS") = rd::kCurveSteps;
+    m.def(
+        "radar_backscatter",
+        [](double eps_r, double eps_i, double phase_height, double facet_slope, In<double, Flat> cosine,
+           Out<double, Flat> sigma0) {
+            need(cosine.shape(0) == sigma0.shape(0), "cosine and sigma0 differ in length");
+            const auto surface = surface_of(eps_r, eps_i, phase_height, facet_slope);
+            for (std::size_t i = 0; i < cosine.shape(0); ++i) {
+                sigma0.data()[i] = rd::backscatter(surface, cosine.data()[i]);
+            }
+        },
+        "eps_r"_a, "eps_i"_a, "phase_height"_a, "facet_slope"_a, "cosine"_a.noconvert(), "sigma0"_a.noconvert());
+    m.def(
+        "radar_fresnel_power",
+        [](double eps_r, double eps_i, double cosine) {
+            return rd::fresnel_power(surface_of(eps_r, eps_i, 0.0, 1.0), cosine);
+        },
+        "eps_r"_a, "eps_i"_a, "cosine"_a);
+    m.def(
+        "radar_amplitude_curve",
+        [](double eps_r, double eps_i, double phase_height, double facet_slope, Out<float, Flat> out) {
+            need(out.shape(0) == rd::kCurveSteps + 1, "a curve has RADAR_CURVE_STEPS + 1 nodes");
+            rd::amplitude_curve(surface_of(eps_r, eps_i, phase_height, facet_slope), out.data(), out.shape(0));
+        },
+        "eps_r"_a, "eps_i"_a, "phase_height"_a, "facet_slope"_a, "out"_a.noconvert());
+    m.def(
+        "pixel_solid_angles",
+        [](In<double, Rays> corners, Out<double, Plane> out) {
+            need(corners.shape(0) >= 1 && corners.shape(1) >= 1 &&
+                     has_shape(out, corners.shape(0) - 1, corners.shape(1) - 1),
+                 "corners needs one row and one column more than out");
+            nb::gil_scoped_release release;
+            rd::pixel_solid_angles(corners.data(), out.shape(0), out.shape(1), out.data());
+        },
+        "corners"_a.noconvert(), "out"_a.noconvert());
+    m.def(
+        "azimuth_elevation",
+        [](In<double, Triples> direction_R, Out<double, Flat> azimuth, Out<double, Flat> elevation) {
+            const std::size_t n = direction_R.shape(0);
+            need(azimuth.shape(0) == n && elevation.shape(0) == n, "all arrays need one row a direction");
+            nb::gil_scoped_release release;
+            rd::azimuth_elevation(direction_R.data(), n, azimuth.data(), elevation.data());
+        },
+        "direction_R"_a.noconvert(), "azimuth_rad"_a.noconvert(), "elevation_rad"_a.noconvert());
+    m.def(
+        "cosine_pattern",
+        [](In<double, Triples> direction_R, double azimuth_exponent, double elevation_exponent, Out<double, Flat> out) {
+            need(out.shape(0) == direction_R.shape(0), "all arrays need one row a direction");
+            nb::gil_scoped_release release;
+            rd::cosine_pattern(direction_R.data(), out.shape(0), azimuth_exponent, elevation_exponent, out.data());
+        },
+        "direction_R"_a.noconvert(), "azimuth_exponent"_a, "elevation_exponent"_a, "out"_a.noconvert());
+    m.def(
+        "collect_scatterers",
+        [](In<float, Blocks> blocks, In<double, Triples> direction_R, In<float, Curves> curves,
+           std::optional<In<std::uint8_t, Classes>> class_kept, float max_range_m, In<float, Plane> range,
+           In<float, Rays> normal, In<std::uint8_t, Plane> material, In<float, Plane> radial_velocity,
+           std::optional<In<std::uint8_t, Plane>> segmentation, Out<double, Flat> range_m, Out<double, Flat> speed_mps,
+           Out<double, Triples> echo_direction_R, Out<double, Flat> amplitude, const std::string &isa) -> Counts {
+            const std::size_t height = range.shape(0), width = range.shape(1), pixels = height * width;
+            need(has_shape(normal, height, width) && has_shape(material, height, width) &&
+                     has_shape(radial_velocity, height, width) &&
+                     (!segmentation || has_shape(*segmentation, height, width)),
+                 "the channels of a picture differ in size");
+            need(direction_R.shape(0) == pixels && blocks.shape(0) == (pixels + rd::kLanes - 1) / rd::kLanes,
+                 "this picture is not of the camera that the plan was made for");
+            need(class_kept.has_value() == segmentation.has_value(), "classes are kept by the channel segmentation");
+            const std::size_t room = range_m.shape(0);
+            need(room >= pixels && speed_mps.shape(0) == room && echo_direction_R.shape(0) == room &&
+                     amplitude.shape(0) == room,
+                 "the echoes need room for every pixel");
+            const rd::PixelPlan plan = {blocks.data(),
+                                        direction_R.data(),
+                                        static_cast<long>(pixels),
+                                        curves.data(),
+                                        static_cast<int>(curves.shape(0)),
+                                        class_kept ? class_kept->data() : nullptr,
+                                        max_range_m};
+            const rd::PixelPicture picture = {range.data(), normal.data(), radial_velocity.data(), material.data(),
+                                              segmentation ? segmentation->data() : nullptr};
+            const rd::EchoColumns out = {range_m.data(), speed_mps.data(), echo_direction_R.data(), amplitude.data()};
+            rd::ScatterCounts c{};
+            const auto &kernels = rd::scatter_kernels(hil::sim::frame::isa_by_name(isa));
+            {
+                nb::gil_scoped_release release;
+                kernels.collect(plan, picture, out, c);
+            }
+            return {c.invalid, c.sky, c.nothing, c.unknown, c.range, c.classes, c.away, c.kept};
+        },
+        "blocks"_a.noconvert(), "direction_R"_a.noconvert(), "curves"_a.noconvert(), "class_kept"_a.noconvert().none(),
+        "max_range_m"_a, "picture_range"_a.noconvert(), "normal"_a.noconvert(), "material"_a.noconvert(),
+        "radial_velocity"_a.noconvert(), "segmentation"_a.noconvert().none(), "range_m"_a.noconvert(),
+        "speed_mps"_a.noconvert(), "echo_direction_R"_a.noconvert(), "amplitude"_a.noconvert(), "isa"_a,
+        "The echoes of a picture; returns the counts of ScatterCounts in their order.");
+}

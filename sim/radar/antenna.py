@@ -1,0 +1,82 @@
+"""Antennas of a radar: where its receivers are, and the pattern of transmitter and receivers.
+
+For a unit direction d = (x, y, z) in R (x forward, y left, z up), with the half-power beamwidths of azimuth and
+elevation a and e:
+
+    G(d) = G_0 (x / sqrt(x^2 + y^2))^p (x / sqrt(x^2 + z^2))^q    for x > 0, else 0
+    p = ln(1/2) / ln(cos(a / 2)),   q = ln(1/2) / ln(cos(e / 2))
+
+so that in either principal plane it is a cosine to a power that is down by half at half the beamwidth off the axis: the
+main lobe of a small patch antenna; it has no side lobes. All receivers have one pattern.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from hil.signals.samples import Vec3
+from sim._kernels import cosine_pattern, det_cos, det_log, det_pow
+from sim.model_file import StrictModel
+
+Float64 = NDArray[np.float64]
+
+MAX_RECEIVERS = 64
+_HALF_RAD_PER_DEG = 0.5 * 0.017453292519943295
+_Beamwidth = Annotated[float, Field(ge=0.5, le=179.0)]
+
+
+class Pattern(StrictModel):
+    """Gain of one antenna over direction."""
+
+    gain_dbi: Annotated[float, Field(ge=-30.0, le=60.0)]  # on the axis
+    azimuth_beamwidth_deg: _Beamwidth  # where half of the power is left: full width
+    elevation_beamwidth_deg: _Beamwidth
+
+    @property
+    def axis_gain(self) -> float:
+        """As a ratio of powers."""
+        return det_pow(10.0, 0.1 * self.gain_dbi)
+
+    def share(self, direction_R: Float64) -> Float64:
+        """(n, 3) unit directions to (n,) shares of the gain on the axis."""
+        share = np.empty(len(direction_R))
+        p, q = _exponent(self.azimuth_beamwidth_deg), _exponent(self.elevation_beamwidth_deg)
+        cosine_pattern(np.ascontiguousarray(direction_R, np.float64), p, q, share)
+        return share
+
+    def gain(self, direction_R: Float64) -> Float64:
+        """(n, 3) unit directions to (n,) gains as ratios of powers."""
+        return self.axis_gain * self.share(direction_R)
+
+
+class Antenna(StrictModel):
+    """One transmitter and the receivers."""
+
+    rx_positions_m: tuple[Vec3, ...]  # in R; the order is that of the channels
+    tx: Pattern
+    rx: Pattern
+
+    @field_validator("rx_positions_m")
+    @classmethod
+    def _countable(cls, value: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
+        if not 1 <= len(value) <= MAX_RECEIVERS:
+            raise ValueError(f"holds {len(value)} receivers; a radar has 1 to {MAX_RECEIVERS}")
+        if any(abs(v) > 1.0 for position in value for v in position):
+            raise ValueError("holds a receiver more than 1 m away: positions are in metres from the radar's origin")
+        return value
+
+    def share(self, direction_R: Float64) -> Float64:
+        """Of there and back: (n, 3) unit directions to (n,) shares of the gain on the axis."""
+        return self.tx.share(direction_R) * self.rx.share(direction_R)
+
+    def gain(self, direction_R: Float64) -> Float64:
+        """Of there and back, G_t G_r: (n, 3) unit directions to (n,) ratios of powers."""
+        return self.tx.gain(direction_R) * self.rx.gain(direction_R)
+
+
+def _exponent(beamwidth_deg: float) -> float:
+    return det_log(0.5) / det_log(det_cos(beamwidth_deg * _HALF_RAD_PER_DEG))

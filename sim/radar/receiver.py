@@ -1,0 +1,53 @@
+"""Transmitter power and receiver of a radar: what an echo's power is in counts of its ADC.
+
+A sine of power P into the impedance Z has the peak sqrt(2 P Z), so with the conversion gain g [dB] of mixer and
+amplifiers and an ADC of b bits over the full scale V
+
+    A [counts] = sqrt(P_r) * sqrt(2 Z) 10^(g / 20) / (V / 2^b)
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from sim._kernels import det_pow
+from sim.model_file import StrictModel
+
+_Cutoff = Annotated[float, Field(gt=0.0, le=1e12)]
+
+
+class Receiver(StrictModel):
+    """Figures of the chain from the transmitter's port to the ADC. The filters are of first order; None is without."""
+
+    tx_power_dbm: Annotated[float, Field(ge=-60.0, le=60.0)]
+    conversion_gain_db: Annotated[float, Field(ge=-60.0, le=160.0)]
+    impedance_ohm: Annotated[float, Field(gt=0.0, le=1e5)]
+    adc_full_scale_v: Annotated[float, Field(ge=1e-3, le=100.0)]
+    adc_bits: Annotated[int, Field(ge=4, le=16)]
+    hp_cutoff_hz: _Cutoff | None = None
+    aaf_cutoff_hz: _Cutoff | None = None
+
+    @model_validator(mode="after")
+    def _a_band_is_left(self) -> Receiver:
+        if self.hp_cutoff_hz is not None and self.aaf_cutoff_hz is not None and self.hp_cutoff_hz >= self.aaf_cutoff_hz:
+            raise ValueError(
+                f"hp_cutoff_hz {self.hp_cutoff_hz:g} is not below aaf_cutoff_hz {self.aaf_cutoff_hz:g}: nothing passes"
+            )
+        return self
+
+    @property
+    def tx_power_w(self) -> float:
+        return 1e-3 * det_pow(10.0, 0.1 * self.tx_power_dbm)
+
+    @property
+    def count_v(self) -> float:
+        """One count of the ADC."""
+        return self.adc_full_scale_v / float(1 << self.adc_bits)
+
+    @property
+    def counts_per_sqrt_watt(self) -> float:
+        """Peak of a sine in counts over the root of its power at the antenna's port."""
+        return sqrt(2.0 * self.impedance_ohm) * det_pow(10.0, self.conversion_gain_db / 20.0) / self.count_v

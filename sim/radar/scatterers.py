@@ -1,0 +1,175 @@
+"""The pixels of a picture as echoes of a radar that stands where the camera stands.
+
+Radar equation in its pixel form (paper, eq. (7)), for the pixel's own solid angle dOmega at incidence theta:
+
+    P_r = P_t G_t(d) G_r(d) lambda^2 sigma0(theta) dA / ((4 pi)^3 R^4),    dA = R^2 dOmega / cos(theta)
+    A   = counts_per_sqrt_watt sqrt(P_r) = W(d) sqrt(sigma0 / cos(theta)) / R
+
+W(d) is prepared once a camera, sqrt(sigma0 / cos) once a surface; the kernel joins them in one pass over the picture
+(sim/native/radar/scatterers.hpp). Axes: x_R = z_C, y_R = -x_C, z_R = -y_C.
+
+Left out, each with a count in `last`: what cannot return (sky, nothing, surfaces that look away), what the mask leaves
+out, and directions where the antennas' gain there and back is below `PATTERN_FLOOR` of that on the axis. Infinite range
+is sky, as the renderer writes it; a range, normal or velocity that is no number is left out as `invalid`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import collect_scatterers, pixel_solid_angles
+from sim.frame.camera_model import CameraModel
+from sim.radar.antenna import Antenna
+from sim.radar.chirp import Chirp
+from sim.radar.echoes import Echoes
+from sim.radar.mask import Mask
+from sim.radar.receiver import Receiver
+from sim.radar.reflection import Reflection
+from sim.scene.world import World
+
+Float64 = NDArray[np.float64]
+
+PATTERN_FLOOR = 1e-6  # of the gain on the axis, there and back: -60 dB
+EVERYTHING = Mask()
+DEFAULT_REFLECTION = Reflection()
+_LANES = 16  # pixels of a block of the kernel
+_FOUR_PI = 12.566370614359172
+_FARTHEST_M = float(np.finfo(np.float32).max)
+
+
+@dataclass(frozen=True)
+class ScattererReport:
+    """Pixels of a picture, and what became of them; each counts once, by the first reason that holds."""
+
+    pixels: int
+    window: int  # outside the mask's windows of angles
+    pattern: int  # where the antennas have no gain worth the name
+    invalid: int
+    sky: int
+    nothing: int  # no surface, or one that sends nothing back
+    range: int  # beyond the mask's range
+    classes: int  # not of the mask's classes
+    away: int  # surfaces that look away from the radar
+    kept: int
+
+
+class Scatterers:
+    """Echoes of the pictures of one camera.
+
+    Raises ValueError where the mask names what there is not, or leaves no pixel; CameraModel's own where the distortion
+    cannot be inverted out to the picture's corners. `isa` as for the frame kernels; all give the same bits.
+    """
+
+    def __init__(
+        self,
+        camera: CameraModel,
+        world: World,
+        chirp: Chirp,
+        antenna: Antenna,
+        receiver: Receiver,
+        mask: Mask = EVERYTHING,
+        reflection: Reflection = DEFAULT_REFLECTION,
+        isa: str = "",
+    ) -> None:
+        self.camera = camera
+        self._isa = isa
+        self._class_kept = mask.kept_classes(world.class_names)
+        self._max_range_m = _FARTHEST_M if mask.max_range_m is None else mask.max_range_m
+        self._curves = reflection.curves(world.surfaces, chirp.center_frequency_hz)
+        rays_C = np.ascontiguousarray(camera.rays()).reshape(-1, 3)
+        self._direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
+        pixels = len(rays_C)
+
+        inside = mask.in_window(self._direction_R)
+        share = antenna.share(self._direction_R)
+        active = inside & (share >= PATTERN_FLOOR)
+        if not active.any():
+            cause = "the mask's windows of angles leave" if not inside.any() else "mask and antenna pattern leave"
+            raise ValueError(
+                f"{cause} no pixel of the camera's {camera.width} x {camera.height}: "
+                f"azimuth_deg {_words(mask.azimuth_deg)}, elevation_deg {_words(mask.elevation_deg)}; widen them"
+            )
+        self._window = int(np.count_nonzero(~inside))
+        self._pattern = pixels - self._window - int(np.count_nonzero(active))
+
+        per_sr = receiver.tx_power_w * antenna.tx.axis_gain * antenna.rx.axis_gain
+        per_sr *= chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)
+        weight = receiver.counts_per_sqrt_watt * np.sqrt(per_sr * share * solid_angles(camera).reshape(-1))
+        # What is as good as no weight in a float would be taken for a pixel that is left out.
+        weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
+        self._blocks = _blocks(rays_C, weight)
+
+        self._range_m, self._speed_mps, self._amplitude = np.empty(pixels), np.empty(pixels), np.empty(pixels)
+        self._echo_direction_R = np.empty((pixels, 3))
+        self.channels: tuple[str, ...] = ("range", "normal", "material", "radial_velocity")
+        if self._class_kept is not None:
+            self.channels += ("segmentation",)
+        self.last = ScattererReport(pixels, self._window, self._pattern, 0, 0, 0, 0, 0, 0, 0)
+
+    def collect(self, picture: Mapping[str, NDArray[Any]]) -> Echoes:
+        """Echoes in the order of the pixels: views that are valid until the next call.
+
+        Raises KeyError for a channel that is missing, ValueError for another size or a surface that the world lacks,
+        TypeError for arrays of another type.
+        """
+        for name in self.channels:
+            if name not in picture:
+                raise KeyError(f"the picture has no channel {name!r}; a radar needs {', '.join(self.channels)}")
+        size = picture["range"].shape
+        if size != (self.camera.height, self.camera.width):
+            raise ValueError(f"a picture of shape {size}, not of the camera's {self.camera.height, self.camera.width}")
+        invalid, sky, nothing, unknown, far, classes, away, kept = collect_scatterers(
+            self._blocks,
+            self._direction_R,
+            self._curves,
+            self._class_kept,
+            self._max_range_m,
+            picture["range"],
+            picture["normal"],
+            picture["material"],
+            picture["radial_velocity"],
+            picture["segmentation"] if self._class_kept is not None else None,
+            self._range_m,
+            self._speed_mps,
+            self._echo_direction_R,
+            self._amplitude,
+            self._isa,
+        )
+        if unknown:
+            raise ValueError(
+                f"{unknown} pixels show a surface beyond the world's {len(self._curves)}: is the picture of this world?"
+            )
+        self.last = ScattererReport(
+            len(self._range_m), self._window, self._pattern, invalid, sky, nothing, far, classes, away, kept
+        )
+        return Echoes(
+            self._range_m[:kept], self._speed_mps[:kept], self._echo_direction_R[:kept], self._amplitude[:kept]
+        )
+
+
+def solid_angles(camera: CameraModel) -> Float64:
+    """(height, width) solid angle [sr] that each pixel sees, between the rays of its corners."""
+    x = (np.arange(camera.width + 1) - camera.cx) / camera.fx
+    y = (np.arange(camera.height + 1) - camera.cy) / camera.fy
+    corners = camera.directions(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    out = np.empty((camera.height, camera.width))
+    pixel_solid_angles(np.ascontiguousarray(corners).reshape(camera.height + 1, camera.width + 1, 3), out)
+    return out
+
+
+def _blocks(rays_C: Float64, weight: Float64) -> NDArray[np.float32]:
+    """(blocks, 4, 16) direction and weight of 16 pixels at a time, filled up with pixels of weight 0."""
+    count = -(-len(rays_C) // _LANES)
+    rows = np.zeros((count * _LANES, 4), np.float32)
+    rows[: len(rays_C), :3] = rays_C
+    rows[: len(rays_C), 3] = weight
+    return np.ascontiguousarray(rows.reshape(count, _LANES, 4).transpose(0, 2, 1))
+
+
+def _words(window: tuple[float, float] | None) -> str:
+    return "all" if window is None else f"{window[0]:g} to {window[1]:g}"
