@@ -39,7 +39,7 @@ void azimuth_elevation(const double *direction_R, std::size_t count, double *azi
 void cosine_pattern(const double *direction_R, std::size_t count, double p, double q, double *out) {
     for (std::size_t i = 0; i < count; ++i) {
         const double x = direction_R[3 * i], y = direction_R[3 * i + 1], z = direction_R[3 * i + 2];
-        if (!(x > 0.0)) {
+        if (!(x > 1e-100)) {  // below, the square would be lost, and the ratio with it
             out[i] = 0.0;
             continue;
         }

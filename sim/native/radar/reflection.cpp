@@ -6,6 +6,16 @@
 
 namespace hil::sim::radar {
 
+namespace {
+
+// 1 - exp(-x), x >= 0. Smooth surfaces and grazing rays need it where the difference would leave nothing.
+double lost_share(double x) {
+    if (x > 0.01) return 1.0 - det::exp(-x);
+    return x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))));
+}
+
+}  // namespace
+
 double fresnel_power(const ReflectingSurface &surface, double cosine) {
     const double er = surface.eps_r, ei = surface.eps_i, c = cosine;
     // w = p - j q
@@ -35,7 +45,7 @@ double backscatter(const ReflectingSurface &surface, double cosine) {
     const double c2 = cosine * cosine;
     const double phase = surface.phase_height * cosine;
     const double coherent = det::exp(-(phase * phase));
-    double sigma0 = 4.0 * (1.0 - coherent) * fresnel_power(surface, cosine) * c2;
+    double sigma0 = 4.0 * lost_share(phase * phase) * fresnel_power(surface, cosine) * c2;
     const double s2 = surface.facet_slope * surface.facet_slope;
     const double exponent = (1.0 - c2) / (c2 * 2.0 * s2);
     if (exponent < 700.0) {  // beyond that the lobe is no number that a double holds, times 1 / c^4 or not

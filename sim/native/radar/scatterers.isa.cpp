@@ -9,7 +9,7 @@ namespace {
 
 using namespace frame::HIL_ISA;
 
-constexpr float kMostCosine = 1.001f;  // of unit vectors of floats; beyond it a normal is none
+constexpr float kMostCosine = 1.001f;  // either way, of unit vectors of floats; beyond it a normal is none
 
 HIL_INLINE int count(unsigned set) { return __builtin_popcount(set); }
 
@@ -63,7 +63,7 @@ HIL_INLINE long collect_block(const PixelPlan &plan, const PixelPicture &picture
     }
     const F cosine = -(load<F>(x) * load<F>(block) + load<F>(y) * load<F>(block + 16) + load<F>(z) * load<F>(block + 32));
     const F speed = load<F>(picture.radial_velocity_mps);
-    const I sane = left & (cosine <= splat<F>(kMostCosine)) & (abs(speed) < infinite);
+    const I sane = left & (abs(cosine) <= splat<F>(kMostCosine)) & (abs(speed) < infinite);
     counts.invalid += count(bits(without(left, sane)));
     left = sane & (cosine > splat<F>(0.0f));
     counts.away += count(bits(without(sane, left)));
