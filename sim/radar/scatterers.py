@@ -11,12 +11,15 @@ W(d) is prepared once a camera, sqrt(sigma0 / cos) once a surface; the kernel jo
 Left out, each with a count in `last`: what cannot return (sky, nothing, surfaces that look away), what the mask leaves
 out, and directions where the antennas' gain there and back is below `PATTERN_FLOOR` of that on the axis. Infinite range
 is sky, as the renderer writes it; a range, normal or velocity that is no number is left out as `invalid`.
+
+Given the pose, the corner reflectors of the world's map follow after the pixels (sim/radar/corner_echoes.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -24,8 +27,10 @@ from numpy.typing import NDArray
 
 from sim._kernels import collect_scatterers, pixel_solid_angles
 from sim.frame.camera_model import CameraModel
+from sim.frame.camera_pose import CameraPose
 from sim.radar.antenna import Antenna
 from sim.radar.chirp import Chirp
+from sim.radar.corner_echoes import CornerEchoes
 from sim.radar.echoes import Echoes
 from sim.radar.mask import Mask
 from sim.radar.receiver import Receiver
@@ -56,6 +61,7 @@ class ScattererReport:
     classes: int  # not of the mask's classes
     away: int  # surfaces that look away from the radar
     kept: int
+    corners: int = 0  # corner reflectors in sight: echoes beyond those of pixels
 
 
 class Scatterers:
@@ -97,22 +103,35 @@ class Scatterers:
         self._window = int(np.count_nonzero(~inside))
         self._pattern = pixels - self._window - int(np.count_nonzero(active))
 
-        per_sr = receiver.tx_power_w * antenna.tx.axis_gain * antenna.rx.axis_gain
-        per_sr *= chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)
-        weight = receiver.counts_per_sqrt_watt * np.sqrt(per_sr * share * solid_angles(camera).reshape(-1))
+        scale = _amplitude_scale(chirp, antenna, receiver)
+        pixel_sr = solid_angles(camera)
+        weight = scale * np.sqrt(share * pixel_sr.reshape(-1))
         # What is as good as no weight in a float would be taken for a pixel that is left out.
         weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
         self._blocks = _blocks(rays_C, weight)
 
-        self._range_m, self._speed_mps, self._amplitude = np.empty(pixels), np.empty(pixels), np.empty(pixels)
-        self._echo_direction_R = np.empty((pixels, 3))
+        self._corners = CornerEchoes(
+            world.map.corners,
+            camera,
+            rays_C.reshape(camera.height, camera.width, 3),
+            pixel_sr,
+            antenna,
+            mask,
+            PATTERN_FLOOR,
+            scale,
+            chirp.wavelength_m,
+        )
+        room = pixels + len(self._corners)
+        self._out = Echoes(np.empty(room), np.empty(room), np.empty((room, 3)), np.empty(room))
         self.channels: tuple[str, ...] = ("range", "normal", "material", "radial_velocity")
         if self._class_kept is not None:
             self.channels += ("segmentation",)
         self.last = ScattererReport(pixels, self._window, self._pattern, 0, 0, 0, 0, 0, 0, 0)
 
-    def collect(self, picture: Mapping[str, NDArray[Any]]) -> Echoes:
+    def collect(self, picture: Mapping[str, NDArray[Any]], pose: CameraPose | None = None) -> Echoes:
         """Echoes in the order of the pixels: views that are valid until the next call.
+
+        With the pose that the picture was taken from, those of the corner reflectors in sight come last.
 
         Raises KeyError for a channel that is missing, ValueError for another size or a surface that the world lacks,
         TypeError for arrays of another type.
@@ -123,6 +142,7 @@ class Scatterers:
         size = picture["range"].shape
         if size != (self.camera.height, self.camera.width):
             raise ValueError(f"a picture of shape {size}, not of the camera's {self.camera.height, self.camera.width}")
+        out = self._out
         invalid, sky, nothing, unknown, far, classes, away, kept = collect_scatterers(
             self._blocks,
             self._direction_R,
@@ -134,22 +154,39 @@ class Scatterers:
             picture["material"],
             picture["radial_velocity"],
             picture["segmentation"] if self._class_kept is not None else None,
-            self._range_m,
-            self._speed_mps,
-            self._echo_direction_R,
-            self._amplitude,
+            out.range_m,
+            out.speed_mps,
+            out.direction_R,
+            out.amplitude,
             self._isa,
         )
         if unknown:
             raise ValueError(
                 f"{unknown} pixels show a surface beyond the world's {len(self._curves)}: is the picture of this world?"
             )
+        corners = self._corners.write(picture["range"], pose, out, kept) if pose is not None else 0
         self.last = ScattererReport(
-            len(self._range_m), self._window, self._pattern, invalid, sky, nothing, far, classes, away, kept
+            len(self._direction_R),
+            self._window,
+            self._pattern,
+            invalid,
+            sky,
+            nothing,
+            far,
+            classes,
+            away,
+            kept,
+            corners,
         )
-        return Echoes(
-            self._range_m[:kept], self._speed_mps[:kept], self._echo_direction_R[:kept], self._amplitude[:kept]
-        )
+        n = kept + corners
+        return Echoes(out.range_m[:n], out.speed_mps[:n], out.direction_R[:n], out.amplitude[:n])
+
+
+def _amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
+    """A R^2 of an echo on the axis over the root of its cross-section [counts m]."""
+    gain = antenna.tx.axis_gain * antenna.rx.axis_gain
+    spread = chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)
+    return receiver.counts_per_sqrt_watt * sqrt(receiver.tx_power_w * gain * spread)
 
 
 def solid_angles(camera: CameraModel) -> Float64:

@@ -114,7 +114,7 @@ def test_each_pixel_left_out_counts_once(world: World) -> None:
     assert (last.sky, last.nothing, last.away, last.range, last.classes) == (3, 2, 3, 7, 10)
     assert last.invalid == 8
     assert last.kept == len(echoes.amplitude) == 407 - 33
-    assert sum(asdict(last).values()) == 2 * 407
+    assert sum(asdict(last).values()) == 2 * 407  # the report holds their number, too
     first_R = echoes.direction_R[0].copy()  # what follows uses the buffer again
     everything = Scatterers(CAMERA, world, CHIRP, ANTENNA, RECEIVER).collect(facing(CAMERA))
     assert np.array_equal(first_R, everything.direction_R[16])

@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from hil.signals.samples import Vec3
 from sim._kernels import det_cos, det_sin
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.scene_map import Actor, SceneMap, Surface
+from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 
 Quat = tuple[float, float, float, float]
 IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -131,6 +131,7 @@ class MapBuilder:
         self._geoms: set[str] = set()
         self._classes: dict[str, tuple[str, ...]] = {}
         self._actors: list[Actor] = []
+        self._corners: list[CornerReflector] = []
         self._numbers: dict[str, int] = {}
 
     def texture(self, name: str, png: bytes, *, cube: bool = False) -> str:
@@ -237,6 +238,10 @@ class MapBuilder:
             raise ValueError(f"actor {actor.name}: no body {missing[0]}")
         self._actors.append(actor)
 
+    def corner(self, corner: CornerReflector) -> None:
+        """What three plates do together; the plates are geoms of their own."""
+        self._corners.append(corner)
+
     def classify(self, name: str, *globs: str) -> None:
         known = self._classes.get(name, ())
         self._classes[name] = known + tuple(glob for glob in globs if glob not in known)
@@ -262,4 +267,5 @@ class MapBuilder:
             classes=dict(self._classes),
             surfaces=dict(self._materials),
             actors=tuple(self._actors),
+            corners=tuple(self._corners),
         )

@@ -19,7 +19,7 @@ from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder, Quat
 from sim.scene.maps.meshes import TURN_RAD
 from sim.scene.maps.people import add_walker
-from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.scene_map import CornerReflector, SceneMap
 from sim.scene.maps.walk_path import there_and_back
 
 Distance = Annotated[float, Field(gt=0.0, le=200.0)]
@@ -74,7 +74,9 @@ def _add_reflector(builder: MapBuilder, reflector: Reflector, aim_m: float) -> N
     x, y, z = reflector.range_m * det_cos(angle), reflector.range_m * det_sin(angle), reflector.height_m
     dx, dy, dz = -x, -y, aim_m - z
     length = sqrt(dx * dx + dy * dy + dz * dz)
-    body = builder.body("reflector", (x, y, z), _turn_diagonal_to((dx / length, dy / length, dz / length)))
+    q_WK = _turn_diagonal_to((dx / length, dy / length, dz / length))
+    body = builder.body("reflector", (x, y, z), q_WK)
+    builder.corner(CornerReflector((x, y, z), q_WK, reflector.edge_m, "reflector"))
     half, t = 0.5 * reflector.edge_m, 0.001
     # Inner faces meet in the body's origin.
     body.geom("box", (t, half, half), pos=(-t, half, half), material="steel", part="plate_x")

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
+from hil.signals.samples import Quat, Vec3
 
 Float64 = NDArray[np.float64]
 
@@ -25,6 +25,20 @@ class Surface:
     relative_permittivity: float  # real part, 60 GHz
     conductivity_s_per_m: float  # 60 GHz
     roughness_m: float  # rms height
+
+
+@dataclass(frozen=True)
+class CornerReflector:
+    """Three square plates at right angles that stand still. Their inner faces span the axes of frame K from its origin.
+
+    A radar's pictures know single bounces only; what comes back after three follows from this
+    (sim/radar/corner_echoes.py).
+    """
+
+    p_WK: Vec3  # [m], where the plates meet
+    q_WK: Quat
+    edge_m: float
+    class_name: str
 
 
 class Actor(Protocol):
@@ -63,3 +77,4 @@ class SceneMap:
     classes: Mapping[str, tuple[str, ...]]  # class -> globs over bodies of the world and geoms on the worldbody
     surfaces: Mapping[str, Surface]  # MJCF material name -> Surface
     actors: tuple[Actor, ...]
+    corners: tuple[CornerReflector, ...] = ()  # among what the MJCF holds
