@@ -356,3 +356,23 @@ def collect_scatterers(
     amplitude: Float64,
     isa: str,
 ) -> tuple[int, int, int, int, int, int, int, int]: ...
+
+class RadarReceiver:
+    def __init__(
+        self,
+        *,
+        receivers: int,
+        chirps: int,
+        samples: int,
+        fixed: Sequence[Sequence[float]],
+        start: Sequence[Sequence[float]],
+        decay: Sequence[float],
+        colour: Sequence[Sequence[float]],
+        colour_key: Sequence[tuple[int, int]],
+        wander: Sequence[float],
+        wander_key: Sequence[tuple[int, int]],
+        odd_width: float,
+        bits: int,
+        isa: str = "",
+    ) -> None: ...
+    def digitise(self, signal: Float64, seq: int, out: NDArray[np.uint16]) -> int: ...

@@ -1,0 +1,94 @@
+// What a radar's receivers and ADC add to the beat signal, one frame at a time:
+//
+//   x[k,m,n]    = signal[k,m,n] + fixed[k,n] + decay[m] start[k,n] + wander[k] d[k,m] + sum_j h[k,(n-j) mod N] w[k,m,j]
+//   out[k,m,n]  = code(x)        2i     where x lies in [2i - e/2, 2i + e/2),     e = 2 - o  (even codes)
+//                                2i + 1 where x lies in [2i + 1 - o/2, 2i + 1 + o/2)          (odd codes)
+//
+// clipped to [0, 2^bits - 1]. w and d are standard normals; h colours w: the power of bin b of one chirp's N samples is
+// |DFT(h)[b]|^2. o is the width of an odd code in counts; 1 is an even converter.
+//
+// Noise is counter-based (image_noise.hpp): w[k,m,n] is normal m N + n of picture `seq` under the receiver's own key, and
+// d[k,m] normal m under another. So any frame can be had without those before it.
+//
+// Determinism: + - * and comparisons, sums in the order written: the same bits with every instruction set. Scratch is
+// allocated at construction; digitise allocates nothing. One object must not be used by two threads at once.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "../frame/isa.hpp"
+#include "../image_noise.hpp"
+
+namespace hil::sim::radar {
+
+// What one receiver adds. Empty vectors: nothing.
+struct ReceiverNoise {
+    std::vector<double> fixed;   // (N)
+    std::vector<double> start;   // (N)
+    std::vector<double> colour;  // (N) h
+    double wander = 0.0;
+    ImageKey colour_key{};
+    ImageKey wander_key{};
+};
+
+struct Converter {
+    double odd_width;  // o, 0 < o <= 1
+    double top;        // 2^bits - 1
+};
+
+// One chirp of one receiver. Arrays of `padded` doubles, of which the first `samples` count; `colour_from` has
+// samples + padded: h[(i - samples) mod samples] at i.
+struct ChirpTask {
+    std::size_t samples, padded;
+    const double *signal;       // (samples), the caller's
+    const double *fixed;        // (padded)
+    const double *start;        // (padded) or null
+    double decay;
+    double offset;              // the chirp's own DC
+    const double *colour_from;  // or null
+    const float *white;         // (samples)
+    Converter converter;
+    double *work;               // (padded)
+    std::uint16_t *out;         // (samples), the caller's
+};
+
+struct ReceiverKernel {
+    // False where a sample of the signal is not finite.
+    bool (*chirp)(const ChirpTask &task);
+};
+const ReceiverKernel &receiver_kernel(frame::Isa isa);
+
+class ReceiverChain {
+  public:
+    static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+    // decay: (chirps) or empty where no receiver has a start. std::invalid_argument where sizes do not fit.
+    ReceiverChain(std::size_t chirps, std::size_t samples, const std::vector<ReceiverNoise> &receivers,
+                  std::vector<double> decay, Converter converter, frame::Isa isa);
+
+    std::size_t receivers() const { return channels_.size(); }
+    std::size_t chirps() const { return chirps_; }
+    std::size_t samples() const { return samples_; }
+
+    // signal, out: (receivers, chirps, samples), C order. Returns the place of the first sample of the signal that is
+    // not finite, from which on `out` is not promised, or kNone.
+    std::size_t digitise(const double *signal, std::uint64_t seq, std::uint16_t *out);
+
+  private:
+    struct Channel {
+        std::vector<double> fixed, start, colour_from;
+        double wander;
+        ImageKey colour_key, wander_key;
+    };
+
+    std::size_t chirps_, samples_, padded_;
+    std::vector<Channel> channels_;
+    std::vector<double> decay_, work_;
+    std::vector<float> white_, steps_;
+    Converter converter_;
+    const ReceiverKernel *kernel_;
+};
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,94 @@
+"""From the echoes' beat signal to the sensor's raw samples: impairments added, then the converter.
+
+Noise is drawn from named streams, by the number of the frame (sim/native/image_noise.hpp):
+
+    <name>.noise.rx<k>       normal m N + n of picture `seq` for sample n of chirp m of receiver k = 1, 2, ...
+    <name>.dc_wander.rx<k>   normal m of picture `seq`
+
+so a part that is switched on or off, or another receiver, changes no other draw. White noise w becomes noise of the
+stated power S by circular convolution over a chirp's N samples,
+
+    h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b.
+
+The work is native (sim/native/radar/receiver_noise.hpp): the same bits with every instruction set.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import RadarReceiver, det_cos, det_exp
+from sim.radar.chirp import Chirp
+from sim.radar.impairments import Adc, Impairments, ReceiverNoise
+from sim.sensors.noise_key import noise_key
+
+Float64 = NDArray[np.float64]
+Codes = NDArray[np.uint16]
+
+
+class RadarReceiverChain:
+    """`digitise` turns one frame of the noise-free signal (counts) into codes. ValueError where parts do not fit."""
+
+    def __init__(
+        self,
+        chirp: Chirp,
+        impairments: Impairments,
+        n_rx: int,
+        *,
+        seed: int,
+        name: str,
+        adc_bits: int = 12,
+        isa: str = "",
+    ) -> None:
+        problems = impairments.problems_with(chirp, n_rx)
+        if problems:
+            raise ValueError("impairments." + "; impairments.".join(problems))
+        self.shape = (n_rx, chirp.chirps, chirp.samples)
+        leakage, start, wander = impairments.leakage, impairments.frame_start, impairments.dc_wander
+        if leakage is None:
+            fixed = [[0.5 * 2**adc_bits] * chirp.samples] * n_rx
+        else:
+            fixed = [[dc + y for y in row] for dc, row in zip(leakage.dc, leakage.sweep.at(chirp), strict=True)]
+        self._native = RadarReceiver(
+            receivers=n_rx,
+            chirps=chirp.chirps,
+            samples=chirp.samples,
+            fixed=fixed,
+            start=start.sweep.at(chirp) if start else [],
+            decay=[det_exp(-m * chirp.repetition_s / start.decay_s) for m in range(chirp.chirps)] if start else [],
+            colour=_colours(impairments.noise, chirp, n_rx) if impairments.noise else [],
+            colour_key=[noise_key(seed, f"{name}.noise.rx{k + 1}") for k in range(n_rx)],
+            wander=wander.sigma if wander else [],
+            wander_key=[noise_key(seed, f"{name}.dc_wander.rx{k + 1}") for k in range(n_rx)],
+            odd_width=2.0 * (impairments.adc or Adc(odd_code_share=0.5)).odd_code_share,
+            bits=adc_bits,
+            isa=isa,
+        )
+
+    def digitise(self, signal: Float64, seq: int, out: Codes) -> None:
+        """Codes of frame `seq` into `out`; both (n_rx, M, N). ValueError naming a sample that is not finite."""
+        place = self._native.digitise(signal, seq, out)
+        if place >= 0:
+            k, m, n = (int(i) for i in np.unravel_index(place, self.shape))
+            raise ValueError(
+                f"sample {n} of chirp {m} of receiver {k + 1} is {signal[k, m, n]}: a beat signal must be finite"
+            )
+
+
+def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
+    """h of each receiver."""
+    n = chirp.samples
+    cosine = np.array([det_cos(2.0 * pi * i / n) for i in range(n)])
+    places = np.arange(n)
+    rows = []
+    for k in range(receivers):
+        h = np.zeros(n)
+        for b in range(n // 2 + 1):
+            twice = 1.0 if b in (0, n // 2) else 2.0
+            amplitude = sqrt(noise.power_at(k, b * chirp.sample_rate_hz / n))
+            h += twice * amplitude * cosine[b * places % n]  # elementwise: rounded the same everywhere
+        rows.append((h / n).tolist())
+    return rows
