@@ -358,6 +358,8 @@ def collect_scatterers(
 ) -> tuple[int, int, int, int, int, int, int, int]: ...
 
 class RadarReceiver:
+
+class RadarMap:
     def __init__(
         self,
         *,
@@ -376,3 +378,72 @@ class RadarReceiver:
         isa: str = "",
     ) -> None: ...
     def digitise(self, signal: Float64, seq: int, out: NDArray[np.uint16]) -> int: ...
+
+        pad_chirps: int,
+        pad_samples: int,
+        clutter: str,
+        remove_chirp_mean: bool,
+        fast_window: Sequence[float],
+        slow_window: Sequence[float],
+        isa: str = "",
+    ) -> None: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    def compute(self, raw: NDArray[np.uint16], background_gain: float, power: NDArray[np.float32]) -> None: ...
+    def spectrum(self, receiver: int, re: Float64, im: Float64) -> None: ...
+    def reset(self) -> None: ...
+
+class RadarCfar:
+    def __init__(
+        self,
+        *,
+        rows: int,
+        columns: int,
+        kind: str,
+        guard: tuple[int, int],
+        train: tuple[int, int],
+        rank: float,
+        false_alarm: float,
+        receivers: int,
+        likeness: float,
+        quiet: Sequence[bool],
+    ) -> None: ...
+    def detect(self, power: NDArray[np.float32], mask: NDArray[np.uint8], noise: Float64) -> None: ...
+
+def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> float: ...
+def order_statistic_factor(cells: float, rank: float, receivers: int, false_alarm: float) -> float: ...
+def radar_direction(positions_m: Sequence[Vec3], wavelength_m: float, re: Float64, im: Float64) -> list[float]: ...
+
+class RadarPeaks:
+    def __init__(
+        self,
+        cfar: RadarCfar,
+        *,
+        positions_m: Sequence[Vec3],
+        wavelength_m: float,
+        range_step_m: float,
+        speed_step_mps: float,
+        coupling_s: float,
+        first_column: int,
+        range_ratio: Sequence[float],
+        speed_ratio: Sequence[float],
+    ) -> None: ...
+    def find(self, map: RadarMap, power: NDArray[np.float32], out: NDArray[np.float32]) -> int: ...
+
+class RadarTracker:
+    def __init__(
+        self,
+        *,
+        whole_speed_mps: float,
+        cluster: Vec3,
+        gate: Vec3,
+        birth_speed_mps: float,
+        birth_snr_db: float,
+        sigma: Vec3,
+        acceleration: tuple[float, float],
+        confirm: tuple[int, int],
+        coast_s: float,
+        pause_s: float,
+    ) -> None: ...
+    def step(self, dt_s: float, points: NDArray[np.float32], out: NDArray[np.uint8]) -> int: ...
+    def reset(self) -> None: ...

@@ -1,0 +1,53 @@
+"""CFAR set up for a radar's maps. Formulas of the thresholds: sim/native/radar/cfar.hpp."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import RadarCfar
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.range_doppler import RangeDoppler
+from sim.radar.processing.windows import likeness
+
+
+class Cfar:
+    """Detector of one radar's maps."""
+
+    def __init__(self, maps: RangeDoppler, receivers: int, processing: Processing) -> None:
+        p = processing.cfar
+        half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
+        if 2 * half_rows + 1 > maps.rows:
+            raise ValueError(
+                f"cfar: {p.guard_doppler} guard and {p.train_doppler} training cells to each side are more than the "
+                f"{maps.rows} Doppler rows of the map"
+            )
+        if p.train_doppler == 0 and maps.columns < 2 * (p.guard_range + 1):
+            raise ValueError(
+                f"cfar: {p.guard_range} guard cells to each side leave nothing of {maps.columns} range cells"
+            )
+        cells = {
+            (d, r)
+            for d in range(-half_rows, half_rows + 1)
+            for r in range(-half_columns, half_columns + 1)
+            if abs(d) > p.guard_doppler or abs(r) > p.guard_range
+        }
+        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, cells)
+        self.native = RadarCfar(
+            rows=maps.rows,
+            columns=maps.columns,
+            kind=p.kind,
+            guard=(p.guard_doppler, p.guard_range),
+            train=(p.train_doppler, p.train_range),
+            rank=p.rank,
+            false_alarm=p.false_alarm,
+            receivers=receivers,
+            likeness=self.likeness,
+            quiet=maps.quiet_rows(processing.clutter),
+        )
+
+    def detect(self, power: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Every cell above its threshold, and the noise power about each (NaN where nothing trains)."""
+        mask, noise = np.empty(power.shape, np.uint8), np.empty(power.shape)
+        self.native.detect(power, mask, noise)
+        return mask.astype(np.bool_), noise

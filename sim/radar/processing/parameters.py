@@ -1,0 +1,80 @@
+"""Settings of the processing chain. Defaults suit a person at some metres and the chirps of a small 60 GHz radar."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from sim.model_file import StrictModel
+
+WindowName = Literal["none", "hann", "hamming", "blackman", "taylor"]
+Clutter = Literal["none", "mean", "mti2", "mti3", "background"]
+Cells = Annotated[int, Field(ge=0, le=64)]
+Padding = Literal[1, 2, 4, 8]
+_Positive = Annotated[float, Field(gt=0.0, le=1e6)]
+
+
+class CfarParameters(StrictModel):
+    """Guard and training cells to each side of the cell under test, in Doppler and in range; zero both for one
+    dimension alone. `rank` is which of the training cells, in order, OS takes for the noise, as a share of them."""
+
+    kind: Literal["ca", "os"] = "os"
+    false_alarm: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-5
+    guard_doppler: Cells = 2
+    guard_range: Cells = 2
+    train_doppler: Cells = 6
+    train_range: Cells = 4
+    rank: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+
+    @model_validator(mode="after")
+    def _something_to_train(self) -> CfarParameters:
+        if self.train_doppler == 0 and self.train_range == 0:
+            raise ValueError("train_doppler and train_range are both 0: nothing says what the noise is")
+        return self
+
+
+class TrackerParameters(StrictModel):
+    """Distances are deviations that make one: points within `cluster_*` of one another are one thing, points within
+    `gate_*` of a track belong to it. Angles as direction sines."""
+
+    cluster_range_m: _Positive = 0.8
+    cluster_speed_mps: _Positive = 0.8
+    cluster_sine: _Positive = 0.4
+    gate_range_m: _Positive = 1.0
+    gate_speed_mps: _Positive = 1.0
+    gate_sine: _Positive = 0.5
+    birth_speed_mps: Annotated[float, Field(ge=0.0, le=100.0)] = 0.25
+    birth_snr_db: Annotated[float, Field(ge=0.0, le=100.0)] = 12.0
+    range_sigma_m: _Positive = 0.12
+    speed_sigma_mps: _Positive = 0.15
+    sine_sigma: _Positive = 0.1
+    acceleration_mps2: _Positive = 1.0
+    sine_acceleration_ps2: _Positive = 0.5
+    confirm_hits: Annotated[int, Field(ge=1, le=100)] = 3
+    confirm_frames: Annotated[int, Field(ge=1, le=100)] = 5
+    coast_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.5
+    pause_s: _Positive = 0.3
+
+    @model_validator(mode="after")
+    def _can_be_confirmed(self) -> TrackerParameters:
+        if self.confirm_hits > self.confirm_frames:
+            raise ValueError(f"confirm_hits {self.confirm_hits} within confirm_frames {self.confirm_frames} cannot be")
+        return self
+
+
+class Processing(StrictModel):
+    """The whole chain. `background_s` is the time constant of a learned background, of use to clutter: background."""
+
+    range_window: WindowName = "hann"
+    doppler_window: WindowName = "hann"
+    range_padding: Padding = 1
+    doppler_padding: Padding = 1
+    remove_chirp_mean: bool = True
+    clutter: Clutter = "mean"
+    background_s: Annotated[float, Field(gt=0.0, le=1e5)] = 20.0
+    min_range_m: Annotated[float, Field(ge=0.0, le=1e4)] = 0.0
+    max_points: Annotated[int, Field(ge=1, le=4096)] = 256
+    max_tracks: Annotated[int, Field(ge=1, le=256)] = 32
+    cfar: CfarParameters = CfarParameters()
+    tracker: TrackerParameters = TrackerParameters()

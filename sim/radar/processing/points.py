@@ -1,0 +1,64 @@
+"""Points of a map: peaks that stand out, between bins, with direction. Equations: sim/native/radar/processing_points.hpp.
+
+`speed_mps` is what the radar sees, modulo 2 v_max; an echo faster than v_max is shifted in range by the coupling of the
+speed that it seems to have, (v - v_seen) f_c / S short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import RadarPeaks
+from sim.radar.chirp import Chirp
+from sim.radar.processing.cfar import Cfar
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.range_doppler import RangeDoppler
+from sim.radar.processing.windows import ratio_table
+
+POINT_DTYPE = np.dtype(
+    [
+        ("x_R", "<f4"),
+        ("y_R", "<f4"),
+        ("z_R", "<f4"),
+        ("range_m", "<f4"),
+        ("speed_mps", "<f4"),
+        ("azimuth_rad", "<f4"),
+        ("elevation_rad", "<f4"),
+        ("snr_db", "<f4"),
+    ]
+)
+
+
+class PointFinder:
+    """Points of one radar's maps, strongest first."""
+
+    def __init__(
+        self,
+        chirp: Chirp,
+        rx_positions_m: Sequence[Sequence[float]],
+        processing: Processing,
+        maps: RangeDoppler,
+    ) -> None:
+        self._room = processing.max_points
+        self._maps = maps
+        first = int(processing.min_range_m / maps.range_step_m + 0.999)
+        self._native = RadarPeaks(
+            Cfar(maps, len(rx_positions_m), processing).native,
+            positions_m=[(float(p[0]), float(p[1]), float(p[2])) for p in rx_positions_m],
+            wavelength_m=chirp.wavelength_m,
+            range_step_m=maps.range_step_m,
+            speed_step_mps=maps.speed_step_mps,
+            coupling_s=chirp.center_frequency_hz / chirp.slope_hz_per_s,
+            first_column=max(1, first),
+            range_ratio=ratio_table(maps.fast_window, 2 * maps.columns),
+            speed_ratio=ratio_table(maps.slow_window, maps.rows),
+        )
+
+    def find(self, power: NDArray[np.float32]) -> NDArray[np.void]:
+        """Points of the map that was computed last; a new array of POINT_DTYPE."""
+        found = np.empty((self._room, 8), np.float32)
+        count = self._native.find(self._maps.native, power, found)
+        return found[:count].copy().view(POINT_DTYPE)[:, 0]

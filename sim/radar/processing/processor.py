@@ -1,0 +1,62 @@
+"""The chain in one piece: raw samples of a frame to map, points and tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.radar.chirp import Chirp
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.points import PointFinder
+from sim.radar.processing.range_doppler import RangeDoppler
+from sim.radar.processing.tracker import Tracker
+
+
+@dataclass(frozen=True)
+class Processed:
+    """What became of one frame; arrays are new each time."""
+
+    range_doppler: NDArray[np.float32]  # (M', N'/2) counts^2, mean over receivers; rows from -v_max to v_max
+    points: NDArray[np.void]  # POINT_DTYPE, strongest first
+    tracks: NDArray[np.void]  # TRACK_DTYPE, by rising age of birth
+
+
+class Processor:
+    """Frames of one radar, in the order of time. Equal frames give equal bytes on any instruction set `isa`."""
+
+    def __init__(
+        self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing, isa: str = ""
+    ) -> None:
+        self.chirp = chirp
+        self.processing = processing
+        self.maps = RangeDoppler(chirp, len(rx_positions_m), processing, isa)
+        self._points = PointFinder(chirp, rx_positions_m, processing, self.maps)
+        self._tracker = Tracker(chirp, processing)
+        self._frames = 0
+        self._last_ns = 0
+
+    def process(self, raw: NDArray[np.uint16], t_ns: int) -> Processed:
+        """One frame of (receivers, chirps, samples), its middle at `t_ns`."""
+        gain = self._background_gain(t_ns)
+        power = self.maps.compute(raw, gain)
+        points = self._points.find(power)
+        tracks = self._tracker.step(points, t_ns)
+        self._frames += 1
+        self._last_ns = t_ns
+        return Processed(power, points, tracks)
+
+    def reset(self) -> None:
+        """As constructed."""
+        self._frames = 0
+        self.maps.reset()
+        self._tracker.reset()
+
+    def _background_gain(self, t_ns: int) -> float:
+        """Plain mean of the first frames, exponential afterwards."""
+        if self._frames == 0:
+            return 0.0
+        dt_s = (t_ns - self._last_ns) * 1e-9
+        return min(1.0, max(dt_s / (self.processing.background_s + dt_s), 1.0 / (self._frames + 1)))

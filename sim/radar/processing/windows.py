@@ -1,0 +1,111 @@
+"""Windows, sampled between the ends of their period so that they are symmetric about the middle of N samples.
+
+    hann      1/2 - 1/2 cos x               hamming   0.54 - 0.46 cos x             x = 2 pi (n + 1/2) / N
+    blackman  0.42 - 0.5 cos x + 0.08 cos 2x
+    taylor    1 + 2 sum over m of F_m cos(m (x - pi)), the first side lobe at -40 dB, 5 nearly equal ones
+              (Carrara, Goodman, Majewski, Spotlight Synthetic Aperture Radar, 1995, app. D.2)
+
+Symmetric about the middle: the phase of an echo is then that of the middle of the frame, and what drifts within a
+frame is seen where it is at its middle. Elementary functions are those that give the same bits everywhere.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from sim._kernels import det_cos, det_log
+from sim.radar.processing.parameters import WindowName
+
+_PI = 3.141592653589793
+_TAYLOR_DB, _TAYLOR_LOBES = 40.0, 5
+_STEPS = 64  # of the table between bins
+_CORRELATED = 8  # bins beyond which cells of any window have nothing in common
+
+
+def window(name: WindowName, n: int) -> list[float]:
+    """n weights; their scale is of no matter."""
+    if name == "none":
+        return [1.0] * n
+    if name == "taylor":
+        terms = [1.0, *(2.0 * f for f in _taylor_terms())]
+        # cos(m (x - pi)) = (-1)^m cos(m x)
+        terms = [term if m % 2 == 0 else -term for m, term in enumerate(terms)]
+    else:
+        terms = {"hann": [0.5, -0.5], "hamming": [0.54, -0.46], "blackman": [0.42, -0.5, 0.08]}[name]
+    weights = []
+    for i in range(n):
+        x = 2.0 * _PI * (i + 0.5) / n
+        weight = 0.0
+        for m, term in enumerate(terms):
+            weight += term * det_cos(m * x)
+        weights.append(weight)
+    return weights
+
+
+def _taylor_terms() -> list[float]:
+    """F_1 ... F_(lobes - 1)."""
+    ratio = 1.0
+    for _ in range(int(_TAYLOR_DB / 20.0)):
+        ratio *= 10.0
+    a = det_log(ratio + sqrt(ratio * ratio - 1.0)) / _PI
+    half = _TAYLOR_LOBES - 0.5
+    s2 = _TAYLOR_LOBES * _TAYLOR_LOBES / (a * a + half * half)
+    terms = []
+    for m in range(1, _TAYLOR_LOBES):
+        above, below = 1.0, 1.0
+        for k in range(1, _TAYLOR_LOBES):
+            above *= 1.0 - m * m / s2 / (a * a + (k - 0.5) * (k - 0.5))
+            if k != m:
+                below *= 1.0 - m * m / (k * k)
+        terms.append((1.0 if m % 2 else -1.0) * above / (2.0 * below))
+    return terms
+
+
+def response(weights: list[float], bins: float, padded: int) -> float:
+    """W at `bins` of a transform over `padded`: sum of w cos(2 pi bins (n - middle) / padded), real by symmetry."""
+    middle = 0.5 * (len(weights) - 1)
+    total = 0.0
+    for i, w in enumerate(weights):
+        total += w * det_cos(2.0 * _PI * bins * (i - middle) / padded)
+    return total
+
+
+def ratio_table(weights: list[float], padded: int) -> list[float]:
+    """(a+ - a-) / (a- + a0 + a+) of an echo d = 0 ... 0.5 bins above its cell; what the native detector reads back."""
+    table: list[float] = []
+    for step in range(_STEPS + 1):
+        d = 0.5 * step / _STEPS
+        before, here, after = (abs(response(weights, b, padded)) for b in (1.0 + d, d, 1.0 - d))
+        ratio = (after - before) / (before + here + after)
+        # Rounding at d = 0, where some windows are flat: the table has to grow.
+        table.append(max(ratio, table[-1] + 1e-12) if table else 0.0)
+    return table
+
+
+def correlation(weights: list[float], lag: int, padded: int) -> float:
+    """Squared correlation of noise between cells `lag` apart: that of their powers."""
+    squares = [w * w for w in weights]
+    share = response(squares, float(lag), padded) / response(squares, 0.0, padded)
+    return share * share
+
+
+def likeness(
+    fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, cells: set[tuple[int, int]]
+) -> float:
+    """How many of the training cells (doppler, range) are one independent cell: the mean sum of squared correlations."""
+    reach_fast = _CORRELATED * max(1, fast_padded // len(fast))
+    reach_slow = _CORRELATED * max(1, slow_padded // len(slow))
+    rho_fast = [correlation(fast, lag, fast_padded) for lag in range(reach_fast + 1)]
+    rho_slow = [correlation(slow, lag, slow_padded) for lag in range(reach_slow + 1)]
+    pairs = [
+        (d, r, rho_slow[abs(d)] * rho_fast[abs(r)])
+        for d in range(-reach_slow, reach_slow + 1)
+        for r in range(-reach_fast, reach_fast + 1)
+        if rho_slow[abs(d)] * rho_fast[abs(r)] > 1e-4
+    ]
+    total = 0.0
+    for d0, r0 in sorted(cells):
+        for d, r, rho in pairs:
+            if (d0 + d, r0 + r) in cells:
+                total += rho
+    return max(1.0, total / len(cells))
