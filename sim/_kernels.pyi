@@ -370,6 +370,7 @@ class RadarMap:
         start: Sequence[Sequence[float]],
         decay: Sequence[float],
         colour: Sequence[Sequence[float]],
+        envelope: Sequence[Sequence[float]],
         colour_key: Sequence[tuple[int, int]],
         wander: Sequence[float],
         wander_key: Sequence[tuple[int, int]],

@@ -49,7 +49,7 @@ void bind_radar_receiver(nb::module_ &m) {
         .def(
             "__init__",
             [](ReceiverChain *self, std::size_t receivers, std::size_t chirps, std::size_t samples, const Rows &fixed,
-               const Rows &start, std::vector<double> decay, const Rows &colour, const std::vector<Key> &colour_key,
+               const Rows &start, std::vector<double> decay, const Rows &colour, const Rows &envelope, const std::vector<Key> &colour_key,
                const std::vector<double> &wander, const std::vector<Key> &wander_key, double odd_width, int bits,
                const std::string &isa) {
                 if (bits < 2 || bits > 16) throw std::invalid_argument("bits must be 2 to 16");
@@ -59,6 +59,7 @@ void bind_radar_receiver(nb::module_ &m) {
                     noises[k].start = one_of(start, k, receivers, "start");
                     noises[k].colour = one_of(colour, k, receivers, "colour");
                     noises[k].wander = one_of(wander, k, receivers, "wander");
+                    noises[k].envelope = one_of(envelope, k, receivers, "envelope");
                     const Key c = one_of(colour_key, k, receivers, "colour_key");
                     const Key w = one_of(wander_key, k, receivers, "wander_key");
                     noises[k].colour_key = {{c[0], c[1]}};
@@ -68,7 +69,7 @@ void bind_radar_receiver(nb::module_ &m) {
                 new (self) ReceiverChain(chirps, samples, noises, std::move(decay), converter,
                                          hil::sim::frame::isa_by_name(isa));
             },
-            nb::kw_only(), "receivers"_a, "chirps"_a, "samples"_a, "fixed"_a, "start"_a, "decay"_a, "colour"_a,
+            nb::kw_only(), "receivers"_a, "chirps"_a, "samples"_a, "fixed"_a, "start"_a, "decay"_a, "colour"_a, "envelope"_a,
             "colour_key"_a, "wander"_a, "wander_key"_a, "odd_width"_a, "bits"_a, "isa"_a = "")
         .def(
             "digitise",

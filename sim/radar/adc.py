@@ -8,7 +8,9 @@ Noise is drawn from named streams, by the number of the frame (sim/native/image_
 so a part that is switched on or off, or another receiver, changes no other draw. White noise w becomes noise of the
 stated power S by circular convolution over a chirp's N samples,
 
-    h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b.
+    h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b,
+
+and is then as loud over the chirp as the envelope says.
 
 The work is native (sim/native/radar/receiver_noise.hpp): the same bits with every instruction set.
 """
@@ -60,6 +62,7 @@ class RadarReceiverChain:
             start=start.sweep.at(chirp) if start else [],
             decay=[det_exp(-m * chirp.repetition_s / start.decay_s) for m in range(chirp.chirps)] if start else [],
             colour=_colours(impairments.noise, chirp, n_rx) if impairments.noise else [],
+            envelope=_envelopes(impairments.noise, chirp, n_rx) if impairments.noise else [],
             colour_key=[noise_key(seed, f"{name}.noise.rx{k + 1}") for k in range(n_rx)],
             wander=wander.sigma if wander else [],
             wander_key=[noise_key(seed, f"{name}.dc_wander.rx{k + 1}") for k in range(n_rx)],
@@ -92,3 +95,9 @@ def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[fl
             h += twice * amplitude * cosine[b * places % n]  # elementwise: rounded the same everywhere
         rows.append((h / n).tolist())
     return rows
+
+
+def _envelopes(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
+    """g of each receiver."""
+    share = [(n + 0.5) / chirp.samples for n in range(chirp.samples)]
+    return [[noise.envelope_at(k, part) for part in share] for k in range(receivers)]

@@ -9,7 +9,9 @@ noise        receiver noise by its power in each bin of beat frequency, independ
 adc          unequal code widths: odd codes are `odd_code_share` of all (0.5: an even converter)
 
 Power of a bin: |DFT|^2 / N of one chirp's N samples [counts^2], so that white noise of deviation sigma has sigma^2 in
-every bin. It is held constant beyond the last bin that was measured, and applies to samples taken at any rate.
+every bin. It is held constant beyond the last bin that was measured, and applies to samples taken at any rate. The
+`envelope` is how loud the noise is over the chirp, in equal parts of its samples, about a mean square of 1: close to a
+chirp's start there is more of it.
 
 Without leakage the DC is half of the converter's scale. Without `adc` the converter is an even one.
 """
@@ -26,6 +28,7 @@ from sim.radar.swept_pattern import SweptPattern
 
 _Count = Annotated[float, Field(ge=0.0, le=65536.0)]
 _Sigma = Annotated[float, Field(ge=0.0, le=1e4)]
+_Share = Annotated[float, Field(ge=0.0, le=100.0)]
 _Power = Annotated[float, Field(ge=0.0, le=1e8)]
 
 
@@ -52,6 +55,23 @@ class DcWander(StrictModel):
 class ReceiverNoise(StrictModel):
     bin_hz: Annotated[float, Field(gt=0.0, le=1e9)]  # beat frequency from one power to the next; the first is at 0
     power: Annotated[tuple[Annotated[tuple[_Power, ...], Field(min_length=2)], ...], Field(min_length=1)]
+    envelope: tuple[Annotated[tuple[_Share, ...], Field(min_length=1)], ...] | None = None  # null: 1 throughout
+
+    @model_validator(mode="after")
+    def _alike(self) -> ReceiverNoise:
+        if self.envelope is not None and len(self.envelope) != len(self.power):
+            raise ValueError(f"power has {len(self.power)} receivers and envelope {len(self.envelope)}")
+        return self
+
+    def envelope_at(self, receiver: int, part: float) -> float:
+        """At this part (0 to 1) of the chirp: straight lines between the middles of its parts."""
+        if self.envelope is None:
+            return 1.0
+        row = self.envelope[receiver]
+        place = min(max(part * len(row) - 0.5, 0.0), len(row) - 1.0)
+        i = min(int(place), max(len(row) - 2, 0))
+        t = place - i
+        return row[i] if t == 0.0 else row[i] + t * (row[i + 1] - row[i])
 
     def power_at(self, receiver: int, frequency_hz: float) -> float:
         """Counts^2, on straight lines between the bins."""
@@ -63,7 +83,7 @@ class ReceiverNoise(StrictModel):
 
 
 class Adc(StrictModel):
-    odd_code_share: Annotated[float, Field(gt=0.0, le=0.5)]
+    odd_code_share: Annotated[float, Field(ge=0.0, le=0.5)]
 
     @property
     def noise_power(self) -> float:

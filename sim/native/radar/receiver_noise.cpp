@@ -11,7 +11,7 @@ HIL_BY_ISA(ReceiverKernel, receiver_kernel, kReceiverKernel)
 
 namespace {
 
-constexpr std::size_t kBlock = 32;  // samples coloured at once (receiver_noise.isa.cpp)
+constexpr std::size_t kBlock = 64;  // samples coloured at once, at most (receiver_noise.isa.cpp)
 
 std::vector<double> padded_to(const std::vector<double> &values, std::size_t samples, std::size_t padded) {
     if (values.size() != samples) throw std::invalid_argument("a receiver's pattern must have one value a sample");
@@ -34,7 +34,7 @@ ReceiverChain::ReceiverChain(std::size_t chirps, std::size_t samples, const std:
       converter_(converter),
       kernel_(&receiver_kernel(isa)) {
     if (chirps == 0 || samples == 0 || receivers.empty()) throw std::invalid_argument("a frame needs samples");
-    if (!(converter.odd_width > 0.0 && converter.odd_width <= 1.0 && converter.top >= 1.0 && converter.top <= 65535.0)) {
+    if (!(converter.odd_width >= 0.0 && converter.odd_width <= 1.0 && converter.top >= 1.0 && converter.top <= 65535.0)) {
         throw std::invalid_argument("the converter's codes do not fit");
     }
     for (const ReceiverNoise &given : receivers) {
@@ -47,6 +47,7 @@ ReceiverChain::ReceiverChain(std::size_t chirps, std::size_t samples, const std:
         }
         if (!given.colour.empty()) {
             if (given.colour.size() != samples_) throw std::invalid_argument("the colour must have one value a sample");
+            channel.envelope = padded_to(given.envelope, samples_, padded_);
             channel.colour_from.resize(samples_ + padded_);
             for (std::size_t i = 0; i < channel.colour_from.size(); ++i) {
                 channel.colour_from[i] = given.colour[i % samples_];
@@ -76,6 +77,7 @@ std::size_t ReceiverChain::digitise(const double *signal, std::uint64_t seq, std
             task.decay = channel.start.empty() ? 0.0 : decay_[m];
             task.offset = channel.wander > 0.0 ? channel.wander * static_cast<double>(steps_[m]) : 0.0;
             task.colour_from = coloured ? channel.colour_from.data() : nullptr;
+            task.envelope = channel.envelope.data();
             task.white = white_.data() + m * samples_;
             task.converter = converter_;
             task.work = work_.data();

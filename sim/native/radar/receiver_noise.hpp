@@ -1,11 +1,11 @@
 // What a radar's receivers and ADC add to the beat signal, one frame at a time:
 //
-//   x[k,m,n]    = signal[k,m,n] + fixed[k,n] + decay[m] start[k,n] + wander[k] d[k,m] + sum_j h[k,(n-j) mod N] w[k,m,j]
+//   x[k,m,n]    = signal[k,m,n] + fixed[k,n] + decay[m] start[k,n] + wander[k] d[k,m] + g[k,n] sum_j h[k,(n-j) mod N] w[k,m,j]
 //   out[k,m,n]  = code(x)        2i     where x lies in [2i - e/2, 2i + e/2),     e = 2 - o  (even codes)
 //                                2i + 1 where x lies in [2i + 1 - o/2, 2i + 1 + o/2)          (odd codes)
 //
 // clipped to [0, 2^bits - 1]. w and d are standard normals; h colours w: the power of bin b of one chirp's N samples is
-// |DFT(h)[b]|^2. o is the width of an odd code in counts; 1 is an even converter.
+// |DFT(h)[b]|^2, and g, the envelope, is how loud it is over the chirp. o is the width of an odd code in counts; 1 is an even converter.
 //
 // Noise is counter-based (image_noise.hpp): w[k,m,n] is normal m N + n of picture `seq` under the receiver's own key, and
 // d[k,m] normal m under another. So any frame can be had without those before it.
@@ -28,6 +28,7 @@ struct ReceiverNoise {
     std::vector<double> fixed;   // (N)
     std::vector<double> start;   // (N)
     std::vector<double> colour;  // (N) h
+    std::vector<double> envelope;  // (N) g; needed with a colour
     double wander = 0.0;
     ImageKey colour_key{};
     ImageKey wander_key{};
@@ -48,6 +49,7 @@ struct ChirpTask {
     double decay;
     double offset;              // the chirp's own DC
     const double *colour_from;  // or null
+    const double *envelope;     // (padded), with colour_from
     const float *white;         // (samples)
     Converter converter;
     double *work;               // (padded)
@@ -78,7 +80,7 @@ class ReceiverChain {
 
   private:
     struct Channel {
-        std::vector<double> fixed, start, colour_from;
+        std::vector<double> fixed, start, colour_from, envelope;
         double wander;
         ImageKey colour_key, wander_key;
     };

@@ -4,33 +4,40 @@
 namespace hil::sim::radar::HIL_ISA {
 namespace {
 
-using frame::HIL_ISA::D;
-using frame::HIL_ISA::load;
-using frame::HIL_ISA::splat;
-using frame::HIL_ISA::store;
+using frame::HIL_ISA::DoubleRegister;
 
-// Four packs: enough sums at once to hide the time an addition takes, few enough for the registers of SSE2.
-constexpr int kPacks = 4;
-constexpr std::size_t kBlock = kPacks * (std::size_t)D::kCount;
+constexpr std::size_t kWide = sizeof(DoubleRegister) / sizeof(double);
+// Enough sums at once to hide the time an addition takes, and half of the registers that SSE2 and AVX2 have. Not
+// Pack<double> of lanes.hpp: an array of those is kept in memory.
+constexpr std::size_t kSums = 8;
+constexpr std::size_t kBlock = kSums * kWide;
+#define HIL_EACH_SUM _Pragma("GCC unroll 8") for (std::size_t i = 0; i < kSums; ++i)
+
+HIL_INLINE DoubleRegister load(const double *p) {
+    DoubleRegister v;
+    __builtin_memcpy(&v, p, sizeof v);
+    return v;
+}
 
 bool chirp(const ChirpTask &task) {
     for (std::size_t n = 0; n < task.padded; n += kBlock) {
-        D sum[kPacks];
-        for (int p = 0; p < kPacks; ++p) {
-            const std::size_t at = n + (std::size_t)(p * D::kCount);
-            sum[p] = load<D>(task.fixed + at) + task.offset;
-            if (task.start != nullptr) sum[p] = sum[p] + load<D>(task.start + at) * task.decay;
-        }
+        DoubleRegister noise[kSums];
+        HIL_EACH_SUM noise[i] = DoubleRegister{};
         if (task.colour_from != nullptr) {
             for (std::size_t j = 0; j < task.samples; ++j) {
-                const D white = splat<D>((double)task.white[j]);
+                const double white = (double)task.white[j];
                 const double *colour = task.colour_from + (n + task.samples - j);
-                HIL_UNROLL for (int p = 0; p < kPacks; ++p) {
-                    sum[p] = sum[p] + load<D>(colour + p * D::kCount) * white;
-                }
+                HIL_EACH_SUM noise[i] = noise[i] + load(colour + i * kWide) * white;
             }
+            HIL_EACH_SUM noise[i] = load(task.envelope + n + i * kWide) * noise[i];
         }
-        for (int p = 0; p < kPacks; ++p) store(task.work + n + (std::size_t)(p * D::kCount), sum[p]);
+        HIL_EACH_SUM {
+            const std::size_t at = n + i * kWide;
+            DoubleRegister x = load(task.fixed + at) + task.offset;
+            if (task.start != nullptr) x = x + load(task.start + at) * task.decay;
+            x = x + noise[i];
+            __builtin_memcpy(task.work + at, &x, sizeof x);
+        }
     }
     const double odd = task.converter.odd_width, even = 2.0 - odd, top = task.converter.top;
     bool finite = true;
@@ -49,6 +56,8 @@ bool chirp(const ChirpTask &task) {
     }
     return finite;
 }
+
+#undef HIL_EACH_SUM
 
 }  // namespace
 

@@ -1,0 +1,321 @@
+"""A radar's impairments from a recording of an empty, still scene. Offline.
+
+    x[f,k,m,n] = p_k[n] + e^{-m T_c / decay} q_k[n] + dc wander + noise + rounding
+
+p and q by least squares over the chirps of the mean frame, for the decay that leaves least. Noise is what is left away
+from zero Doppler (sim/radar/spectra.py) less the white power that the converter's own rounding adds, known from its
+share of odd codes (`Adc.noise_power`). The DC wander is what bin 0 has above bin 1:
+
+    sigma_k^2 = (S_k0 - S_k1) / N
+
+Reflectors (sim/radar/static_echoes.py) are part of p, and no property of the sensor: they are taken out unless
+`keep_echoes`. Uncertainties (one sigma) are from the spread between frames, or between four parts of the recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import ConfigError, Problem
+from sim.radar.comparison import odd_code_share
+from sim.radar.impairments import Adc, DcWander, FrameStart, Impairments, Leakage, ReceiverNoise
+from sim.radar.recording import ADC_BITS, Recording
+from sim.radar.spectra import noise_power, range_doppler, range_doppler_noise
+from sim.radar.static_echoes import StaticEcho, echo_pattern, find_static_echoes
+from sim.radar.swept_pattern import SweptPattern
+
+Float64 = NDArray[np.float64]
+
+LEAST_FRAMES = 8
+LEAST_CHIRPS = 16
+DEFAULT_HP_CUTOFF_HZ = 80e3
+_PARTS = 4  # of a recording, for uncertainties
+_SIGNIFICANT = 2.0  # power of the frame's start over what noise alone would give, below which there is none
+_ENVELOPE_PARTS = 8  # of a chirp
+_DIGITS = 4  # after the point, of counts in a preset
+_CLIPPED_SHARE = 1e-4
+_MOVED = 100.0  # change of a bin between frames over that of the middle one, which tells of a scene that moved
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A row of the table: one figure of each receiver, or one for all."""
+
+    name: str
+    unit: str
+    value: tuple[float, ...]
+    sigma: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    impairments: Impairments
+    rows: tuple[Fitted, ...]
+    echoes: tuple[StaticEcho, ...]
+    keeps_echoes: bool
+    warnings: tuple[str, ...]
+    frames: tuple[int, int]  # [from, to) of the recording
+    measured_power: Float64  # (K, N / 2 + 1), with rounding and wander
+    pattern: Float64  # (K, N), with the echoes, without DC
+
+
+@dataclass(frozen=True)
+class _Start:
+    pattern: Float64  # p (K, N)
+    start: Float64  # q (K, N)
+    decay_s: float | None  # None: nothing decays
+
+
+def calibrate(
+    recording: Recording, *, frames: tuple[int, int] | None = None, keep_echoes: bool = False, where: str = "recording"
+) -> Calibration:
+    """Fit every impairment. `where` names the recording in a ConfigError."""
+    first, last = frames or (0, recording.frames)
+    _check(recording, first, last, where)
+    adc, chirp = recording.adc[first:last], recording.chirp
+    x_mean = _mean_frames(adc)
+    start = _frame_start(x_mean.mean(axis=0), chirp.repetition_s, _mean_noise(adc))
+    power = noise_power(adc)
+    share = odd_code_share(adc)
+    image_noise = range_doppler_noise(range_doppler(adc))
+    dc = start.pattern.mean(axis=1)
+    varying = start.pattern - dc[:, None]
+    echoes = find_static_echoes(varying, np.maximum(image_noise, 1e-6), chirp)
+    fixed = varying if keep_echoes else varying - echo_pattern(echoes, *varying.shape)
+
+    adc_model = Adc(odd_code_share=round(min(share, 0.5), _DIGITS))
+    mean_power = power.mean(axis=0)
+    sigma = _wander(mean_power, chirp.samples)
+    impairments = Impairments(
+        leakage=Leakage(dc=_rounded(dc), sweep=_sweep(fixed, recording)),
+        frame_start=FrameStart(decay_s=float(f"{start.decay_s:.3g}"), sweep=_sweep(start.start, recording))
+        if start.decay_s is not None
+        else None,
+        dc_wander=DcWander(sigma=_rounded(sigma)),
+        noise=ReceiverNoise(
+            bin_hz=chirp.sample_rate_hz / chirp.samples,
+            power=_rows(_receiver_noise(mean_power, adc_model)),
+            envelope=_rows(_envelope(adc, adc_model)),
+        ),
+        adc=adc_model,
+    )
+    return Calibration(
+        impairments=impairments,
+        rows=tuple(_table(adc, x_mean, power, start, image_noise, chirp.repetition_s)),
+        echoes=tuple(echoes),
+        keeps_echoes=keep_echoes,
+        warnings=tuple(_warnings(adc, echoes, keep_echoes, share, recording)),
+        frames=(first, last),
+        measured_power=mean_power,
+        pattern=varying,
+    )
+
+
+def _check(recording: Recording, first: int, last: int, where: str) -> None:
+    problems = []
+    if not 0 <= first < last <= recording.frames:
+        message = f"frames {first}:{last} are asked for and the recording has {recording.frames}"
+        problems.append(Problem(where, message, f"0:{recording.frames} are all"))
+    elif last - first < LEAST_FRAMES:
+        message = f"{last - first} frames are too few: noise needs {LEAST_FRAMES} or more"
+        problems.append(Problem(where, message, "record some seconds"))
+    if recording.chirp.chirps < LEAST_CHIRPS:
+        message = f"{recording.chirp.chirps} chirps a frame are too few: noise needs {LEAST_CHIRPS} or more"
+        problems.append(Problem(where, message))
+    if not problems:
+        adc = recording.adc[first:last]
+        still = [k + 1 for k in range(recording.receivers) if int(adc[:, k].max()) == int(adc[:, k].min())]
+        problems += [Problem(where, f"receiver {k} shows one code only: it is not connected") for k in still]
+    if problems:
+        raise ConfigError(problems)
+
+
+def _mean_frames(adc: NDArray[Any]) -> Float64:
+    """(parts, K, M, N): the mean frame of each part of the recording."""
+    return np.stack([part.mean(axis=0) for part in np.array_split(adc, _PARTS)])
+
+
+def _mean_noise(adc: NDArray[Any]) -> Float64:
+    """(K,) variance of one sample of the mean frame that noise alone gives."""
+    frames = len(adc)
+    within = np.mean([frame.var(axis=1).mean(axis=-1) for frame in adc], axis=0)
+    return within / frames
+
+
+def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
+    """p, q and the decay from the (K, M, N) mean frame."""
+    chirps = mean.shape[1]
+    frame_s = chirps * repetition_s
+    weight = 1.0 / np.maximum(noise, 1e-12)
+
+    def left(decay_s: float) -> float:
+        p, q, e = _decompose(mean, decay_s, repetition_s)
+        rest = mean - p[:, None] - e[:, None] * q[:, None]
+        return float((weight * (rest**2).sum(axis=(1, 2))).sum())
+
+    grid = np.geomspace(2.0 * repetition_s, frame_s, 40)
+    costs = [left(float(decay_s)) for decay_s in grid]
+    best = int(np.argmin(costs))
+    if best in (0, len(grid) - 1):
+        return _Start(mean.mean(axis=1), np.zeros_like(mean[:, 0]), None)
+    decay_s = _golden(left, float(grid[best - 1]), float(grid[best + 1]))
+    p, q, e = _decompose(mean, decay_s, repetition_s)
+    # Variance of q that noise alone would give: of the coefficient of e beside a constant.
+    expected = noise / ((e - e.mean()) ** 2).sum()
+    if float(((q**2).mean(axis=1) / expected).mean()) < _SIGNIFICANT:
+        return _Start(mean.mean(axis=1), np.zeros_like(q), None)
+    return _Start(p, q, decay_s)
+
+
+def _decompose(mean: Float64, decay_s: float, repetition_s: float) -> tuple[Float64, Float64, Float64]:
+    """p (K, N), q (K, N) and e (M,) by least squares."""
+    e = np.exp(-np.arange(mean.shape[1]) * repetition_s / decay_s)
+    inverse = np.linalg.pinv(np.column_stack([np.ones_like(e), e]))
+    p, q = (np.einsum("m,kmn->kn", row, mean) for row in inverse)
+    return p, q, e
+
+
+def _golden(cost: Callable[[float], float], low: float, high: float) -> float:
+    """Least of `cost` within [low, high], to a thousandth, by golden section."""
+    ratio = 0.6180339887498949
+    a, b = high - ratio * (high - low), low + ratio * (high - low)
+    cost_a, cost_b = cost(a), cost(b)
+    while high - low > 1e-3 * low:
+        if cost_a < cost_b:
+            high, b, cost_b = b, a, cost_a
+            a = high - ratio * (high - low)
+            cost_a = cost(a)
+        else:
+            low, a, cost_a = a, b, cost_b
+            b = low + ratio * (high - low)
+            cost_b = cost(b)
+    return 0.5 * (low + high)
+
+
+def _wander(power: Float64, samples: int) -> Float64:
+    sigma: Float64 = np.sqrt(np.maximum(power[:, 0] - power[:, 1], 0.0) / samples)
+    return sigma
+
+
+def _receiver_noise(power: Float64, adc: Adc) -> Float64:
+    """Of the receiver alone: without rounding, and without wander, which is all in bin 0."""
+    own = np.maximum(power - adc.noise_power, 0.0)
+    own[:, 0] = np.minimum(own[:, 0], own[:, 1])
+    return own
+
+
+def _envelope(adc: NDArray[Any], model: Adc) -> Float64:
+    """(K, parts) rms of the noise over the chirp about a mean square of 1.
+
+    From the upper two thirds of the bins, where neither wander nor the foot of leakage disturbs.
+    """
+    samples = adc.shape[3]
+    kept = np.arange(samples // 2 + 1) >= samples // 6
+    change = np.diff(adc.astype(np.float64), axis=2)
+    high = np.fft.irfft(np.fft.rfft(change, axis=-1) * kept, samples, axis=-1)
+    # A difference of two chirps has twice the noise of one; the rounding's power in the bins kept is no part of it.
+    power = 0.5 * (high**2).mean(axis=(0, 2)) - model.noise_power * (1.0 - 2.0 * (samples // 6) / samples)
+    parts = np.stack([part.mean(axis=-1) for part in np.array_split(np.maximum(power, 0.0), _ENVELOPE_PARTS, axis=-1)])
+    total = np.maximum(parts.mean(axis=0), 1e-12)
+    return np.asarray(np.sqrt(parts / total).T)
+
+
+def _sweep(pattern: Float64, recording: Recording) -> SweptPattern:
+    chirp = recording.chirp
+    return SweptPattern(
+        start_frequency_hz=chirp.start_frequency_hz,
+        bandwidth_hz=chirp.bandwidth_hz,
+        sample_rate_hz=chirp.sample_rate_hz,
+        hp_cutoff_hz=recording.hp_cutoff_hz or DEFAULT_HP_CUTOFF_HZ,
+        counts=_rows(pattern),
+    )
+
+
+def _rounded(row: Float64) -> tuple[float, ...]:
+    return tuple(round(float(v), _DIGITS) for v in row)
+
+
+def _rows(rows: Float64) -> tuple[tuple[float, ...], ...]:
+    return tuple(_rounded(row) for row in rows)
+
+
+def _table(
+    adc: NDArray[Any], parts: Float64, power: Float64, start: _Start, image_noise: Float64, repetition_s: float
+) -> list[Fitted]:
+    frames, _, _, samples = adc.shape
+    split = np.array_split(adc, _PARTS)
+
+    def spread(values: Float64) -> Float64:
+        """One sigma of the mean of values along axis 0."""
+        return np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(values)))
+
+    def row(name: str, unit: str, value: Any, sigma: Any) -> Fitted:
+        pair = (tuple(float(v) for v in np.atleast_1d(x)) for x in (value, sigma))
+        return Fitted(name, unit, *pair)
+
+    def varying(mean: Float64) -> Float64:
+        return np.asarray(mean.mean(axis=1).std(axis=-1))
+
+    frame_dc = adc.mean(axis=(2, 3))
+    means = power.mean(axis=0)
+    errors = power.std(axis=0, ddof=1) / np.sqrt(frames)
+    wanders = np.stack([_wander(p.mean(axis=0), samples) for p in np.array_split(power, _PARTS)])
+    rows = [
+        row("DC", "counts", frame_dc.mean(axis=0), spread(frame_dc)),
+        row("fixed pattern, rms", "counts", varying(parts.mean(axis=0)), spread(np.stack([varying(p) for p in parts]))),
+    ]
+    if start.decay_s is not None:
+        rms = np.sqrt((start.start**2).mean(axis=1))
+        each = [_frame_start(p, repetition_s, _mean_noise(s)) for p, s in zip(parts, split, strict=True)]
+        decays = np.array([e.decay_s for e in each if e.decay_s is not None])
+        starts = np.stack([_decompose(p, start.decay_s, repetition_s)[1] for p in parts])
+        rows.append(row("frame start, rms at chirp 0", "counts", rms, np.sqrt((spread(starts) ** 2).mean(axis=1))))
+        # A part too short to show the decay says nothing: with fewer than two there is no spread to state.
+        sigma = spread(decays) if len(decays) > 1 else np.nan
+        rows.append(row("frame start, decay", "ms", 1e3 * start.decay_s, 1e3 * sigma))
+    rows.append(row("DC wander", "counts", _wander(means, samples), spread(wanders)))
+    bins = sorted({1, 2, 4, samples // 8, samples // 4, 3 * samples // 8, samples // 2})
+    rows += [row(f"noise power, bin {b}", "counts^2", means[:, b], errors[:, b]) for b in bins if b < means.shape[1]]
+    images = np.stack([range_doppler_noise(range_doppler(s)) for s in split])
+    rows.append(row("range-Doppler noise, rms", "counts", image_noise, spread(images)))
+    shares = np.array([odd_code_share(s) for s in split])
+    rows.append(row("share of odd codes", "", odd_code_share(adc), spread(shares)))
+    return rows
+
+
+def _warnings(
+    adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: float, recording: Recording
+) -> list[str]:
+    found = []
+    for echo in echoes:
+        done = "is kept in the pattern" if keep else "was taken out of the pattern"
+        found.append(
+            f"a reflector at {echo.range_m:.3f} m, {echo.snr_db:.0f} dB above the noise, {done}: "
+            "calibrate in an empty scene for a preset that fits any"
+        )
+    clipped = float(((adc == 0) | (adc == 2**ADC_BITS - 1)).mean())
+    if clipped > _CLIPPED_SHARE:
+        found.append(f"{100.0 * clipped:.2g} % of the samples are clipped: leakage and noise are larger than fitted")
+    if share > 0.5:
+        found.append(f"odd codes are {100.0 * share:.1f} % of all, more than even ones, which is not modelled: 50 % taken")
+    if recording.hp_cutoff_hz is None:
+        found.append(f"the settings name no hp_cutoff_Hz: {DEFAULT_HP_CUTOFF_HZ / 1e3:g} kHz taken")
+    moved = _moved(adc)
+    if moved:
+        ranges = ", ".join(f"{b * recording.chirp.range_resolution_m:.2f}" for b in moved)
+        found.append(f"something moved while this was recorded, about {ranges} m away: its noise there may be too high")
+    return found
+
+
+def _moved(adc: NDArray[Any]) -> list[int]:
+    """Bins whose mean chirp changes from frame to frame by more than their noise explains, beyond leakage's own."""
+    spectra = np.fft.rfft(adc.mean(axis=2) * np.hanning(adc.shape[3]), axis=-1)
+    change = (np.abs(spectra - spectra.mean(axis=0)) ** 2).mean(axis=(0, 1))
+    middle = float(np.median(change[1:]))
+    loud = np.flatnonzero(change > _MOVED * middle)
+    return [int(b) for b in loud if b >= 1 and change[b] == change[max(b - 1, 0) : b + 2].max()]

@@ -1,0 +1,201 @@
+"""Raw radar samples in a file, with the settings they were taken with in a JSON file beside it.
+
+    recording.npz   array `adc`, or recording.npy: frames x receivers x chirps x samples, uint16 codes
+    recording.json  {"device_config": {"fmcw_single_shape": {...}}}, or the inner mapping at the top level
+
+The keys of `fmcw_single_shape` are those of the maker's own recorder; needed are start_frequency_Hz, end_frequency_Hz,
+sample_rate_Hz, num_samples_per_chirp, num_chirps_per_frame, chirp_repetition_time_s and rx_antennas;
+frame_repetition_time_s, hp_cutoff_Hz and aaf_cutoff_Hz are kept where they are there.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydantic
+from numpy.typing import NDArray
+
+from hil.signals.errors import ConfigError, Problem, RecordingError
+from sim.radar.chirp import Chirp
+
+ADC_BITS = 12
+_SHAPE_KEY = "fmcw_single_shape"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Frames of one radar. `adc[f, k, m, n]`: sample n of chirp m at receiver k in frame f."""
+
+    adc: NDArray[np.uint16]
+    chirp: Chirp
+    rx_antennas: tuple[int, ...]
+    frame_repetition_s: float | None = None
+    hp_cutoff_hz: float | None = None
+    aaf_cutoff_hz: float | None = None
+
+    @property
+    def frames(self) -> int:
+        return int(self.adc.shape[0])
+
+    @property
+    def receivers(self) -> int:
+        return int(self.adc.shape[1])
+
+
+def settings_path(path: Path) -> Path:
+    """The JSON file of a recording."""
+    return path.with_suffix(".json")
+
+
+def load_recording(path: Path) -> Recording:
+    """Read samples and settings. Raises ConfigError with every problem found."""
+    problems: list[Problem] = []
+    adc = _samples(path, problems)
+    shape = _settings(settings_path(path), problems)
+    recording = _recording(adc, shape, settings_path(path), problems) if adc is not None and shape else None
+    if recording is not None:
+        problems += _misfits(path, recording)
+    if problems or recording is None:
+        raise ConfigError(problems)
+    return recording
+
+
+def save_recording(path: Path, recording: Recording) -> None:
+    """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError, RecordingError."""
+    if path.suffix not in (".npz", ".npy"):
+        raise ConfigError([Problem(str(path), "a radar recording is a .npz or .npy file")])
+    chirp = recording.chirp
+    shape: dict[str, Any] = {
+        "rx_antennas": list(recording.rx_antennas),
+        "num_chirps_per_frame": chirp.chirps,
+        "num_samples_per_chirp": chirp.samples,
+        "sample_rate_Hz": chirp.sample_rate_hz,
+        "start_frequency_Hz": chirp.start_frequency_hz,
+        "end_frequency_Hz": chirp.start_frequency_hz + chirp.bandwidth_hz,
+        "chirp_repetition_time_s": chirp.repetition_s,
+    }
+    for key, value in (
+        ("frame_repetition_time_s", recording.frame_repetition_s),
+        ("hp_cutoff_Hz", recording.hp_cutoff_hz),
+        ("aaf_cutoff_Hz", recording.aaf_cutoff_hz),
+    ):
+        if value is not None:
+            shape[key] = value
+    try:
+        if path.suffix == ".npz":
+            np.savez_compressed(path, adc=recording.adc)
+        else:
+            np.save(path, recording.adc)
+        text = json.dumps({"device_config": {_SHAPE_KEY: shape}}, indent=4) + "\n"
+        settings_path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
+    if path.suffix not in (".npz", ".npy"):
+        problems.append(Problem(str(path), "is not a radar recording", "a .npz with an array `adc`, or a .npy"))
+        return None
+    try:
+        loaded = np.load(path, allow_pickle=False)
+        if path.suffix == ".npy":
+            return np.asarray(loaded)
+        with loaded:
+            if "adc" not in loaded.files:
+                problems.append(Problem(str(path), f"holds no array `adc`, only {', '.join(loaded.files) or 'nothing'}"))
+                return None
+            return np.asarray(loaded["adc"])
+    except FileNotFoundError:
+        problems.append(Problem(str(path), "does not exist", "check the path"))
+    except (OSError, ValueError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
+        problems.append(Problem(str(path), f"is not a radar recording: {error}"))
+    return None
+
+
+def _settings(path: Path, problems: list[Problem]) -> Mapping[str, Any]:
+    """The inner mapping; empty where there is none."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        problems.append(Problem(str(path), "does not exist", "it holds the settings the recording was taken with"))
+        return {}
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        problems.append(Problem(str(path), f"is not JSON: {error}"))
+        return {}
+    outer = data.get("device_config", data) if isinstance(data, dict) else None
+    shape = outer.get(_SHAPE_KEY) if isinstance(outer, dict) else None
+    if not isinstance(shape, dict) or not shape:
+        problems.append(Problem(str(path), f"holds no {_SHAPE_KEY}, at the top or in device_config"))
+        return {}
+    return shape
+
+
+def _recording(
+    adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems: list[Problem]
+) -> Recording | None:
+    before = len(problems)
+
+    def number(key: str, *, needed: bool = True) -> float | None:
+        value = shape.get(key)
+        if value is None and not needed:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value) or value <= 0:
+            what = "is missing" if key not in shape else f"must be a number above 0, not {value!r}"
+            problems.append(Problem(str(path), f"{_SHAPE_KEY}.{key} {what}"))
+            return None
+        return float(value)
+
+    start, end = number("start_frequency_Hz"), number("end_frequency_Hz")
+    rate, repetition = number("sample_rate_Hz"), number("chirp_repetition_time_s")
+    samples, chirps = number("num_samples_per_chirp"), number("num_chirps_per_frame")
+    antennas = shape.get("rx_antennas")
+    if not isinstance(antennas, list) or not antennas or not all(type(a) is int for a in antennas):
+        problems.append(Problem(str(path), f"{_SHAPE_KEY}.rx_antennas must list the receivers, as [1, 2, 3]"))
+    frame, high_pass, low_pass = (
+        number(key, needed=False) for key in ("frame_repetition_time_s", "hp_cutoff_Hz", "aaf_cutoff_Hz")
+    )
+    if len(problems) > before or None in (start, end, rate, repetition, samples, chirps):
+        return None
+    assert start and end and rate and repetition and samples and chirps and antennas
+    try:
+        chirp = Chirp(
+            center_frequency_hz=0.5 * (start + end),
+            bandwidth_hz=end - start,
+            samples=int(samples),
+            sample_rate_hz=rate,
+            chirps=int(chirps),
+            repetition_s=repetition,
+        )
+    except pydantic.ValidationError as error:
+        problems += [
+            Problem(str(path), f"{_SHAPE_KEY} is no possible chirp: {item['msg']}") for item in error.errors()
+        ]
+        return None
+    return Recording(adc, chirp, tuple(antennas), frame, high_pass, low_pass)
+
+
+def _misfits(path: Path, recording: Recording) -> list[Problem]:
+    """Where the samples are not what the settings say."""
+    adc, chirp = recording.adc, recording.chirp
+    expected = (len(recording.rx_antennas), chirp.chirps, chirp.samples)
+    if adc.ndim != 4:
+        return [Problem(str(path), f"has {adc.ndim} dimensions", "frames x receivers x chirps x samples are needed")]
+    problems = [
+        Problem(str(path), f"has {found} {what} and {settings_path(path).name} says {told}")
+        for what, found, told in zip(("receivers", "chirps", "samples"), adc.shape[1:], expected, strict=True)
+        if found != told
+    ]
+    if adc.dtype != np.uint16:
+        problems.append(Problem(str(path), f"holds {adc.dtype}, not the codes of the converter (uint16)"))
+    elif adc.size and int(adc.max()) >= 2**ADC_BITS:
+        problems.append(Problem(str(path), f"holds the code {int(adc.max())}; a {ADC_BITS}-bit converter ends at 4095"))
+    if adc.shape[0] < 1:
+        problems.append(Problem(str(path), "holds no frame"))
+    return problems

@@ -1,0 +1,82 @@
+"""What raw radar samples look like in frequency: noise by bin of beat frequency, and range-Doppler images. Offline.
+
+Noise power of bin b (as in sim/radar/impairments.py, white of deviation sigma is sigma^2 in every bin), of one frame:
+
+    S_b = mean over d of |DFT_m( w_m (X[m,b] - mean_m X[m,b]) )[d]|^2 / (N sum w_m^2),     X[m,b] = DFT_n(x[m,n])[b]
+
+where the Doppler bins d near zero are left out: there is what stands still, or moves slowly, and not noise. w, a
+split-cosine window (3/20 of the frame at each end), keeps a slow change from leaking into the others.
+
+A range-Doppler image is the magnitude of the two-fold DFT with Hann windows, normalised so that a sine of peak
+amplitude A counts at the middle of a bin shows A; N / 2 range bins, zero speed in row M / 2.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float64 = NDArray[np.float64]
+
+_SPLIT = 0.3  # of a frame that the window's two slopes take up together
+_STILL = 1.0 / 16.0  # of the Doppler bins, on either side of zero, that are left out
+
+
+def noise_power(adc: NDArray[Any]) -> Float64:
+    """(F, K, M, N) samples to (F, K, N / 2 + 1) powers [counts^2] of each frame and receiver."""
+    chirps, samples = adc.shape[2:]
+    window = _split_cosine(chirps)
+    edge = still_bins(chirps)
+    power = np.empty((*adc.shape[:2], samples // 2 + 1))
+    for f, frame in enumerate(adc):
+        x = frame.astype(np.float64)
+        spectra = np.fft.rfft(x - x.mean(axis=1, keepdims=True), axis=-1) * window[:, None]
+        doppler = np.fft.fft(spectra, axis=1)[:, edge : chirps - edge + 1]
+        power[f] = (doppler.real**2 + doppler.imag**2).mean(axis=1)
+    return power / (samples * float(window @ window))
+
+
+def range_doppler(adc: NDArray[Any], *, remove_mean: bool = False) -> Float64:
+    """(F, K, M, N) samples to (F, K, M, N / 2) magnitudes, each chirp's mean taken off.
+
+    `remove_mean`: that of each sample over a frame's chirps is taken off first, and with it all that stands still.
+    """
+    chirps, samples = adc.shape[2:]
+    fast, slow = _hann(samples), _hann(chirps)
+    images = np.empty((*adc.shape[:3], samples // 2))
+    for f, frame in enumerate(adc):
+        x = frame.astype(np.float64)
+        if remove_mean:
+            x = x - x.mean(axis=1, keepdims=True)
+        x = x - x.mean(axis=-1, keepdims=True)
+        spectra = np.fft.rfft(x * fast, axis=-1)[..., : samples // 2]
+        doppler = np.fft.fftshift(np.fft.fft(spectra * slow[:, None], axis=1), axes=1)
+        images[f] = np.abs(doppler)
+    return images * (2.0 / (fast.sum() * slow.sum()))
+
+
+def range_doppler_noise(images: Float64, *, first_bin: int = 1) -> Float64:
+    """(F, K, M, B) images to the rms of each receiver [counts] away from zero speed, from bin `first_bin` on."""
+    chirps = images.shape[2]
+    middle, edge = chirps // 2, still_bins(chirps)
+    moving = np.abs(np.arange(chirps) - middle) >= edge
+    rms: Float64 = np.sqrt((images[:, :, moving, first_bin:] ** 2).mean(axis=(0, 2, 3)))
+    return rms
+
+
+def still_bins(chirps: int) -> int:
+    """How many Doppler bins from zero speed something may count as standing still."""
+    return max(2, round(chirps * _STILL))
+
+
+def _hann(n: int) -> Float64:
+    return 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+
+
+def _split_cosine(n: int) -> Float64:
+    place = (np.arange(n) + 0.5) / n
+    from_end = np.minimum(place, 1.0 - place)
+    slope = 0.5 - 0.5 * np.cos(2.0 * np.pi * from_end / _SPLIT)
+    return np.where(from_end < 0.5 * _SPLIT, slope, 1.0)
