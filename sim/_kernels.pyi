@@ -295,6 +295,39 @@ class Picture:
     @property
     def counts(self) -> RasterCounts: ...
 
+class EchoSynthesisReport:
+    echoes: int
+    dropped: int
+    dropped_bound: float
+    error_bound: float
+    terms: int
+    panels: int
+    width: int
+    direct: int
+    rounds: int
+
+class EchoSynthesis:
+    def __init__(
+        self,
+        *,
+        center_frequency_hz: float,
+        bandwidth_hz: float,
+        sample_rate_hz: float,
+        repetition_s: float,
+        samples: int,
+        chirps: int,
+        rx_positions_m: Sequence[Sequence[float]],
+        hp_cutoff_hz: float,
+        aaf_cutoff_hz: float,
+        direct: bool,
+        tolerance: float,
+        drop_share: float,
+        isa: str = "",
+    ) -> None: ...
+    def synthesize(
+        self, range_m: Float64, speed_mps: Float64, direction_R: Float64, amplitude: Float64, out: Float64
+    ) -> EchoSynthesisReport: ...
+
 class RayCaster:
     def __init__(self, geometry: Geometry) -> None: ...
     def cast(

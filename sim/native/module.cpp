@@ -13,6 +13,7 @@ void bind_noise_block(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
 void bind_radar_processing(nb::module_ &m);
+void bind_radar_synthesis(nb::module_ &m);
 void bind_ray(nb::module_ &m);
 void bind_ray_cast(nb::module_ &m);
 void bind_rigid_body(nb::module_ &m);
@@ -29,6 +30,7 @@ NB_MODULE(_kernels, m) {
     bind_radar_scatterers(m);
     bind_radar_receiver(m);
     bind_radar_processing(m);
+    bind_radar_synthesis(m);
     bind_ray(m);
     bind_ray_cast(m);
     bind_rigid_body(m);

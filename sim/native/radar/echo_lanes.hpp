@@ -1,0 +1,93 @@
+// A block of echoes made ready for summing. For use in *.isa.cpp alone.
+#pragma once
+
+#include "echo_model.hpp"
+#include "turn.hpp"
+
+namespace hil::sim::radar::HIL_ISA {
+
+constexpr int kBlock = 64;
+
+// Frequencies in cycles per chirp and per sample, reduced to [-1/2, 1/2]. The weight of receiver k is its amplitude and
+// phase at the frame's middle indices: A H exp(2 pi i (phi_0 + alpha chirp_offset + beta sample_offset - r_k d / lambda)).
+struct alignas(64) EchoBlock {
+    double alpha[kBlock], beta[kBlock], speed[kBlock];
+    double re[kGroup][kBlock], im[kGroup][kBlock];
+};
+
+// x taken to [-1/2, 1/2] by whole cycles.
+HIL_INLINE D fraction(const Twofold<D> &x) { return (x.hi - nearest(x.hi)) + x.lo; }
+
+HIL_INLINE Twofold<D> lanes_of(const Twofold<double> &x) { return {splat<D>(x.hi), splat<D>(x.lo)}; }
+
+// Response of the receiver's filters at the beat frequency f, times the amplitude.
+HIL_INLINE void filtered(const EchoModel &model, const D &f, const D &amplitude, D &re, D &im) {
+    re = amplitude;
+    im = splat<D>(0.0);
+    if (model.hp_cutoff_hz > 0.0) {  // j f / (f_hp + j f) = f (f + j f_hp) / (f^2 + f_hp^2)
+        const D scale = f / (f * f + model.hp_cutoff_hz * model.hp_cutoff_hz) * amplitude;
+        re = scale * f;
+        im = scale * model.hp_cutoff_hz;
+    }
+    if (model.aaf_period_s > 0.0) {  // 1 / (1 + j f / f_aaf)
+        const D q = f * model.aaf_period_s;
+        const D scale = 1.0 / (q * q + 1.0);
+        const D was = re;
+        re = (was + im * q) * scale;
+        im = (im - was * q) * scale;
+    }
+}
+
+// Echoes index[0 .. count) into the block; rows from count on, up to a whole pack, weigh nothing. count >= 1.
+HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
+                           int first_receiver, EchoBlock &block) {
+    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
+    for (int first = 0; first < count; first += D::kCount) {
+        alignas(64) double range[D::kCount], speed[D::kCount], amplitude[D::kCount], way[3][D::kCount];
+        for (int lane = 0; lane < D::kCount; ++lane) {
+            const int at = first + lane;
+            const std::int32_t echo = index[at < count ? at : count - 1];
+            range[lane] = echoes.range_m[echo];
+            speed[lane] = echoes.speed_mps[echo];
+            amplitude[lane] = at < count ? echoes.amplitude[echo] : 0.0;
+            for (int axis = 0; axis < 3; ++axis) way[axis][lane] = echoes.direction_R[3 * (long)echo + axis];
+        }
+        const D r = load<D>(range), v = load<D>(speed);
+        const Twofold<D> constant = plus(times(lanes_of(model.cycles_per_m), r), (r * r) * model.cycles_per_m2);
+        const Twofold<D> alpha = plus(times(lanes_of(model.chirp_per_mps), v), (r * v) * model.chirp_per_mps_m);
+        const Twofold<D> beta = plus(times(lanes_of(model.sample_per_m), r),
+                                     v * (r * model.sample_per_mps_m + model.sample_per_mps));
+        // Products with 0 or 1/2 are exact, so the halves need no reduction before.
+        const Twofold<D> half_alpha = {alpha.hi * model.chirp_offset, alpha.lo * model.chirp_offset};
+        const Twofold<D> half_beta = {beta.hi * model.sample_offset, beta.lo * model.sample_offset};
+        const D phase = fraction(constant) + (fraction(half_alpha) + fraction(half_beta));
+        store(block.alpha + first, fraction(alpha));
+        store(block.beta + first, fraction(beta));
+        store(block.speed + first, v);
+        D re, im;
+        filtered(model, r * model.beat_hz_per_m, load<D>(amplitude), re, im);
+        for (int k = 0; k < receivers; ++k) {
+            const double *p = model.receiver[first_receiver + k];
+            const D path = load<D>(way[0]) * p[0] + load<D>(way[1]) * p[1] + load<D>(way[2]) * p[2];
+            D c, s;
+            turn(phase - path, c, s);
+            store(block.re[k] + first, re * c - im * s);
+            store(block.im[k] + first, re * s + im * c);
+        }
+        for (int k = receivers; k < kGroup; ++k) {
+            store(block.re[k] + first, splat<D>(0.0));
+            store(block.im[k] + first, splat<D>(0.0));
+        }
+    }
+}
+
+// The remainder's coefficients at speed v: kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2 cycles.
+struct Remainder {
+    D mixed, sample, chirp;
+};
+HIL_INLINE Remainder remainder_at(const EchoModel &model, const D &v) {
+    const D u = v * model.delay_per_mps;
+    return {u * (1.0 - u) * model.migration, u * (1.0 - u * 0.5) * model.curve, u * u * (-model.bend)};
+}
+
+}  // namespace hil::sim::radar::HIL_ISA

@@ -1,0 +1,69 @@
+// Phase of an echo over the samples of a frame, taken apart by powers of the sample's indices.
+//
+// With tau = tau_0 + u t, tau_0 = 2 R / c, u = 2 v / c, a = 1 / f_s, and indices that count from the middle of the
+// frame, mu = m - (M - 1) / 2 and nu = n - (N - 1) / 2 (t = mu T_c + a nu), the phase f_0 tau + S t_n tau - S tau^2 / 2
+// in cycles is exactly
+//
+//     phi_0 + alpha mu + beta nu + kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2
+//
+//     f_mid   = f_0 + S (N - 1) / (2 f_s)            frequency in the middle of a chirp's samples
+//     phi_0   = tau_0 (f_mid - S tau_0 / 2)
+//     alpha   = T_c u (f_mid - S tau_0)              cycles per chirp
+//     beta    = a (S tau_0 + u f_mid - S tau_0 u)    cycles per sample
+//     kappa_1 = S a T_c u (1 - u)                    range migration
+//     kappa_2 = S a^2 u (1 - u / 2)
+//     kappa_3 = -S T_c^2 u^2 / 2
+//
+// The first three separate into chirps and samples; the others (the remainder) depend on the speed alone.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "twofold.hpp"
+
+namespace hil::sim::radar {
+
+constexpr double kMaxRange = 1e5;      // m
+constexpr double kMaxSpeed = 1e3;      // m/s, either way
+constexpr double kMinAmplitude = 1e-100;  // below it an echo counts as none: its square would have no digits left
+constexpr double kMaxAmplitude = 1e100;
+constexpr int kGroup = 4;  // receivers summed at once
+constexpr int kMaxReceivers = 16;
+
+struct ChirpFigures {
+    double center_frequency_hz, bandwidth_hz, sample_rate_hz, repetition_s;
+    int samples, chirps;
+};
+
+struct EchoModel {
+    int chirps, samples, receivers;
+    int middle_chirp, middle_sample;   // whole index that the phase is counted from
+    double chirp_offset, sample_offset;  // mu = m - middle_chirp + chirp_offset: a half for even counts, else 0
+    Twofold<double> cycles_per_m;      // phi_0 = R (cycles_per_m + R cycles_per_m2)
+    double cycles_per_m2;
+    Twofold<double> chirp_per_mps;     // alpha = v (chirp_per_mps + R chirp_per_mps_m)
+    double chirp_per_mps_m;
+    Twofold<double> sample_per_m;      // beta = R sample_per_m + v (sample_per_mps + R sample_per_mps_m)
+    double sample_per_mps, sample_per_mps_m;
+    double delay_per_mps;              // u = v delay_per_mps
+    double migration, curve, bend;     // kappa_1 = migration u (1 - u), kappa_2 = curve u (1 - u/2), kappa_3 = -bend u^2
+    double beat_hz_per_m;
+    double hp_cutoff_hz;               // 0: no high-pass
+    double aaf_period_s;               // 1 / cut-off of the anti-alias filter; 0: none
+    double receiver[kMaxReceivers][3];  // r_k / lambda
+};
+
+// Cut-offs of 0 switch a filter off.
+EchoModel echo_model(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
+                     double hp_cutoff_hz, double aaf_cutoff_hz);
+
+// n echoes; direction row by row.
+struct EchoView {
+    std::size_t count;
+    const double *range_m, *speed_mps, *direction_R, *amplitude;
+};
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,64 @@
+// Which echoes share a grid: the span of speeds cut into panels, each summed with as few nodes as its span needs
+// (speed_nodes.hpp), or echo by echo where that is cheaper.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "echo_model.hpp"
+#include "speed_nodes.hpp"
+
+namespace hil::sim::radar {
+
+constexpr int kSpeedBins = 128;
+
+// How far the remainder's phase moves with the speed, over the samples of a frame.
+class RemainderSpread {
+public:
+    explicit RemainderSpread(const EchoModel &model);
+    // Root mean square error over the samples, at the worst speed, of `nodes` nodes over 2 * half_span m/s.
+    double error(int nodes, double half_span) const;
+    // Greatest half span with that error.
+    double half_span(int nodes, double error) const;
+
+private:
+    double slope_[kMaxNodes + 1];  // error = (half_span * slope)^nodes
+};
+
+// In any unit of time.
+struct SummingCost {
+    double direct_echo;  // one echo, directly
+    double echo;         // one echo onto one grid, without its terms
+    double echo_term;    // and for each term
+    double term;         // transform of a term's grid
+};
+
+struct SpeedHistogram {
+    double least, per_bin;  // m/s
+    std::size_t count[kSpeedBins];
+    double low[kSpeedBins], high[kSpeedBins];  // speeds met in the bin
+};
+
+struct SpeedPanel {
+    int first_bin, last_bin;  // inclusive
+    std::size_t count;
+    double least, greatest;   // m/s
+    int nodes;                // 0: directly
+};
+
+// Least and greatest bound the speeds. bin (count,) is filled.
+SpeedHistogram speed_histogram(const double *speed_mps, const std::int32_t *index, std::size_t count, double least,
+                               double greatest, std::uint8_t *bin);
+
+struct PanelPlan {
+    double cost;
+    int count;
+    SpeedPanel panel[kSpeedBins];
+};
+
+// Cheapest cut at the bins' borders with each panel's error at most `error`.
+void plan_panels(const SpeedHistogram &histogram, const RemainderSpread &spread, double error, const SummingCost &cost,
+                 PanelPlan &plan);
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,127 @@
+// Echoes onto the oversampled grid (synthesis_kernels.hpp). Tables of all three files of an instruction set end here.
+#include "echo_lanes.hpp"
+#include "synthesis_kernels.hpp"
+
+namespace hil::sim::radar::HIL_ISA {
+
+Weighing weigh(const EchoModel &, const EchoView &, double *);
+std::size_t count_below(const double *, std::size_t, double);
+void direct(const EchoModel &, const EchoView &, const std::int32_t *, std::size_t, int, double *);
+void transform(const EchoModel &, const Grid &, int, int, double, const Transform &);
+
+namespace {
+
+struct alignas(64) BlockPlaces {
+    double tap[2][kMaxWidth][kBlock];   // kernel across chirps, across samples
+    double term[kMaxNodes][kBlock];     // L_k of each echo's speed
+    double weight[kBlock][kChannel];
+    std::int64_t start[2][kBlock];      // first row, first column
+};
+
+// First grid point under the kernel and the taps' values, eight echoes at a time.
+template <int kWidth>
+HIL_INLINE void place(const SpreadKernel &kernel, const double *frequency, int size, int count, std::int64_t *start,
+                      double (*tap)[kBlock]) {
+    for (int first = 0; first < count; first += D::kCount) {
+        const D left = load<D>(frequency + first) * (double)size - 0.5 * kWidth;
+        const D shifted = left + 0.5 + kNearest;  // up to a whole point; on one, either of the two will do
+        const D point = shifted - kNearest;
+        store(start + first, as<L>(shifted) & splat<L>((std::int64_t)size - 1));
+        const D t = (point - left) * 2.0 - 1.0;
+        const D t2 = t * t;
+#pragma GCC unroll 8
+        for (int i = 0; i < (kWidth + 1) / 2; ++i) {
+            const double *c = kernel.coefficient[i];
+            constexpr int kEven = kWidth / 2 * 2, kOdd = (kWidth - 1) / 2 * 2 + 1;
+            D even = splat<D>(c[kEven]), odd = splat<D>(c[kOdd]);
+            for (int d = kEven - 2; d >= 0; d -= 2) even = even * t2 + c[d];
+            for (int d = kOdd - 2; d >= 1; d -= 2) odd = odd * t2 + c[d];
+            odd = odd * t;
+            store(tap[i] + first, even + odd);
+            if (i != kWidth - 1 - i) store(tap[kWidth - 1 - i] + first, even - odd);
+        }
+    }
+}
+
+HIL_INLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count, double (*term)[kBlock]) {
+    const double shrink = nodes.half_span > 0.0 ? 1.0 / nodes.half_span : 0.0;
+    for (int first = 0; first < count; first += D::kCount) {
+        const D s = (load<D>(speed + first) - nodes.middle) * shrink;
+        D before = splat<D>(1.0);
+        for (int k = 0; k < nodes.count; ++k) {
+            store(term[k] + first, before * nodes.scale[k]);
+            before = before * (s - nodes.node[k]);
+        }
+        D after = splat<D>(1.0);
+        for (int k = nodes.count - 1; k >= 0; --k) {
+            store(term[k] + first, load<D>(term[k] + first) * after);
+            after = after * (s - nodes.node[k]);
+        }
+    }
+}
+
+template <int kWidth>
+void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
+                  int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int terms,
+                  const Grid &grid) {
+    EchoBlock block;
+    BlockPlaces places;
+    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
+    for (int e = 0; e < kBlock; ++e) {
+        for (int i = 0; i < kChannel; ++i) places.weight[e][i] = 0.0;
+    }
+    for (std::size_t from = 0; from < count; from += kBlock) {
+        const int now = count - from < kBlock ? (int)(count - from) : kBlock;
+        fill_block(model, echoes, index + from, now, first_receiver, block);
+        place<kWidth>(kernel, block.alpha, grid.rows, now, places.start[0], places.tap[0]);
+        place<kWidth>(kernel, block.beta, grid.columns, now, places.start[1], places.tap[1]);
+        if (nodes.count > 1) lagrange(nodes, block.speed, now, places.term);
+        for (int e = 0; e < now; ++e) {
+            for (int k = 0; k < receivers; ++k) {
+                places.weight[e][k] = block.re[k][e];
+                places.weight[e][kGroup + k] = block.im[k][e];
+            }
+        }
+        for (int e = 0; e < now; ++e) {
+            const D weight = load<D>(places.weight[e]);
+            const std::int64_t column = places.start[1][e];
+            grid.touched[column] = 1;
+            double *corner = grid.cells + places.start[0][e] * grid.stride + column * kChannel;
+            for (int j = 0; j < terms; ++j, corner += grid.plane) {
+                const D part = nodes.count > 1 ? weight * places.term[first_term + j][e] : weight;
+                D across[kWidth];
+#pragma GCC unroll 16
+                for (int b = 0; b < kWidth; ++b) across[b] = part * places.tap[1][b][e];
+                double *row = corner;
+#pragma GCC unroll 1
+                for (int a = 0; a < kWidth; ++a, row += grid.stride) {
+                    const double down = places.tap[0][a][e];
+#pragma GCC unroll 16
+                    for (int b = 0; b < kWidth; ++b) {
+                        store(row + b * kChannel, load<D>(row + b * kChannel) + across[b] * down);
+                    }
+                }
+            }
+        }
+    }
+}
+
+void spread(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
+            int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int terms,
+            const Grid &grid) {
+#define HIL_WIDTH(w)                                                                                             \
+    case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, terms, grid); \
+        break;
+    switch (kernel.width) {
+        HIL_WIDTH(2) HIL_WIDTH(3) HIL_WIDTH(4) HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7) HIL_WIDTH(8) HIL_WIDTH(9)
+        HIL_WIDTH(10) HIL_WIDTH(11) HIL_WIDTH(12) HIL_WIDTH(13) HIL_WIDTH(14) HIL_WIDTH(15) HIL_WIDTH(16)
+    }
+#undef HIL_WIDTH
+}
+
+}  // namespace
+
+extern const SynthesisKernels synthesis_kernels_of_isa;
+const SynthesisKernels synthesis_kernels_of_isa{weigh, count_below, direct, spread, transform};
+
+}  // namespace hil::sim::radar::HIL_ISA

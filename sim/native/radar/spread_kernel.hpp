@@ -1,0 +1,29 @@
+// Kernel that puts a frequency between the points of an oversampled grid: w taps, each a polynomial of the offset.
+//
+// Kaiser-Bessel, I_0(b sqrt(1 - (2 z / w)^2)), b = 0.98 pi w (1 - 1 / (2 sigma)) with sigma the oversampling (Beatty et
+// al., IEEE TMI 24, 2005, with b slightly below theirs, where the mean error over the outputs is least).
+#pragma once
+
+#include <vector>
+
+namespace hil::sim::radar {
+
+constexpr int kMinWidth = 2, kMaxWidth = 16;
+
+// Tap i at offset x in [0, 1] is the kernel at z = i + x - w/2. With t = 2 x - 1 it is even_i(t^2) + t odd_i(t^2); tap
+// w - 1 - i has the same polynomials and - t. Degree w.
+struct SpreadKernel {
+    int width;
+    double coefficient[(kMaxWidth + 1) / 2][kMaxWidth + 1];  // of t^0, t^1, ...
+};
+
+// For output indices -count/2 .. count - 1 - count/2 from a grid of `size` points (a power of two >= 2 count).
+SpreadKernel spread_kernel(int width, double oversampling);
+
+// One over the kernel's transform at the output indices.
+std::vector<double> spread_scale(const SpreadKernel &kernel, int count, int size);
+
+// Root of the mean square error over the outputs of a unit exponential, at the worst of its frequencies.
+double spread_error(const SpreadKernel &kernel, int count, int size);
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,364 @@
+#include "synthesis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <new>
+#include <stdexcept>
+#include <string>
+
+#include "detmath.hpp"
+
+namespace hil::sim::radar {
+
+using frame::Isa;
+HIL_BY_ISA(SynthesisKernels, kernels_by_isa, synthesis_kernels_of_isa)
+const SynthesisKernels &synthesis_kernels(Isa isa) { return kernels_by_isa(isa); }
+
+namespace {
+
+constexpr double kFirstError = 0.8;   // of the tolerance: what is planned for, so that most frames pass at the first try
+constexpr double kLeastError = 5e-14;  // what rounding leaves of the grids' digits
+constexpr int kMostRounds = 5;
+constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; beyond it terms are taken in turns
+constexpr double kWorthDropping = 0.1;  // of the echoes
+
+int power_of_two_from(int n) {
+    int p = 32;  // wider than any kernel
+    while (p < n) p *= 2;
+    return p;
+}
+
+std::vector<double> twiddles(int size) {
+    std::vector<double> table;
+    for (int j = 0; j < size; ++j) {
+        const double angle = 2.0 * det::kPi * j / size;
+        table.push_back(det::cos(angle));
+        table.push_back(det::sin(angle));
+    }
+    return table;
+}
+
+}  // namespace
+
+void Synthesis::Cells::operator()(double *p) const { ::operator delete[](p, std::align_val_t{64}); }
+
+Synthesis::Aligned Synthesis::aligned(std::size_t count) {
+    return Aligned(static_cast<double *>(::operator new[](count * sizeof(double), std::align_val_t{64})));
+}
+
+Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
+                     double hp_cutoff_hz, double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, Isa isa)
+    : model_(echo_model(chirp, rx_positions_m, hp_cutoff_hz, aaf_cutoff_hz)),
+      kernels_(synthesis_kernels(isa)),
+      direct_(direct),
+      tolerance_(tolerance),
+      drop_share_(drop_share),
+      groups_((model_.receivers + kGroup - 1) / kGroup),
+      wide_((model_.samples + 7) / 8 * 8),
+      remainder_(model_) {
+    const auto frame = static_cast<std::size_t>(groups_) * kGroup * static_cast<std::size_t>(model_.chirps);
+    direct_sum_ = aligned(frame * static_cast<std::size_t>(wide_));
+    if (!direct_) {
+        grid_sum_ = aligned(frame * static_cast<std::size_t>(model_.samples));
+        prepare_grid();
+    }
+}
+
+void Synthesis::prepare_grid() {
+    grid_.rows = power_of_two_from(2 * model_.chirps);
+    grid_.columns = power_of_two_from(2 * model_.samples);
+    grid_.stride = static_cast<long>(grid_.columns + kHalo) * kChannel;
+    // Five lines more, so that the same cell of two planes falls into different sets of the cache.
+    grid_.plane = grid_.stride * (grid_.rows + kHalo) + 5 * kChannel;
+    most_planes_ = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid_.plane) * sizeof(double))), 1, kMaxNodes);
+    touched_.resize(static_cast<std::size_t>(grid_.columns));
+    grid_.touched = touched_.data();
+    chirp_twiddle_ = twiddles(grid_.rows);
+    sample_twiddle_ = twiddles(grid_.columns);
+    work_ = aligned(2 * static_cast<std::size_t>(std::max(grid_.rows, grid_.columns)) * kChannel);
+    factor_ = aligned(2 * static_cast<std::size_t>(wide_));
+    const double oversampling = std::min(static_cast<double>(grid_.rows) / model_.chirps,
+                                         static_cast<double>(grid_.columns) / model_.samples);
+    for (int w = kMinWidth; w <= kMaxWidth; ++w) {
+        kernel_[w] = spread_kernel(w, oversampling);
+        const double chirps = spread_error(kernel_[w], model_.chirps, grid_.rows);
+        const double samples = spread_error(kernel_[w], model_.samples, grid_.columns);
+        kernel_error_[w] = std::sqrt(chirps * chirps + samples * samples);
+        chirp_scale_[w] = spread_scale(kernel_[w], model_.chirps, grid_.rows);
+        sample_scale_[w] = spread_scale(kernel_[w], model_.samples, grid_.columns);
+    }
+}
+
+// Nanoseconds, about, on one core of a server of 2023: only their ratios matter, and they choose between sums of equal
+// worth. Fixed numbers, not measured at the start: the choice must not depend on the machine.
+SummingCost Synthesis::cost(int width) const {
+    const double rows = grid_.rows, columns = grid_.columns, samples = static_cast<double>(model_.chirps) * wide_;
+    const auto steps = [](double n) { return det::log(n) / det::log(2.0); };
+    return {2.4 * samples, 40.0 + 4.0 * width, 0.85 * width * width + 3.0,
+            0.7 * columns * rows * steps(rows) + 0.7 * model_.chirps * columns * steps(columns) + 3.0 * samples +
+                0.5 * rows * columns};
+}
+
+void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, Plan &plan) {
+    plan.panels.cost = std::numeric_limits<double>::infinity();
+    int width = kMinWidth;
+    while (width < kMaxWidth && kernel_error_[width] > 0.9 * error) ++width;
+    const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
+    // A wider kernel leaves more of the error to the interpolation: it may need fewer terms.
+    for (int w = width; w <= std::min(width + 1, kMaxWidth); ++w) {
+        const double rest = std::max(error - kernel_error_[w], 0.0);
+        PanelPlan &tried = other_plan_.panels;
+        const SummingCost price = cost(w);
+        if (half_span <= remainder_.half_span(1, rest)) {
+            const double gridded = static_cast<double>(count) * (price.echo + price.echo_term) + price.term;
+            const double directly = static_cast<double>(count) * price.direct_echo;
+            tried.cost = std::min(gridded, directly);
+            tried.count = 1;
+            tried.panel[0] = {0, kSpeedBins - 1, count, weighing.least_speed, weighing.greatest_speed, gridded < directly};
+        } else {
+            if (!histogram_made_) {
+                histogram_ = speed_histogram(echoes.speed_mps, index_.data(), count, weighing.least_speed,
+                                             weighing.greatest_speed, bin_.data());
+                histogram_made_ = true;
+            }
+            plan_panels(histogram_, remainder_, rest, price, tried);
+        }
+        if (tried.cost >= plan.panels.cost) continue;
+        plan.width = w;
+        plan.panels = tried;
+        plan.error = kernel_error_[w];
+        double interpolation = 0.0;
+        for (int p = 0; p < tried.count; ++p) {
+            const SpeedPanel &panel = tried.panel[p];
+            if (panel.nodes == 0) continue;
+            interpolation = std::max(interpolation, remainder_.error(panel.nodes, 0.5 * (panel.greatest - panel.least)));
+        }
+        plan.error += interpolation;
+    }
+    bool gridded = false;
+    for (int p = 0; p < plan.panels.count; ++p) gridded |= plan.panels.panel[p].nodes > 0;
+    if (!gridded) {
+        plan.width = 0;
+        plan.error = 0.0;
+    }
+}
+
+void Synthesis::add_direct(const EchoView &echoes, const std::int32_t *index, std::size_t count, SynthesisReport &report) {
+    if (!direct_used_) {
+        const auto size = static_cast<std::size_t>(groups_ * kGroup * model_.chirps) * static_cast<std::size_t>(wide_);
+        std::fill_n(direct_sum_.get(), size, 0.0);
+        direct_used_ = true;
+    }
+    const std::ptrdiff_t group = static_cast<std::ptrdiff_t>(kGroup) * model_.chirps * wide_;
+    for (int g = 0; g < groups_; ++g) {
+        kernels_.direct(model_, echoes, index, count, g * kGroup, direct_sum_.get() + g * group);
+    }
+    report.direct += count;
+}
+
+void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width,
+                          SynthesisReport &report) {
+    if (!grid_used_) {
+        const auto size = static_cast<std::size_t>(groups_ * kGroup * model_.chirps) * static_cast<std::size_t>(model_.samples);
+        std::fill_n(grid_sum_.get(), size, 0.0);
+        grid_used_ = true;
+    }
+    const int at_once = std::min(panel.nodes, most_planes_);
+    if (at_once > planes_) {
+        cells_ = aligned(static_cast<std::size_t>(at_once) * static_cast<std::size_t>(grid_.plane));
+        grid_.cells = cells_.get();
+        planes_ = at_once;
+    }
+    const SpeedNodes nodes = speed_nodes(panel.nodes, panel.least, panel.greatest);
+    const auto w = static_cast<std::size_t>(width);
+    for (int g = 0; g < groups_; ++g) {
+        const Transform transform{chirp_scale_[w].data(), sample_scale_[w].data(), chirp_twiddle_.data(),
+                                  sample_twiddle_.data(), work_.get(), factor_.get(),
+                                  grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kGroup * model_.chirps * model_.samples};
+        for (int first = 0; first < panel.nodes; first += at_once) {
+            const int terms = std::min(at_once, panel.nodes - first);
+            std::memset(cells_.get(), 0, static_cast<std::size_t>(terms * grid_.plane) * sizeof(double));
+            std::fill(touched_.begin(), touched_.end(), std::uint8_t{0});
+            kernels_.spread(model_, echoes, index, panel.count, g * kGroup, kernel_[w], nodes, first, terms, grid_);
+            for (int j = 0; j < terms; ++j) {
+                kernels_.transform(model_, grid_, j, width, nodes.speed(first + j), transform);
+            }
+        }
+    }
+    report.terms += panel.nodes;
+    report.panels += 1;
+}
+
+void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error,
+                    SynthesisReport &report) {
+    plan(echoes, count, weighing, error, plan_);
+    report.width = plan_.width;
+    const PanelPlan &panels = plan_.panels;
+    const std::int32_t *index = index_.data();
+    if (panels.count > 1) {  // the echoes panel by panel, in their order
+        std::size_t next[kSpeedBins], first = 0;
+        int panel_of_bin[kSpeedBins] = {};
+        for (int p = 0; p < panels.count; ++p) {
+            next[p] = first;
+            first += panels.panel[p].count;
+            for (int b = panels.panel[p].first_bin; b <= panels.panel[p].last_bin; ++b) panel_of_bin[b] = p;
+        }
+        for (std::size_t i = 0; i < count; ++i) order_[next[panel_of_bin[bin_[i]]]++] = index_[i];
+        index = order_.data();
+    }
+    for (int p = 0; p < panels.count; index += panels.panel[p].count, ++p) {
+        const SpeedPanel &panel = panels.panel[p];
+        if (panel.nodes == 0) {
+            add_direct(echoes, index, panel.count, report);
+        } else {
+            add_panel(echoes, panel, index, plan_.width, report);
+        }
+    }
+}
+
+std::size_t Synthesis::drop(std::size_t count, const Weighing &weighing, double &sum) {
+    sum = 0.0;
+    // ||x|| is about sqrt(S M N K / 2), S the sum of squared weights, and the dropped ones are at most sum |w| sqrt(M N K).
+    const double allowed = kFirstError * drop_share_ * tolerance_ * std::sqrt(0.5 * weighing.sum_squares);
+    const double limit = allowed * allowed;  // none above it can go
+    const std::size_t candidates = kernels_.count_below(weight_squared_.data(), weight_squared_.size(), limit);
+    if (static_cast<double>(candidates) < kWorthDropping * static_cast<double>(count)) return 0;
+    // Half octaves of the squared weight below the limit, weakest first.
+    constexpr int kBins = 256;
+    double total[kBins] = {};
+    std::size_t number[kBins] = {};
+    const auto bin = [limit](double square) {
+        const double least = limit * 0x1p-128;
+        if (square <= least) return 0;
+        int exponent = 0;
+        const double mantissa = std::frexp(square / least, &exponent);
+        return std::min(2 * (exponent - 1) + (mantissa >= 0.75 ? 1 : 0), kBins - 1);
+    };
+    for (std::size_t i = 0; i < count; ++i) {
+        const double square = weight_squared_[static_cast<std::size_t>(index_[i])];
+        if (square >= limit) continue;
+        const int b = bin(square);
+        total[b] += std::sqrt(square);
+        ++number[b];
+    }
+    int cut = 0;
+    std::size_t dropped = 0;
+    for (; cut < kBins && sum + total[cut] <= allowed; ++cut) {
+        sum += total[cut];
+        dropped += number[cut];
+    }
+    if (static_cast<double>(dropped) < kWorthDropping * static_cast<double>(count)) {
+        sum = 0.0;
+        return 0;
+    }
+    std::size_t kept = 0, gone = count - dropped;
+    for (std::size_t i = 0; i < count; ++i) {
+        const double square = weight_squared_[static_cast<std::size_t>(index_[i])];
+        order_[square < limit && bin(square) < cut ? gone++ : kept++] = index_[i];
+    }
+    std::swap(index_, order_);
+    return dropped;
+}
+
+void Synthesis::clear() { grid_used_ = direct_used_ = histogram_made_ = false; }
+
+double Synthesis::gather(double *out) const {
+    const auto chirps = static_cast<std::size_t>(model_.chirps), samples = static_cast<std::size_t>(model_.samples);
+    const auto wide = static_cast<std::size_t>(wide_);
+    double lane[8] = {};
+    for (std::size_t k = 0; k < static_cast<std::size_t>(model_.receivers); ++k) {
+        const double *grid = grid_sum_.get() + k / kGroup * kGroup * chirps * samples + k % kGroup;
+        for (std::size_t m = 0; m < chirps; ++m) {
+            const double *direct = direct_sum_.get() + (k * chirps + m) * wide;
+            double *to = out + (k * chirps + m) * samples;
+            for (std::size_t n = 0; n < samples; ++n) {
+                const double a = grid_used_ ? grid[(m * samples + n) * kGroup] : 0.0;
+                const double b = direct_used_ ? direct[n] : 0.0;
+                to[n] = a + b;
+                lane[n % 8] += to[n] * to[n];
+            }
+        }
+    }
+    double sum = 0.0;
+    for (const double part : lane) sum += part;
+    return std::sqrt(sum);
+}
+
+void Synthesis::refuse(const EchoView &echoes) const {
+    const auto within = [](double x, double least, double greatest) { return x >= least && x <= greatest; };
+    const auto wrong = [](std::size_t i, const char *what, double value, const char *needs) {
+        throw std::invalid_argument("echo " + std::to_string(i) + ": " + what + " is " + std::to_string(value) + ", " + needs);
+    };
+    for (std::size_t i = 0; i < echoes.count; ++i) {
+        if (!within(echoes.range_m[i], 0.0, kMaxRange)) wrong(i, "range_m", echoes.range_m[i], "not in [0, 1e5]");
+        if (!within(echoes.speed_mps[i], -kMaxSpeed, kMaxSpeed)) wrong(i, "speed_mps", echoes.speed_mps[i], "not in [-1000, 1000]");
+        if (!within(echoes.amplitude[i], 0.0, kMaxAmplitude)) wrong(i, "amplitude", echoes.amplitude[i], "not in [0, 1e100]");
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const double d = echoes.direction_R[3 * i + axis];
+            if (!within(d, -1.0 - 1e-6, 1.0 + 1e-6)) wrong(i, "a component of direction_R", d, "not in [-1, 1]");
+        }
+    }
+    throw std::logic_error("echoes refused without a reason");
+}
+
+SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
+    SynthesisReport report;
+    weight_squared_.resize(echoes.count);
+    index_.resize(echoes.count);
+    order_.resize(echoes.count);
+    bin_.resize(echoes.count);
+    const Weighing weighing = kernels_.weigh(model_, echoes, weight_squared_.data());
+    if (!weighing.legal) refuse(echoes);
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < echoes.count; ++i) {
+        index_[count] = static_cast<std::int32_t>(i);
+        count += weight_squared_[i] > 0.0;
+    }
+    report.echoes = count;
+    clear();
+    if (count == 0) {
+        gather(out);
+        return report;
+    }
+    if (direct_) {
+        add_direct(echoes, index_.data(), count, report);
+        gather(out);
+        report.rounds = 1;
+        return report;
+    }
+
+    const double samples = std::sqrt(static_cast<double>(model_.receivers) * model_.chirps * model_.samples);
+    const double expected = std::sqrt(0.5 * weighing.sum_squares) * samples;
+    double dropped_sum = 0.0;
+    std::size_t dropped = drop_share_ > 0.0 ? drop(count, weighing, dropped_sum) : 0;
+    double error = kFirstError * tolerance_ * (dropped > 0 ? 1.0 - drop_share_ : 1.0);
+    for (report.rounds = 1;; ++report.rounds) {
+        report.terms = report.panels = 0;
+        report.direct = 0;
+        clear();
+        const bool certain = error < kLeastError || report.rounds > kMostRounds;
+        if (certain) {
+            dropped = 0;
+            report.width = 0;
+            add_direct(echoes, index_.data(), count, report);
+            gather(out);
+            report.error_bound = 0.0;
+            return report;
+        }
+        add(echoes, count - dropped, weighing, error, report);
+        const double norm = gather(out), planned = plan_.error;
+        const double missing = dropped > 0 ? dropped_sum * samples : 0.0;
+        if (planned * expected + missing <= tolerance_ * norm || (planned == 0.0 && dropped == 0)) {
+            report.dropped = dropped;
+            report.dropped_bound = missing / norm;
+            report.error_bound = planned * expected / norm + report.dropped_bound;
+            return report;
+        }
+        // The echoes cancel further than expected: none is dropped now, and the digits that were lost are added.
+        dropped = 0;
+        error = planned > 0.0 ? std::min(error, 0.9 * planned * (tolerance_ * norm) / (planned * expected)) : error;
+    }
+}
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,103 @@
+// Raw samples of a frame from its echoes: x[k, m, n] = sum over echoes of A |H| cos(2 pi phase + arg H), noise-free.
+//
+// Methods: the direct sum (the reference), and a type-1 non-uniform FFT in two dimensions (Dutt and Rokhlin, SIAM J. Sci.
+// Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, the kernel
+// divided out. What does not separate into chirps and samples is a phase that depends on the speed alone: it is
+// interpolated between a few speeds, one grid each (speed_nodes.hpp, speed_panels.hpp).
+//
+// Error of the second, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. What the echoes come to
+// together is known only afterwards; where they cancel so far that the bound would not hold, it is done again with more
+// digits, at last directly. One thread, no allocation once the greatest number of echoes was seen, the same bits for
+// every instruction set.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "echo_model.hpp"
+#include "../frame/isa.hpp"
+#include "speed_panels.hpp"
+#include "spread_kernel.hpp"
+#include "synthesis_kernels.hpp"
+
+namespace hil::sim::radar {
+
+constexpr double kMinTolerance = 1e-12, kMaxTolerance = 0.1;
+
+struct SynthesisReport {
+    std::size_t echoes = 0;    // that weigh anything
+    std::size_t dropped = 0;   // of those
+    double dropped_bound = 0.0;  // greatest share of ||x|| that the dropped ones can have
+    double error_bound = 0.0;    // of everything, the dropped included; 0 for a direct sum
+    int terms = 0;             // grids transformed, per group of four receivers
+    int panels = 0;            // of speeds
+    int width = 0;             // of the kernel; 0: no grid was used
+    std::size_t direct = 0;    // echoes summed one by one
+    int rounds = 0;            // 1 unless the echoes cancel
+};
+
+class Synthesis {
+public:
+    // drop_share: share of the tolerance that may be spent on leaving out the weakest echoes. 0: none is.
+    Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m, double hp_cutoff_hz,
+              double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, frame::Isa isa);
+
+    const EchoModel &model() const { return model_; }
+
+    // out [receivers][chirps][samples], overwritten. std::invalid_argument for an echo that is not finite or out of the
+    // limits of echo_model.hpp, naming the first.
+    SynthesisReport synthesize(const EchoView &echoes, double *out);
+
+private:
+    struct Cells {
+        void operator()(double *p) const;
+    };
+    using Aligned = std::unique_ptr<double[], Cells>;
+    static Aligned aligned(std::size_t count);
+
+    struct Plan {
+        int width;
+        double error;  // of the sum of squares of the weights
+        PanelPlan panels;
+    };
+
+    void prepare_grid();
+    SummingCost cost(int width) const;
+    void plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, Plan &plan);
+    void add(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, SynthesisReport &report);
+    void add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width,
+                   SynthesisReport &report);
+    void add_direct(const EchoView &echoes, const std::int32_t *index, std::size_t count, SynthesisReport &report);
+    // Moves the weakest echoes behind the others in index_; their number and the sum of their weights.
+    std::size_t drop(std::size_t count, const Weighing &weighing, double &sum);
+    void clear();
+    double gather(double *out) const;  // the norm
+    [[noreturn]] void refuse(const EchoView &echoes) const;
+
+    EchoModel model_;
+    const SynthesisKernels &kernels_;
+    bool direct_;
+    double tolerance_, drop_share_;
+    int groups_, wide_;
+    RemainderSpread remainder_;
+
+    std::vector<double> weight_squared_;
+    std::vector<std::int32_t> index_, order_;
+    std::vector<std::uint8_t> bin_;
+    SpeedHistogram histogram_;
+    bool histogram_made_ = false;
+    Plan plan_, other_plan_;
+
+    SpreadKernel kernel_[kMaxWidth + 1];
+    double kernel_error_[kMaxWidth + 1];
+    std::vector<double> chirp_scale_[kMaxWidth + 1], sample_scale_[kMaxWidth + 1];
+    std::vector<double> chirp_twiddle_, sample_twiddle_;
+    std::vector<std::uint8_t> touched_;
+    Grid grid_{};
+    int planes_ = 0, most_planes_ = 0;
+    Aligned cells_, work_, factor_, grid_sum_, direct_sum_;
+    bool grid_used_ = false, direct_used_ = false;
+};
+
+}  // namespace hil::sim::radar

@@ -1,0 +1,143 @@
+"""Raw samples of a frame from its echoes, without noise: the exact phase of a dechirped FMCW radar, summed.
+
+An echo at range R and radial speed v (+ receding) in the middle of the frame delays by tau = 2 (R + v t) / c. Receiver
+k at r_k sees it from the direction d_R, and with f_0 the start of the sweep, S its slope, t_n = n / f_s,
+lambda = c / f_c, f_b = S 2 R / c:
+
+    x[k, m, n] = sum of A |H(f_b)| cos(2 pi (f_0 tau + S t_n tau - S tau^2 / 2) - 2 pi r_k . d_R / lambda + arg H(f_b))
+
+    H(f) = j f / (f_hp + j f) / (1 + j f / f_aaf)      first order each; either can be off
+
+`direct` sums that as it stands, in double: the reference. `nufft` is a non-uniform FFT with an error of at most
+`tolerance`, ||x - x_direct|| / ||x_direct|| over the whole frame. How: sim/native/radar/synthesis.hpp.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import Vec3
+from sim._kernels import EchoSynthesis
+from sim.radar.chirp import Chirp
+
+METHODS = ("direct", "nufft")
+MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
+
+
+@dataclass(frozen=True)
+class Echoes:
+    """n echoes: C-contiguous float64. Ranges [0, 1e5] m, speeds +-1000 m/s, amplitudes [0, 1e100] (below 1e-100: none)."""
+
+    range_m: NDArray[np.float64]
+    speed_mps: NDArray[np.float64]
+    direction_R: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+@dataclass(frozen=True)
+class SynthesisReport:
+    """How a frame was summed. `error_bound` includes what was dropped; both are relative to the frame's norm."""
+
+    echoes: int  # whose amplitude is not zero
+    dropped: int  # of those, too weak to matter
+    dropped_bound: float
+    error_bound: float
+    terms: int  # grids, summed over the panels
+    panels: int  # of speeds
+    width: int  # of the spreading kernel, 0 where no grid was used
+    direct: int  # echoes summed one by one
+    rounds: int  # above 1 where the echoes cancelled so far that more digits were needed
+
+
+class Synthesizer:
+    """Sums echoes into frames of one chirp. Not for two threads at once.
+
+    `drop_share` of the tolerance may be spent on leaving out the weakest echoes; 0 leaves none out. `isa` as in
+    sim.frame.renderer: the same bits for each. Raises ValueError for arguments out of range.
+    """
+
+    def __init__(
+        self,
+        chirp: Chirp,
+        rx_positions_m: Sequence[Vec3],
+        *,
+        hp_cutoff_hz: float | None,
+        aaf_cutoff_hz: float | None,
+        method: str = "nufft",
+        tolerance: float = 1e-3,
+        drop_share: float = 0.5,
+        isa: str = "",
+    ) -> None:
+        if method not in METHODS:
+            raise ValueError(f"no synthesis method {method!r}; there are {', '.join(METHODS)}")
+        if not MIN_TOLERANCE <= tolerance <= MAX_TOLERANCE:
+            raise ValueError(f"tolerance must lie in [{MIN_TOLERANCE:g}, {MAX_TOLERANCE:g}], not {tolerance:g}")
+        if not 0.0 <= drop_share < 1.0:
+            raise ValueError(f"drop_share must lie in [0, 1), not {drop_share:g}")
+        for name, cutoff_hz in (("hp_cutoff_hz", hp_cutoff_hz), ("aaf_cutoff_hz", aaf_cutoff_hz)):
+            if cutoff_hz is not None and not 0.0 < cutoff_hz <= 1e12:
+                raise ValueError(f"{name} must lie in (0, 1e12], or be None for no filter, not {cutoff_hz:g}")
+        positions = [tuple(float(x) for x in p) for p in rx_positions_m]
+        if not 1 <= len(positions) <= 16:
+            raise ValueError(f"there must be 1 to 16 receivers, not {len(positions)}")
+        if any(len(p) != 3 or not all(math.isfinite(x) and abs(x) <= 10.0 for x in p) for p in positions):
+            raise ValueError(f"rx_positions_m must be triples within 10 m of the radar, not {positions}")
+        self.chirp, self.method, self.tolerance = chirp, method, tolerance
+        self.shape = (len(positions), chirp.chirps, chirp.samples)
+        self._synthesis = EchoSynthesis(
+            center_frequency_hz=chirp.center_frequency_hz,
+            bandwidth_hz=chirp.bandwidth_hz,
+            sample_rate_hz=chirp.sample_rate_hz,
+            repetition_s=chirp.repetition_s,
+            samples=chirp.samples,
+            chirps=chirp.chirps,
+            rx_positions_m=positions,
+            hp_cutoff_hz=hp_cutoff_hz or 0.0,
+            aaf_cutoff_hz=aaf_cutoff_hz or 0.0,
+            direct=method == "direct",
+            tolerance=tolerance,
+            drop_share=drop_share,
+            isa=isa,
+        )
+
+    def synthesize(self, echoes: Echoes, out: NDArray[np.float64]) -> SynthesisReport:
+        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit.
+
+        Raises ValueError for arrays of another type or shape and for the first echo that is not finite or out of range.
+        """
+        n = len(echoes.range_m)
+        _check("range_m", echoes.range_m, (n,))
+        _check("speed_mps", echoes.speed_mps, (n,))
+        _check("direction_R", echoes.direction_R, (n, 3))
+        _check("amplitude", echoes.amplitude, (n,))
+        _check("out", out, self.shape)
+        if not out.flags.writeable:
+            raise ValueError("out must be writable")
+        done = self._synthesis.synthesize(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, out)
+        return SynthesisReport(
+            echoes=done.echoes,
+            dropped=done.dropped,
+            dropped_bound=done.dropped_bound,
+            error_bound=done.error_bound,
+            terms=done.terms,
+            panels=done.panels,
+            width=done.width,
+            direct=done.direct,
+            rounds=done.rounds,
+        )
+
+
+def _check(name: str, array: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+    if array.dtype != np.float64 or array.shape != shape or not array.flags.c_contiguous:
+        raise ValueError(
+            f"{name} must be a C-contiguous float64 array of shape {shape}, not {array.dtype} of shape {array.shape}"
+            + ("" if array.flags.c_contiguous else ", not contiguous")
+        )
