@@ -4,8 +4,8 @@ World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up),
 unit and frame of every field; `tests/unit/test_samples.py` checks that none is missing.
 
 Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias. Frames
-(`ImageSample`, `PointCloudSample`) carry numpy arrays instead: each sample owns its arrays, shares them with no other
-and gives them out read-only. Two frames are equal if all their bytes are.
+(`ImageSample`, `PointCloudSample`, `RadarSample`) carry numpy arrays instead: each sample owns its arrays, shares them
+with no other and gives them out read-only. Two frames are equal if all their bytes are.
 """
 
 from __future__ import annotations
@@ -155,6 +155,27 @@ class PointCloudSample(NamedTuple):
         return not same_frame(self, other)
 
 
+class RadarSample(NamedTuple):
+    """One frame of an FMCW radar: what its ADC gave, and what was made of it. Frame R is the radar's at t_capture.
+
+    R has the axes of the body when the radar looks forward: x along the view, y left, z up. What each channel holds:
+    `RADAR_UNITS`.
+    """
+
+    seq: int
+    t_capture_ns: int  # middle of the frame
+    t_available_ns: int
+    p_WR: Vec3  # at t_capture
+    q_WR: Quat  # rotates R into W
+    channels: Mapping[str, NDArray[Any]]  # read-only
+
+    def __eq__(self, other: object) -> bool:
+        return same_frame(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        return not same_frame(self, other)
+
+
 class ActuatorFrame(NamedTuple):
     """Commands of the flight controller, latched for one tick."""
 
@@ -165,14 +186,14 @@ class ActuatorFrame(NamedTuple):
     mode: int  # MAVLink MAV_MODE bits as received
 
 
-FrameSample = ImageSample | PointCloudSample
+FrameSample = ImageSample | PointCloudSample | RadarSample
 Sample = ImuSample | MagSample | BaroSample | GpsSample | RangeSample | FlowSample | FrameSample
-FRAME_SAMPLES = (ImageSample, PointCloudSample)
+FRAME_SAMPLES = (ImageSample, PointCloudSample, RadarSample)
 
 
 def arrays_of(sample: FrameSample) -> Iterator[tuple[str, NDArray[Any]]]:
     """Every array of a frame by name, in the order that its digest has: that of the fields, channels sorted."""
-    if isinstance(sample, ImageSample):
+    if isinstance(sample, ImageSample | RadarSample):
         for name in sorted(sample.channels):
             yield name, sample.channels[name]
         return
@@ -205,6 +226,14 @@ CHANNEL_UNITS: dict[str, tuple[str, str]] = {
     "normal": ("1", "C"),  # unit vector, towards the camera
     "radial_velocity": ("m/s", "along the ray"),  # positive: going away
     "material": ("surface id", "-"),
+}
+
+# Channels of a RadarSample: unit and frame of what an element holds.
+RADAR_UNITS: dict[str, tuple[str, str]] = {
+    "raw": ("ADC count", "-"),  # uint16 (receivers, chirps, samples)
+    "range_doppler": ("ADC count2", "-"),  # float32 (chirps, samples / 2): rows by speed, zero in the middle
+    "points": ("m, m/s, rad, dB", "R"),  # one record a detection
+    "tracks": ("m, m/s", "R"),  # one record a track
 }
 
 # field -> (unit, frame). Frame "-" where none applies.
@@ -266,6 +295,7 @@ SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
         "time_offset_ns": ("ns", "-"),
         "segmentation": ("class id", "-"),
     },
+    RadarSample: _STAMP | {"p_WR": ("m", "W"), "q_WR": ("1", "R->W"), "channels": ("RADAR_UNITS", "R")},
     ActuatorFrame: {
         "tick": ("1", "-"),
         "t_ns": ("ns", "-"),

@@ -27,6 +27,7 @@ from hil.signals.samples import (
     ImuSample,
     MagSample,
     PointCloudSample,
+    RadarSample,
     RangeSample,
     Sample,
     TruthState,
@@ -47,6 +48,7 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     # Frames freeze and drop out; no other fault acts on them.
     ImageSample: {},
     PointCloudSample: {},
+    RadarSample: {},
 }
 _STAMPS = 3  # seq, t_capture_ns, t_available_ns: never faulted
 _AXES = "xyz"
