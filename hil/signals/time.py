@@ -18,6 +18,11 @@ def period_ns_from_hz(rate_hz: float) -> int:
     return round(NS_PER_S / rate_hz)
 
 
+def is_due(tick: int, *, event_mhz: int, tick_mhz: int) -> bool:
+    """Whether a `RateAccumulator` of these rates, asked on every tick from 0 on, says yes on this one."""
+    return tick == 0 or tick * event_mhz // tick_mhz > (tick - 1) * event_mhz // tick_mhz
+
+
 class RateAccumulator:
     """Decides on which ticks an event of a given rate is due, exactly on average and without drift.
 

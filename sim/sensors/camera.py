@@ -58,6 +58,10 @@ class Camera:
             far_m=p.far_m,
             colour=p.colour,
         )
+        self._shared = installation.shared
+        if self._shared is not None:
+            apart = p.supersample > 1 or p.colour != "native" or p.motion_blur is not None
+            self._renderer = self._shared.lend(self._renderer, colour_apart=apart)
         self._moments = self._exposure_moments(p)
         self._bands = self._row_bands(p)
         self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
@@ -70,6 +74,8 @@ class Camera:
         """Picture `seq`."""
         t_ns = truth.t_ns
         self._frames.expect(t_ns)
+        if self._shared is not None:
+            self._shared.expect(truth)
         pictures: dict[str, NDArray[Any]] = {name: channel_array(name, self.model) for name in self.channels}
         sensor, raw = self._sensor, self._raw
         if sensor is None or raw is None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.signals.time import period_ns_from_hz
+from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
 from sim.sensors.kinds import KINDS, Kind
@@ -26,12 +27,13 @@ def make_sensor(
     step_ns: int,
     overrides: Mapping[str, Any] | None = None,
     frames: FrameSource | None = None,
+    shared: SharedPicture | None = None,
 ) -> Sensor:
     """A sensor from a preset, or from a kind with all its parameters in `overrides`.
 
-    `overrides` replace single parameters. `step_ns` is the physics tick, `frames` what cameras and
-    LiDARs look at. Raises KeyError for an unknown preset or
-    kind (legal names: `sorted(PRESETS)`, `sorted(KINDS)`), ValueError for a preset of another kind,
+    `overrides` replace single parameters. `step_ns` is the physics tick, `frames` what cameras, LiDARs and radars look
+    at, `shared` the pictures of a camera that somebody else reads, or that this sensor reads. Raises KeyError for an
+    unknown preset or kind (legal names: `sorted(PRESETS)`, `sorted(KINDS)`), ValueError for a preset of another kind,
     pydantic.ValidationError for wrong parameters.
     """
     values: dict[str, Any] = {}
@@ -45,6 +47,6 @@ def make_sensor(
         raise ValueError(f"sensor '{name}' needs a preset or a kind")
     entry = KINDS[kind]
     parameters = entry.parameters.model_validate(values | dict(overrides or {}))
-    installation = Installation(name, period_ns_from_hz(rate_hz), seed, scene, step_ns, frames)
+    installation = Installation(name, period_ns_from_hz(rate_hz), seed, scene, step_ns, frames, shared)
     sensor: Sensor = entry.sensor(installation, parameters)
     return sensor

@@ -9,6 +9,7 @@ from typing import Annotated, Protocol
 from pydantic import Field
 
 from hil.signals.samples import Sample, TruthState
+from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
 
@@ -25,7 +26,8 @@ class Installation:
     seed: int
     scene: Scene
     step_ns: int  # the physics tick
-    frames: FrameSource | None = None  # the world to look at, for cameras and LiDARs
+    frames: FrameSource | None = None  # the world to look at, for cameras, LiDARs and radars
+    shared: SharedPicture | None = None  # of a camera: its pictures that others read; of a reader: those of its camera
 
 
 class Sensor(Protocol):
