@@ -16,6 +16,8 @@ from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.magnetometer import Magnetometer, MagnetometerParameters
 from sim.sensors.optical_flow import OpticalFlow, OpticalFlowParameters
+from sim.sensors.radar import Radar
+from sim.sensors.radar_parameters import RadarParameters
 from sim.sensors.range_finder import RangeFinder, RangeFinderParameters
 
 
@@ -25,6 +27,7 @@ class Kind:
 
     sensor: Any  # callable (Installation, parameters) -> Sensor
     parameters: type[StrictModel]
+    parts: str | None = None  # the parameter that lists what a sample holds; each of it is a port of its own
 
     @property
     def sample_type(self) -> type:
@@ -45,6 +48,7 @@ KINDS: dict[str, Kind] = {
     "gps": Kind(Gps, GpsParameters),
     "range_finder": Kind(RangeFinder, RangeFinderParameters),
     "optical_flow": Kind(OpticalFlow, OpticalFlowParameters),
-    "camera": Kind(Camera, CameraParameters),
+    "camera": Kind(Camera, CameraParameters, parts="channels"),
     "lidar": Kind(Lidar, LidarParameters),
+    "radar": Kind(Radar, RadarParameters, parts="outputs"),
 }

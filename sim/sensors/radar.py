@@ -1,0 +1,164 @@
+"""FMCW radar: raw frames from the pictures of a camera, and what a processing chain makes of them.
+
+    truth -> picture (range, normal, material, radial velocity) -> echoes -> beat signal -> ADC -> processing
+
+    t_capture = the tick = middle of the frame        t_available = t_capture + frame_s / 2 + latency
+
+The picture is the geometry at the tick, all pixels at once: what a camera does to its own pictures (noise, blur,
+rolling shutter) does not reach the radar. How things move within the frame is in the phases of the echoes, from the
+radial velocity of each pixel. Each step is done only as far as the outputs ask for it. Noise is keyed by the seed, the
+sensor's name and the frame's number alone; only the tracks hang on the frames before.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.samples import RadarSample, TruthState
+from hil.signals.time import NS_PER_S
+from sim.frame.camera_pose import CameraPose
+from sim.frame.mount import Mount
+from sim.frame.shared_picture import SharedPicture
+from sim.frame.source import FrameSource, Renderer, channel_array
+from sim.radar.adc import RadarReceiverChain
+from sim.radar.processing import Processor
+from sim.radar.scatterers import Scatterers
+from sim.radar.synthesis import Synthesizer
+from sim.sensors.radar_parameters import RadarParameters
+from sim.sensors.sensor import Installation
+
+Picture = Mapping[str, NDArray[Any]]
+
+
+class RadarCounts:
+    """What a radar has left out so far, for the report of the run."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.pixels = 0
+        self.pixels_dropped: Counter[str] = Counter()  # by reason
+        self.echoes = 0
+        self.echoes_dropped = 0  # too weak to matter within the tolerance
+        self.dropped_bound = 0.0  # of any frame: the relative error that this can have made, at most
+        self.shared = 0  # pictures that its camera had drawn already
+        self.terms = 0  # of any frame: low-rank terms of the synthesis, at most
+
+
+class RadarFrames:
+    """From pictures to raw frames: the part of a radar that a recording of pictures can stand before, too."""
+
+    def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
+        """Raises ValueError where the mask leaves nothing to be seen or names what the world does not have."""
+        chirp, rx = p.chirp, p.antenna.rx_positions_m
+        self._scatterers = Scatterers(view.camera, world, chirp, p.antenna, p.receiver, p.mask)
+        self._synthesizer = Synthesizer(
+            chirp,
+            rx,
+            hp_cutoff_hz=p.receiver.hp_cutoff_hz,
+            aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
+            method=p.method,
+            tolerance=p.tolerance,
+        )
+        self._chain = RadarReceiverChain(chirp, p.impairments, len(rx), seed=seed, name=name)
+        self._signal = np.zeros((len(rx), chirp.chirps, chirp.samples))
+        self.channels: tuple[str, ...] = self._scatterers.channels
+        self.counts = RadarCounts()
+
+    def raw(self, picture: Picture, seq: int) -> NDArray[np.uint16]:
+        """Frame `seq`, a new array (receivers, chirps, samples)."""
+        report = self._synthesizer.synthesize(self._scatterers.collect(picture), self._signal)
+        out = np.empty(self._signal.shape, np.uint16)
+        self._chain.digitise(self._signal, seq, out)
+        seen, counts = self._scatterers.last, self.counts
+        counts.frames += 1
+        counts.pixels += seen.pixels
+        counts.pixels_dropped.update(seen.dropped)
+        counts.echoes += report.echoes
+        counts.echoes_dropped += report.dropped
+        counts.dropped_bound = max(counts.dropped_bound, report.dropped_bound)
+        counts.terms = max(counts.terms, report.terms)
+        return out
+
+
+class Radar:
+    """One radar on the vehicle."""
+
+    sample_type = RadarSample
+
+    def __init__(self, installation: Installation, parameters: RadarParameters) -> None:
+        """Raises ValueError without `installation.frames`, or for frames that are longer than the time between them."""
+        p, frames = parameters, installation.frames
+        name = installation.name
+        if frames is None:
+            raise ValueError(f"sensor '{name}': a radar needs the world's geometry (frames)")
+        if p.frame is not None and installation.shared is None:
+            raise ValueError(f"sensor '{name}': its frame {p.frame!r} has not been given")
+        if p.chirp.frame_s * NS_PER_S > installation.period_ns:
+            raise ValueError(
+                f"sensor '{name}': a frame of {p.chirp.frame_s:g} s is longer than the time between frames; "
+                f"lower its rate_hz to {most_frames_hz(p):g} or less"
+            )
+        self.name = name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round((0.5 * p.chirp.frame_s + p.latency_s) * NS_PER_S)
+        self.resolution: Mapping[str, float] = {}
+        self.chirp = p.chirp
+        self.outputs = p.outputs
+        self.view: SharedPicture = installation.shared if p.frame is not None and installation.shared else p.view()
+        # R has the axes of B where the camera's C looks forward: x_R = z_C, y_R = -x_C, z_R = -y_C.
+        self.mount = Mount(self.view.mount_m, self.view.mount_rpy_deg, optical=False)
+        self._optical = Mount(self.view.mount_m, self.view.mount_rpy_deg)
+        self._frames: FrameSource = frames
+        self._renderer: Renderer | None = None
+        self._own: dict[str, NDArray[Any]] = {}
+        self._radar = RadarFrames(self.view, frames.geometry.world, p, seed=installation.seed, name=name)
+        self.channels = self._radar.channels
+        self._processor = None
+        if p.needs_processing:
+            self._processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+
+    @property
+    def counts(self) -> RadarCounts:
+        """What was left out so far."""
+        return self._radar.counts
+
+    def sample(self, truth: TruthState, seq: int) -> RadarSample:
+        """Frame `seq`."""
+        t_ns = truth.t_ns
+        self._frames.expect(t_ns)
+        pose = self._optical.pose(truth)
+        raw = self._radar.raw(self._picture(t_ns, pose), seq)
+        channels: dict[str, NDArray[Any]] = {"raw": raw} if "raw" in self.outputs else {}
+        if self._processor is not None:
+            processed = self._processor.process(raw, t_ns)
+            for name in self.outputs:
+                if name != "raw":
+                    channels[name] = getattr(processed, name)
+        for array in channels.values():
+            array.flags.writeable = False
+        return RadarSample(seq, t_ns, t_ns + self.latency_ns, pose.p_WC, self.mount.attitude(truth), channels)
+
+    def _picture(self, t_ns: int, pose: CameraPose) -> Picture:
+        """What its camera has just drawn, or else a drawing of its own."""
+        found = self.view.find(t_ns, pose, self.channels)
+        if found is not None:
+            self.counts.shared += 1
+            return found
+        if self._renderer is None:
+            view = self.view
+            self._renderer = self._frames.renderer(
+                view.camera, shadows=False, supersample=1, near_m=view.near_m, far_m=view.far_m
+            )
+            self._own = {channel: channel_array(channel, view.camera) for channel in self.channels}
+        self._renderer.render(pose, self._own)
+        return self._own
+
+
+def most_frames_hz(p: RadarParameters) -> float:
+    """The highest rate at which frames do not overlap, in whole millihertz."""
+    return int(1000.0 / p.chirp.frame_s) / 1000.0

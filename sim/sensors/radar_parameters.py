@@ -1,0 +1,94 @@
+"""What can be said about a radar in a bench file or a preset."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from hil.signals.samples import RADAR_UNITS
+from sim.frame.camera_model import CameraModel
+from sim.frame.shared_picture import SharedPicture
+from sim.model_file import StrictModel
+from sim.radar.antenna import Antenna
+from sim.radar.chirp import Chirp
+from sim.radar.impairments import Impairments
+from sim.radar.mask import Mask
+from sim.radar.processing import Processing
+from sim.radar.receiver import Receiver
+from sim.sensors.camera_parameters import Attitude, Pixels
+from sim.sensors.sensor import Position
+
+_RESOLUTION = (320, 240)
+_FOV_DEG = 90.0
+_NEAR_M, _FAR_M = 0.05, 10_000.0
+_LEVEL = (0.0, 0.0, 0.0)
+# Keys that say where a radar looks. With `frame` the camera says it.
+VIEW_KEYS = ("resolution", "fov_deg", "mount_m", "mount_rpy_deg", "near_m", "far_m")
+
+
+class RadarParameters(StrictModel):
+    """One radar: its chirps, its hardware, where it looks, and what is made of its data."""
+
+    chirp: Chirp
+    antenna: Antenna
+    receiver: Receiver
+    impairments: Impairments = Impairments()
+    mask: Mask = Mask()
+    processing: Processing = Processing()
+    # The camera of this bench whose pictures it reads, with its place and lens. Null: a view of its own, in `view`.
+    frame: str | None = None
+    resolution: tuple[Pixels, Pixels] | None = None  # width, height; null: 320 x 240
+    fov_deg: Annotated[float, Field(gt=0.0, lt=180.0)] | None = None  # horizontal; null: 90
+    mount_m: Position | None = None  # from the body origin, in B; null: there
+    mount_rpy_deg: Attitude | None = None  # null: looks forward; sim/frame/mount.py
+    near_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None  # null: 0.05
+    far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None  # null: 10 000
+    method: Literal["nufft", "direct"] = "nufft"  # direct: the exact sum, slow
+    tolerance: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-3  # of nufft, relative to the frame
+    outputs: tuple[str, ...] = tuple(RADAR_UNITS)
+    latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0  # from the end of the frame
+
+    @field_validator("outputs")
+    @classmethod
+    def _known_outputs(cls, outputs: tuple[str, ...]) -> tuple[str, ...]:
+        if not outputs:
+            raise ValueError("must name at least one output")
+        for output in outputs:
+            if output not in RADAR_UNITS:
+                raise ValueError(f"there is no output {output!r}; there are {', '.join(RADAR_UNITS)}")
+        if len(set(outputs)) < len(outputs):
+            raise ValueError("an output is named twice")
+        return outputs
+
+    @model_validator(mode="after")
+    def _one_view(self) -> RadarParameters:
+        given = [key for key in VIEW_KEYS if getattr(self, key) is not None]
+        if self.frame is not None and given:
+            raise ValueError(f"frame {self.frame!r} says where the radar looks: leave out {', '.join(given)}")
+        near_m, far_m = self.limits_m
+        if not far_m > near_m:
+            raise ValueError(f"far_m {far_m:g} must be above near_m {near_m:g}")
+        return self
+
+    @property
+    def limits_m(self) -> tuple[float, float]:
+        """Least and greatest depth that is seen."""
+        return _NEAR_M if self.near_m is None else self.near_m, _FAR_M if self.far_m is None else self.far_m
+
+    @property
+    def needs_processing(self) -> bool:
+        """Whether anything is made of the raw data."""
+        return self.outputs != ("raw",)
+
+    def view(self) -> SharedPicture:
+        """Where a radar without `frame` looks."""
+        width, height = self.resolution or _RESOLUTION
+        near_m, far_m = self.limits_m
+        return SharedPicture(
+            CameraModel.from_fov(width, height, _FOV_DEG if self.fov_deg is None else self.fov_deg),
+            mount_m=_LEVEL if self.mount_m is None else self.mount_m,
+            mount_rpy_deg=_LEVEL if self.mount_rpy_deg is None else self.mount_rpy_deg,
+            near_m=near_m,
+            far_m=far_m,
+        )
