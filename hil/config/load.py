@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel
 
+from hil.config import radar_checks
 from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
@@ -275,6 +276,8 @@ class _Loading:
         scene = self._scene(vehicle)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
+        if config is not None and scene is not None and not self.problems:
+            self.problems += radar_checks.world_problems(config, scene, self.settings)
         mission = self._mission(mission_path, scene)
         if script is not None:
             self.problems += mission_problems(script, mission)

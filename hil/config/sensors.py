@@ -9,14 +9,17 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, create_model
 
 from hil.config.layers import Settings
+from hil.config.preset_values import find_preset, is_preset_path, laid_over
+from hil.config.radar_checks import frame_problems, rate_problems
 from hil.config.schema import SensorConfig
 from hil.documents.document import Place
 from hil.documents.validate import at, nearest, shown, validate
 from hil.signals.errors import Problem
 from hil.signals.time import period_ns_from_hz
-from sim.sensors.catalog import KINDS, PRESETS
+from sim.sensors.catalog import KINDS, Preset
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS
+from sim.sensors.radar_parameters import VIEW_KEYS, RadarParameters
 
 AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
 FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # besides the imu: without them no mission is flown
@@ -46,15 +49,19 @@ def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[
     problems: list[Problem] = []
     found: dict[str, tuple[SensorConfig, bool | None]] = {}
     broken_kinds: set[str] = set()
+    broken: set[str] = set()
     for name, entry in section.items():
         if entry is None:  # `name: null` takes away what the rig has
             continue
         sensor, flag, kind = _resolve(name, entry, settings, problems, tick_hz)
         if sensor is None:
             broken_kinds.add(kind or name)
+            broken.add(name)
         else:
             found[name] = (sensor, flag)
-    return _choose(found, broken_kinds, settings, problems), problems
+    chosen = _choose(found, broken_kinds, settings, problems)
+    problems += frame_problems(chosen, broken, settings)
+    return chosen, problems
 
 
 def _resolve(
@@ -73,8 +80,11 @@ def _resolve(
     preset, kind = _preset_and_kind(name, entry, settings, problems)
     if kind is None:
         return None, None, None
-    values = PRESETS[preset].parameters.model_dump(mode="json") if preset is not None else {}
-    values |= {key: value for key, value in entry.items() if key not in ("preset", "kind")}
+    own = {key: value for key, value in entry.items() if key not in ("preset", "kind")}
+    values = preset.parameters.model_dump(mode="json") if preset is not None else {}
+    if own.get("frame") is not None:  # the camera's view instead of the preset's
+        values = {key: value for key, value in values.items() if key not in VIEW_KEYS}
+    values = laid_over(KINDS[kind].parameters, values, own)
     if kind == "imu":
         # It is read at every tick and nowhere else, so its rate need not be said.
         values.setdefault("rate_hz", tick_hz)
@@ -90,32 +100,40 @@ def _resolve(
             message = f"gives {points} points a sweep, more than {MAX_POINTS}"
             problems.append(at(settings, (*place, "rate_hz"), message, "raise it"))
             return None, None, kind
+    if isinstance(parameters, RadarParameters):
+        too_fast = rate_problems(name, parameters, rate_hz, settings)
+        problems += too_fast
+        if too_fast:
+            return None, None, kind
+    named: str | None = entry.get("preset")
+    if named is not None and is_preset_path(named):
+        named = None  # a file of the user's, which may change: what it says is in the parameters
     flag: bool | None = built.autopilot  # type: ignore[attr-defined]
-    return SensorConfig(kind=kind, preset=preset, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
+    return SensorConfig(kind=kind, preset=named, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
 
 
 def _preset_and_kind(
     name: str, entry: Mapping[str, Any], settings: Settings, problems: list[Problem]
-) -> tuple[str | None, str | None]:
+) -> tuple[Preset | None, str | None]:
     """The preset named, and the kind: named, the preset's, or the sensor's own name if that is a kind."""
     place: Place = ("sensors", name)
-    preset, kind = entry.get("preset"), entry.get("kind")
+    kind = entry.get("kind")
+    preset = None
     good = True
-    if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
-        problems.append(at(settings, (*place, "preset"), f"is unknown: {shown(preset)}", nearest(str(preset), PRESETS)))
-        good = False
+    if entry.get("preset") is not None:
+        preset = find_preset(entry["preset"], settings, (*place, "preset"), problems)
+        good = preset is not None
     if kind is not None and (not isinstance(kind, str) or kind not in KINDS):
         problems.append(at(settings, (*place, "kind"), f"is unknown: {shown(kind)}", nearest(str(kind), KINDS)))
         good = False
     if not good:
         return None, None
     if preset is not None:
-        of_preset = PRESETS[preset].kind
-        if kind is not None and kind != of_preset:
-            message = f"is {kind!r}, but the preset {preset!r} is of kind {of_preset!r}"
+        if kind is not None and kind != preset.kind:
+            message = f"is {kind!r}, but the preset {entry['preset']!r} is of kind {preset.kind!r}"
             problems.append(at(settings, (*place, "kind"), message))
             return None, None
-        kind = of_preset
+        kind = preset.kind
     if kind is None:
         if name not in KINDS:
             message = "needs a preset or a kind"
