@@ -1,4 +1,4 @@
-"""What a recording says once about a camera or LiDAR: where it sits, and how a camera projects."""
+"""What a recording says of a camera, LiDAR or radar: where it sits, how a camera projects, what a radar sends."""
 
 from __future__ import annotations
 
@@ -20,6 +20,16 @@ class Projection:
 
 
 @dataclass(frozen=True)
+class Sweep:
+    """Of a radar: its chirps, as hil_msgs/RadarFrame has them."""
+
+    center_frequency_hz: float
+    bandwidth_hz: float
+    sample_rate_hz: float
+    repetition_s: float
+
+
+@dataclass(frozen=True)
 class FrameDescription:
     """One frame sensor. C is its frame: optical for a camera."""
 
@@ -27,3 +37,4 @@ class FrameDescription:
     p_BC: Vec3 = (0.0, 0.0, 0.0)
     q_BC: Quat = (1.0, 0.0, 0.0, 0.0)
     projection: Projection | None = None  # None: no camera
+    sweep: Sweep | None = None  # None: no radar

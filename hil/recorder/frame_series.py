@@ -1,8 +1,10 @@
-"""Pictures and point clouds as ROS 2 messages: sensor_msgs/Image, CameraInfo and PointCloud2.
+"""Pictures, point clouds and radar frames as ROS 2 messages: sensor_msgs/Image, CameraInfo, PointCloud2, RadarFrame.
 
 Beside the data of a port `front` stand `/front/pose` (where the sensor was at capture, in `world`) and, once, its place
 on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mono8 and mono16, distances and speeds as
-32FC1, normals as 32FC3. Messages keep the bytes of the sample, so what is recorded is what was measured, bit for bit.
+32FC1, normals as 32FC3. A radar's raw frames are hil_msgs/RadarFrame (uint16, by receiver, chirp and sample), its
+range-Doppler maps 32FC1 pictures, its points and tracks point clouds. Messages keep the bytes of the sample, so what is
+recorded is what was measured, bit for bit.
 """
 
 from __future__ import annotations
@@ -16,8 +18,9 @@ from numpy.typing import NDArray
 from hil.recorder.cdr import Layout, schema_text
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mcap_file import Block, McapFile
+from hil.recorder.records_cloud import cloud_fields
 from hil.recorder.topics import BODY, WORLD
-from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, Vec3, arrays_of
+from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from hil.signals.time import NS_PER_S
 
 IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -30,8 +33,6 @@ _ENCODINGS = {
     ("|u1", 3): "rgb8",
     ("<f4", 3): "32FC3",
 }
-# sensor_msgs/PointField datatypes
-_INT32, _UINT8, _UINT16, _FLOAT32 = 5, 2, 4, 7
 _POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label"],
@@ -40,7 +41,6 @@ _POINT = np.dtype(
         "itemsize": 28,
     }
 )
-_DATATYPES = {"<f4": _FLOAT32, "<i4": _INT32, "<u2": _UINT16, "|u1": _UINT8}
 
 
 class BlobTopic:
@@ -56,12 +56,14 @@ class BlobTopic:
         lengths: Mapping[str, int] | None = None,
         values: Mapping[str, Any] | None = None,
         header: str = "header",
-        blob: bool = False,
+        blob: int = 0,
     ) -> None:
+        """`blob`: bytes of an element of `data`, behind which are single bytes at most; 0: the message has no data."""
         self.channel = file.channel(topic, type_name, schema_text(type_name))
         sizes = dict(lengths or {}) | ({"data": 0} if blob else {})
         self._layout = Layout(type_name, channel=self.channel, strings=strings, lengths=sizes, values=values)
         self._header = header
+        self._blob_item = blob
         # The blob goes between its length and whatever the type has after it (single bytes, so nothing to align).
         self._cut = self._layout.dtype.fields["data$length"][1] + 4 if blob else 0  # type: ignore[index]
         self._records: list[bytes] = []
@@ -82,7 +84,7 @@ class BlobTopic:
             self._records.append(record.tobytes())
         else:
             record["$length"] += len(data)
-            record["data$length"] = len(data)
+            record["data$length"] = len(data) // self._blob_item
             raw = record.tobytes()
             self._records.append(b"".join((raw[: self._cut], data, raw[self._cut :])))
         self._log_ns.append(log_ns)
@@ -98,7 +100,7 @@ class BlobTopic:
 
 
 class FrameSeries:
-    """What one camera or LiDAR has delivered since the last chunk. Samples are kept by reference: they never change."""
+    """What a camera, LiDAR or radar has delivered since the last chunk. Samples are kept by reference: they never change."""
 
     def __init__(self, port: str, description: FrameDescription | None) -> None:
         self._port = port
@@ -120,6 +122,9 @@ class FrameSeries:
             if isinstance(sample, ImageSample):
                 self._picture(file, sample, log_ns)
                 self._pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
+            elif isinstance(sample, RadarSample):
+                self._radar(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
             else:
                 self._cloud(file, sample, log_ns)
                 self._pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
@@ -156,22 +161,7 @@ class FrameSeries:
     def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
         frame = {"header.frame_id": self._description.frame_id}
         for name in sorted(sample.channels):
-            picture = sample.channels[name]
-            little = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
-            values = 1 if picture.ndim == 2 else picture.shape[2]
-            topic = self._topic(
-                file,
-                name,
-                "sensor_msgs/Image",
-                strings=frame | {"encoding": _ENCODINGS[(little.dtype.str, values)]},
-                values={
-                    "height": picture.shape[0],
-                    "width": picture.shape[1],
-                    "step": little.dtype.itemsize * values * picture.shape[1],
-                },
-                blob=True,
-            )
-            topic.add(sample, log_ns, {}, little.tobytes())
+            self._image(file, sample, log_ns, name, sample.channels[name])
         p = self._description.projection
         if p is not None:
             topic = self._topic(
@@ -184,29 +174,75 @@ class FrameSeries:
             )
             topic.add(sample, log_ns, {})
 
+    def _image(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
+        little = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
+        values = 1 if picture.ndim == 2 else picture.shape[2]
+        topic = self._topic(
+            file,
+            name,
+            "sensor_msgs/Image",
+            strings={
+                "header.frame_id": self._description.frame_id,
+                "encoding": _ENCODINGS[(little.dtype.str, values)],
+            },
+            values={
+                "height": picture.shape[0],
+                "width": picture.shape[1],
+                "step": little.dtype.itemsize * values * picture.shape[1],
+            },
+            blob=1,
+        )
+        topic.add(sample, log_ns, {}, little.tobytes())
+
+    def _radar(self, file: McapFile, sample: RadarSample, log_ns: int) -> None:
+        for name in sorted(sample.channels):
+            array = sample.channels[name]
+            if name == "raw":
+                self._raw(file, sample, log_ns, array)
+            elif array.dtype.names:
+                self._records(file, sample, log_ns, name, array)
+            else:
+                self._image(file, sample, log_ns, name, array)
+
+    def _raw(self, file: McapFile, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
+        receivers, chirps, samples = raw.shape
+        sweep = self._description.sweep
+        topic = self._topic(
+            file,
+            "raw",
+            "hil_msgs/RadarFrame",
+            strings={"header.frame_id": self._description.frame_id},
+            values={"receivers": receivers, "chirps": chirps, "samples": samples}
+            | ({} if sweep is None else vars(sweep)),
+            blob=2,
+        )
+        pose = {"position": sample.p_WR, "orientation": _xyzw(sample.q_WR)}
+        topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
+
     def _cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
-        names = _POINT.names or ()
+        self._records(file, sample, log_ns, "", cloud_records(sample))
+
+    def _records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
         strings = {"header.frame_id": self._description.frame_id}
-        fields: dict[str, Any] = {}
-        for i, name in enumerate(names):
-            kind, offset = _POINT.fields[name][:2]  # type: ignore[index]
-            strings[f"fields[{i}].name"] = name
-            fields |= {
-                f"fields[{i}].offset": offset,
-                f"fields[{i}].datatype": _DATATYPES[kind.str],
+        values: dict[str, Any] = {}
+        fields = cloud_fields(records.dtype)
+        for i, field in enumerate(fields):
+            strings[f"fields[{i}].name"] = field.name
+            values |= {
+                f"fields[{i}].offset": field.offset,
+                f"fields[{i}].datatype": field.datatype,
                 f"fields[{i}].count": 1,
             }
         topic = self._topic(
             file,
-            "",
+            name,
             "sensor_msgs/PointCloud2",
             strings=strings,
-            lengths={"fields": len(names)},
-            values=fields | {"height": 1, "point_step": _POINT.itemsize, "is_dense": True},
-            blob=True,
+            lengths={"fields": len(fields)},
+            values=values | {"height": 1, "point_step": records.dtype.itemsize, "is_dense": True},
+            blob=1,
         )
-        points = cloud_records(sample)
-        topic.add(sample, log_ns, {"width": len(points), "row_step": points.nbytes}, points.tobytes())
+        topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
 
 
 def cloud_records(sample: PointCloudSample) -> NDArray[Any]:

@@ -76,6 +76,12 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nint64 integration_ns\nfloat64[2] flow_rad\nfloat64[3] gyro_rad\n"
         "float64 distance_m\nuint8 quality"
     ),
+    "hil_msgs/RadarFrame": (
+        "std_msgs/Header header\n"
+        "float64 center_frequency_hz\nfloat64 bandwidth_hz\nfloat64 sample_rate_hz\nfloat64 repetition_s\n"
+        "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
+        "uint32 receivers\nuint32 chirps\nuint32 samples\nuint16[] data"
+    ),
     "hil_msgs/RotorSpeeds": "std_msgs/Header header\nfloat64[] speed_radps",
     "hil_msgs/Contact": "std_msgs/Header header\nbool in_contact",
     "hil_msgs/ActuatorControls": "std_msgs/Header header\nfloat64[] controls\nbool armed\nuint8 mode",
