@@ -34,6 +34,7 @@ from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.calibration_export import write_calibration
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
+from hil.config.radar_checks import radars, view_of
 from hil.frame_stages import (
     description,
     draws_elsewhere,
@@ -42,7 +43,7 @@ from hil.frame_stages import (
     output_ports,
     recorded_ports,
     sensor_stages,
-    wanted_channels,
+    wanted_parts,
 )
 from hil.manual_flight import make_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
@@ -56,10 +57,11 @@ from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sens
 from hil.signals.classes import Classes
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState
-from hil.signals.time import NS_PER_S, RateAccumulator
+from hil.signals.time import NS_PER_S, RateAccumulator, is_due
 from hil.stages import Port, Skipped, StagePlan, StageSpec, plan_stages
 from hil.summary import FREE_RUNNING, summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
+from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, SharedFrames
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
@@ -67,6 +69,7 @@ from sim.scene.geodesy import LocalFrame
 from sim.scene.wind import GustEvent
 from sim.sensors.catalog import KINDS, make_sensor
 from sim.sensors.faults import FaultySensor
+from sim.sensors.radar import Radar
 
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
@@ -182,7 +185,9 @@ class _Run:
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
         self.drawn_elsewhere = False  # pictures by a driver that draws other ones on another machine
-        self.frames: FrameSource | None = None  # what cameras and LiDARs look at; None: the bench has none
+        self.frames: FrameSource | None = None  # what cameras, LiDARs and radars look at; None: the bench has none
+        self.shared: dict[str, SharedPicture] = {}  # by camera: its pictures, where radars read them
+        self.radars: dict[str, Radar] = {}
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
         self.actions: ActionSource | None = None
@@ -247,6 +252,7 @@ class _Run:
             or self.drawn_elsewhere,
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
+            radars=self.radars,
             timing_s=self.timing_s,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
             actions=self.actions.records if self.actions is not None else (),
@@ -319,7 +325,12 @@ class _Run:
         if needs_frames(config, plan):
             self.frames = make_frames(self.bench)
             stack.callback(self.frames.close)
-        self.slots = [self._slot(name, s, plan) for name, s in config.sensors.items() if is_wanted(name, s, plan)]
+        wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
+        read = {p.frame for p in radars(wanted).values() if p.frame is not None}
+        self.shared = {name: view_of(config.sensors[name]) for name in sorted(read)}
+        # Cameras before the radars that read them; the order within a tick changes nothing else.
+        last = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
+        self.slots = [self._slot(name, wanted[name], plan) for name in last]
         commands: list[CommandSource] = []
         if self.bench.mission is not None:
             self.station = GroundStation(
@@ -451,10 +462,8 @@ class _Run:
 
     def _slot(self, name: str, sensor: SensorConfig, plan: StagePlan) -> SensorSlot:
         config = self.config
-        overrides = sensor.parameters.model_dump()
-        channels = wanted_channels(name, sensor, plan)
-        if channels is not None:
-            overrides |= {"channels": channels}
+        rates = {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": config.tick_hz * 1000}
+        overrides = sensor.parameters.model_dump() | wanted_parts(name, sensor, plan)
         simulated = make_sensor(
             name,
             kind=sensor.kind,
@@ -464,7 +473,11 @@ class _Run:
             step_ns=config.tick_ns,
             overrides=overrides,
             frames=self.frames,
+            shared=self.shared.get(getattr(sensor.parameters, "frame", None) or name),
         )
+        if isinstance(simulated, Radar):
+            self.radars[name] = simulated
+            simulated.view.add_reader(simulated.channels, partial(is_due, **rates))
         assert self.recorder is not None
         if self.frames is not None and KINDS[sensor.kind].needs_frames:
             self.recorder.describe(name, description(name, simulated))
@@ -473,9 +486,7 @@ class _Run:
         made: Sensor = simulated
         if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
             made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
-        event_mhz = round(sensor.rate_hz * 1000)
-        rate = RateAccumulator(event_mhz=event_mhz, tick_mhz=config.tick_hz * 1000)
-        return SensorSlot(made, rate, after_send=KINDS[sensor.kind].needs_frames)
+        return SensorSlot(made, RateAccumulator(**rates), after_send=KINDS[sensor.kind].needs_frames)
 
     def _inject(self, what: Injected) -> None:
         """A gust or fault that a script lets begin now."""
@@ -586,6 +597,7 @@ class _Run:
             timing=timing,
             frames=self.recorder.album.middle(),
             classes=self.frames.classes if self.frames is not None else Classes(),
+            chirps={name: radar.chirp for name, radar in self.radars.items()},
         )
 
 

@@ -1,7 +1,7 @@
-"""Cameras and LiDARs in the wiring of a bench: one stage per channel, so that what nobody reads is not drawn.
+"""Cameras, LiDARs and radars in the wiring of a bench: one stage per channel, so that what nobody reads is not made.
 
 A camera `front` with the channels rgb and depth is the stages `front/rgb` and `front/depth`; its samples hold the
-channels that the plan kept. A LiDAR is one stage.
+channels that the plan kept. So it is with the outputs of a radar: `radar/raw`, `radar/points`. A LiDAR is one stage.
 """
 
 from __future__ import annotations
@@ -9,22 +9,23 @@ from __future__ import annotations
 from typing import Any
 
 from hil.config import BenchConfig, SensorConfig
-from hil.recorder.frame_description import FrameDescription, Projection
-from hil.signals.samples import ImageSample, Quat, TruthState, Vec3
+from hil.recorder.frame_description import FrameDescription, Projection, Sweep
+from hil.signals.samples import Quat, TruthState, Vec3
 from hil.stages import Port, StagePlan, StageSpec
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.camera_model import CameraModel
+from sim.radar.chirp import Chirp
 from sim.sensors.catalog import KINDS
 
 _TRUTH = Port("truth", TruthState)
 
 
 def output_ports(name: str, sensor: SensorConfig) -> tuple[Port, ...]:
-    """What a sensor can deliver: a port per channel of a camera, one of any other sensor."""
-    kind = KINDS[sensor.kind].sample_type
-    if kind is ImageSample:
-        return tuple(Port(f"{name}/{channel}", ImageSample) for channel in sensor.parameters.channels)
-    return (Port(name, kind),)
+    """What a sensor can deliver: a port per channel of a camera or output of a radar, one of any other sensor."""
+    kind = KINDS[sensor.kind]
+    if kind.parts is None:
+        return (Port(name, kind.sample_type),)
+    return tuple(Port(f"{name}/{part}", kind.sample_type) for part in getattr(sensor.parameters, kind.parts))
 
 
 def sensor_stages(config: BenchConfig) -> list[StageSpec]:
@@ -48,12 +49,13 @@ def recorded_ports(config: BenchConfig) -> tuple[Port, ...]:
     )
 
 
-def wanted_channels(name: str, sensor: SensorConfig, plan: StagePlan) -> tuple[str, ...] | None:
-    """The channels of a camera that the plan kept, in the order of the bench file; None for any other sensor."""
-    ports = output_ports(name, sensor)
-    if ports[0].type is not ImageSample:
-        return None
-    return tuple(port.name.removeprefix(f"{name}/") for port in ports if port.name in plan.order)
+def wanted_parts(name: str, sensor: SensorConfig, plan: StagePlan) -> dict[str, tuple[str, ...]]:
+    """Of a sensor whose samples have parts: its parameter that lists them, with those that the plan kept, in order."""
+    parts = KINDS[sensor.kind].parts
+    if parts is None:
+        return {}
+    kept = [port.name for port in output_ports(name, sensor) if port.name in plan.order]
+    return {parts: tuple(port.removeprefix(f"{name}/") for port in kept)}
 
 
 def is_wanted(name: str, sensor: SensorConfig, plan: StagePlan) -> bool:
@@ -73,19 +75,23 @@ def draws_elsewhere(config: BenchConfig, plan: StagePlan) -> bool:
     """Whether a camera's colour comes from a renderer whose pictures differ between machines."""
     return any(
         getattr(sensor.parameters, "colour", "native") != "native"
-        and "rgb" in (wanted_channels(name, sensor, plan) or ())
+        and "rgb" in wanted_parts(name, sensor, plan).get("channels", ())
         for name, sensor in config.sensors.items()
     )
 
 
 def description(name: str, sensor: Any) -> FrameDescription:
-    """What the recording says about a camera or LiDAR. `sensor` tells by its `mount` and, a camera, its `model`."""
+    """What the recording says about a camera, LiDAR or radar. `sensor` tells by its `mount`, `model`, `chirp`."""
     camera = getattr(sensor, "model", None)
     mount = getattr(sensor, "mount", None)
     p_BC: Vec3 = getattr(mount, "p_BC", (0.0, 0.0, 0.0))
     q_BC: Quat = getattr(mount, "q_BC", (1.0, 0.0, 0.0, 0.0))
+    chirp = getattr(sensor, "chirp", None)
+    if isinstance(chirp, Chirp):
+        sweep = Sweep(chirp.center_frequency_hz, chirp.bandwidth_hz, chirp.sample_rate_hz, chirp.repetition_s)
+        return FrameDescription(name, p_BC, q_BC, sweep=sweep)
     if not isinstance(camera, CameraModel):
-        return FrameDescription(name, p_BC, q_BC, None)
+        return FrameDescription(name, p_BC, q_BC)
     projection = Projection(
         camera.width,
         camera.height,

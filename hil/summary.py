@@ -10,12 +10,14 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.free_running import FreeRunningLink
 from hil.config import Bench, BenchConfig
+from hil.radar_summary import radar_counts, radar_rows
 from hil.scheduler import PHASES, Scheduler, SensorSlot
 from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.stages import Skipped
 from hil.verdict import Verdict
 from sim.physics.quadrotor import QuadrotorPhysics
+from sim.sensors.radar import Radar
 
 # The links to autopilots that wait for nobody, which keep statistics of punctuality.
 FREE_RUNNING = (FreeRunningLink, ExternalAhrsLink)
@@ -36,6 +38,7 @@ def summarise(
     outside_input: bool,
     left_out: Sequence[Skipped],
     posings: tuple[int, int] = (0, 0),
+    radars: Mapping[str, Radar] | None = None,
     timing_s: Mapping[str, float],
     fault_hits: Mapping[int, int] | None = None,
     actions: Sequence[Record] = (),
@@ -75,6 +78,7 @@ def summarise(
                 "saved": f"{unposed} of {brought + unposed} posings",
             }
         )
+    skipped += radar_rows(radars or {})
     sampled = {slot.port: slot for slot in slots}
     return {
         "schema": 1,
@@ -136,6 +140,7 @@ def summarise(
                     "p50": sampled[name].timing.quantile_ns(0.5) * 1e-6 if name in sampled else 0.0,
                     "p99": sampled[name].timing.quantile_ns(0.99) * 1e-6 if name in sampled else 0.0,
                 },
+                **({"radar": radar_counts(radars[name])} if radars and name in radars else {}),
             }
             for name in config.sensors
         },

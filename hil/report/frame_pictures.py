@@ -107,15 +107,15 @@ def draw_channel(panel: Panel, channel: str, picture: NDArray[Any], classes: Cla
     panel.axes.set_title(TITLES[channel], fontsize=9.5, loc="left")
     unit = CHANNEL_UNITS[channel][0]
     if channel in _DISTANCES:
-        _bar(panel, _far(picture), _DISTANCE_MAP, f"[{unit}]", "max")
+        colour_bar(panel, _far(picture), _DISTANCE_MAP, f"[{unit}]", "max")
     elif channel == "radial_velocity":
-        _bar(panel, _fast(picture), _SPEED_MAP, f"[{unit}], + goes away", "both")
+        colour_bar(panel, _fast(picture), _SPEED_MAP, f"[{unit}], + goes away", "both")
     elif channel == "segmentation":
         _names(panel, picture, classes)
     elif channel == "normal":
-        _note(panel, "red: to the right\ngreen: up\nblue: to the\ncamera")
+        note(panel, "red: to the right\ngreen: up\nblue: to the\ncamera")
     elif channel in ("instance", "geom", "material"):
-        _note(panel, f"{len(np.unique(picture))} different")
+        note(panel, f"{len(np.unique(picture))} different")
 
 
 def camera_figure(title: str, sample: ImageSample, classes: Classes = _NO_CLASSES) -> Figure:
@@ -127,7 +127,7 @@ def camera_figure(title: str, sample: ImageSample, classes: Classes = _NO_CLASSE
 def channels_figure(title: str, channels: Mapping[str, NDArray[Any]], classes: Classes = _NO_CLASSES) -> Figure:
     """Channels side by side, three in a row."""
     first = next(iter(channels.values()))
-    figure, panels = _panels(title, len(channels), first.shape[0] / first.shape[1])
+    figure, panels = make_panels(title, len(channels), first.shape[0] / first.shape[1])
     for panel, (name, picture) in zip(panels, channels.items(), strict=True):
         draw_channel(panel, name, picture, classes)
     return figure
@@ -143,7 +143,7 @@ def sheet_figure(
     names = [name for name in TITLES if name in channels]
     shape = channels[names[0]].shape
     clouds = [cloud] if cloud is not None else []
-    figure, panels = _panels(title, len(names) + len(views) - 1 + len(clouds), shape[0] / shape[1])
+    figure, panels = make_panels(title, len(names) + len(views) - 1 + len(clouds), shape[0] / shape[1])
     rest = iter(panels)
     for name in names:
         draw_channel(next(rest), name, channels[name], classes)
@@ -163,7 +163,7 @@ def sheet_figure(
 
 def cloud_figure(title: str, sample: PointCloudSample, classes: Classes = _NO_CLASSES) -> Figure:
     """One sweep from above, by height and by class."""
-    figure, panels = _panels(title, 2, 1.0, columns=2, space_in=0.6)
+    figure, panels = make_panels(title, 2, 1.0, columns=2, space_in=0.6)
     draw_cloud(panels[0], sample)
     draw_cloud(panels[1], sample, classes, by_class=True)
     return figure
@@ -183,7 +183,7 @@ def draw_cloud(
         low, high = np.percentile(z, [2.0, 98.0])
         norm = Normalize(low, max(high, low + 0.1))
         axes.scatter(-y, x, s=1.2, c=z, cmap=_HEIGHT_MAP, norm=norm, linewidths=0)
-        _bar(panel, norm, _HEIGHT_MAP, "height over the LiDAR [m]", "both")
+        colour_bar(panel, norm, _HEIGHT_MAP, "height over the LiDAR [m]", "both")
     axes.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
     far = float(np.percentile(sample.range_m, 99.0)) * 1.05 if len(points) else 1.0
     far = min(max(far, 1.0), _LARGEST_CLOUD_M)
@@ -192,12 +192,17 @@ def draw_cloud(
     axes.set_title(f"from above, {len(points)} returns", fontsize=9.5, loc="left")
 
 
-def frame_figure(name: str, sample: FrameSample, classes: Classes = _NO_CLASSES) -> Figure:
-    """Whatever a frame sensor measured."""
-    title = f"{name}, {sample.t_capture_ns * 1e-9:.2f} s"
+def frame_figure(name: str, sample: ImageSample | PointCloudSample, classes: Classes = _NO_CLASSES) -> Figure:
+    """Whatever a camera or LiDAR measured."""
+    title = frame_title(name, sample)
     if isinstance(sample, ImageSample):
         return camera_figure(title, sample, classes)
     return cloud_figure(title, sample, classes)
+
+
+def frame_title(name: str, sample: FrameSample) -> str:
+    """Of a figure: which sensor, and when."""
+    return f"{name}, {sample.t_capture_ns * 1e-9:.2f} s"
 
 
 def _far(picture: NDArray[Any]) -> Normalize:
@@ -212,10 +217,10 @@ def _fast(picture: NDArray[Any]) -> Normalize:
     return Normalize(-most, most)
 
 
-def _panels(
-    title: str, count: int, ratio: float, *, columns: int = 3, space_in: float = 0.34
+def make_panels(
+    title: str, count: int, ratio: float, *, columns: int = 3, space_in: float = 0.34, left_in: float = _MARGIN_IN
 ) -> tuple[Figure, list[Panel]]:
-    """A figure of `count` panels for pictures of this height to width."""
+    """A figure of `count` panels for pictures of this height to width; `left_in`: for the numbers beside an axis."""
     columns = min(columns, count)
     ratio = min(max(ratio, _FLATTEST), _TALLEST)
     rows = math.ceil(count / columns)
@@ -228,10 +233,10 @@ def _panels(
     panels = []
     for place in range(count):
         row, column = divmod(place, columns)
-        left = (column * cell_in + _MARGIN_IN) / _WIDTH_IN
+        left = (column * cell_in + left_in) / _WIDTH_IN
         bottom = 1.0 - (_HEAD_IN + (row + 1) * row_in - 0.12) / height_in
         size = (picture_in / _WIDTH_IN, picture_in * ratio / height_in)
-        aside_in = cell_in - picture_in - 2.0 * _MARGIN_IN
+        aside_in = cell_in - picture_in - _MARGIN_IN - left_in
         axes = figure.add_axes((left, bottom, *size))
         aside = figure.add_axes((left + size[0] + 0.06 / _WIDTH_IN, bottom, aside_in / _WIDTH_IN, size[1]))
         aside.set_axis_off()
@@ -245,7 +250,8 @@ def _show(axes: Axes, rgb: Rgb) -> None:
     axes.grid(visible=False)
 
 
-def _bar(panel: Panel, norm: Normalize, name: str, label: str, extend: str) -> None:
+def colour_bar(panel: Panel, norm: Normalize, name: str, label: str, extend: str) -> None:
+    """Beside a picture: what its colours mean."""
     figure: Any = panel.axes.figure
     place = panel.aside.inset_axes((0.0, 0.02, 0.11, 0.96))
     bar = figure.colorbar(ScalarMappable(norm, name), cax=place, extend=extend)
@@ -273,5 +279,6 @@ def _names(panel: Panel, ids: NDArray[Any], classes: Classes) -> None:
     )
 
 
-def _note(panel: Panel, text: str) -> None:
+def note(panel: Panel, text: str) -> None:
+    """Beside a picture: a few words."""
     panel.aside.text(0.0, 1.0, text, va="top", ha="left", fontsize=7.5, color="#5b636e")

@@ -13,8 +13,9 @@ from hil.recorder.recorder import Event
 from hil.recorder.track import TrackArrays
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
-from hil.signals.samples import FrameSample, Vec3
+from hil.signals.samples import FrameSample, RadarSample, Vec3
 from hil.signals.time import NS_PER_S
+from sim.radar.chirp import Chirp
 
 PAGE_NAME = "report.html"
 FLIGHT_NAME = "flight.png"
@@ -43,10 +44,11 @@ def write_report(
     title: str = "",
     frames: Mapping[str, FrameSample] | None = None,
     classes: Classes = Classes(),  # noqa: B008 (immutable)
+    chirps: Mapping[str, Chirp] | None = None,
 ) -> Path:
     """Write `report.html`, `flight.png`, `motion.png` and `timing.png` into `out_dir`; returns the page's path.
 
-    `frames`: one of each camera and LiDAR, which become `frame_NAME.png`.
+    `frames`: one of each camera, LiDAR and radar, which become `frame_NAME.png`; `chirps`: of each radar.
 
     `run` is what run.json holds, `plan` the waypoints in the world frame [m] in flying order. Works for runs that
     ended before they began (no rows in `track`). Raises RecordingError where a file cannot be written.
@@ -55,7 +57,7 @@ def write_report(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out_dir, run, track, plan, timing, title)
-        pictures += _draw_frames(out_dir, frames or {}, classes)
+        pictures += _draw_frames(out_dir, frames or {}, classes, chirps or {})
         page = out_dir / PAGE_NAME
         page.write_text(_page(run, events, pictures, title), encoding="utf-8")
     except OSError as error:
@@ -93,16 +95,23 @@ def _draw(
     return pictures
 
 
-def _draw_frames(out_dir: Path, frames: Mapping[str, FrameSample], classes: Classes) -> list[tuple[str, Path]]:
+def _draw_frames(
+    out_dir: Path, frames: Mapping[str, FrameSample], classes: Classes, chirps: Mapping[str, Chirp]
+) -> list[tuple[str, Path]]:
     if not frames:
         return []
-    from hil.report import figures, frame_pictures
+    from hil.report import figures, frame_pictures, radar_pictures
 
     pictures = []
     with figures.style():
         for name, sample in frames.items():
             path = out_dir / f"frame_{name}.png"
-            figures.save(frame_pictures.frame_figure(name, sample, classes), path)
+            if isinstance(sample, RadarSample):
+                title = frame_pictures.frame_title(name, sample)
+                figure = radar_pictures.radar_figure(title, sample.channels, chirps[name])
+            else:
+                figure = frame_pictures.frame_figure(name, sample, classes)
+            figures.save(figure, path)
             pictures.append((f"What {name} saw in mid-flight", path))
     return pictures
 

@@ -1,0 +1,129 @@
+"""Pictures of what a radar measured: its range-Doppler map in decibels, its points and tracks from above.
+
+matplotlib is slow to import: import this module at the end of a run, not at its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hil.report.frame_pictures import Panel, colour_bar, make_panels, note
+from sim.radar.chirp import Chirp
+
+POWER_MAP = "inferno"
+_SPEED_MAP = "RdBu_r"
+_DEEPEST_DB = 70.0  # below the peak
+_FLOOR_PERCENTILE = 20.0
+_QUIETEST = 1e-12  # counts squared
+_RATIO = 0.8
+_AXIS_IN = 0.55
+
+Power = NDArray[np.floating[Any]]
+
+
+def radar_figure(title: str, channels: Mapping[str, NDArray[Any]], chirp: Chirp) -> Figure:
+    """Whatever of a frame there is; a frame that holds raw data alone is shown as its range-Doppler map."""
+    power = channels.get("range_doppler")
+    if power is None and "raw" in channels:
+        power = plain_map(channels["raw"])
+    from_above = "points" in channels or "tracks" in channels
+    count = (power is not None) + from_above
+    figure, panels = make_panels(title, count, _RATIO, columns=2, space_in=0.6, left_in=_AXIS_IN)
+    if power is not None:
+        draw_map(panels[0], power, chirp)
+    if from_above:
+        draw_from_above(panels[-1], channels.get("points"), channels.get("tracks"), chirp)
+    return figure
+
+
+def plain_map(raw: NDArray[Any]) -> Power:
+    """(chirps, samples / 2): power with Hann windows and every chirp's mean taken off, for the eye alone."""
+    _, chirps, samples = raw.shape
+    signal = raw - raw.mean(axis=2, keepdims=True)
+    fast = np.fft.rfft(signal * np.hanning(samples), axis=2)[:, :, : samples // 2]
+    slow = np.fft.fftshift(np.fft.fft(fast * np.hanning(chirps)[:, None], axis=1), axes=1)
+    return np.asarray(np.mean(np.abs(slow) ** 2, axis=0))
+
+
+def decibels(power: Power) -> Power:
+    """10 log10, of next to nothing at least."""
+    return np.asarray(10.0 * np.log10(np.maximum(power, _QUIETEST)))
+
+
+def colours_of(level_db: Power) -> Normalize:
+    """From the noise to the peak."""
+    finite = level_db[np.isfinite(level_db)]
+    if not finite.size:
+        return Normalize(0.0, 1.0)
+    peak = float(finite.max())
+    floor = max(float(np.percentile(finite, _FLOOR_PERCENTILE)), peak - _DEEPEST_DB)
+    return Normalize(min(floor, peak - 1.0), peak)
+
+
+def draw_map(panel: Panel, power: Power, chirp: Chirp, name: str = "range-Doppler") -> None:
+    """A map: range to the right, speed upwards, approaching below."""
+    level = decibels(power)
+    norm = colours_of(level)
+    show_levels(panel.axes, level, norm, range_extent(chirp), speed_extent(chirp))
+    panel.axes.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
+    panel.axes.set_title(name, fontsize=9.5, loc="left")
+    colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
+
+
+def range_extent(chirp: Chirp) -> tuple[float, float]:
+    """Edges of the range bins [m]: bin i is about i times the resolution."""
+    step = chirp.range_resolution_m
+    return -0.5 * step, chirp.max_range_m - 0.5 * step
+
+
+def speed_extent(chirp: Chirp) -> tuple[float, float]:
+    """Edges of the speed bins [m/s]; rest is bin M / 2."""
+    step, rest = chirp.speed_resolution_mps, chirp.chirps // 2
+    return (-rest - 0.5) * step, (chirp.chirps - rest - 0.5) * step
+
+
+def show_levels(
+    axes: Axes, level_db: Power, norm: Normalize, across: tuple[float, float], upward: tuple[float, float]
+) -> None:
+    """Rows from below."""
+    axes.imshow(
+        level_db, origin="lower", aspect="auto", interpolation="nearest", extent=(*across, *upward), cmap=POWER_MAP,
+        norm=norm,
+    )  # fmt: skip
+    axes.grid(visible=False)
+    axes.tick_params(labelsize=7.5)
+
+
+def draw_from_above(panel: Panel, points: NDArray[Any] | None, tracks: NDArray[Any] | None, chirp: Chirp) -> None:
+    """Points by their speed, tracks with theirs as arrows; forward is up."""
+    axes = panel.axes
+    norm = Normalize(-chirp.max_speed_mps, chirp.max_speed_mps)
+    found = []
+    if points is not None:
+        x, y = points["x_R"], points["y_R"]
+        axes.scatter(-y, x, s=16.0, c=points["speed_mps"], cmap=_SPEED_MAP, norm=norm, linewidths=0.4, edgecolors="0.3")
+        colour_bar(panel, norm, _SPEED_MAP, "radial speed [m/s], + goes away", "neither")
+        found.append(f"{len(points)} points")
+    if tracks is not None:
+        for track in tracks:
+            (x, y), (vx, vy) = track["p_R"][:2], track["v_R"][:2]
+            axes.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
+            axes.annotate(
+                f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73",
+                arrowprops={"arrowstyle": "<-", "color": "#009e73"},
+            )  # fmt: skip
+        found.append(f"{len(tracks)} tracks")
+        if points is None:
+            note(panel, "arrows: the way\nof one second")
+    far = chirp.max_range_m
+    axes.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    axes.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
+    axes.tick_params(labelsize=7.5)
+    axes.set_title("from above, " + " and ".join(found), fontsize=9.5, loc="left")
