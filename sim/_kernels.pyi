@@ -461,6 +461,9 @@ class RadarPeaks:
         first_column: int,
         range_ratio: Sequence[float],
         speed_ratio: Sequence[float],
+        range_lobes: Sequence[float],
+        speed_lobes: Sequence[float],
+        nulls: tuple[int, int],
     ) -> None: ...
     def find(self, map: RadarMap, power: NDArray[np.float32], out: NDArray[np.float32]) -> int: ...
 

@@ -140,13 +140,17 @@ void bind_radar_processing(nb::module_ &m) {
     nb::class_<PeakFinder>(m, "RadarPeaks")
         .def(nb::new_([](const Cfar &cfar, std::vector<std::array<double, 3>> positions_m, double wavelength_m,
                          double range_step_m, double speed_step_mps, double coupling_s, int first_column,
-                         std::vector<double> range_ratio, std::vector<double> speed_ratio) {
+                         std::vector<double> range_ratio, std::vector<double> speed_ratio,
+                         std::vector<double> range_lobes, std::vector<double> speed_lobes,
+                         std::pair<int, int> nulls) {
                  return new PeakFinder({range_step_m, speed_step_mps, coupling_s, first_column, std::move(range_ratio),
-                                        std::move(speed_ratio)},
+                                        std::move(speed_ratio), std::move(range_lobes), std::move(speed_lobes),
+                                        nulls.first, nulls.second},
                                        cfar, Direction(positions_m, wavelength_m));
              }),
              "cfar"_a, nb::kw_only(), "positions_m"_a, "wavelength_m"_a, "range_step_m"_a, "speed_step_mps"_a,
-             "coupling_s"_a, "first_column"_a, "range_ratio"_a, "speed_ratio"_a)
+             "coupling_s"_a, "first_column"_a, "range_ratio"_a, "speed_ratio"_a, "range_lobes"_a,
+             "speed_lobes"_a, "nulls"_a)
         .def(
             "find",
             [](PeakFinder &peaks, const ProcessingMap &map, ConstPower power, Points out) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <stdexcept>
 
 #include "detmath.hpp"
@@ -11,6 +12,7 @@ namespace hil::sim::radar {
 namespace {
 
 constexpr double kDecibelsPerNeper = 4.34294481903251827651;  // 10 / ln 10
+constexpr double kLobeMargin = 4.0;  // a peak between cells loses up to 3 dB and its lobes do not; lobes of two may add
 constexpr double kMostDecibels = 200.0;                       // of a peak in a map without noise
 
 double ratio_of(double before, double here, double after) {
@@ -38,6 +40,9 @@ PeakFinder::PeakFinder(PeakSettings settings, Cfar cfar, Direction direction)
         throw std::invalid_argument("tables between bins need two values or more");
     }
     peaks_.reserve((std::size_t)cfar_.rows() * cfar_.columns() / 2);
+    if ((int)settings_.range_lobes.size() < cfar_.columns() || (int)settings_.speed_lobes.size() <= cfar_.rows() / 2) {
+        throw std::invalid_argument("tables of side lobes must reach through the map");
+    }
     re_.resize(direction_.receivers());
     im_.resize(direction_.receivers());
 }
@@ -59,6 +64,14 @@ bool PeakFinder::is_peak(const float *power, int row, int column) const {
     return true;
 }
 
+bool PeakFinder::is_lobe(const Peak &peak, const Peak &stronger) const {
+    const int columns = std::abs(peak.column - stronger.column);
+    int rows = std::abs(peak.row - stronger.row);
+    rows = std::min(rows, cfar_.rows() - rows);
+    if (rows <= settings_.speed_null && columns <= settings_.range_null) return false;
+    return peak.power < kLobeMargin * stronger.power * settings_.speed_lobes[rows] * settings_.range_lobes[columns];
+}
+
 int PeakFinder::find(const ProcessingMap &map, const float *power, RadarPoint *out, int room) {
     const MapShape &shape = map.shape();
     const int rows = shape.rows, columns = shape.columns;
@@ -76,7 +89,14 @@ int PeakFinder::find(const ProcessingMap &map, const float *power, RadarPoint *o
         }
     }
     std::stable_sort(peaks_.begin(), peaks_.end(), [](const Peak &a, const Peak &b) { return a.power > b.power; });
-    const int count = std::min(room, (int)peaks_.size());
+    std::size_t kept = 0;
+    for (const Peak &peak : peaks_) {
+        bool lobe = false;
+        for (std::size_t i = 0; i < kept && !lobe; ++i) lobe = is_lobe(peak, peaks_[i]);
+        if (!lobe) peaks_[kept++] = peak;
+        if ((int)kept == room) break;
+    }
+    const int count = (int)kept;
     const double whole_speed = settings_.speed_step_mps * rows;
     for (int i = 0; i < count; ++i) {
         const Peak &peak = peaks_[i];

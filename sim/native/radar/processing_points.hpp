@@ -9,6 +9,9 @@
 // shifts its beat by its Doppler frequency at the middle of the sweep, so with the slope S
 //
 //     R = range_step (k + d_range) - v f_c / S.
+//
+// A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in Doppler
+// are the two windows', so those of a peak form a cross about it.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +35,10 @@ struct PeakSettings {
     int first_column = 1;                 // nearest peak that is reported
     // The ratio above at d = 0 ... 0.5 in equal steps, for each dimension.
     std::vector<double> range_ratio, speed_ratio;
+    // Power, relative to the peak, that the window may leave that many cells away or farther, and where the first side
+    // lobe begins.
+    std::vector<double> range_lobes, speed_lobes;
+    int range_null = 1, speed_null = 1;
 };
 
 class PeakFinder {
@@ -48,6 +55,7 @@ class PeakFinder {
         double noise;
     };
     bool is_peak(const float *power, int row, int column) const;
+    bool is_lobe(const Peak &peak, const Peak &stronger) const;
 
     PeakSettings settings_;
     Cfar cfar_;

@@ -13,10 +13,16 @@ constexpr double kNepersPerDecibel = 0.230258509299404568402;  // ln 10 / 10
 constexpr double kFirstRateSigma = 0.3;                        // of a direction sine, 1/s
 constexpr double kNearestSine = 0.05;                          // of d_x, in deviations of angles
 
+// A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the speed
+// that a track is expected to have count a quarter of what they would.
+constexpr double kTrunkMps = 0.6;
 // Of the points within this of the median speed the mean is taken: a median alone jumps from point to point.
-constexpr double kRidgeMps = 0.35;
+constexpr double kRidgeMps = 0.25;
 
+// Amplitude over noise: of a body that is spread out, its strongest point must not stand for all of it in range.
 double weight_of(const RadarPoint &point) { return det::exp(0.5 * kNepersPerDecibel * point.snr_db); }
+// Power over noise: in speed it must.
+double power_of(const RadarPoint &point) { return det::exp(kNepersPerDecibel * point.snr_db); }
 
 double sine_y(const RadarPoint &point) { return det::cos(point.elevation_rad) * det::sin(point.azimuth_rad); }
 double sine_z(const RadarPoint &point) { return det::sin(point.elevation_rad); }
@@ -120,7 +126,7 @@ void Tracker::assign() {
 
 void Tracker::update(Track &track, int index, const RadarPoint *points, int count) {
     speeds_.clear();
-    double total = 0.0, range = 0.0, y = 0.0, z = 0.0;
+    double total = 0.0, power = 0.0, range = 0.0, y = 0.0, z = 0.0;
     for (int i = 0; i < count; ++i) {
         if (clusters_[member_[i]].track != index) continue;
         const double dv = fold(points[i].speed_mps - track.range.rate);
@@ -130,7 +136,10 @@ void Tracker::update(Track &track, int index, const RadarPoint *points, int coun
         range += w * points[i].range_m;
         y += w * sine_y(points[i]);
         z += w * sine_z(points[i]);
-        speeds_.push_back({dv, w});
+        const double near = 1.0 / (1.0 + dv * dv / (kTrunkMps * kTrunkMps));
+        const double p = power_of(points[i]) * near * near;
+        power += p;
+        speeds_.push_back({dv, p});
     }
     if (speeds_.empty()) return;
     std::stable_sort(speeds_.begin(), speeds_.end(), [](const Weighed &a, const Weighed &b) { return a.speed < b.speed; });
@@ -138,7 +147,7 @@ void Tracker::update(Track &track, int index, const RadarPoint *points, int coun
     for (const Weighed &s : speeds_) {
         median = s.speed;
         below += s.weight;
-        if (below >= 0.5 * total) break;
+        if (below >= 0.5 * power) break;
     }
     double ridge = 0.0, ridge_weight = 0.0;
     for (const Weighed &s : speeds_) {

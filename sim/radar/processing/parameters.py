@@ -47,7 +47,7 @@ class TrackerParameters(StrictModel):
     birth_speed_mps: Annotated[float, Field(ge=0.0, le=100.0)] = 0.25
     birth_snr_db: Annotated[float, Field(ge=0.0, le=100.0)] = 12.0
     range_sigma_m: _Positive = 0.12
-    speed_sigma_mps: _Positive = 0.15
+    speed_sigma_mps: _Positive = 0.2
     sine_sigma: _Positive = 0.1
     acceleration_mps2: _Positive = 1.0
     sine_acceleration_ps2: _Positive = 0.5

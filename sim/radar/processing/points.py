@@ -1,4 +1,6 @@
-"""Points of a map: peaks that stand out, between bins, with direction. Equations: sim/native/radar/processing_points.hpp.
+"""Points of a map: peaks that stand out, between bins, with direction.
+
+Equations: sim/native/radar/processing_points.hpp.
 
 `speed_mps` is what the radar sees, modulo 2 v_max; an echo faster than v_max is shifted in range by the coupling of the
 speed that it seems to have, (v - v_seen) f_c / S short.
@@ -16,7 +18,7 @@ from sim.radar.chirp import Chirp
 from sim.radar.processing.cfar import Cfar
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
-from sim.radar.processing.windows import ratio_table
+from sim.radar.processing.windows import ratio_table, side_lobes
 
 POINT_DTYPE = np.dtype(
     [
@@ -44,6 +46,8 @@ class PointFinder:
     ) -> None:
         self._room = processing.max_points
         self._maps = maps
+        range_lobes, range_null = side_lobes(maps.fast_window, 2 * maps.columns, maps.columns)
+        speed_lobes, speed_null = side_lobes(maps.slow_window, maps.rows, maps.rows // 2)
         first = int(processing.min_range_m / maps.range_step_m + 0.999)
         self._native = RadarPeaks(
             Cfar(maps, len(rx_positions_m), processing).native,
@@ -55,6 +59,9 @@ class PointFinder:
             first_column=max(1, first),
             range_ratio=ratio_table(maps.fast_window, 2 * maps.columns),
             speed_ratio=ratio_table(maps.slow_window, maps.rows),
+            range_lobes=range_lobes,
+            speed_lobes=speed_lobes,
+            nulls=(range_null, speed_null),
         )
 
     def find(self, power: NDArray[np.float32]) -> NDArray[np.void]:

@@ -82,6 +82,28 @@ def ratio_table(weights: list[float], padded: int) -> list[float]:
     return table
 
 
+def side_lobes(weights: list[float], padded: int, cells: int) -> tuple[list[float], int]:
+    """Greatest power, relative to the peak, `d - 1/2` cells away or farther for d = 0 ... cells, and the cell in which
+    the first side lobe begins. Beyond the main lobe's edge that lobe no longer counts."""
+    step = 0.25
+    peak = response(weights, 0.0, padded)
+    power = []
+    for i in range(int(padded / 2 / step) + 1):
+        ratio = response(weights, i * step, padded) / peak
+        power.append(ratio * ratio)
+    null = next((i for i in range(1, len(power) - 1) if power[i + 1] > power[i]), len(power) - 1)
+    farther, greatest = [0.0] * len(power), 0.0
+    for i in range(len(power) - 1, -1, -1):
+        greatest = max(greatest, power[i])
+        farther[i] = greatest
+    null_cell = int(null * step + 0.999)
+    table = []
+    for d in range(cells + 1):
+        first = max(0, int((d - 0.5) / step)) if d <= null_cell else max(null, int((d - 0.5) / step))
+        table.append(farther[min(first, len(farther) - 1)])
+    return table, null_cell
+
+
 def correlation(weights: list[float], lag: int, padded: int) -> float:
     """Squared correlation of noise between cells `lag` apart: that of their powers."""
     squares = [w * w for w in weights]
@@ -92,7 +114,8 @@ def correlation(weights: list[float], lag: int, padded: int) -> float:
 def likeness(
     fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, cells: set[tuple[int, int]]
 ) -> float:
-    """How many of the training cells (doppler, range) are one independent cell: the mean sum of squared correlations."""
+    """How many of the training cells (doppler, range) are one independent cell: the mean sum of squared
+    correlations."""
     reach_fast = _CORRELATED * max(1, fast_padded // len(fast))
     reach_slow = _CORRELATED * max(1, slow_padded // len(slow))
     rho_fast = [correlation(fast, lag, fast_padded) for lag in range(reach_fast + 1)]
