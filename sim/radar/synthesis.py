@@ -31,7 +31,11 @@ MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 
 @dataclass(frozen=True)
 class Echoes:
-    """n echoes: C-contiguous float64. Ranges [0, 1e5] m, speeds +-1000 m/s, amplitudes [0, 1e100] (below 1e-100: none)."""
+    """n echoes, C-contiguous float64.
+
+    Ranges in [0, 1e5] m, speeds in +-1000 m/s, directions of unit length (n, 3), amplitudes in [0, 1e100]; below 1e-100
+    an echo counts as none.
+    """
 
     range_m: NDArray[np.float64]
     speed_mps: NDArray[np.float64]

@@ -38,21 +38,35 @@ HIL_INLINE void filtered(const EchoModel &model, const D &f, const D &amplitude,
     }
 }
 
+// from[kStep * at[lane]], put together in registers: eight stores and a load of all would wait for one another.
+template <int kStep>
+HIL_INLINE D picked(const double *from, const std::int32_t *at) {
+    constexpr int kLanes = kRegisterBytes / 8;
+    D v;
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) {
+#pragma GCC unroll 8
+        for (int k = 0; k < kLanes; ++k) v.r[i][k] = from[kStep * (long)at[i * kLanes + k]];
+    }
+    return v;
+}
+
 // Echoes index[0 .. count) into the block; rows from count on, up to a whole pack, weigh nothing. count >= 1.
 HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
                            int first_receiver, EchoBlock &block) {
     const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
     for (int first = 0; first < count; first += D::kCount) {
-        alignas(64) double range[D::kCount], speed[D::kCount], amplitude[D::kCount], way[3][D::kCount];
-        for (int lane = 0; lane < D::kCount; ++lane) {
-            const int at = first + lane;
-            const std::int32_t echo = index[at < count ? at : count - 1];
-            range[lane] = echoes.range_m[echo];
-            speed[lane] = echoes.speed_mps[echo];
-            amplitude[lane] = at < count ? echoes.amplitude[echo] : 0.0;
-            for (int axis = 0; axis < 3; ++axis) way[axis][lane] = echoes.direction_R[3 * (long)echo + axis];
+        alignas(64) std::int32_t echo[D::kCount];
+        for (int lane = 0; lane < D::kCount; ++lane) echo[lane] = index[first + lane < count ? first + lane : count - 1];
+        const D r = picked<1>(echoes.range_m, echo), v = picked<1>(echoes.speed_mps, echo);
+        D amplitude = picked<1>(echoes.amplitude, echo);
+        if (first + D::kCount > count) {
+            alignas(64) double some[D::kCount];
+            store(some, amplitude);
+            for (int lane = count - first; lane < D::kCount; ++lane) some[lane] = 0.0;
+            amplitude = load<D>(some);
         }
-        const D r = load<D>(range), v = load<D>(speed);
+        const D way[3] = {picked<3>(echoes.direction_R, echo), picked<3>(echoes.direction_R + 1, echo),
+                          picked<3>(echoes.direction_R + 2, echo)};
         const Twofold<D> constant = plus(times(lanes_of(model.cycles_per_m), r), (r * r) * model.cycles_per_m2);
         const Twofold<D> alpha = plus(times(lanes_of(model.chirp_per_mps), v), (r * v) * model.chirp_per_mps_m);
         const Twofold<D> beta = plus(times(lanes_of(model.sample_per_m), r),
@@ -65,10 +79,10 @@ HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const
         store(block.beta + first, fraction(beta));
         store(block.speed + first, v);
         D re, im;
-        filtered(model, r * model.beat_hz_per_m, load<D>(amplitude), re, im);
+        filtered(model, r * model.beat_hz_per_m, amplitude, re, im);
         for (int k = 0; k < receivers; ++k) {
             const double *p = model.receiver[first_receiver + k];
-            const D path = load<D>(way[0]) * p[0] + load<D>(way[1]) * p[1] + load<D>(way[2]) * p[2];
+            const D path = way[0] * p[0] + way[1] * p[1] + way[2] * p[2];
             D c, s;
             turn(phase - path, c, s);
             store(block.re[k] + first, re * c - im * s);

@@ -60,6 +60,32 @@ HIL_INLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count
     }
 }
 
+constexpr int kRegisterDoubles = kRegisterBytes / (int)sizeof(double);
+
+// Register by register: GCC 12 takes an array of packs through memory in pieces of other sizes, ten times as slow.
+HIL_INLINE DoubleRegister load_register(const double *from) {
+    DoubleRegister v;
+    __builtin_memcpy(&v, from, sizeof v);
+    return v;
+}
+
+// One echo's part of a register into the width x width cells under its kernel.
+template <int kWidth>
+HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &places, int e, double *corner, long stride) {
+    DoubleRegister across[kWidth];
+#pragma GCC unroll 16
+    for (int b = 0; b < kWidth; ++b) across[b] = weight * places.tap[1][b][e];
+#pragma GCC unroll 1
+    for (int a = 0; a < kWidth; ++a, corner += stride) {
+        const double down = places.tap[0][a][e];
+#pragma GCC unroll 16
+        for (int b = 0; b < kWidth; ++b) {
+            const DoubleRegister sum = load_register(corner + b * kChannel) + across[b] * down;
+            __builtin_memcpy(corner + b * kChannel, &sum, sizeof sum);
+        }
+    }
+}
+
 template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
                   int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int terms,
@@ -83,23 +109,14 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
             }
         }
         for (int e = 0; e < now; ++e) {
-            const D weight = load<D>(places.weight[e]);
             const std::int64_t column = places.start[1][e];
             grid.touched[column] = 1;
             double *corner = grid.cells + places.start[0][e] * grid.stride + column * kChannel;
             for (int j = 0; j < terms; ++j, corner += grid.plane) {
-                const D part = nodes.count > 1 ? weight * places.term[first_term + j][e] : weight;
-                D across[kWidth];
-#pragma GCC unroll 16
-                for (int b = 0; b < kWidth; ++b) across[b] = part * places.tap[1][b][e];
-                double *row = corner;
-#pragma GCC unroll 1
-                for (int a = 0; a < kWidth; ++a, row += grid.stride) {
-                    const double down = places.tap[0][a][e];
-#pragma GCC unroll 16
-                    for (int b = 0; b < kWidth; ++b) {
-                        store(row + b * kChannel, load<D>(row + b * kChannel) + across[b] * down);
-                    }
+                const double term = nodes.count > 1 ? places.term[first_term + j][e] : 1.0;
+                for (int part = 0; part < kParts; ++part) {
+                    add_footprint<kWidth>(load_register(places.weight[e] + part * kRegisterDoubles) * term, places, e,
+                                          corner + part * kRegisterDoubles, grid.stride);
                 }
             }
         }

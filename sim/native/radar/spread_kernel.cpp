@@ -61,7 +61,7 @@ double transform(const SpreadKernel &kernel, int k, int size) {
 SpreadKernel spread_kernel(int width, double oversampling) {
     SpreadKernel kernel{};
     kernel.width = width;
-    const double b = 0.98 * det::kPi * width * (1.0 - 0.5 / oversampling);
+    const double b = (width < 5 ? 0.96 : 0.98) * det::kPi * width * (1.0 - 0.5 / oversampling);
     const int points = width + 1;
     for (int i = 0; i < (width + 1) / 2; ++i) {
         // Interpolation at Chebyshev nodes: sums of T_j, then T_j to powers.

@@ -1,6 +1,6 @@
 // Kernel that puts a frequency between the points of an oversampled grid: w taps, each a polynomial of the offset.
 //
-// Kaiser-Bessel, I_0(b sqrt(1 - (2 z / w)^2)), b = 0.98 pi w (1 - 1 / (2 sigma)) with sigma the oversampling (Beatty et
+// Kaiser-Bessel, I_0(b sqrt(1 - (2 z / w)^2)), b = 0.98 pi w (1 - 1 / (2 sigma)) (0.96 for w < 5) with sigma the oversampling (Beatty et
 // al., IEEE TMI 24, 2005, with b slightly below theirs, where the mean error over the outputs is least).
 #pragma once
 

@@ -18,7 +18,8 @@ const SynthesisKernels &synthesis_kernels(Isa isa) { return kernels_by_isa(isa);
 namespace {
 
 constexpr double kFirstError = 0.8;   // of the tolerance: what is planned for, so that most frames pass at the first try
-constexpr double kLeastError = 5e-14;  // what rounding leaves of the grids' digits
+constexpr double kRounding = 1.5e-13;   // of the grids, with room
+constexpr double kLeastError = 2.0 * kRounding;  // below it only the direct sum will do
 constexpr int kMostRounds = 5;
 constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; beyond it terms are taken in turns
 constexpr double kWorthDropping = 0.1;  // of the echoes
@@ -102,6 +103,7 @@ SummingCost Synthesis::cost(int width) const {
 
 void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, Plan &plan) {
     plan.panels.cost = std::numeric_limits<double>::infinity();
+    error -= kRounding;
     int width = kMinWidth;
     while (width < kMaxWidth && kernel_error_[width] > 0.9 * error) ++width;
     const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
@@ -127,7 +129,7 @@ void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &
         if (tried.cost >= plan.panels.cost) continue;
         plan.width = w;
         plan.panels = tried;
-        plan.error = kernel_error_[w];
+        plan.error = kernel_error_[w] + kRounding;
         double interpolation = 0.0;
         for (int p = 0; p < tried.count; ++p) {
             const SpeedPanel &panel = tried.panel[p];
@@ -357,7 +359,7 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
         }
         // The echoes cancel further than expected: none is dropped now, and the digits that were lost are added.
         dropped = 0;
-        error = planned > 0.0 ? std::min(error, 0.9 * planned * (tolerance_ * norm) / (planned * expected)) : error;
+        error = std::min(error, 0.9 * tolerance_ * norm / expected);
     }
 }
 

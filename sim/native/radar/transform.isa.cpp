@@ -7,7 +7,7 @@ namespace {
 
 // Four doubles: one part, real or imaginary, of the receivers of a cell.
 constexpr int kQuadBytes = kRegisterBytes < 32 ? kRegisterBytes : 32;
-constexpr int kQuadParts = 32 / kQuadBytes;
+constexpr int kQuadParts = 32 / kQuadBytes, kQuadLanes = kQuadBytes / 8;
 typedef double QuadRegister __attribute__((vector_size(kQuadBytes)));
 struct Quad {
     QuadRegister r[kQuadParts];
@@ -32,10 +32,18 @@ struct Cell {  // a complex number for each receiver
 };
 HIL_INLINE Cell cell(const double *from) {
     Cell c;
-    __builtin_memcpy(&c, from, sizeof c);
+    HIL_UNROLL for (int i = 0; i < kQuadParts; ++i) {
+        __builtin_memcpy(&c.re.r[i], from + i * kQuadLanes, sizeof c.re.r[i]);
+        __builtin_memcpy(&c.im.r[i], from + kGroup + i * kQuadLanes, sizeof c.im.r[i]);
+    }
     return c;
 }
-HIL_INLINE void put(double *to, const Cell &c) { __builtin_memcpy(to, &c, sizeof c); }
+HIL_INLINE void put(double *to, const Cell &c) {
+    HIL_UNROLL for (int i = 0; i < kQuadParts; ++i) {
+        __builtin_memcpy(to + i * kQuadLanes, &c.re.r[i], sizeof c.re.r[i]);
+        __builtin_memcpy(to + kGroup + i * kQuadLanes, &c.im.r[i], sizeof c.im.r[i]);
+    }
+}
 HIL_INLINE Cell operator+(const Cell &a, const Cell &b) { return {a.re + b.re, a.im + b.im}; }
 HIL_INLINE Cell operator-(const Cell &a, const Cell &b) { return {a.re - b.re, a.im - b.im}; }
 HIL_INLINE Cell turned(const Cell &a, const double *cos_sin) {
@@ -144,10 +152,13 @@ void transform(const EchoModel &model, const Grid &grid, int which, int width, d
             const int at = (n - model.middle_sample) & (grid.columns - 1);
             const Cell value = cell(found + (long)kChannel * at);
             const double *factor = t.factor + 2 * (n & ~(D::kCount - 1)) + (n & (D::kCount - 1));
-            Quad so_far;
-            __builtin_memcpy(&so_far, sum, sizeof so_far);
-            so_far = so_far + (value.re * factor[0] - value.im * factor[D::kCount]);
-            __builtin_memcpy(sum, &so_far, sizeof so_far);
+            const Quad more = value.re * factor[0] - value.im * factor[D::kCount];
+            HIL_UNROLL for (int i = 0; i < kQuadParts; ++i) {
+                QuadRegister so_far;
+                __builtin_memcpy(&so_far, sum + i * kQuadLanes, sizeof so_far);
+                so_far = so_far + more.r[i];
+                __builtin_memcpy(sum + i * kQuadLanes, &so_far, sizeof so_far);
+            }
         }
     }
 }

@@ -1,0 +1,57 @@
+"""Frames of echoes have the same bits with CPU features masked and for every instruction set of the kernels."""
+
+from __future__ import annotations
+
+from tests import cpu_masks
+from tests.cpu_masks import output_of
+
+FRAMES = """
+import hashlib
+import numpy as np
+from sim._kernels import uniform_block
+from sim.radar.chirp import Chirp
+from sim.radar.synthesis import Echoes, Synthesizer
+
+RX = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.02, 0.0))
+SETTINGS = dict(center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, sample_rate_hz=2e6)
+CHIRPS = (
+    Chirp(**SETTINGS, samples=64, chirps=64, repetition_s=390.975e-6),
+    Chirp(**SETTINGS, samples=50, chirps=27, repetition_s=500e-6),
+)
+
+def echoes_of(count):
+    u = np.empty(6 * count)
+    uniform_block((SEED, 7), 0, u)
+    u = u.reshape(6, count)
+    direction = np.ascontiguousarray(u[:3].T * 1.1 - 0.55)
+    amplitude = u[5] * u[5] * u[5] * u[5]
+    amplitude[: count // 2] *= 1e-12
+    return Echoes(u[3] * 40.0, u[4] * 16.0 - 8.0, direction, amplitude)
+
+digest = hashlib.sha256()
+for chirp in CHIRPS:
+    for receivers in (3, 5):
+        for method, tolerance, count in (
+            ("direct", 1e-3, 203), ("nufft", 1e-1, 3001), ("nufft", 1e-3, 3001), ("nufft", 1e-9, 3001),
+            ("nufft", 1e-3, 5),
+        ):
+            synthesizer = Synthesizer(
+                chirp, RX[:receivers], hp_cutoff_hz=80e3, aaf_cutoff_hz=600e3, method=method, tolerance=tolerance
+            )
+            out = np.empty(synthesizer.shape)
+            report = synthesizer.synthesize(echoes_of(count), out)
+            digest.update(out.tobytes())
+            digest.update(repr(report).encode())
+print(digest.hexdigest())
+"""
+
+
+def digest(seed: int = 1, environment: dict[str, str] | None = None) -> str:
+    return output_of(FRAMES.replace("SEED", str(seed)), environment)
+
+
+def test_masked_cpu_features_change_no_bit_of_a_frame() -> None:
+    plain = digest()
+    assert plain == digest(environment=cpu_masks.ALL | {"HIL_ISA": "base"})
+    assert plain == digest(environment={"HIL_ISA": "avx2"})
+    assert plain != digest(seed=2)

@@ -1,0 +1,306 @@
+"""Frames of echoes against the plain equation, the methods against each other, and echoes made to be hard."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.signals.samples import Vec3
+from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
+from sim.radar.synthesis import Echoes, Synthesizer
+from tests.reference.radar_reference import reference
+
+TABLE_2 = Chirp(
+    center_frequency_hz=60.8e9,
+    bandwidth_hz=0.4e9,
+    samples=64,
+    sample_rate_hz=2e6,
+    chirps=64,
+    repetition_s=390.975e-6,
+)
+RECORDED = Chirp(
+    center_frequency_hz=60.75e9,
+    bandwidth_hz=5.5e9,
+    samples=64,
+    sample_rate_hz=2e6,
+    chirps=64,
+    repetition_s=591.125e-6,
+)
+ODD = Chirp(
+    center_frequency_hz=24.1e9,
+    bandwidth_hz=0.3e9,
+    samples=50,
+    sample_rate_hz=1.1e6,
+    chirps=27,
+    repetition_s=1e-4,
+)
+CHIRPS = {"table 2": TABLE_2, "recorded": RECORDED, "odd": ODD}
+RX: tuple[Vec3, ...] = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0))
+
+
+def some_echoes(n: int, range_m: float, speed_mps: float, *, decades: float = 0.3, seed: int = 1) -> Echoes:
+    """Anywhere up to a range and a speed, amplitudes over so many decades."""
+    g = np.random.default_rng(seed)
+    direction = g.normal(size=(n, 3))
+    direction /= np.sqrt((direction**2).sum(1))[:, None]
+    return Echoes(
+        g.uniform(0.0, range_m, n), g.uniform(-speed_mps, speed_mps, n), direction, 10.0 ** -g.uniform(0.0, decades, n)
+    )
+
+
+def alike(n: int, range_m: float | NDArray[np.float64], speed_mps: float = 0.0) -> Echoes:
+    """n echoes from ahead with the same amplitude: enough of them, and the grid is worth its transform."""
+    direction = np.zeros((n, 3))
+    direction[:, 0] = 1.0
+    return Echoes(np.full(n, range_m), np.full(n, speed_mps), direction, np.ones(n))
+
+
+def make(chirp: Chirp, **options: Any) -> Synthesizer:
+    return Synthesizer(chirp, RX, **{"hp_cutoff_hz": 80e3, "aaf_cutoff_hz": 600e3} | options)
+
+
+def frame_of(chirp: Chirp, echoes: Echoes, **options: Any) -> NDArray[np.float64]:
+    synthesizer = make(chirp, **options)
+    out = np.full(synthesizer.shape, np.nan)
+    synthesizer.synthesize(echoes, out)
+    return out
+
+
+def norm(x: NDArray[Any]) -> float:
+    return float(np.sqrt((x.astype(np.float64) ** 2).sum()))
+
+
+def error(x: NDArray[Any], exact: NDArray[Any]) -> float:
+    return norm(x - exact) / norm(exact)
+
+
+@pytest.mark.parametrize("name", CHIRPS)
+@pytest.mark.parametrize("filters", [{}, {"hp_cutoff_hz": None, "aaf_cutoff_hz": None}], ids=["filtered", "plain"])
+def test_direct_is_the_equation_at_200_m(name: str, filters: dict[str, None]) -> None:
+    echoes = some_echoes(7, 200.0, 30.0)
+    cutoffs: dict[str, Any] = {"hp_cutoff_hz": 80e3, "aaf_cutoff_hz": 600e3} | filters
+    exact = reference(CHIRPS[name], RX, echoes, **cutoffs)
+    assert error(frame_of(CHIRPS[name], echoes, method="direct", **cutoffs), exact) < 1e-13
+
+
+def test_direct_superposes() -> None:
+    echoes = some_echoes(1001, 200.0, 30.0)
+    parts = [
+        Echoes(*(a[k::3].copy() for a in (echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude)))
+        for k in range(3)
+    ]
+    whole = frame_of(TABLE_2, echoes, method="direct")
+    assert error(sum(frame_of(TABLE_2, part, method="direct") for part in parts), whole) < 1e-13  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", CHIRPS)
+@pytest.mark.parametrize(("range_m", "speed_mps"), [(12.0, 0.0), (12.0, 3.0), (200.0, 30.0)])
+def test_error_stays_below_the_tolerance(name: str, range_m: float, speed_mps: float) -> None:
+    chirp = CHIRPS[name]
+    for n in (300, 8000):
+        echoes = some_echoes(n, range_m, speed_mps)
+        exact = frame_of(chirp, echoes, method="direct")
+        for tolerance in (1e-1, 1e-2, 1e-3, 1e-6, 1e-9, 1e-12):
+            synthesizer = make(chirp, tolerance=tolerance)
+            out = np.empty(synthesizer.shape)
+            report = synthesizer.synthesize(echoes, out)
+            found = error(out, exact)
+            assert found <= tolerance
+            assert found <= report.error_bound + 1e-14
+            if n == 8000 and name != "recorded":
+                assert (
+                    report.width > 0 and found > 1e-3 * tolerance
+                )  # by the grid, and no more exact than it needs to be
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 0.25, 1e-12, 1.0 - 1e-12])
+def test_one_echo_anywhere_between_the_points_of_the_grid(place: float) -> None:
+    per_sample = 2.0 * TABLE_2.bandwidth_hz / TABLE_2.samples / SPEED_OF_LIGHT_MPS  # cycles per metre
+    per_chirp = 2.0 * TABLE_2.repetition_s * (TABLE_2.start_frequency_hz + 0.2e9) / SPEED_OF_LIGHT_MPS
+    for range_cell, speed_cell in ((21, 0), (64, 9), (127, 64), (128, -64), (1029, -2000)):
+        range_m = (range_cell + place) / 128.0 / per_sample
+        speed_mps = (speed_cell + place) / 128.0 / per_chirp
+        echoes = alike(200, range_m, speed_mps)
+        exact = frame_of(TABLE_2, echoes, method="direct")
+        for tolerance in (1e-2, 1e-3, 1e-6, 1e-9):
+            assert error(frame_of(TABLE_2, echoes, tolerance=tolerance), exact) <= tolerance
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 2.0])
+def test_echoes_that_cancel(speed_mps: float) -> None:
+    """Pairs a quarter of a wavelength apart leave little: the digits lost must be made up for."""
+    middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
+    shift_m = SPEED_OF_LIGHT_MPS / middle_hz / 4.0
+    range_m = np.repeat(np.linspace(1.0, 11.0, 400), 2)
+    range_m[1::2] += shift_m
+    echoes = alike(800, range_m, speed_mps)
+    exact = frame_of(TABLE_2, echoes, method="direct")
+    assert norm(exact) < 0.05 * np.sqrt(0.5 * 800 * exact.size)
+    for tolerance in (1e-2, 1e-3, 1e-6, 1e-9):
+        synthesizer = make(TABLE_2, tolerance=tolerance)
+        out = np.empty(synthesizer.shape)
+        report = synthesizer.synthesize(echoes, out)
+        assert error(out, exact) <= tolerance
+        assert report.rounds > 1
+
+
+def test_the_weakest_are_left_out_within_their_bound() -> None:
+    echoes = some_echoes(6000, 12.0, 1.0, decades=14.0)
+    exact = frame_of(TABLE_2, echoes, method="direct")
+    for tolerance in (1e-2, 1e-6):
+        synthesizer, complete = make(TABLE_2, tolerance=tolerance), make(TABLE_2, tolerance=tolerance, drop_share=0.0)
+        out = np.empty(synthesizer.shape)
+        report = synthesizer.synthesize(echoes, out)
+        assert 600 < report.dropped < 6000
+        assert 0.0 < report.dropped_bound <= 0.5 * tolerance
+        assert error(out, exact) <= tolerance
+        assert complete.synthesize(echoes, out).dropped == 0
+        assert error(out, exact) <= tolerance
+
+
+def test_none_is_left_out_where_the_strong_ones_cancel() -> None:
+    """Alone the strong pair would seem to allow it; what is left of it does not."""
+    middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
+    pair = np.array([3.0, 3.0 + SPEED_OF_LIGHT_MPS / middle_hz / 4.0])
+    echoes = alike(1002, np.concatenate([pair, np.linspace(2.0, 11.0, 1000)]))
+    echoes.amplitude[2:] = 1e-8
+    synthesizer = make(TABLE_2, tolerance=1e-4)
+    out = np.empty(synthesizer.shape)
+    echoes.amplitude[0] = 0.0
+    assert synthesizer.synthesize(echoes, out).dropped == 1000
+    echoes.amplitude[0] = 1.0
+    report = synthesizer.synthesize(echoes, out)
+    assert error(out, frame_of(TABLE_2, echoes, method="direct")) <= 1e-4
+    assert report.dropped == 0 or report.dropped_bound <= 1e-4
+
+
+@pytest.mark.parametrize("method", ["direct", "nufft"])
+def test_no_echoes_no_signal(method: str) -> None:
+    for echoes in (some_echoes(0, 1.0, 0.0), Echoes(np.ones(4), np.ones(4), np.zeros((4, 3)), np.zeros(4))):
+        assert np.array_equal(frame_of(TABLE_2, echoes, method=method), np.zeros((3, 64, 64)))
+
+
+def test_echoes_of_no_amplitude_change_no_bit() -> None:
+    echoes = some_echoes(3000, 12.0, 3.0)
+    plain = frame_of(TABLE_2, echoes)
+    padded = Echoes(
+        np.concatenate([[5e4], echoes.range_m]),
+        np.concatenate([[900.0], echoes.speed_mps]),
+        np.concatenate([[[0.0, 1.0, 0.0]], echoes.direction_R]),
+        np.concatenate([[0.0], echoes.amplitude]),
+    )
+    out = np.empty((3, 64, 64))
+    assert make(TABLE_2).synthesize(padded, out).echoes == 3000
+    assert np.array_equal(out, plain)
+
+
+def test_a_frame_knows_nothing_of_the_one_before() -> None:
+    used = make(TABLE_2, tolerance=1e-6)
+    out = np.empty(used.shape)
+    for echoes in (some_echoes(9000, 12.0, 20.0), some_echoes(40, 5.0, 1.0), some_echoes(3000, 12.0, 1.0)):
+        used.synthesize(echoes, out)
+        assert np.array_equal(out, frame_of(TABLE_2, echoes, tolerance=1e-6))
+
+
+def test_more_receivers_than_are_summed_at_once() -> None:
+    positions: tuple[Vec3, ...] = tuple((0.0, 0.002 * k, -0.001 * k) for k in range(6))
+    echoes = some_echoes(2000, 12.0, 1.0)
+    for method in ("direct", "nufft"):
+        six = Synthesizer(TABLE_2, positions, hp_cutoff_hz=None, aaf_cutoff_hz=None, method=method, tolerance=1e-6)
+        together = np.empty(six.shape)
+        six.synthesize(echoes, together)
+        for k in range(6):
+            one = Synthesizer(
+                TABLE_2, positions[k : k + 1], hp_cutoff_hz=None, aaf_cutoff_hz=None, method="direct", tolerance=1e-6
+            )
+            alone = np.empty(one.shape)
+            one.synthesize(echoes, alone)
+            assert error(together[k : k + 1], alone) <= (1e-6 if method == "nufft" else 1e-14)
+
+
+def test_finufft_agrees() -> None:
+    finufft = pytest.importorskip("finufft")
+    echoes = some_echoes(5000, 200.0, 0.0)
+    two_pi, c = 2.0 * np.pi, SPEED_OF_LIGHT_MPS
+    tau = 2.0 * echoes.range_m / c
+    middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
+    beta = TABLE_2.slope_hz_per_s * tau / TABLE_2.sample_rate_hz
+    start = middle_hz * tau - 0.5 * TABLE_2.slope_hz_per_s * tau**2 + 0.5 * beta
+    path = echoes.direction_R @ np.array(RX).T / TABLE_2.wavelength_m
+    weight = echoes.amplitude[:, None] * np.exp(1j * two_pi * (start[:, None] - path))
+    zero = np.zeros(5000)
+    other = finufft.nufft2d1(
+        zero, two_pi * (beta % 1.0), np.ascontiguousarray(weight.T), (64, 64), eps=1e-12, isign=1, nthreads=1
+    )
+    mine = frame_of(TABLE_2, echoes, tolerance=1e-9, hp_cutoff_hz=None, aaf_cutoff_hz=None)
+    assert error(other.real, mine) < 2e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "fft"}, "no synthesis method 'fft'; there are direct, nufft"),
+        ({"tolerance": 1e-13}, "tolerance must lie in"),
+        ({"tolerance": 0.5}, "tolerance must lie in"),
+        ({"tolerance": float("nan")}, "tolerance must lie in"),
+        ({"drop_share": 1.0}, "drop_share"),
+        ({"hp_cutoff_hz": 0.0}, "hp_cutoff_hz"),
+        ({"aaf_cutoff_hz": float("nan")}, "aaf_cutoff_hz"),
+        ({"isa": "sse9"}, "unknown instruction set"),
+    ],
+)
+def test_options_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make(TABLE_2, **options)
+
+
+@pytest.mark.parametrize("positions", [(), ((0.0, 0.0),), ((0.0, float("nan"), 0.0),), ((0.0, 0.0, 0.0),) * 17])
+def test_receivers_refused(positions: Any) -> None:
+    with pytest.raises(ValueError, match=r"receivers|rx_positions_m"):
+        Synthesizer(TABLE_2, positions, hp_cutoff_hz=None, aaf_cutoff_hz=None)
+
+
+@pytest.mark.parametrize("method", ["direct", "nufft"])
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("range_m", np.nan),
+        ("range_m", np.inf),
+        ("range_m", -0.1),
+        ("speed_mps", np.nan),
+        ("speed_mps", -2000.0),
+        ("direction_R", np.nan),
+        ("direction_R", 1.5),
+        ("amplitude", np.inf),
+        ("amplitude", -1.0),
+    ],
+)
+def test_echoes_refused_by_name(method: str, field: str, value: float) -> None:
+    for at in (0, 17, 20):
+        echoes = some_echoes(21, 10.0, 1.0)
+        getattr(echoes, field)[at] = value
+        with pytest.raises(ValueError, match=f"echo {at}: .*{field}"):
+            frame_of(TABLE_2, echoes, method=method)
+
+
+def test_arrays_refused() -> None:
+    synthesizer, echoes, out = make(TABLE_2), some_echoes(4, 10.0, 1.0), np.empty((3, 64, 64))
+    r, v, d, a = echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude
+    for bad in (
+        Echoes(r.astype(np.float32), v, d, a),
+        Echoes(r, v[:3].copy(), d, a),
+        Echoes(r, v, d[:, :2].copy(), a),
+        Echoes(r, v, np.asfortranarray(d), a),
+        Echoes(r, v, d, np.ones(8)[::2]),
+    ):
+        with pytest.raises(ValueError, match="must be a C-contiguous float64 array of shape"):
+            synthesizer.synthesize(bad, out)
+    for other in (np.empty((2, 64, 64)), np.empty((3, 64, 64), np.float32), np.empty((3, 64, 128))[:, :, ::2]):
+        with pytest.raises(ValueError, match="out must be"):
+            synthesizer.synthesize(echoes, other)
+    out.flags.writeable = False
+    with pytest.raises(ValueError, match="out must be writable"):
+        synthesizer.synthesize(echoes, out)
