@@ -1,7 +1,7 @@
 """Arrays of records as sensor_msgs/PointCloud2: every field of a record becomes one of the cloud's.
 
 Foxglove and RViz draw a cloud by its fields x, y and z. So the coordinates of a position in a frame F, `x_F` or the
-three of `p_F`, go by those names, and the three of a velocity `v_F` by vx, vy, vz. The bytes stay those of the array.
+three of `p_F_m`, go by those names, and the three of a velocity `v_F_mps` by vx, vy, vz. The bytes stay those of the array.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
 def _scalars(dtype: np.dtype[Any]) -> Iterator[tuple[str, np.dtype[Any], int]]:
     for name in dtype.names or ():
         kind, offset = dtype.fields[name][:2]  # type: ignore[index]
-        vector = re.fullmatch(r"([pv])_[A-Z]", name)
+        vector = re.fullmatch(r"([pv])_[A-Z](_m|_mps)?", name)
         if kind.shape == (3,) and vector:
             names: tuple[str, ...] = _VECTORS[vector[1]]
         elif kind.shape:

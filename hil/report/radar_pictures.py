@@ -71,22 +71,22 @@ def draw_map(panel: Panel, power: Power, chirp: Chirp, name: str = "range-Dopple
     """A map: range to the right, speed upwards, approaching below."""
     level = decibels(power)
     norm = colours_of(level)
-    show_levels(panel.axes, level, norm, range_extent(chirp), speed_extent(chirp))
+    show_levels(panel.axes, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
     panel.axes.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
     panel.axes.set_title(name, fontsize=9.5, loc="left")
     colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
 
 
-def range_extent(chirp: Chirp) -> tuple[float, float]:
-    """Edges of the range bins [m]: bin i is about i times the resolution."""
-    step = chirp.range_resolution_m
+def range_extent(chirp: Chirp, bins: int) -> tuple[float, float]:
+    """Edges of the range bins [m]: bin i is that of i times their distance."""
+    step = chirp.max_range_m / bins
     return -0.5 * step, chirp.max_range_m - 0.5 * step
 
 
-def speed_extent(chirp: Chirp) -> tuple[float, float]:
-    """Edges of the speed bins [m/s]; rest is bin M / 2."""
-    step, rest = chirp.speed_resolution_mps, chirp.chirps // 2
-    return (-rest - 0.5) * step, (chirp.chirps - rest - 0.5) * step
+def speed_extent(chirp: Chirp, rows: int) -> tuple[float, float]:
+    """Edges of the rows [m/s]; rest is row `rows` / 2."""
+    step, rest = 2.0 * chirp.max_speed_mps / rows, rows // 2
+    return (-rest - 0.5) * step, (rows - rest - 0.5) * step
 
 
 def show_levels(
@@ -110,16 +110,16 @@ def draw_from_above(panel: Panel, points: NDArray[Any] | None, tracks: NDArray[A
         x, y = points["x_R"], points["y_R"]
         axes.scatter(-y, x, s=16.0, c=points["speed_mps"], cmap=_SPEED_MAP, norm=norm, linewidths=0.4, edgecolors="0.3")
         colour_bar(panel, norm, _SPEED_MAP, "radial speed [m/s], + goes away", "neither")
-        found.append(f"{len(points)} points")
+        found.append(_counted(len(points), "point"))
     if tracks is not None:
         for track in tracks:
-            (x, y), (vx, vy) = track["p_R"][:2], track["v_R"][:2]
+            (x, y), (vx, vy) = track["p_R_m"][:2], track["v_R_mps"][:2]
             axes.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
             axes.annotate(
                 f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73",
                 arrowprops={"arrowstyle": "<-", "color": "#009e73"},
             )  # fmt: skip
-        found.append(f"{len(tracks)} tracks")
+        found.append(_counted(len(tracks), "track"))
         if points is None:
             note(panel, "arrows: the way\nof one second")
     far = chirp.max_range_m
@@ -127,3 +127,7 @@ def draw_from_above(panel: Panel, points: NDArray[Any] | None, tracks: NDArray[A
     axes.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
     axes.tick_params(labelsize=7.5)
     axes.set_title("from above, " + " and ".join(found), fontsize=9.5, loc="left")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

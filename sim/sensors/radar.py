@@ -7,7 +7,7 @@
 The picture is the geometry at the tick, all pixels at once: what a camera does to its own pictures (noise, blur,
 rolling shutter) does not reach the radar. How things move within the frame is in the phases of the echoes, from the
 radial velocity of each pixel. Each step is done only as far as the outputs ask for it. Noise is keyed by the seed, the
-sensor's name and the frame's number alone; only the tracks hang on the frames before.
+sensor's name and the frame's number alone; tracks, and maps with `clutter: background`, hang on the frames before too.
 """
 
 from __future__ import annotations
@@ -26,13 +26,27 @@ from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
-from sim.radar.processing import Processor
-from sim.radar.scatterers import Scatterers
-from sim.radar.synthesis import Synthesizer
+from sim.radar.processing.processor import Processor, Step
+from sim.radar.scatterers import ScattererReport, Scatterers
+from sim.radar.synthesis import SynthesisReport, Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
 from sim.sensors.sensor import Installation
 
 Picture = Mapping[str, NDArray[Any]]
+
+_STEPS: tuple[Step, ...] = ("tracks", "points", "range_doppler")  # of the processing, each of which needs the next
+
+# Why a pixel gives no echo: fields of `ScattererReport` in words.
+_REASONS = {
+    "window": "outside the mask's angles",
+    "pattern": "where the antennas have no gain",
+    "invalid": "a range, normal or speed that is no number",
+    "sky": "sky",
+    "nothing": "no surface, or one without echo",
+    "range": "beyond the mask's range",
+    "classes": "not of the mask's classes",
+    "away": "looks away from the radar",
+}
 
 
 class RadarCounts:
@@ -64,25 +78,31 @@ class RadarFrames:
             method=p.method,
             tolerance=p.tolerance,
         )
-        self._chain = RadarReceiverChain(chirp, p.impairments, len(rx), seed=seed, name=name)
+        self._chain = RadarReceiverChain(
+            chirp, p.impairments, len(rx), seed=seed, name=name, adc_bits=p.receiver.adc_bits
+        )
         self._signal = np.zeros((len(rx), chirp.chirps, chirp.samples))
         self.channels: tuple[str, ...] = self._scatterers.channels
         self.counts = RadarCounts()
 
-    def raw(self, picture: Picture, seq: int) -> NDArray[np.uint16]:
-        """Frame `seq`, a new array (receivers, chirps, samples)."""
-        report = self._synthesizer.synthesize(self._scatterers.collect(picture), self._signal)
+    def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
+        """Frame `seq` from a picture taken from `pose`: a new array (receivers, chirps, samples)."""
+        echoes = self._scatterers.collect(picture, pose)
+        report = self._synthesizer.synthesize(echoes, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)
-        seen, counts = self._scatterers.last, self.counts
+        self._count(self._scatterers.last, report)
+        return out
+
+    def _count(self, seen: ScattererReport, report: SynthesisReport) -> None:
+        counts = self.counts
         counts.frames += 1
         counts.pixels += seen.pixels
-        counts.pixels_dropped.update(seen.dropped)
+        counts.pixels_dropped.update({why: getattr(seen, field) for field, why in _REASONS.items()})
         counts.echoes += report.echoes
         counts.echoes_dropped += report.dropped
         counts.dropped_bound = max(counts.dropped_bound, report.dropped_bound)
         counts.terms = max(counts.terms, report.terms)
-        return out
 
 
 class Radar:
@@ -118,6 +138,7 @@ class Radar:
         self._own: dict[str, NDArray[Any]] = {}
         self._radar = RadarFrames(self.view, frames.geometry.world, p, seed=installation.seed, name=name)
         self.channels = self._radar.channels
+        self._until: Step = next((step for step in _STEPS if step in p.outputs), "range_doppler")
         self._processor = None
         if p.needs_processing:
             self._processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
@@ -132,10 +153,10 @@ class Radar:
         t_ns = truth.t_ns
         self._frames.expect(t_ns)
         pose = self._optical.pose(truth)
-        raw = self._radar.raw(self._picture(t_ns, pose), seq)
+        raw = self._radar.raw(self._picture(t_ns, pose), pose, seq)
         channels: dict[str, NDArray[Any]] = {"raw": raw} if "raw" in self.outputs else {}
         if self._processor is not None:
-            processed = self._processor.process(raw, t_ns)
+            processed = self._processor.process(raw, t_ns, until=self._until)
             for name in self.outputs:
                 if name != "raw":
                     channels[name] = getattr(processed, name)

@@ -14,8 +14,9 @@ from sim.radar.antenna import Antenna
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments
 from sim.radar.mask import Mask
-from sim.radar.processing import Processing
+from sim.radar.processing.parameters import Processing
 from sim.radar.receiver import Receiver
+from sim.radar.synthesis import MAX_TOLERANCE, MIN_TOLERANCE
 from sim.sensors.camera_parameters import Attitude, Pixels
 from sim.sensors.sensor import Position
 
@@ -45,7 +46,7 @@ class RadarParameters(StrictModel):
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None  # null: 0.05
     far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None  # null: 10 000
     method: Literal["nufft", "direct"] = "nufft"  # direct: the exact sum, slow
-    tolerance: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-3  # of nufft, relative to the frame
+    tolerance: Annotated[float, Field(ge=MIN_TOLERANCE, le=MAX_TOLERANCE)] = 1e-3  # of nufft, relative to the frame
     outputs: tuple[str, ...] = tuple(RADAR_UNITS)
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0  # from the end of the frame
 
@@ -66,6 +67,9 @@ class RadarParameters(StrictModel):
         given = [key for key in VIEW_KEYS if getattr(self, key) is not None]
         if self.frame is not None and given:
             raise ValueError(f"frame {self.frame!r} says where the radar looks: leave out {', '.join(given)}")
+        unfit = self.impairments.problems_with(self.chirp, len(self.antenna.rx_positions_m))
+        if unfit:
+            raise ValueError("impairments." + "; impairments.".join(unfit))
         near_m, far_m = self.limits_m
         if not far_m > near_m:
             raise ValueError(f"far_m {far_m:g} must be above near_m {near_m:g}")
