@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
-from sim.radar.processing.points import PointFinder
+from sim.radar.processing.points import POINT_DTYPE, PointFinder
 from sim.radar.processing.range_doppler import RangeDoppler
-from sim.radar.processing.tracker import Tracker
+from sim.radar.processing.tracker import TRACK_DTYPE, Tracker
+
+Step = Literal["range_doppler", "points", "tracks"]
 
 
 @dataclass(frozen=True)
@@ -38,12 +41,12 @@ class Processor:
         self._frames = 0
         self._last_ns = 0
 
-    def process(self, raw: NDArray[np.uint16], t_ns: int) -> Processed:
-        """One frame of (receivers, chirps, samples), its middle at `t_ns`."""
+    def process(self, raw: NDArray[np.uint16], t_ns: int, *, until: Step = "tracks") -> Processed:
+        """One frame of (receivers, chirps, samples), its middle at `t_ns`. Steps after `until` are left out: empty."""
         gain = self._background_gain(t_ns)
         power = self.maps.compute(raw, gain)
-        points = self._points.find(power)
-        tracks = self._tracker.step(points, t_ns)
+        points = np.empty(0, POINT_DTYPE) if until == "range_doppler" else self._points.find(power)
+        tracks = self._tracker.step(points, t_ns) if until == "tracks" else np.empty(0, TRACK_DTYPE)
         self._frames += 1
         self._last_ns = t_ns
         return Processed(power, points, tracks)
