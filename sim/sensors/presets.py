@@ -13,6 +13,7 @@ to trust it:
     secondary   read in somebody else's table or forum
     datasheet   the datasheet's by common knowledge, not compared with it: check before you rely on it
     typical     no source states it; the class of the device
+    measured    fitted to a recording of the part itself, which the source names (`hil calibrate`)
     choice      a setting of the usual driver or of this bench, not a property of the part
 """
 
@@ -39,7 +40,7 @@ class Figure(StrictModel):
     """One parameter with where it is from."""
 
     value: Any
-    status: Literal["verified", "secondary", "datasheet", "typical", "choice"]
+    status: Literal["verified", "secondary", "datasheet", "typical", "measured", "choice"]
     stated: str = ""
     source: str = ""
     note: str = ""
@@ -60,7 +61,7 @@ class PresetFile(StrictModel):
         for name, figure in self.parameters.items():
             if figure.source and figure.source not in self.sources:
                 raise ValueError(f"parameters.{name}.source {figure.source!r} is not among the sources")
-            if figure.status in ("verified", "secondary", "datasheet") and not figure.source:
+            if figure.status in ("verified", "secondary", "datasheet", "measured") and not figure.source:
                 raise ValueError(f"parameters.{name} is {figure.status!r} and so needs a source")
         return self
 
