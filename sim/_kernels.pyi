@@ -391,8 +391,6 @@ def collect_scatterers(
 ) -> tuple[int, int, int, int, int, int, int, int]: ...
 
 class RadarReceiver:
-
-class RadarMap:
     def __init__(
         self,
         *,
@@ -413,6 +411,13 @@ class RadarMap:
     ) -> None: ...
     def digitise(self, signal: Float64, seq: int, out: NDArray[np.uint16]) -> int: ...
 
+class RadarMap:
+    def __init__(
+        self,
+        *,
+        receivers: int,
+        chirps: int,
+        samples: int,
         pad_chirps: int,
         pad_samples: int,
         clutter: str,

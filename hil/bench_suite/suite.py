@@ -20,6 +20,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.bench_suite.link", "Links: lateness, message errors and flight errors against time"),
     "physics": ("hil.bench_suite.physics", "Flight physics: error against wall time"),
+    "radar": ("hil.bench_suite.radar", "Radar: error of a raw frame against time"),
     "raster": ("hil.bench_suite.raster", "Raster: time and error beside MuJoCo's renderer"),
     "skip": ("hil.bench_suite.skip", "Skipping: what each rule saves"),
     "stability": ("hil.bench_suite.stability", "Stability: where each method stays finite and within tolerance"),

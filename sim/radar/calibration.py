@@ -288,9 +288,7 @@ def _table(
     return rows
 
 
-def _warnings(
-    adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: float, recording: Recording
-) -> list[str]:
+def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: float, recording: Recording) -> list[str]:
     found = []
     for echo in echoes:
         done = "is kept in the pattern" if keep else "was taken out of the pattern"
@@ -302,7 +300,9 @@ def _warnings(
     if clipped > _CLIPPED_SHARE:
         found.append(f"{100.0 * clipped:.2g} % of the samples are clipped: leakage and noise are larger than fitted")
     if share > 0.5:
-        found.append(f"odd codes are {100.0 * share:.1f} % of all, more than even ones, which is not modelled: 50 % taken")
+        found.append(
+            f"odd codes are {100.0 * share:.1f} % of all, more than even ones, which is not modelled: 50 % taken"
+        )
     if recording.hp_cutoff_hz is None:
         found.append(f"the settings name no hp_cutoff_Hz: {DEFAULT_HP_CUTOFF_HZ / 1e3:g} kHz taken")
     moved = _moved(adc)

@@ -41,7 +41,9 @@ class Correlation:
         return self.simulated_against_real - self.real_against_real
 
     def __str__(self) -> str:
-        return f"simulated against real {self.simulated_against_real:.4f}, real against real {self.real_against_real:.4f}"
+        return (
+            f"simulated against real {self.simulated_against_real:.4f}, real against real {self.real_against_real:.4f}"
+        )
 
 
 @dataclass(frozen=True)

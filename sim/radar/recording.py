@@ -109,7 +109,9 @@ def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
             return np.asarray(loaded)
         with loaded:
             if "adc" not in loaded.files:
-                problems.append(Problem(str(path), f"holds no array `adc`, only {', '.join(loaded.files) or 'nothing'}"))
+                problems.append(
+                    Problem(str(path), f"holds no array `adc`, only {', '.join(loaded.files) or 'nothing'}")
+                )
                 return None
             return np.asarray(loaded["adc"])
     except FileNotFoundError:
@@ -137,9 +139,7 @@ def _settings(path: Path, problems: list[Problem]) -> Mapping[str, Any]:
     return shape
 
 
-def _recording(
-    adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems: list[Problem]
-) -> Recording | None:
+def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems: list[Problem]) -> Recording | None:
     before = len(problems)
 
     def number(key: str, *, needed: bool = True) -> float | None:
@@ -174,9 +174,7 @@ def _recording(
             repetition_s=repetition,
         )
     except pydantic.ValidationError as error:
-        problems += [
-            Problem(str(path), f"{_SHAPE_KEY} is no possible chirp: {item['msg']}") for item in error.errors()
-        ]
+        problems += [Problem(str(path), f"{_SHAPE_KEY} is no possible chirp: {item['msg']}") for item in error.errors()]
         return None
     return Recording(adc, chirp, tuple(antennas), frame, high_pass, low_pass)
 

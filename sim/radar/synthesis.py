@@ -24,26 +24,10 @@ from numpy.typing import NDArray
 from hil.signals.samples import Vec3
 from sim._kernels import EchoSynthesis
 from sim.radar.chirp import Chirp
+from sim.radar.echoes import Echoes
 
 METHODS = ("direct", "nufft")
 MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
-
-
-@dataclass(frozen=True)
-class Echoes:
-    """n echoes, C-contiguous float64.
-
-    Ranges in [0, 1e5] m, speeds in +-1000 m/s, directions of unit length (n, 3), amplitudes in [0, 1e100]; below 1e-100
-    an echo counts as none.
-    """
-
-    range_m: NDArray[np.float64]
-    speed_mps: NDArray[np.float64]
-    direction_R: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-
-    def __len__(self) -> int:
-        return len(self.range_m)
 
 
 @dataclass(frozen=True)

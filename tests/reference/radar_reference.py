@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
-from sim.radar.synthesis import Echoes
+from sim.radar.echoes import Echoes
 
 Real = np.longdouble
 PI = Real("3.141592653589793238462643383279502884")

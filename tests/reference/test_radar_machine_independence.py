@@ -10,7 +10,8 @@ import hashlib
 import numpy as np
 from sim._kernels import uniform_block
 from sim.radar.chirp import Chirp
-from sim.radar.synthesis import Echoes, Synthesizer
+from sim.radar.echoes import Echoes
+from sim.radar.synthesis import Synthesizer
 
 RX = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.02, 0.0))
 SETTINGS = dict(center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, sample_rate_hz=2e6)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
-from sim.radar.synthesis import Echoes, Synthesizer
+from sim.radar.echoes import Echoes
+from sim.radar.synthesis import Synthesizer
 from tests.reference.radar_reference import reference
 
 TABLE_2 = Chirp(

@@ -1,0 +1,194 @@
+"""`hil bench radar`: time of a frame against its error, beside the exact sum and finufft, in one process on one core.
+
+Error: ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, x noise-free, before the ADC; x_direct is
+the method `direct`, whose own error stands in its row, against a sum in extended precision of some of the echoes.
+Times are the best of some turns, the methods taking turns. finufft is given the same decomposition
+(radar_rivals.py); its time is that of its transform alone, without making the weights.
+
+Swept: tolerance 1e-2 to 1e-9, echoes 5k to 300k, speed to 30 m/s, range to 200 m, both presets. Then pictures of
+city_park, where echoes that cannot matter are dropped; point targets through the processing chain; a person who walks
+away and back; and, where there is one, the real recording.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bench_suite.radar_cases import PIXELS, copied, radar_parameters, radar_view, random_echoes, synthesizer
+from hil.bench_suite.radar_exact import exact_error
+from hil.bench_suite.radar_person import person_checks
+from hil.bench_suite.radar_recording import recording_checks
+from hil.bench_suite.radar_rivals import FinufftRadar, finufft_module
+from hil.bench_suite.radar_targets import characteristic_checks, target_checks
+from hil.bench_suite.raster_cases import scene_case
+from hil.bench_suite.raster_rivals import one_core
+from hil.bench_suite.result import BenchmarkResult, Check, Row
+from sim.radar.echoes import Echoes
+from sim.radar.synthesis import SynthesisReport
+from sim.sensors.radar_parameters import RadarParameters
+
+Say = Callable[[str], None]
+Float64 = NDArray[np.float64]
+UNIT = "relative, to the exact sum"
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+_COUNTS = (5_000, 20_000, PIXELS, 300_000)
+_SPEEDS_MPS = (0.0, 3.0, 10.0, 30.0)
+_RANGES_M = (1.0, 10.0, 50.0, 200.0)
+
+
+def measure(*, quick: bool, say: Say) -> BenchmarkResult:
+    """Everything; `quick` leaves out the large sweeps."""
+    result = BenchmarkResult(time_label="time of one frame [s]")
+    with one_core():
+        _synthesis(result, quick=quick, say=say)
+        say("city_park")
+        _city_park(result, views=4 if quick else 12)
+    say("point targets")
+    result.checks += characteristic_checks()
+    result.checks += target_checks(quick=quick)
+    say("a person who walks away and back")
+    result.checks += person_checks(result, quick=quick)
+    say("the real recording")
+    result.checks += recording_checks(result)
+    return result
+
+
+def _synthesis(result: BenchmarkResult, *, quick: bool, say: Say) -> None:
+    parameters = radar_parameters()
+    say("all tolerances")
+    main = _Case("table 2, 76,800 echoes", parameters, random_echoes(PIXELS))
+    times = main.sweep(result, TOLERANCES, repeats=3 if quick else 7, rival=True)
+    for tolerance, limit_s in ((1e-3, 15e-3), (1e-6, 60e-3)):
+        took, error = times[tolerance]
+        result.checks.append(Check(f"76,800 echoes at {tolerance:g}: error", error, "<=", tolerance, "1"))
+        result.checks.append(Check(f"76,800 echoes at {tolerance:g}: time", 1e3 * took, "<=", 1e3 * limit_s, "ms"))
+    ratio = main.direct_s / times[1e-3][0]
+    result.checks.append(Check("times faster than the exact sum at 1e-3, same core", ratio, ">=", 100.0, "x"))
+    worst = max(error / tolerance for tolerance, (_, error) in times.items())
+    cases = [
+        _Case(f"wideband, speeds to {v:g} m/s", radar_parameters("bgt60tr13c_wideband"), _moving(v, 5_000))
+        for v in ((3.0,) if quick else (3.0, 30.0))
+    ]
+    if quick:
+        cases += [_Case(f"speeds to {v:g} m/s", parameters, _moving(v, 5_000)) for v in (0.0, 30.0)]
+        cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, 5_000)) for r in (200.0,)]
+        result.left_out.append(
+            "echo counts but 76,800 and 5,000; speeds 3 and 10 m/s; ranges 1 to 50 m; two thirds of views"
+        )
+    else:
+        cases += [_Case(f"{n:,} echoes", parameters, random_echoes(n)) for n in _COUNTS]
+        cases += [_Case(f"speeds to {v:g} m/s", parameters, _moving(v, PIXELS)) for v in _SPEEDS_MPS]
+        cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, PIXELS)) for r in _RANGES_M]
+    for case in cases:
+        say(case.name)
+        found = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5, rival=False)
+        worst = max(worst, *(error / tolerance for tolerance, (_, error) in found.items()))
+    result.checks.append(Check("greatest error, in tolerances: all counts, speeds and ranges", worst, "<=", 1.0, "1"))
+
+
+def _moving(speed_mps: float, count: int) -> Echoes:
+    return random_echoes(count, seed=2, speed_mps=(-speed_mps, speed_mps))
+
+
+def _distant(range_m: float, count: int) -> Echoes:
+    return random_echoes(count, seed=3, range_m=(0.5 * range_m, range_m))
+
+
+class _Case:
+    """Echoes of one configuration, summed exactly once."""
+
+    def __init__(self, name: str, parameters: RadarParameters, echoes: Echoes) -> None:
+        self.name, self._p, self._echoes = name, parameters, echoes
+        self.direct_s = 0.0
+
+    def sweep(
+        self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int, rival: bool
+    ) -> dict[float, tuple[float, float]]:
+        """Rows of every tolerance; time and error of each."""
+        c = self._p.chirp
+        shape = (len(self._p.antenna.rx_positions_m), c.chirps, c.samples)
+        exact, out = np.empty(shape), np.empty(shape)
+        direct = synthesizer(self._p, "direct", 1e-3)
+        self.direct_s, _ = _best(lambda: direct.synthesize(self._echoes, exact), 2 if rival else 1)
+        own = exact_error(self._p, self._echoes)
+        result.rows.append(Row(self.name, "direct", own, UNIT, self.direct_s, {"echoes": len(self._echoes.range_m)}))
+        found: dict[float, tuple[float, float]] = {}
+        theirs: list[Row] = []
+        for tolerance in tolerances:
+            made = synthesizer(self._p, "nufft", tolerance)
+            report = made.synthesize(self._echoes, out)  # the first call makes room
+            took, report = _best(lambda made=made: made.synthesize(self._echoes, out), repeats)  # type: ignore[misc]
+            error = _error(out, exact)
+            found[tolerance] = took, error
+            details = {"terms": report.terms, "panels": report.panels, "width": report.width, "dropped": report.dropped}
+            result.rows.append(Row(self.name, f"nufft @ {tolerance:g}", error, UNIT, took, details))
+            if rival and finufft_module() is not None and report.panels == 1:
+                theirs.append(self._rival(tolerance, report, exact, out, repeats))
+        result.rows += theirs
+        return found
+
+    def _rival(self, tolerance: float, report: SynthesisReport, exact: Float64, out: Float64, repeats: int) -> Row:
+        p = self._p
+        other = FinufftRadar(
+            p.chirp,
+            p.antenna.rx_positions_m,
+            hp_cutoff_hz=p.receiver.hp_cutoff_hz,
+            aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
+            tolerance=tolerance,
+            nodes=report.terms,
+        )
+        took = np.inf
+        for _ in range(repeats):
+            other.synthesize(self._echoes, out)
+            took = min(took, other.transform_s)
+        details = {"terms": report.terms}
+        return Row(self.name, f"finufft, transform alone @ {tolerance:g}", _error(out, exact), UNIT, took, details)
+
+
+def _city_park(result: BenchmarkResult, *, views: int) -> None:
+    """Pictures to raw frames, without drawing them: mean over the views."""
+    parameters, tolerance = radar_parameters(), 1e-3
+    case = scene_case("city_park", views=views, seed=1)
+    radar = radar_view(case.world, parameters)
+    shape = (len(parameters.antenna.rx_positions_m), parameters.chirp.chirps, parameters.chirp.samples)
+    exact, out = np.empty(shape), np.empty(shape)
+    quick, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
+    took: list[float] = []
+    direct_s: list[float] = []
+    errors: list[float] = []
+    kept: list[float] = []
+    for view in case.views:
+        radar.draw(view)
+        quick.synthesize(radar.echoes(view), out)
+        seconds, report = _best(lambda view=view: quick.synthesize(radar.echoes(view), out), 5)  # type: ignore[misc]
+        took.append(seconds)
+        echoes = copied(radar.echoes(view))
+        seconds, _ = _best(lambda echoes=echoes: direct.synthesize(echoes, exact), 1)  # type: ignore[misc]
+        direct_s.append(seconds)
+        errors.append(_error(out, exact))
+        kept.append((report.echoes - report.dropped) / PIXELS)
+    name, worst = "city_park, pictures of 320 x 240", max(errors)
+    details = {"pixels_kept": float(np.mean(kept)), "views": len(case.views)}
+    result.rows.append(Row(name, "nufft @ 0.001", worst, UNIT, float(np.mean(took)), details))
+    result.rows.append(Row(name, "direct", 0.0, UNIT, float(np.mean(direct_s))))
+    result.checks.append(Check("city_park with skipping: error", worst, "<=", tolerance, "1"))
+    result.checks.append(Check("city_park with skipping: time, mean", 1e3 * float(np.mean(took)), "<=", 6.0, "ms"))
+    result.checks.append(Check("city_park with skipping: time, slowest view", 1e3 * max(took), "<=", 6.0, "ms"))
+
+
+def _error(x: Float64, exact: Float64) -> float:
+    norm = float(np.linalg.norm(exact))
+    return float(np.linalg.norm(x - exact)) / norm if norm > 0.0 else float(np.linalg.norm(x))
+
+
+def _best(work: Callable[[], SynthesisReport], repeats: int) -> tuple[float, SynthesisReport]:
+    best = np.inf
+    for _ in range(repeats):
+        began = time.perf_counter()
+        report = work()
+        best = min(best, time.perf_counter() - began)
+    return best, report
