@@ -232,6 +232,43 @@ def view(
     _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
 
 
+calibrate = typer.Typer(no_args_is_help=True, help="A sensor's preset from a recording of your own sensor.")
+app.add_typer(calibrate, name="calibrate")
+
+
+@calibrate.callback()
+def _calibrate() -> None:
+    """A sensor's preset from a recording of your own sensor."""
+
+
+@calibrate.command("radar")
+def calibrate_radar(
+    recording: Annotated[
+        Path, typer.Argument(help=".npz (array adc) or .npy, with its .json beside it.", metavar="RECORDING")
+    ],
+    frames: Annotated[
+        str | None, typer.Option(help="Which frames to fit; default all.", metavar="FIRST:END", show_default=False)
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The preset; default NAME.yaml here.", metavar="FILE")] = None,
+    name: Annotated[str | None, typer.Option(help="What to call it; default the recording's name.")] = None,
+    keep_echoes: Annotated[
+        bool, typer.Option("--keep-echoes", help="Leave the reflectors of the scene in the fixed pattern.")
+    ] = False,
+) -> None:
+    """Fit leakage, noise and converter to a recording of an empty, still scene."""
+    from hil.calibrate_command import calibrate_radar as fit_radar
+
+    try:
+        files = fit_radar(recording, _out, frames=frames, out=out, name=name, keep_echoes=keep_echoes)
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    _out.print(f"{files.preset}  and its picture {files.picture}", markup=False)
+
+
 def _check_wiring(bench: Bench) -> None:
     from hil.bench import stage_specs
     from hil.stages import plan_stages

@@ -37,7 +37,7 @@ DEFAULT_HP_CUTOFF_HZ = 80e3
 _PARTS = 4  # of a recording, for uncertainties
 _SIGNIFICANT = 2.0  # power of the frame's start over what noise alone would give, below which there is none
 _ENVELOPE_PARTS = 8  # of a chirp
-_DIGITS = 4  # after the point, of counts in a preset
+_DIGITS = 3  # after the point, of counts in a preset
 _CLIPPED_SHARE = 1e-4
 _MOVED = 100.0  # change of a bin between frames over that of the middle one, which tells of a scene that moved
 
@@ -88,7 +88,7 @@ def calibrate(
     echoes = find_static_echoes(varying, np.maximum(image_noise, 1e-6), chirp)
     fixed = varying if keep_echoes else varying - echo_pattern(echoes, *varying.shape)
 
-    adc_model = Adc(odd_code_share=round(min(share, 0.5), _DIGITS))
+    adc_model = Adc(odd_code_share=round(min(share, 0.5), 4))
     mean_power = power.mean(axis=0)
     sigma = _wander(mean_power, chirp.samples)
     impairments = Impairments(
@@ -274,15 +274,15 @@ def _table(
         each = [_frame_start(p, repetition_s, _mean_noise(s)) for p, s in zip(parts, split, strict=True)]
         decays = np.array([e.decay_s for e in each if e.decay_s is not None])
         starts = np.stack([_decompose(p, start.decay_s, repetition_s)[1] for p in parts])
-        rows.append(row("frame start, rms at chirp 0", "counts", rms, np.sqrt((spread(starts) ** 2).mean(axis=1))))
+        rows.append(row("frame start, rms", "counts", rms, np.sqrt((spread(starts) ** 2).mean(axis=1))))
         # A part too short to show the decay says nothing: with fewer than two there is no spread to state.
         sigma = spread(decays) if len(decays) > 1 else np.nan
         rows.append(row("frame start, decay", "ms", 1e3 * start.decay_s, 1e3 * sigma))
     rows.append(row("DC wander", "counts", _wander(means, samples), spread(wanders)))
     bins = sorted({1, 2, 4, samples // 8, samples // 4, 3 * samples // 8, samples // 2})
-    rows += [row(f"noise power, bin {b}", "counts^2", means[:, b], errors[:, b]) for b in bins if b < means.shape[1]]
+    rows += [row(f"noise, bin {b}", "counts^2", means[:, b], errors[:, b]) for b in bins if b < means.shape[1]]
     images = np.stack([range_doppler_noise(range_doppler(s)) for s in split])
-    rows.append(row("range-Doppler noise, rms", "counts", image_noise, spread(images)))
+    rows.append(row("range-Doppler rms", "counts", image_noise, spread(images)))
     shares = np.array([odd_code_share(s) for s in split])
     rows.append(row("share of odd codes", "", odd_code_share(adc), spread(shares)))
     return rows
@@ -290,11 +290,11 @@ def _table(
 
 def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: float, recording: Recording) -> list[str]:
     found = []
-    for echo in echoes:
-        done = "is kept in the pattern" if keep else "was taken out of the pattern"
+    if echoes:
+        places = ", ".join(f"{echo.range_m:.2f}" for echo in echoes)
+        done = "kept in" if keep else "taken out of"
         found.append(
-            f"a reflector at {echo.range_m:.3f} m, {echo.snr_db:.0f} dB above the noise, {done}: "
-            "calibrate in an empty scene for a preset that fits any"
+            f"reflectors at {places} m were {done} the pattern: calibrate in an empty scene for a preset that fits any"
         )
     clipped = float(((adc == 0) | (adc == 2**ADC_BITS - 1)).mean())
     if clipped > _CLIPPED_SHARE:

@@ -152,18 +152,27 @@ def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems
             return None
         return float(value)
 
-    start, end = number("start_frequency_Hz"), number("end_frequency_Hz")
-    rate, repetition = number("sample_rate_Hz"), number("chirp_repetition_time_s")
-    samples, chirps = number("num_samples_per_chirp"), number("num_chirps_per_frame")
+    needed = {
+        key: number(key)
+        for key in (
+            "start_frequency_Hz",
+            "end_frequency_Hz",
+            "sample_rate_Hz",
+            "num_samples_per_chirp",
+            "num_chirps_per_frame",
+            "chirp_repetition_time_s",
+        )
+    }
     antennas = shape.get("rx_antennas")
     if not isinstance(antennas, list) or not antennas or not all(type(a) is int for a in antennas):
         problems.append(Problem(str(path), f"{_SHAPE_KEY}.rx_antennas must list the receivers, as [1, 2, 3]"))
+        antennas = []
     frame, high_pass, low_pass = (
         number(key, needed=False) for key in ("frame_repetition_time_s", "hp_cutoff_Hz", "aaf_cutoff_Hz")
     )
-    if len(problems) > before or None in (start, end, rate, repetition, samples, chirps):
+    if len(problems) > before:
         return None
-    assert start and end and rate and repetition and samples and chirps and antennas
+    start, end, rate, samples, chirps, repetition = (value or 0.0 for value in needed.values())
     try:
         chirp = Chirp(
             center_frequency_hz=0.5 * (start + end),

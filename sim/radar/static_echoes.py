@@ -113,7 +113,8 @@ def _fit(row: Float64, window: Float64, places: list[float], known: Float64) -> 
 
 def _amplitudes(row: Float64, window: Float64, shape: Float64) -> Float64:
     bases = _bases(len(row), shape)
-    return np.linalg.lstsq(bases * window[:, None], row * window, rcond=None)[0].reshape(-1, 2)
+    found = np.linalg.lstsq(bases * window[:, None], row * window, rcond=None)[0]
+    return np.asarray(found, np.float64).reshape(-1, 2)
 
 
 def _time(n: int) -> Float64:
