@@ -9,7 +9,7 @@ actuators).
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -202,8 +202,8 @@ def _differing_field(a: RecordedMessage, b: RecordedMessage) -> tuple[str, Any, 
         for name in [*left, *(n for n in right if n not in left)]:
             x, y = left.get(name, "absent"), right.get(name, "absent")
             if _unequal(x, y):
-                if isinstance(x, bytes) and isinstance(y, bytes) and max(len(x), len(y)) > _BYTES_SHOWN:
-                    return _differing_byte(name, x, y)
+                if isinstance(x, bytes | tuple) and isinstance(y, bytes | tuple) and max(len(x), len(y)) > _BYTES_SHOWN:
+                    return _differing_element(name, x, y)
                 return name, x, y
         return "bytes", a.data.hex(), b.data.hex()  # -0.0 against 0.0, or two NaNs: equal values, other bits
     for name in ("type_name", "sequence", "publish_time_ns"):
@@ -212,8 +212,8 @@ def _differing_field(a: RecordedMessage, b: RecordedMessage) -> tuple[str, Any, 
     raise AssertionError("called with equal messages")
 
 
-def _differing_byte(name: str, x: bytes, y: bytes) -> tuple[str, Any, Any]:
-    """The first byte in which two pictures or point clouds differ: nobody reads a million of them."""
+def _differing_element(name: str, x: Sequence[Any], y: Sequence[Any]) -> tuple[str, Any, Any]:
+    """The first element in which two pictures, point clouds or radar frames differ: nobody reads a million of them."""
     if len(x) != len(y):
         return f"length of {name}", len(x), len(y)
     at = next(i for i, (a, b) in enumerate(zip(x, y, strict=True)) if a != b)

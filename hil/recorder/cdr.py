@@ -162,7 +162,10 @@ class Layout:
 
 
 def decode(type_name: str, data: bytes) -> dict[str, Any]:
-    """Values of one CDR message by dotted path, in order: {"linear_acceleration.x": 0.1, ...}. Cold path."""
+    """Values of one CDR message by dotted path, in order: {"linear_acceleration.x": 0.1, ...}. Cold path.
+
+    Arrays of uint8 are one value, bytes, and those of uint16 a tuple; of other arrays each element is a value.
+    """
     if data[:4] != CDR_HEADER:
         raise ValueError(f"{type_name}: not little-endian plain CDR")
     body = memoryview(data)[4:]
@@ -188,6 +191,8 @@ def decode(type_name: str, data: bytes) -> dict[str, Any]:
                     at += -at % size
                 if field.type == "uint8" and count is not None:
                     values[path] = bytes(body[at : at + n])
+                elif field.type == "uint16" and count is not None:
+                    values[path] = struct.unpack_from(f"<{n}H", body, at)
                 elif count is None:
                     (values[path],) = struct.unpack_from("<" + code, body, at)
                 else:

@@ -100,7 +100,7 @@ class BlobTopic:
 
 
 class FrameSeries:
-    """What a camera, LiDAR or radar has delivered since the last chunk. Samples are kept by reference: they never change."""
+    """What a camera, LiDAR or radar has delivered since the last chunk, by reference: samples never change."""
 
     def __init__(self, port: str, description: FrameDescription | None) -> None:
         self._port = port

@@ -1,7 +1,8 @@
 """Arrays of records as sensor_msgs/PointCloud2: every field of a record becomes one of the cloud's.
 
 Foxglove and RViz draw a cloud by its fields x, y and z. So the coordinates of a position in a frame F, `x_F` or the
-three of `p_F_m`, go by those names, and the three of a velocity `v_F_mps` by vx, vy, vz. The bytes stay those of the array.
+three of `p_F_m`, go by those names, and the three of a velocity `v_F_mps` by vx, vy, vz. The bytes stay those of the
+array.
 """
 
 from __future__ import annotations

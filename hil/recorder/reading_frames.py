@@ -1,0 +1,72 @@
+"""Pictures and raw radar frames of a recording as the arrays that they were."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.recorder.reading import RecordedMessage
+from hil.signals.errors import RecordingError
+from hil.signals.time import NS_PER_S
+from sim.radar.chirp import Chirp
+
+RADAR_FRAME = "hil_msgs/RadarFrame"
+IMAGE = "sensor_msgs/Image"
+_PIXELS = {
+    "mono8": ("u1", 1),
+    "mono16": ("<u2", 1),
+    "32SC1": ("<i4", 1),
+    "32FC1": ("<f4", 1),
+    "rgb8": ("u1", 3),
+    "32FC3": ("<f4", 3),
+}
+
+
+class RecordedRadarFrame(NamedTuple):
+    """One frame as its radar put it out."""
+
+    seq: int
+    t_capture_ns: int
+    chirp: Chirp
+    raw: NDArray[np.uint16]  # (receivers, chirps, samples)
+
+
+def radar_frame(message: RecordedMessage) -> RecordedRadarFrame:
+    """The frame in a hil_msgs/RadarFrame. RecordingError where it is none that a radar can have put out."""
+    values = message.decode()
+    shape = tuple(values[name] for name in ("receivers", "chirps", "samples"))
+    data = values["data"]
+    try:
+        chirp = Chirp(
+            center_frequency_hz=values["center_frequency_hz"],
+            bandwidth_hz=values["bandwidth_hz"],
+            samples=values["samples"],
+            sample_rate_hz=values["sample_rate_hz"],
+            chirps=values["chirps"],
+            repetition_s=values["repetition_s"],
+        )
+        raw = np.array(data, np.uint16).reshape(shape)
+    except ValueError as error:
+        raise RecordingError(f"{message.topic}, frame {message.sequence}: no radar's frame ({error})") from error
+    return RecordedRadarFrame(message.sequence, capture_ns(values), chirp, raw)
+
+
+def image(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
+    """When it was captured [ns] and the picture of a sensor_msgs/Image that this bench has written."""
+    values = message.decode()
+    if values["encoding"] not in _PIXELS:
+        raise RecordingError(f"{message.topic}: pixels of the kind {values['encoding']!r} are not of this bench")
+    kind, components = _PIXELS[values["encoding"]]
+    shape = (values["height"], values["width"]) + ((components,) if components > 1 else ())
+    try:
+        picture = np.frombuffer(values["data"], kind).reshape(shape)
+    except ValueError as error:
+        raise RecordingError(f"{message.topic}, picture {message.sequence}: {error}") from error
+    return capture_ns(values), picture.astype(picture.dtype.newbyteorder("="), copy=False)
+
+
+def capture_ns(values: dict[str, Any]) -> int:
+    """The header's stamp."""
+    return int(values["header.stamp.sec"]) * NS_PER_S + int(values["header.stamp.nanosec"])
