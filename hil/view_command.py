@@ -1,7 +1,8 @@
 """`hil view`: what sensors would see of a scene, as pictures.
 
-Writes `contact_sheet.png` (every channel from the first place, colour from the others, a LiDAR's sweep), one sheet for
-each place, `PLACE.png`, and every channel alone, `PLACE_CHANNEL.png`, pixel for pixel.
+Writes `contact_sheet.png` (every channel from the first place, colour from the others, a LiDAR's sweep, a radar's
+frame), one sheet for each place, `PLACE.png`, what a radar makes of it, `PLACE_radar.png`, and every channel alone,
+`PLACE_CHANNEL.png`, pixel for pixel.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hil.config.files import available, find, is_bare
 from hil.documents.validate import nearest
 from hil.signals.classes import Classes
 from hil.signals.errors import ConfigError, Problem, RecordingError
-from hil.signals.samples import CHANNEL_UNITS, PointCloudSample
+from hil.signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from hil.view_points import default_points, extent_of, looking_at, pose_of
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
@@ -27,12 +28,13 @@ from sim.frame.source import FrameSource, SharedFrames, channel_array
 from sim.scene.scene import Scene
 from sim.scene.view_point import ViewPoint
 from sim.sensors.catalog import make_sensor
+from sim.sensors.radar import Radar
 
 SHEET_NAME = "contact_sheet.png"
 FOV_DEG = 90.0
 DEFAULT_SIZE = (640, 480)
 _TICK_NS = 4_000_000
-_LIDAR = "vlp16"  # the one shown
+_LIDAR, _RADAR = "vlp16", "bgt60tr13c"  # those shown
 _FAR_M = 1000.0
 
 Pictures = Mapping[str, NDArray[Any]]
@@ -100,13 +102,14 @@ def _points(
 def _draw(
     folder: Path, scene: Scene, frames: FrameSource, points: Sequence[ViewPoint], camera: CameraModel
 ) -> list[Path]:
-    from hil.report import figures, frame_pictures  # half a second of matplotlib, paid after all checks
+    from hil.report import figures, frame_pictures, radar_pictures  # half a second of matplotlib, paid after all checks
 
     supersample = 2 if 2 * max(camera.width, camera.height) <= MAX_PIXELS_ACROSS else 1
     renderer = frames.renderer(camera, shadows=True, supersample=supersample, near_m=0.05, far_m=_FAR_M)
     mount = Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     files: list[Path] = []
     seen: dict[str, Pictures] = {}
+    heard: list[RadarSample] = []
     with figures.style():
         for point in points:
             frames.expect(0)
@@ -117,10 +120,23 @@ def _draw(
             path = folder / f"{point.name}.png"
             figures.save(frame_pictures.channels_figure(_title(scene, point), pictures, frames.classes), path)
             files.append(path)
+            radar, echoes = _radar_frame(scene, frames, point)
+            heard.append(echoes)
+            path = folder / f"{point.name}_radar.png"
+            figures.save(radar_pictures.radar_figure(_title(scene, point), echoes.channels, radar.chirp), path)
+            files.append(path)
         cloud = _sweep(scene, frames, points[0])
+
+        def radar_panel(panel: frame_pictures.Panel) -> None:
+            name = f"radar at {points[0].name}, range-Doppler"
+            radar_pictures.draw_map(panel, heard[0].channels["range_doppler"], radar.chirp, name, plain_axes=True)
+
         sheet = folder / SHEET_NAME
         figure = frame_pictures.sheet_figure(
-            [(point, _title(scene, point), seen[point.name]) for point in points], cloud, frames.classes
+            [(point, _title(scene, point), seen[point.name]) for point in points],
+            cloud,
+            frames.classes,
+            more=(radar_panel,),
         )
         figures.save(figure, sheet)
     return [sheet, *files]
@@ -149,6 +165,22 @@ def _sweep(scene: Scene, frames: FrameSource, point: ViewPoint) -> PointCloudSam
     sample = lidar.sample(pose_of(level), 0)
     assert isinstance(sample, PointCloudSample)
     return sample
+
+
+def _radar_frame(scene: Scene, frames: FrameSource, point: ViewPoint) -> tuple[Radar, RadarSample]:
+    """One frame of a radar that looks along the view, with what stands still left in."""
+    radar = make_sensor(
+        "radar",
+        preset=_RADAR,
+        rate_hz=10.0,
+        seed=1,
+        scene=scene,
+        step_ns=_TICK_NS,
+        overrides={"processing": {"clutter": "none"}, "outputs": ["range_doppler", "points"]},
+        frames=frames,
+    )
+    assert isinstance(radar, Radar)
+    return radar, radar.sample(pose_of(point), 0)
 
 
 def _title(scene: Scene, point: ViewPoint) -> str:

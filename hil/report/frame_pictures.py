@@ -6,7 +6,7 @@ matplotlib is slow to import: import this module at the end of a run, not at its
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -137,13 +137,15 @@ def sheet_figure(
     views: Sequence[tuple[ViewPoint, str, Mapping[str, NDArray[Any]]]],
     cloud: PointCloudSample | None,
     classes: Classes = _NO_CLASSES,
+    *,
+    more: Sequence[Callable[[Panel], None]] = (),
 ) -> Figure:
-    """Every channel of the first view; colour of the others and a sweep of a LiDAR below."""
+    """Every channel of the first view; colour of the others, a sweep of a LiDAR and what `more` draws below."""
     first, title, channels = views[0]
     names = [name for name in TITLES if name in channels]
     shape = channels[names[0]].shape
     clouds = [cloud] if cloud is not None else []
-    figure, panels = make_panels(title, len(names) + len(views) - 1 + len(clouds), shape[0] / shape[1])
+    figure, panels = make_panels(title, len(names) + len(views) - 1 + len(clouds) + len(more), shape[0] / shape[1])
     rest = iter(panels)
     for name in names:
         draw_channel(next(rest), name, channels[name], classes)
@@ -158,6 +160,8 @@ def sheet_figure(
         panel.axes.set_title(
             f"LiDAR at {first.name}, from above [m], {len(sweep.range_m)} returns", fontsize=9.5, loc="left"
         )
+    for draw in more:
+        draw(next(rest))
     return figure
 
 

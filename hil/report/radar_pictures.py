@@ -67,12 +67,18 @@ def colours_of(level_db: Power) -> Normalize:
     return Normalize(min(floor, peak - 1.0), peak)
 
 
-def draw_map(panel: Panel, power: Power, chirp: Chirp, name: str = "range-Doppler") -> None:
-    """A map: range to the right, speed upwards, approaching below."""
+def draw_map(
+    panel: Panel, power: Power, chirp: Chirp, name: str = "range-Doppler", *, plain_axes: bool = False
+) -> None:
+    """A map: range to the right, speed upwards, approaching below. `plain_axes`: what they are in the title."""
     level = decibels(power)
     norm = colours_of(level)
     show_levels(panel.axes, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
-    panel.axes.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
+    if plain_axes:
+        name += " [m] by [m/s]"
+        panel.axes.tick_params(axis="y", direction="in", pad=-22.0, labelcolor="white")
+    else:
+        panel.axes.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
     panel.axes.set_title(name, fontsize=9.5, loc="left")
     colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
 
