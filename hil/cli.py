@@ -269,6 +269,38 @@ def calibrate_radar(
     _out.print(f"{files.preset}  and its picture {files.picture}", markup=False)
 
 
+@app.command()
+def radar(
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of a run, its run.mcap, or a recording (.npz or .npy with its .json).", metavar="RECORDING"
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default `radar` beside the data.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Radar preset, by name or file; default the recorded radar's settings.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Override any key, e.g. --set processing.cfar.kind=ca.", metavar="KEY=VALUE"),
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Radar data of a recording to maps, points and tracks; without radar data, made from its pictures."""
+    from hil.radar_command import process_radar
+
+    try:
+        files = process_radar(target, _out, out=out, preset=preset, settings=settings or (), quiet=quiet)
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(ERROR_STATUS) from None
+    _out.print(f"{files[0]}  and {len(files) - 1} more files beside it", markup=False)
+
+
 def _check_wiring(bench: Bench) -> None:
     from hil.bench import stage_specs
     from hil.stages import plan_stages

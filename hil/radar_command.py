@@ -1,0 +1,82 @@
+"""`hil radar`: a recording through the processing chain, or radar frames out of recorded pictures.
+
+Writes into the folder: `summary.png` (range and speed over time, with the tracks), some `range_doppler_N.png`,
+`points.csv`, `tracks.csv`, `radar.npz` with all of it, `summary.json`, and where the frames were made here, `raw.npz`
+with `raw.json`, which `hil radar` and `hil calibrate radar` read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from hil.radar_offline.results import Results
+from hil.radar_offline.sources import Frame, Source, open_source
+from hil.signals.errors import RecordingError
+from hil.signals.time import NS_PER_S
+from sim.radar.processing.processor import Processor
+from sim.radar.recording import Recording, save_recording
+
+FOLDER = "radar"
+
+
+def process_radar(
+    target: Path,
+    console: Console,
+    *,
+    out: Path | None = None,
+    preset: str | None = None,
+    settings: Sequence[str] = (),
+    quiet: bool = False,
+) -> list[Path]:
+    """Process every frame; returns what was written, the summary's picture first. ConfigError, RecordingError."""
+    source = open_source(target, preset=preset, texts=settings)
+    folder = out if out is not None else _folder(target)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        results, made = _process(source, console, quiet=quiet)
+        files = results.write(folder, what=f"{target}: {source.what}")
+        if source.made and made:
+            save_recording(folder / "raw.npz", _recording(source, made))
+            files += [folder / "raw.npz", folder / "raw.json"]
+    except OSError as error:
+        raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
+    return files
+
+
+def _folder(target: Path) -> Path:
+    if target.is_dir():
+        return target / FOLDER
+    return target.parent / (FOLDER if target.suffix == ".mcap" else f"{target.stem}-{FOLDER}")
+
+
+def _process(source: Source, console: Console, *, quiet: bool) -> tuple[Results, list[Frame]]:
+    """Results, and where the frames were made here, the frames."""
+    p = source.parameters
+    processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+    results = Results(p.chirp, source.count)
+    made: list[Frame] = []
+    shown = quiet or not console.is_terminal
+    for frame in track(source.frames, source.what, source.count, console=console, transient=True, disable=shown):
+        results.add(frame.t_ns, processor.process(frame.raw, frame.t_ns))
+        if source.made:
+            made.append(frame)
+    return results, made
+
+
+def _recording(source: Source, frames: Sequence[Frame]) -> Recording:
+    p = source.parameters
+    times = [frame.t_ns for frame in frames]
+    period_s = float(np.median(np.diff(times))) / NS_PER_S if len(times) > 1 else None
+    return Recording(
+        np.array([frame.raw for frame in frames]),
+        p.chirp,
+        tuple(range(1, len(p.antenna.rx_positions_m) + 1)),
+        period_s,
+        p.receiver.hp_cutoff_hz,
+        p.receiver.aaf_cutoff_hz,
+    )

@@ -1,0 +1,1 @@
+"""`hil radar`: frames of a recording, processed, or made from recorded pictures."""

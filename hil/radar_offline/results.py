@@ -1,0 +1,129 @@
+"""What `hil radar` leaves: points and tracks as tables, everything as arrays, some maps and a summary as pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.time import NS_PER_S
+from sim.radar.chirp import Chirp
+from sim.radar.processing.points import POINT_DTYPE
+from sim.radar.processing.processor import Processed
+from sim.radar.processing.tracker import TRACK_DTYPE
+
+PICTURES = 8  # maps drawn, spread over the frames
+
+
+class Results:
+    """Collects the frames one by one."""
+
+    def __init__(self, chirp: Chirp, count: int) -> None:
+        self.chirp = chirp
+        self.t_ns: list[int] = []
+        self.points: list[NDArray[Any]] = []
+        self.tracks: list[NDArray[Any]] = []
+        self.over_range: list[NDArray[np.float32]] = []  # greatest power over the speeds
+        self.over_speed: list[NDArray[np.float32]] = []  # sum of power over the ranges
+        self.shown: dict[int, Processed] = {}
+        self._wanted = set(np.linspace(0, max(count - 1, 0), min(PICTURES, max(count, 1))).astype(int).tolist())
+
+    def add(self, t_ns: int, processed: Processed) -> None:
+        """Take in one frame."""
+        if len(self.t_ns) in self._wanted:
+            self.shown[len(self.t_ns)] = processed
+        self.t_ns.append(t_ns)
+        self.points.append(processed.points)
+        self.tracks.append(processed.tracks)
+        self.over_range.append(processed.range_doppler.max(axis=0))
+        self.over_speed.append(processed.range_doppler.sum(axis=1))
+
+    @property
+    def t_s(self) -> NDArray[np.float64]:
+        """Middle of each frame."""
+        return np.array(self.t_ns, np.float64) / NS_PER_S
+
+    def write(self, folder: Path, *, what: str) -> list[Path]:
+        """Tables, arrays and pictures; returns their paths, the summary's picture first. OSError."""
+        files = [
+            _table(folder / "points.csv", self.t_s, self.points, POINT_DTYPE),
+            _table(folder / "tracks.csv", self.t_s, self.tracks, TRACK_DTYPE),
+            self._arrays(folder / "radar.npz"),
+            self._summary(folder / "summary.json", what),
+        ]
+        return [*self._pictures(folder, what), *files]
+
+    def _arrays(self, path: Path) -> Path:
+        np.savez_compressed(
+            path,
+            t_ns=np.array(self.t_ns, np.int64),
+            points=_joined(self.points, POINT_DTYPE),
+            points_per_frame=np.array([len(points) for points in self.points], np.int64),
+            tracks=_joined(self.tracks, TRACK_DTYPE),
+            tracks_per_frame=np.array([len(tracks) for tracks in self.tracks], np.int64),
+            range_time=np.array(self.over_range),
+            speed_time=np.array(self.over_speed),
+        )
+        return path
+
+    def _summary(self, path: Path, what: str) -> Path:
+        chirp = self.chirp
+        seen = [len(tracks) for tracks in self.tracks]
+        summary = {
+            "source": what,
+            "frames": len(self.t_ns),
+            "points": sum(len(points) for points in self.points),
+            "frames_with_track": sum(count > 0 for count in seen),
+            "tracks": len({int(i) for tracks in self.tracks for i in tracks["id"]}),
+            "chirp": chirp.model_dump(mode="json"),
+            "range_resolution_m": chirp.range_resolution_m,
+            "max_range_m": chirp.max_range_m,
+            "speed_resolution_mps": chirp.speed_resolution_mps,
+            "max_speed_mps": chirp.max_speed_mps,
+        }
+        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        return path
+
+    def _pictures(self, folder: Path, what: str) -> list[Path]:
+        from hil.report import figures, radar_pictures, radar_waterfall  # half a second of matplotlib
+
+        files = []
+        with figures.style():
+            figure = radar_waterfall.waterfall_figure(
+                what, self.t_s, np.array(self.over_range), np.array(self.over_speed), self.tracks, self.chirp
+            )
+            files.append(folder / "summary.png")
+            figures.save(figure, files[-1])
+            for index, processed in self.shown.items():
+                title = f"frame {index}, {self.t_ns[index] / NS_PER_S:.2f} s"
+                channels = {name: getattr(processed, name) for name in ("range_doppler", "points", "tracks")}
+                files.append(folder / f"range_doppler_{index:05d}.png")
+                figures.save(radar_pictures.radar_figure(title, channels, self.chirp), files[-1])
+        return files
+
+
+def _joined(arrays: Sequence[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any]:
+    return np.concatenate([np.empty(0, dtype), *arrays])
+
+
+def _table(path: Path, t_s: NDArray[np.float64], frames: Sequence[NDArray[Any]], dtype: np.dtype[Any]) -> Path:
+    """One row a record, its frame and time before it; vectors are three columns."""
+    names = dtype.names or ()
+    columns = [
+        column for name in names for column in ([f"{name}_{axis}" for axis in "xyz"] if dtype[name].shape else [name])
+    ]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["frame", "t_s", *columns])
+        for index, records in enumerate(frames):
+            for record in records:
+                values = [value for name in names for value in np.atleast_1d(record[name]).tolist()]
+                writer.writerow(
+                    [index, f"{t_s[index]:.6f}", *(f"{v:.6g}" if isinstance(v, float) else v for v in values)]
+                )
+    return path

@@ -1,0 +1,204 @@
+"""Where the frames of `hil radar` come from.
+
+    RUN_DIR or run.mcap with a radar's raw data    those frames, processed again
+    RUN_DIR whose camera recorded range, normal,   frames made from these pictures, with the seed of the run: the same
+      material and radial_velocity                 bytes as of a radar that had read that camera live
+    .npz or .npy with its .json                    a recording of a real sensor, or of `hil radar` itself
+
+Every source gives its settings, how many frames there are, and the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import BenchConfig, load_bench
+from hil.config.radar_checks import view_of
+from hil.documents.validate import nearest
+from hil.documents.yaml_lines import parse_yaml
+from hil.radar_offline.settings import settings_of, with_chirp
+from hil.recorder.reading import RecordedMessage, Recording
+from hil.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
+from hil.recorder.recorder import MCAP_NAME
+from hil.signals.errors import ConfigError, Problem, RecordingError
+from hil.signals.samples import TruthState
+from hil.signals.time import NS_PER_S
+from sim.frame.mount import Mount
+from sim.radar.recording import load_recording
+from sim.scene.world import load_world
+from sim.sensors.radar import RadarFrames
+from sim.sensors.radar_parameters import RadarParameters
+
+LIVE_PRESET = "bgt60tr13c"
+RECORDING_PRESET = "bgt60tr13c_wideband"
+_ARRAYS = (".npz", ".npy")
+_DEFAULT_PERIOD_S = 0.1  # of a recording that does not say
+_NEEDED = ("range", "normal", "material", "radial_velocity")
+_ZERO = (0.0, 0.0, 0.0)
+_RECENT_NS = 10 * NS_PER_S  # how long after its capture a picture may arrive
+
+
+class Frame(NamedTuple):
+    """One frame, its middle at `t_ns`."""
+
+    t_ns: int
+    raw: NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Frames to come, of one radar."""
+
+    what: str  # for people
+    parameters: RadarParameters
+    count: int
+    made: bool  # here, from pictures
+    frames: Iterator[Frame]
+
+
+def open_source(target: Path, *, preset: str | None, texts: Sequence[str]) -> Source:
+    """Whatever `target` is. Raises ConfigError, RecordingError."""
+    if target.suffix in _ARRAYS:
+        return _of_arrays(target, preset, texts)
+    path = target / MCAP_NAME if target.is_dir() else target
+    if not path.is_file():
+        message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
+        raise ConfigError([Problem(str(target), message, "give the folder of a run, its run.mcap, or an .npz or .npy")])
+    try:
+        topics = _topics(path)
+    except RecordingError as error:
+        raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
+    raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
+    if raw:
+        return _of_raw(path, raw[0], topics[raw[0]][1], preset, texts)
+    return _of_pictures(path, topics, preset, texts)
+
+
+def _of_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
+    recording = load_recording(path)
+    parameters = settings_of(None, preset=preset, default_preset=RECORDING_PRESET, texts=texts)
+    parameters = with_chirp(parameters, recording.chirp, recording.receivers, str(path))
+    period_ns = round((recording.frame_repetition_s or _DEFAULT_PERIOD_S) * NS_PER_S)
+    frames = (Frame(i * period_ns, np.ascontiguousarray(raw)) for i, raw in enumerate(recording.adc))
+    return Source(f"recording {path.name}", parameters, recording.frames, False, frames)
+
+
+def _topics(path: Path) -> dict[str, tuple[str, int]]:
+    """Type and number of messages of every topic."""
+    found: dict[str, tuple[str, int]] = {}
+    for message in Recording(path).messages():
+        kind, count = found.get(message.topic, (message.type_name, 0))
+        found[message.topic] = (kind, count + 1)
+    return found
+
+
+def _of_raw(path: Path, topic: str, count: int, preset: str | None, texts: Sequence[str]) -> Source:
+    first = radar_frame(next(message for message in Recording(path).messages() if message.topic == topic))
+    name = topic.strip("/").split("/")[0]
+    recorded = _section(path, name)
+    parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
+    parameters = with_chirp(parameters, first.chirp, len(first.raw), f"{path}: {topic}")
+
+    def frames() -> Iterator[Frame]:
+        for message in Recording(path).messages():
+            if message.topic == topic:
+                frame = radar_frame(message)
+                yield Frame(frame.t_capture_ns, frame.raw)
+
+    return Source(f"raw frames of {name!r}", parameters, count, False, frames())
+
+
+def _section(path: Path, name: str) -> Mapping[str, Any] | None:
+    """What the recording's own bench says of a sensor."""
+    recording = Recording(path).scan()
+    data = parse_yaml(recording.attachments.get("bench.yaml", b"{}").decode(errors="replace"), "bench.yaml").data
+    section = data.get("sensors", {}).get(name) if isinstance(data, dict) else None
+    return section if isinstance(section, dict) else None
+
+
+def _of_pictures(path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str]) -> Source:
+    bench_file = path.parent / "bench.yaml"
+    cameras = _cameras(topics)
+    if not cameras or not bench_file.is_file():
+        hint = f"record a radar's raw data, or a camera with the channels {', '.join(_NEEDED)}"
+        message = "holds no raw radar data and no pictures to make them of"
+        if cameras:
+            message, hint = "needs the bench.yaml of the run beside it", "give the run's folder"
+        raise ConfigError([Problem(str(path), message, hint)])
+    bench = load_bench(bench_file)
+    radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
+    name, recorded = "radar", None
+    if radars:
+        name = next(iter(radars))
+        recorded = radars[name].parameters.model_dump(mode="json")
+    parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
+    camera = parameters.frame or cameras[0]
+    if camera not in cameras:
+        problem = f"frame {camera!r}: that camera's {', '.join(_NEEDED)} were not recorded"
+        raise ConfigError([Problem(str(path), problem, nearest(camera, cameras))])
+    view = view_of(bench.config.sensors[camera])
+    try:
+        radar = RadarFrames(view, load_world(bench.scene), parameters, seed=bench.config.seed, name=name)
+    except ValueError as error:
+        raise ConfigError([Problem("--set mask", str(error))]) from error
+    missing = [channel for channel in radar.channels if f"/{camera}/{channel}" not in topics]
+    if missing:
+        raise ConfigError([Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record it")])
+    frames = _made(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
+    count = topics[f"/{camera}/range"][1]
+    return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames)
+
+
+def _cameras(topics: Mapping[str, Any]) -> list[str]:
+    """Those of which everything was recorded that echoes need."""
+    names = {topic.split("/")[1] for topic in topics if topic.endswith("/range")}
+    return sorted(name for name in names if all(f"/{name}/{channel}" in topics for channel in _NEEDED))
+
+
+def _made(path: Path, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig) -> Iterator[Frame]:
+    """The frame of each picture, once all of its channels and the truth of its tick have been read."""
+    wanted = {f"/{camera}/{channel}": channel for channel in radar.channels}
+    waiting: dict[int, dict[str, NDArray[Any]]] = {}
+    truths: dict[int, dict[str, RecordedMessage]] = {}
+    for message in Recording(path).messages():
+        if message.topic in ("/truth/pose", "/truth/velocity", "/truth/angular_velocity"):
+            t_ns = message.log_time_ns
+            if t_ns not in truths:
+                truths = {t: found for t, found in truths.items() if t > t_ns - _RECENT_NS}
+            truths.setdefault(t_ns, {})[message.topic] = message
+        elif message.topic in wanted:
+            t_ns, picture = image(message)
+            pictures = waiting.setdefault(message.sequence, {})
+            pictures[wanted[message.topic]] = picture
+            if len(pictures) == len(wanted):
+                del waiting[message.sequence]
+                truth = _truth(t_ns, t_ns // config.tick_ns, truths.get(t_ns, {}), path)
+                yield Frame(t_ns, radar.raw(pictures, mount.pose(truth), message.sequence))
+
+
+def _truth(t_ns: int, tick: int, messages: Mapping[str, RecordedMessage], path: Path) -> TruthState:
+    """Pose and velocity of the vehicle as recorded; nothing else is asked of it here."""
+    if len(messages) < 3:
+        raise RecordingError(f"{path}: does not tell where the vehicle was at {t_ns / NS_PER_S:.3f} s")
+    pose = messages["/truth/pose"].decode()
+    v, w = messages["/truth/velocity"].decode(), messages["/truth/angular_velocity"].decode()
+    assert capture_ns(pose) == t_ns
+    q = "pose.orientation"
+    return TruthState(
+        tick,
+        t_ns,
+        (pose["pose.position.x"], pose["pose.position.y"], pose["pose.position.z"]),
+        (pose[f"{q}.w"], pose[f"{q}.x"], pose[f"{q}.y"], pose[f"{q}.z"]),
+        (v["vector.x"], v["vector.y"], v["vector.z"]),
+        (w["vector.x"], w["vector.y"], w["vector.z"]),
+        _ZERO,
+        _ZERO,
+        (),
+        False,
+    )
