@@ -29,6 +29,11 @@ EXTRA = {
     "range_finder": {"mount_m": (0.0, 0.05, -0.05), "dropout_probability": 0.05},
     "optical_flow": {"mount_m": (0.0, 0.05, -0.05)},
 }
+FRAME_EXTRA = {
+    "camera": {"shadows": True, "channels": list(CHANNELS)},
+    "lidar": {"beam_divergence_rad": 0.003},
+    "radar": {"mount_m": (0.0, 0.0, 1.0), "resolution": (96, 64)},
+}
 FAULTS = [
     {"kind": "drift", "at_s": 0.4, "until_s": 0.6, "rate_per_s": 0.3},
     {"kind": "stuck_bit", "at_s": 0.6, "until_s": 0.8, "bit": 3, "level": 1},
@@ -41,7 +46,7 @@ sensors = []
 for name in PRESETS:
     kind = PRESETS[name].kind
     if KINDS[kind].needs_frames:
-        extra = {"shadows": True, "channels": list(CHANNELS)} if kind == "camera" else {"beam_divergence_rad": 0.003}
+        extra = FRAME_EXTRA[kind]
         made = make_sensor(
             name, preset=name, rate_hz=2.0, seed=SEED, scene=scene, step_ns=tick_ns, overrides=extra, frames=frames
         )

@@ -1,0 +1,198 @@
+"""Radars in a bench file: what is right is resolved, what cannot be is named with its line and what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.bench import stage_specs
+from hil.cli import run_command_line
+from hil.config import Bench, load_bench, resolved_yaml, save_bench
+from hil.signals.errors import ConfigError
+from hil.stages import plan_stages
+from sim.sensors.catalog import PRESETS
+
+SENSORS = """scene: radar_range
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [rgb]}
+"""
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def load(radar: str, more: str = "", settings: tuple[str, ...] = ()) -> Bench:
+    Path("b.yaml").write_text(f"{SENSORS}  radar: {radar}\n{more}")
+    return load_bench("b.yaml", settings=settings)
+
+
+def refused(radar: str, more: str = "") -> str:
+    with pytest.raises(ConfigError) as caught:
+        load(radar, more)
+    (problem,) = caught.value.problems
+    return str(problem)
+
+
+def test_a_radar_reads_a_cameras_frames_wherever_it_stands_in_the_file() -> None:
+    bench = load("{preset: bgt60tr13c, frame: front, rate_hz: 10}")
+    radar = bench.config.sensors["radar"]
+    assert (radar.kind, radar.preset, radar.autopilot) == ("radar", "bgt60tr13c", False)
+    assert radar.parameters.frame == "front"
+    Path("first.yaml").write_text(
+        SENSORS.replace("sensors:\n", "sensors:\n  radar: {preset: bgt60tr13c, frame: front, rate_hz: 10}\n")
+    )
+    first = load_bench("first.yaml")
+    assert first.config.sensors["radar"] == radar
+    for config in (bench.config, first.config):
+        plan = plan_stages(stage_specs(config))
+        assert {f"radar/{name}" for name in ("raw", "range_doppler", "points", "tracks")} <= set(plan.order)
+
+
+def test_each_output_is_a_port_of_its_own() -> None:
+    config = load("{preset: bgt60tr13c, rate_hz: 10, outputs: [points, raw]}").config
+    plan = plan_stages(stage_specs(config))
+    assert [name for name in plan.order if name.startswith("radar")] == ["radar/points", "radar/raw"]
+    dark = config.model_copy(update={"record": config.record.model_copy(update={"images": False})})
+    left_out = plan_stages(stage_specs(dark)).skipped
+    assert {"radar/points", "radar/raw"} <= {skipped.stage for skipped in left_out}
+
+
+def test_sections_are_changed_key_by_key_and_survive_being_saved() -> None:
+    text = """
+    preset: bgt60tr13c
+    rate_hz: 20
+    resolution: [160, 120]
+    fov_deg: 80
+    mount_m: [0.1, 0, 0]
+    mount_rpy_deg: [0, 10, 0]
+    mask: {classes: [person], max_range_m: 10}
+    processing: {clutter: mti2, cfar: {kind: ca}}
+    impairments: {noise: null, adc: {odd_code_share: 0.2}}
+    method: direct
+    tolerance: 1.0e-6
+"""
+    bench = load(text)
+    p, preset = bench.config.sensors["radar"].parameters, PRESETS["bgt60tr13c"].parameters
+    assert p.chirp == preset.chirp  # type: ignore[attr-defined]
+    assert p.impairments.leakage == preset.impairments.leakage  # type: ignore[attr-defined]
+    assert (p.impairments.noise, p.impairments.adc.odd_code_share) == (None, 0.2)
+    assert (p.processing.clutter, p.processing.cfar.kind) == ("mti2", "ca")
+    assert p.processing.cfar.guard_range == type(p.processing)().cfar.guard_range
+    Path("again.yaml").write_text(resolved_yaml(bench.config))
+    assert load_bench("again.yaml").config.sensors == bench.config.sensors
+    framed = load("{preset: bgt60tr13c, frame: front, rate_hz: 10}")
+    saved = save_bench(framed, Path("run"))
+    assert load_bench(saved).config.sensors == framed.config.sensors
+
+
+def test_one_key_can_be_set_on_the_command_line() -> None:
+    settings = ("sensors.radar.processing.cfar.kind=ca", "sensors.radar.impairments.noise=null")
+    p = load("{preset: bgt60tr13c, rate_hz: 10}", settings=settings).config.sensors["radar"].parameters
+    assert (p.processing.cfar.kind, p.impairments.noise) == ("ca", None)
+    assert p.impairments.adc is not None
+
+
+PRESET = "preset: bgt60tr13c"
+FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps every 0.000390975 s)"
+
+
+@pytest.mark.parametrize(
+    ("radar", "expected"),
+    [
+        (f"{{{PRESET}, frame: frnt, rate_hz: 10}}", "frame is unknown: 'frnt' (did you mean 'front'?)"),
+        (f"{{{PRESET}, frame: gps, rate_hz: 10}}", "is 'gps', a gps and no camera (the only one there is: front)"),
+        (f"{{{PRESET}, rate_hz: 50}}", f"{FASTER} (39.964 Hz at most, or fewer chirps)"),
+        (f"{{{PRESET}, frame: front, fov_deg: 90, rate_hz: 10}}", "leave out fov_deg"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{samples: 800}}}}", "take 0.0004 s, longer than repetition_s 0.000390975"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{bandwidth_hz: 0}}}}", "bandwidth_hz must be above 0 Hz, not 0"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{samples: 63}}}}", "samples must be even"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{bandwith_hz: 1}}}}", "did you mean 'bandwidth_hz'?"),
+        (f"{{{PRESET}, rate_hz: 10, outputs: [raw, rwa]}}", "there is no output 'rwa'"),
+        (f"{{{PRESET}, rate_hz: 10, outputs: []}}", "must name at least one output"),
+        (f"{{{PRESET}, rate_hz: 10, outputs: [raw, raw]}}", "named twice"),
+        (f"{{{PRESET}, rate_hz: 10, near_m: 5, far_m: 2}}", "far_m 2 must be above near_m 5"),
+        (f"{{{PRESET}, rate_hz: 10, method: fft}}", "must be 'nufft' or 'direct', not 'fft'"),
+        (f"{{{PRESET}, rate_hz: 10, tolerance: 1}}", "tolerance must be at most 0.1, not 1"),
+        (f"{{{PRESET}, rate_hz: 10, mask: {{azimuth_deg: [60, 70]}}}}", "leave no pixel"),
+        (f"{{{PRESET}, rate_hz: 10, mask: {{azimuth_deg: [20, 10]}}}}", "is empty"),
+        (f"{{{PRESET}, rate_hz: 10, mask: {{classes: [persn]}}}}", "did you mean 'person'"),
+        (f"{{{PRESET}, rate_hz: 10, impairments: {{adc: {{odd_code_share: 2}}}}}}", "share must be at most 0.5"),
+        (f"{{{PRESET}, rate_hz: 10, antenna: {{rx_positions_m: [[0, 0, 0]]}}}}", "and the antenna has 1"),
+        (f"{{{PRESET}, rate_hz: 10, autopilot: true}}", "no flight controller takes a radar"),
+        ("{preset: bgt60tr13, rate_hz: 10}", "did you mean 'bgt60tr13c'?"),
+        ("{preset: ./mine.yaml, rate_hz: 10}", "names a file that does not exist: ./mine.yaml"),
+        ("{kind: radar, rate_hz: 10, antenna: {}}", "sensors.radar"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_named_with_its_line(radar: str, expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(radar)
+    told = [str(problem) for problem in caught.value.problems]
+    assert any(expected in text for text in told), told
+    assert all(text.startswith("b.yaml:8:") for text in told)
+    assert run_command_line(["check", "b.yaml"]) == 2
+    assert expected.replace("\n", "") in capsys.readouterr().err.replace("\n", "")
+
+
+def test_a_bench_without_cameras_says_so() -> None:
+    Path("b.yaml").write_text(
+        "\n".join(SENSORS.splitlines()[:-1]) + "\n  radar: {preset: bgt60tr13c, frame: a, rate_hz: 9}\n"
+    )
+    with pytest.raises(ConfigError, match="this bench has no camera: give the radar a view of its own"):
+        load_bench("b.yaml")
+
+
+def test_a_broken_camera_is_said_once() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load("{preset: bgt60tr13c, frame: rear, rate_hz: 10}", "  rear: {kind: camera, rate_hz: 10, fov_deg: 90}\n")
+    (problem,) = caught.value.problems
+    assert "resolution" in str(problem)
+
+
+def test_a_preset_of_ones_own_for_any_kind_lies_beside_the_file_that_names_it(tmp_path: Path) -> None:
+    folder = tmp_path / "benches"
+    folder.mkdir()
+    (folder / "mine.yaml").write_text((REPOSITORY / "sim/sensors/preset_files/bgt60tr13c.yaml").read_text())
+    (folder / "ms.yaml").write_text((REPOSITORY / "sim/sensors/preset_files/ms5611.yaml").read_text())
+    text = SENSORS.replace("preset: ms5611", "preset: ms.yaml")
+    (folder / "b.yaml").write_text(f"{text}  radar: {{preset: ./mine.yaml, rate_hz: 10, chirp: {{chirps: 32}}}}\n")
+    bench = load_bench(folder / "b.yaml")
+    radar, baro = bench.config.sensors["radar"], bench.config.sensors["baro"]
+    assert baro.parameters == PRESETS["ms5611"].parameters
+    assert radar.parameters.antenna == PRESETS["bgt60tr13c"].parameters.antenna  # type: ignore[attr-defined]
+    assert radar.parameters.chirp.chirps == 32
+    # A run keeps what the file said, and does not need it again.
+    saved = save_bench(bench, tmp_path / "run")
+    (folder / "mine.yaml").unlink()
+    assert load_bench(saved).config.sensors == bench.config.sensors
+    # On the command line it is where one is.
+    (tmp_path / "here.yaml").write_text((REPOSITORY / "sim/sensors/preset_files/ms5611.yaml").read_text())
+    other = load_bench(saved.parent / "bench.yaml", settings=["sensors.baro.preset=here.yaml"])
+    assert other.config.sensors["baro"].parameters == PRESETS["ms5611"].parameters
+
+
+def test_what_is_wrong_in_a_preset_of_ones_own_has_that_files_line(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        'kind: radar\npart: "x"\nsources: {}\nparameters:\n  chirp: {value: 1, status: x}\n'
+    )
+    message = refused("{preset: ./mine.yaml, rate_hz: 10}")
+    assert message.startswith("mine.yaml:5: parameters.chirp.status")
+    (tmp_path / "mine.yaml").write_text('kind: radar\npart: "x"\nsources: {}\nparameters: {}\n')
+    assert "mine.yaml: parameters do not fit a radar" in refused("{preset: ./mine.yaml, rate_hz: 10}")
+    assert "is 'camera', but the preset" in refused(f"{{preset: {'bgt60tr13c'}, kind: camera, rate_hz: 10}}")
+
+
+@pytest.mark.parametrize("name", ["radar_away", "radar_towards"])
+def test_the_radar_scenes_can_be_flown(name: str) -> None:
+    bench = load_bench(REPOSITORY / "rigs" / "benches" / f"{name}.yaml")
+    assert bench.script is not None
+    assert bench.config.sensors["radar"].rate_hz == 20.0
+    assert bench.scene.name == f"radar_walk_{name.removeprefix('radar_')}"
