@@ -32,7 +32,8 @@ MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 
 @dataclass(frozen=True)
 class SynthesisReport:
-    """How a frame was summed. `error_bound` includes what was dropped; both are relative to the frame's norm."""
+    """How a frame was summed. `error_bound`, an estimate, includes what was dropped; both are
+    relative to the frame's norm."""
 
     echoes: int  # whose amplitude is not zero
     dropped: int  # of those, too weak to matter

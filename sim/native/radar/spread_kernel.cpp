@@ -94,9 +94,9 @@ SpreadKernel spread_kernel(int width, double oversampling) {
     return kernel;
 }
 
-std::vector<double> spread_scale(const SpreadKernel &kernel, int count, int size) {
+std::vector<double> spread_scale(const SpreadKernel &kernel, int first, int count, int size) {
     std::vector<double> scale(static_cast<std::size_t>(count));
-    for (int i = 0; i < count; ++i) scale[static_cast<std::size_t>(i)] = 1.0 / transform(kernel, i - count / 2, size);
+    for (int i = 0; i < count; ++i) scale[static_cast<std::size_t>(i)] = 1.0 / transform(kernel, first + i, size);
     return scale;
 }
 

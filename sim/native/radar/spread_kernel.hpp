@@ -17,13 +17,13 @@ struct SpreadKernel {
     double coefficient[(kMaxWidth + 1) / 2][kMaxWidth + 1];  // of t^0, t^1, ...
 };
 
-// For output indices -count/2 .. count - 1 - count/2 from a grid of `size` points (a power of two >= 2 count).
+// `oversampling`: points of the grid over outputs, at least 2.
 SpreadKernel spread_kernel(int width, double oversampling);
 
-// One over the kernel's transform at the output indices.
-std::vector<double> spread_scale(const SpreadKernel &kernel, int count, int size);
+// One over the kernel's transform at `count` output indices from `first` on.
+std::vector<double> spread_scale(const SpreadKernel &kernel, int first, int count, int size);
 
-// Root of the mean square error over the outputs of a unit exponential, at the worst of its frequencies.
+// Outputs -count/2 .. count - 1 - count/2 of a grid of `size` points. Root of the mean square error over the outputs of a unit exponential, at the worst of its frequencies.
 double spread_error(const SpreadKernel &kernel, int count, int size);
 
 }  // namespace hil::sim::radar

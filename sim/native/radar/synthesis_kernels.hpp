@@ -27,12 +27,22 @@ struct Grid {
     long row(int r) const { return r * stride; }
 };
 
+// Energies of the sum within the frame and just beyond it, along the samples and along the chirps: where the echoes
+// cancel within the frame but not beyond, what aliases into it is greater than what is in it.
+struct Growth {
+    double within[2], beyond[2];
+};
+
 struct Transform {
     const double *chirp_scale, *sample_scale;  // one over the kernel's transform, (chirps,) and (samples,)
     const double *chirp_twiddle, *sample_twiddle;  // cos, sin of 2 pi j / rows and / columns
     double *work;      // 2 * max(rows, columns) cells
     double *factor;    // 2 * samples rounded up to 8
-    double *sum;       // [chirps][samples][kGroup], added to
+    double *sum;       // [chirps][samples][kChannel], complex, added to
+    // One over the kernel's transform at count/2 .. count/2 + outer - 1, and as far below.
+    const double *chirp_outer_scale, *sample_outer_scale;
+    int chirp_outer, sample_outer;
+    Growth *growth;    // added to
 };
 
 struct SynthesisKernels {

@@ -50,6 +50,26 @@ HIL_INLINE Cell turned(const Cell &a, const double *cos_sin) {
     return {a.re * cos_sin[0] - a.im * cos_sin[1], a.re * cos_sin[1] + a.im * cos_sin[0]};
 }
 
+HIL_INLINE double energy(const double *from) {
+    double sum = 0.0;
+    for (int i = 0; i < kChannel; ++i) sum = sum + from[i] * from[i];
+    return sum;
+}
+
+// Adds the energy of outputs of a line within the frame and beyond it. `scale` is that of the first output, -count / 2.
+void add_growth(const double *line, int size, int count, int outer, const double *scale, const double *outer_scale,
+                double weight, int axis, Growth &growth) {
+    const int half = count / 2;
+    for (int i = 0; i < count; i += 4) {  // a sample of them is enough
+        growth.within[axis] += energy(line + (long)kChannel * ((i - half) & (size - 1))) * (scale[i] * scale[i] * weight);
+    }
+    for (int i = 0; i < outer; i += 4) {
+        const double factor = outer_scale[i] * outer_scale[i] * weight;
+        growth.beyond[axis] += energy(line + (long)kChannel * (half + i)) * factor;
+        growth.beyond[axis] += energy(line + (long)kChannel * ((-half - i) & (size - 1))) * factor;
+    }
+}
+
 // y_k = sum over l of x_l exp(2 pi i k l / size): radix 4, self-sorting (Stockham), one radix 2 at the end where the
 // power is odd. x is destroyed; the result is in the one returned of x and y.
 double *fft(double *x, double *y, int size, const double *twiddle) {
@@ -137,6 +157,10 @@ void transform(const EchoModel &model, const Grid &grid, int which, int width, d
         double *column = plane + (long)c * kChannel;
         for (int r = 0; r < grid.rows; ++r) put(x + (long)kChannel * r, cell(column + grid.row(r)));
         const double *found = fft(x, y, grid.rows, t.chirp_twiddle);
+        if (c % 4 == 0) {
+            add_growth(found, grid.rows, model.chirps, t.chirp_outer, t.chirp_scale, t.chirp_outer_scale, 1.0, 1,
+                       *t.growth);
+        }
         for (int m = 0; m < model.chirps; ++m) {
             const int at = (m - model.middle_chirp) & (grid.rows - 1);
             put(column + grid.row(m), cell(found + (long)kChannel * at));
@@ -146,19 +170,19 @@ void transform(const EchoModel &model, const Grid &grid, int which, int width, d
         double *row = plane + grid.row(m);
         for (long c = 0; c < grid.columns; ++c) put(x + kChannel * c, cell(row + kChannel * c));
         const double *found = fft(x, y, grid.columns, t.sample_twiddle);
+        if (m % 4 == 0) {
+            add_growth(found, grid.columns, model.samples, t.sample_outer, t.sample_scale, t.sample_outer_scale,
+                       t.chirp_scale[m] * t.chirp_scale[m], 0, *t.growth);
+        }
         remainder_row(model, speed, m, t);
-        double *sum = t.sum + (long)m * model.samples * kGroup;
-        for (int n = 0; n < model.samples; ++n, sum += kGroup) {
+        double *sum = t.sum + (long)m * model.samples * kChannel;
+        for (int n = 0; n < model.samples; ++n, sum += kChannel) {
             const int at = (n - model.middle_sample) & (grid.columns - 1);
             const Cell value = cell(found + (long)kChannel * at);
             const double *factor = t.factor + 2 * (n & ~(D::kCount - 1)) + (n & (D::kCount - 1));
-            const Quad more = value.re * factor[0] - value.im * factor[D::kCount];
-            HIL_UNROLL for (int i = 0; i < kQuadParts; ++i) {
-                QuadRegister so_far;
-                __builtin_memcpy(&so_far, sum + i * kQuadLanes, sizeof so_far);
-                so_far = so_far + more.r[i];
-                __builtin_memcpy(sum + i * kQuadLanes, &so_far, sizeof so_far);
-            }
+            const double c = factor[0], d = factor[D::kCount];
+            const Cell more = {value.re * c - value.im * d, value.re * d + value.im * c};
+            put(sum, cell(sum) + more);
         }
     }
 }
