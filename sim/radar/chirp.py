@@ -45,7 +45,7 @@ class Chirp(StrictModel):
             )
         if 0.5 * self.bandwidth_hz >= self.center_frequency_hz:
             raise ValueError(
-                f"bandwidth_hz {self.bandwidth_hz:g} about center_frequency_hz {self.center_frequency_hz:g} reaches zero"
+                f"bandwidth_hz {self.bandwidth_hz:g} about a centre of {self.center_frequency_hz:g} Hz reaches 0 Hz"
             )
         return self
 
