@@ -445,7 +445,8 @@ class RadarCfar:
         false_alarm: float,
         receivers: int,
         likeness: float,
-        quiet: Sequence[bool],
+        quiet_rows: Sequence[bool],
+        quiet_columns: int,
     ) -> None: ...
     def detect(self, power: NDArray[np.float32], mask: NDArray[np.uint8], noise: Float64) -> None: ...
 

@@ -98,14 +98,14 @@ void bind_radar_processing(nb::module_ &m) {
     nb::class_<Cfar>(m, "RadarCfar")
         .def(nb::new_([](int rows, int columns, const std::string &kind, std::pair<int, int> guard,
                          std::pair<int, int> train, double rank, double false_alarm, int receivers, double likeness,
-                         std::vector<bool> quiet) {
+                         std::vector<bool> quiet_rows, int quiet_columns) {
                  return new Cfar(rows, columns,
                                  {kind_by_name(kind), guard.first, guard.second, train.first, train.second, rank,
-                                  false_alarm, receivers, likeness},
-                                 std::move(quiet));
+                                  false_alarm, receivers, quiet_columns, likeness},
+                                 std::move(quiet_rows));
              }),
              nb::kw_only(), "rows"_a, "columns"_a, "kind"_a, "guard"_a, "train"_a, "rank"_a, "false_alarm"_a,
-             "receivers"_a, "likeness"_a, "quiet"_a)
+             "receivers"_a, "likeness"_a, "quiet_rows"_a, "quiet_columns"_a)
         .def(
             "detect",
             [](Cfar &cfar, ConstPower power, Mask mask, Values noise) {

@@ -12,7 +12,8 @@ Cfar::Cfar(int rows, int columns, const CfarSettings &settings, std::vector<bool
     : rows_(rows), columns_(columns), settings_(settings), quiet_(std::move(quiet)) {
     const CfarSettings &s = settings_;
     if ((int)quiet_.size() != rows) throw std::invalid_argument("one flag a row of the map");
-    if (s.guard_rows < 0 || s.guard_columns < 0 || s.train_rows < 0 || s.train_columns < 0 || s.receivers < 1 ||
+    if (s.guard_rows < 0 || s.guard_columns < 0 || s.train_rows < 0 || s.train_columns < 0 || s.quiet_columns < 0 ||
+        s.receivers < 1 ||
         !(s.rank > 0.0 && s.rank < 1.0) || !(s.false_alarm > 0.0 && s.false_alarm < 1.0) || !(s.likeness >= 1.0)) {
         throw std::invalid_argument("CFAR settings out of range");
     }
@@ -56,7 +57,8 @@ template <class Visit>
 void Cfar::train(int row, int column, Visit visit) const {
     const CfarSettings &s = settings_;
     const int half_rows = s.guard_rows + s.train_rows, half_columns = s.guard_columns + s.train_columns;
-    const int first = std::max(0, column - half_columns), last = std::min(columns_ - 1, column + half_columns);
+    const int first = std::max(settings_.quiet_columns, column - half_columns);
+    const int last = std::min(columns_ - 1, column + half_columns);
     for (int d = -half_rows; d <= half_rows; ++d) {
         const int r = (row + d + rows_) % rows_;
         if (quiet_[r]) continue;
@@ -75,7 +77,7 @@ void Cfar::sum_boxes(int half_rows, int half_columns, std::vector<double> &out) 
         if (quiet_[row]) continue;
         const float *power = power_ + (std::size_t)row * columns_;
         for (int d = -half_columns; d <= half_columns; ++d) {
-            const int first = std::max(0, -d), last = std::min(columns_, columns_ - d);
+            const int first = std::max(0, settings_.quiet_columns - d), last = std::min(columns_, columns_ - d);
             for (int c = first; c < last; ++c) across[c] += power[c + d];
         }
     }

@@ -27,6 +27,7 @@ struct CfarSettings {
     double rank = 0.75;            // k / n
     double false_alarm = 1e-5;     // wanted probability, each cell
     int receivers = 1;             // K
+    int quiet_columns = 0;         // the first columns, where mean removal took the noise as well: they train nothing
     double likeness = 1.0;
 };
 

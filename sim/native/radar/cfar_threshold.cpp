@@ -11,6 +11,7 @@ namespace {
 constexpr int kHalvings = 80;
 constexpr double kMostFactor = 1e12;
 constexpr int kPanels = 4000;
+constexpr double kLogNearest = -25.0;
 
 // P(Gamma(shape) > x).
 double gamma_above(int shape, double x) {
@@ -18,6 +19,19 @@ double gamma_above(int shape, double x) {
     for (int j = 0; j < shape; ++j) {
         total += term;
         term *= x / (j + 1);
+    }
+    return total;
+}
+
+// P(Gamma(shape) < x), by its series where the complement would leave nothing of it.
+double gamma_below(int shape, double x) {
+    const double below = 1.0 - gamma_above(shape, x);
+    if (below > 1e-6) return below;
+    double term = det::exp(-x), total = 0.0;
+    for (int j = 1; j <= shape; ++j) term *= x / j;
+    for (int j = 1; j <= 12; ++j) {
+        total += term;
+        term *= x / (shape + j);
     }
     return total;
 }
@@ -51,21 +65,15 @@ double cell_averaging_factor(double cells, int receivers, double false_alarm) {
 
 double order_statistic_factor(double cells, double rank, int receivers, double false_alarm) {
     const double k = rank * cells, rest = cells - k;  // Beta(k, rest + 1)
-    // Weights of the estimate's values x = K y on a grid that reaches far into the tail.
+    // Weights of the estimate's values x = K y, on steps of equal ratio: wanted probabilities that are small are made by
+    // values far below the mean as much as by those about it.
     std::vector<double> x(kPanels), weight(kPanels);
-    const double farthest = 40.0 + 4.0 * receivers;
+    const double farthest = det::log(40.0 + 4.0 * receivers), span = farthest - kLogNearest;
     double greatest = -1e300;
     for (int i = 0; i < kPanels; ++i) {
-        x[i] = farthest * (i + 0.5) / kPanels;
-        const double above = gamma_above(receivers, x[i]);
-        double log_density = -x[i] + (receivers - 1) * det::log(x[i]);
-        // 1 - above loses everything where x is small; there the distribution function is about x^K / K!.
-        double below = 1.0 - above;
-        if (below < 1e-9) {
-            below = 1.0;
-            for (int j = 1; j <= receivers; ++j) below *= x[i] / j;
-        }
-        weight[i] = (k - 1.0) * det::log(below) + rest * det::log(above) + log_density;
+        x[i] = det::exp(kLogNearest + span * (i + 0.5) / kPanels);
+        const double above = gamma_above(receivers, x[i]), log_density = receivers * det::log(x[i]) - x[i];
+        weight[i] = (k - 1.0) * det::log(gamma_below(receivers, x[i])) + rest * det::log(above) + log_density;
         greatest = weight[i] > greatest ? weight[i] : greatest;
     }
     double total = 0.0;

@@ -10,7 +10,7 @@ namespace hil::sim::radar {
 
 namespace {
 
-constexpr int kDeepRounds = 6;
+constexpr int kDeepRounds = 16;
 
 // Least squares for (y, z), a pair at a time.
 struct Normal {

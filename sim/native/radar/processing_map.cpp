@@ -39,16 +39,14 @@ ProcessingMap::ProcessingMap(int receivers, int chirps, int samples, int pad_chi
     if ((int)fast_window_.size() != samples || (int)slow_window_.size() != pulses_) {
         throw std::invalid_argument("windows must be as long as what they weigh");
     }
-    const double normal = 2.0 / (sum(fast_window_) * sum(slow_window_));
+    fast_sum_ = sum(fast_window_);
+    slow_sum_ = sum(slow_window_);
+    const double normal = 2.0 / (fast_sum_ * slow_sum_);
     scale_ = normal * normal / receivers;
     if (!std::isfinite(scale_)) throw std::invalid_argument("a window that sums to zero has no amplitude");
     const std::size_t pairs = (pulses_ + 1) / 2;
     samples_.resize((std::size_t)samples * chirps);
-    chirp_mean_.resize(chirps);
-    clutter_mean_.resize(samples);
     background_.resize((std::size_t)receivers * samples);
-    chirp_sum_.resize(chirps);
-    sample_sum_.resize(samples);
     fast_re_.resize(fast_.rows * pairs);
     fast_im_.resize(fast_.rows * pairs);
     spectrum_.resize((std::size_t)receivers * 2 * shape_.rows * shape_.columns);
@@ -57,35 +55,29 @@ ProcessingMap::ProcessingMap(int receivers, int chirps, int samples, int pad_chi
 
 void ProcessingMap::load(int receiver, const std::uint16_t *raw, double background_gain) {
     const int chirps = shape_.chirps, samples = shape_.samples;
-    std::fill(sample_sum_.begin(), sample_sum_.end(), 0);
-    std::int64_t all = 0;
     for (int m = 0; m < chirps; ++m) {
         const std::uint16_t *chirp = raw + (std::size_t)m * samples;
-        std::int64_t in_chirp = 0;
-        for (int n = 0; n < samples; ++n) {
-            in_chirp += chirp[n];
-            sample_sum_[n] += chirp[n];
+        double mean = 0.0;
+        if (remove_chirp_mean_) {
+            for (int n = 0; n < samples; ++n) mean += fast_window_[n] * chirp[n];
+            mean /= fast_sum_;
         }
-        chirp_sum_[m] = in_chirp;
-        all += in_chirp;
+        for (int n = 0; n < samples; ++n) samples_[(std::size_t)n * chirps + m] = (double)chirp[n] - mean;
     }
-    const double mean = remove_chirp_mean_ ? (double)all / ((double)chirps * samples) : 0.0;
-    for (int m = 0; m < chirps; ++m) chirp_mean_[m] = remove_chirp_mean_ ? (double)chirp_sum_[m] / samples : 0.0;
+    if (clutter_ != Clutter::kMean && clutter_ != Clutter::kBackground) return;
     double *background = background_.data() + (std::size_t)receiver * samples;
     for (int n = 0; n < samples; ++n) {
-        const double constant = (double)sample_sum_[n] / chirps - mean;
-        clutter_mean_[n] = clutter_ == Clutter::kMean ? constant : 0.0;
+        double *row = samples_.data() + (std::size_t)n * chirps;
+        double mean = 0.0;
+        for (int m = 0; m < chirps; ++m) mean += slow_window_[m] * row[m];
+        mean /= slow_sum_;
+        double still = mean;
         if (clutter_ == Clutter::kBackground) {
-            if (!learned_) background[n] = constant;
-            clutter_mean_[n] = background[n];
-            background[n] += background_gain * (constant - background[n]);
+            if (!learned_) background[n] = mean;
+            still = background[n];
+            background[n] += background_gain * (mean - background[n]);
         }
-    }
-    for (int m = 0; m < chirps; ++m) {
-        const std::uint16_t *chirp = raw + (std::size_t)m * samples;
-        for (int n = 0; n < samples; ++n) {
-            samples_[(std::size_t)n * chirps + m] = (double)chirp[n] - chirp_mean_[m] - clutter_mean_[n];
-        }
+        for (int m = 0; m < chirps; ++m) row[m] -= still;
     }
 }
 

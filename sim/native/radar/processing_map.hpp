@@ -8,7 +8,10 @@
 // Static clutter: none; the mean over the frame's chirps; differences of two or three successive chirps (scaled so that
 // white noise keeps its power, which shortens w_slow); or a background learned over frames, b += g (mean over chirps - b).
 //
-// Sums of samples are of integers, exact. No allocation after construction.
+// Means are weighed by the window of their dimension: a plain mean holds what the side lobes of a rectangle catch of a
+// moving target, and would put it at zero speed when it is taken away.
+//
+// Sums go in a fixed order. No allocation after construction.
 #pragma once
 
 #include <cstdint>
@@ -52,12 +55,11 @@ class ProcessingMap {
     bool learned_ = false;
     int pulses_;  // chirps after differences
     std::vector<double> fast_window_, slow_window_;
-    double scale_;
+    double fast_sum_, slow_sum_, scale_;
     FftTable fast_, slow_;
     const FftKernels *fft_;
     std::vector<double> samples_;  // (samples, chirps)
-    std::vector<double> chirp_mean_, clutter_mean_, background_;
-    std::vector<std::int64_t> chirp_sum_, sample_sum_;
+    std::vector<double> background_;  // (receivers, samples)
     std::vector<double> fast_re_, fast_im_;  // (N', half the chirps): two chirps in one complex column
     std::vector<double> spectrum_;           // (receivers, 2, M', N' / 2)
     std::vector<double> total_;

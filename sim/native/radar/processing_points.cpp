@@ -12,6 +12,8 @@ namespace hil::sim::radar {
 namespace {
 
 constexpr double kDecibelsPerNeper = 4.34294481903251827651;  // 10 / ln 10
+// counts^2. Rounding to counts alone leaves 1e-5 in a map of 64 x 64; less is what doubles leave of nothing.
+constexpr float kLeastPower = 1e-12f;
 constexpr double kLobeMargin = 4.0;  // a peak between cells loses up to 3 dB and its lobes do not; lobes of two may add
 constexpr double kMostDecibels = 200.0;                       // of a peak in a map without noise
 
@@ -40,7 +42,7 @@ PeakFinder::PeakFinder(PeakSettings settings, Cfar cfar, Direction direction)
         throw std::invalid_argument("tables between bins need two values or more");
     }
     peaks_.reserve((std::size_t)cfar_.rows() * cfar_.columns() / 2);
-    if ((int)settings_.range_lobes.size() < cfar_.columns() || (int)settings_.speed_lobes.size() <= cfar_.rows() / 2) {
+    if ((int)settings_.range_lobes.size() <= cfar_.columns() || (int)settings_.speed_lobes.size() <= cfar_.rows() / 2) {
         throw std::invalid_argument("tables of side lobes must reach through the map");
     }
     re_.resize(direction_.receivers());
@@ -65,11 +67,17 @@ bool PeakFinder::is_peak(const float *power, int row, int column) const {
 }
 
 bool PeakFinder::is_lobe(const Peak &peak, const Peak &stronger) const {
-    const int columns = std::abs(peak.column - stronger.column);
-    int rows = std::abs(peak.row - stronger.row);
-    rows = std::min(rows, cfar_.rows() - rows);
-    if (rows <= settings_.speed_null && columns <= settings_.range_null) return false;
-    return peak.power < kLobeMargin * stronger.power * settings_.speed_lobes[rows] * settings_.range_lobes[columns];
+    const auto below = [&](int rows, int columns) {
+        rows = std::abs(rows) % cfar_.rows();
+        rows = std::min(rows, cfar_.rows() - rows);
+        columns = std::abs(columns);
+        columns = std::min(columns, 2 * cfar_.columns() - columns);
+        if (rows <= settings_.speed_null && columns <= settings_.range_null) return false;
+        return peak.power < kLobeMargin * stronger.power * settings_.speed_lobes[rows] * settings_.range_lobes[columns];
+    };
+    // Samples are real: each echo has a mirror image at minus its range and minus its speed.
+    return below(peak.row - stronger.row, peak.column - stronger.column) ||
+           below(peak.row + stronger.row - cfar_.rows(), peak.column + stronger.column);
 }
 
 int PeakFinder::find(const ProcessingMap &map, const float *power, RadarPoint *out, int room) {
@@ -82,8 +90,8 @@ int PeakFinder::find(const ProcessingMap &map, const float *power, RadarPoint *o
     peaks_.clear();
     for (int row = 0; row < rows; ++row) {
         for (int column = std::max(1, settings_.first_column); column < columns - 1; ++column) {
-            if (!is_peak(power, row, column)) continue;
             const float here = power[(std::size_t)row * columns + column];
+            if (!(here > kLeastPower) || !is_peak(power, row, column)) continue;
             const double noise = cfar_.noise(row, column);
             if (here > cfar_.threshold(row, column) * noise) peaks_.push_back({here, row, column, noise});
         }

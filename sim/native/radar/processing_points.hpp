@@ -11,7 +11,8 @@
 //     R = range_step (k + d_range) - v f_c / S.
 //
 // A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in Doppler
-// are the two windows', so those of a peak form a cross about it.
+// are the two windows', so those of a peak form a cross about it, and another about its mirror image: samples are real,
+// so an echo is at minus its range and minus its speed as well.
 #pragma once
 
 #include <cstdint>

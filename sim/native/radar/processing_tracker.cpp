@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kNepersPerDecibel = 0.230258509299404568402;  // ln 10 / 10
 constexpr double kFirstRateSigma = 0.3;                        // of a direction sine, 1/s
+constexpr double kRoundingS = 1e-6;                            // of times that were added up
 constexpr double kNearestSine = 0.05;                          // of d_x, in deviations of angles
 
 // A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the speed
@@ -66,6 +67,11 @@ double Tracker::fold(double speed) const {
     return speed - settings_.whole_speed_mps * std::floor(speed / settings_.whole_speed_mps + 0.5);
 }
 
+// Of a track that was not seen for a while the speed may be any.
+double Tracker::speed_gate(const Track &track) const {
+    return settings_.gate_speed_mps + 2.0 * std::max(0.0, std::sqrt(track.range.p11) - settings_.speed_sigma_mps);
+}
+
 void Tracker::cluster(const RadarPoint *points, int count) {
     clusters_.clear();
     member_.assign(count, -1);
@@ -111,7 +117,7 @@ void Tracker::assign() {
             const Track &track = tracks_[t];
             const double dr = (c.range - track.range.value) / settings_.gate_range_m;
             const double dy = (c.y - track.y.value) / settings_.gate_sine;
-            const double dv = fold(c.speed - track.range.rate) / settings_.gate_speed_mps;
+            const double dv = fold(c.speed - track.range.rate) / speed_gate(track);
             const double place = dr * dr + dy * dy;
             if (place > 1.0) continue;
             // Within the place of a track a cluster of any speed belongs to it: a limb is no new person.
@@ -127,10 +133,11 @@ void Tracker::assign() {
 void Tracker::update(Track &track, int index, const RadarPoint *points, int count) {
     speeds_.clear();
     double total = 0.0, power = 0.0, range = 0.0, y = 0.0, z = 0.0;
+    const double gate = speed_gate(track);
     for (int i = 0; i < count; ++i) {
         if (clusters_[member_[i]].track != index) continue;
         const double dv = fold(points[i].speed_mps - track.range.rate);
-        if (std::fabs(dv) > settings_.gate_speed_mps) continue;
+        if (std::fabs(dv) > gate) continue;
         const double w = weight_of(points[i]);
         total += w;
         range += w * points[i].range_m;
@@ -189,7 +196,7 @@ void Tracker::give_birth() {
 void Tracker::bury() {
     const auto ended = [&](const Track &t) {
         if (!(t.range.value > 0.0)) return true;
-        if (t.id != 0) return t.unseen_s > settings_.coast_s;
+        if (t.id != 0) return t.unseen_s > settings_.coast_s + kRoundingS;
         return t.hits + (settings_.confirm_frames - t.age) < settings_.confirm_hits;
     };
     tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), ended), tracks_.end());

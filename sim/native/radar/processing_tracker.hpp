@@ -70,6 +70,7 @@ class Tracker {
     };
 
     double fold(double speed) const;
+    double speed_gate(const Track &track) const;
     void cluster(const RadarPoint *points, int count);
     void assign();
     void update(Track &track, int index, const RadarPoint *points, int count);

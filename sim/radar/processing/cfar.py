@@ -43,7 +43,8 @@ class Cfar:
             false_alarm=p.false_alarm,
             receivers=receivers,
             likeness=self.likeness,
-            quiet=maps.quiet_rows(processing.clutter),
+            quiet_rows=maps.quiet_rows,
+            quiet_columns=maps.quiet_columns,
         )
 
     def detect(self, power: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:

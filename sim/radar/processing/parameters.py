@@ -54,7 +54,7 @@ class TrackerParameters(StrictModel):
     confirm_hits: Annotated[int, Field(ge=1, le=100)] = 3
     confirm_frames: Annotated[int, Field(ge=1, le=100)] = 5
     coast_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.5
-    pause_s: _Positive = 0.3
+    pause_s: _Positive = 0.2
 
     @model_validator(mode="after")
     def _can_be_confirmed(self) -> TrackerParameters:

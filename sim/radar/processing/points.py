@@ -49,14 +49,16 @@ class PointFinder:
         range_lobes, range_null = side_lobes(maps.fast_window, 2 * maps.columns, maps.columns)
         speed_lobes, speed_null = side_lobes(maps.slow_window, maps.rows, maps.rows // 2)
         first = int(processing.min_range_m / maps.range_step_m + 0.999)
+        # Of the sweep at the middle of the samples, half a sample before the centre of the sweep.
+        middle_hz = chirp.center_frequency_hz - 0.5 * chirp.slope_hz_per_s / chirp.sample_rate_hz
         self._native = RadarPeaks(
             Cfar(maps, len(rx_positions_m), processing).native,
             positions_m=[(float(p[0]), float(p[1]), float(p[2])) for p in rx_positions_m],
             wavelength_m=chirp.wavelength_m,
             range_step_m=maps.range_step_m,
-            speed_step_mps=maps.speed_step_mps,
-            coupling_s=chirp.center_frequency_hz / chirp.slope_hz_per_s,
-            first_column=max(1, first),
+            speed_step_mps=maps.speed_step_mps * chirp.center_frequency_hz / middle_hz,
+            coupling_s=middle_hz / chirp.slope_hz_per_s,
+            first_column=max(maps.quiet_columns, first),
             range_ratio=ratio_table(maps.fast_window, 2 * maps.columns),
             speed_ratio=ratio_table(maps.slow_window, maps.rows),
             range_lobes=range_lobes,

@@ -15,6 +15,7 @@ from sim.radar.processing.parameters import Processing
 from sim.radar.processing.windows import window
 
 _LOST = {"mti2": 1, "mti3": 2}  # chirps that differences take
+_MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  # half of it, in bins, about
 
 
 class RangeDoppler:
@@ -36,15 +37,16 @@ class RangeDoppler:
             isa=isa,
         )
         self.rows, self.columns = self.native.shape
+        # Rows about zero speed, where clutter removal takes noise and all, and columns about zero range, where the mean
+        # is or was.
+        slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
+        fast_null = -(-2 * self.columns * _MAIN_LOBE[processing.range_window] // chirp.samples)
+        still = processing.clutter in ("mean", *_LOST)
+        self.quiet_rows = [still and abs(row - self.rows // 2) < slow_null for row in range(self.rows)]
+        self.quiet_columns = fast_null
         # Of one cell.
         self.range_step_m = SPEED_OF_LIGHT_MPS * chirp.sample_rate_hz / (4.0 * chirp.slope_hz_per_s * self.columns)
         self.speed_step_mps = 2.0 * chirp.max_speed_mps / self.rows
-
-    def quiet_rows(self, clutter: str) -> list[bool]:
-        """Rows with less noise than the others: about zero speed, where clutter removal takes the noise as well."""
-        cells = self.rows // len(self.slow_window) if clutter == "mean" else 3 * self.rows // len(self.slow_window)
-        removes = clutter in ("mean", *_LOST)
-        return [removes and abs(row - self.rows // 2) < max(1, cells) for row in range(self.rows)]
 
     def compute(self, raw: NDArray[np.uint16], background_gain: float = 0.0) -> NDArray[np.float32]:
         """A new map of (receivers, chirps, samples)."""
