@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 from pathlib import Path
 
@@ -108,7 +109,7 @@ def test_equal_bytes_on_every_instruction_set_and_after_a_reset(clutter: str) ->
 def test_arrays_of_frames_share_no_memory() -> None:
     processor = Processor(CHIRP, L_ARRAY, Processing())
     results = [processor.process(frame(i, speed=1.2, start_m=2.0), i * PERIOD_NS) for i in range(5)]
-    for a, b in zip(results, results[1:], strict=False):
+    for a, b in itertools.pairwise(results):
         for name in ("range_doppler", "points", "tracks"):
             assert not np.shares_memory(getattr(a, name), getattr(b, name))
 

@@ -115,8 +115,8 @@ def test_a_single_false_alarm_is_no_track() -> None:
 
 def test_what_stands_still_or_is_faint_begins_no_track() -> None:
     assert sum(len(t) for t in run([[(3.0, 0.1, 0.0, 60.0)]] * 40)) == 0
-    assert sum(len(t) for t in run([[away(i)[:3] + (10.0,)] for i in range(40)])) == 0
-    assert len(run([[away(i)[:3] + (13.0,)] for i in range(40)])[-1]) == 1
+    assert sum(len(t) for t in run([[(*away(i)[:3], 10.0)] for i in range(40)])) == 0
+    assert len(run([[(*away(i)[:3], 13.0)] for i in range(40)])[-1]) == 1
 
 
 def test_two_people_pass_each_other_and_keep_their_names() -> None:
