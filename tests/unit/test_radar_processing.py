@@ -147,7 +147,7 @@ def test_refusals() -> None:
     with pytest.raises(ConfigError, match="ask for"):
         process_recording(adc[:, :, :32], CHIRP, L_ARRAY, period_ns=PERIOD_NS)
     with pytest.raises(ConfigError, match="not uint16"):
-        process_recording(adc.astype(np.float64), CHIRP, L_ARRAY, period_ns=PERIOD_NS)  # type: ignore[arg-type]
+        process_recording(adc.astype(np.float64), CHIRP, L_ARRAY, period_ns=PERIOD_NS)
     with pytest.raises(ConfigError, match="not positive"):
         process_recording(adc, CHIRP, L_ARRAY, period_ns=0)
     with pytest.raises(pydantic.ValidationError, match="range_window"):

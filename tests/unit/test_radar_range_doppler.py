@@ -153,7 +153,7 @@ def test_refusals() -> None:
     with pytest.raises(ValueError, match="another shape"):
         maps.compute(RAW[:2])
     with pytest.raises(TypeError):
-        maps.compute(RAW.astype(np.int32))  # type: ignore[arg-type]
+        maps.compute(RAW.astype(np.int32))
     with pytest.raises(ValueError, match="no such receiver"):
         maps.spectrum(3)
     settings = {"receivers": 1, "chirps": 4, "samples": 8, "pad_chirps": 1, "pad_samples": 1, "remove_chirp_mean": True}

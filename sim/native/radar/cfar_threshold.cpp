@@ -65,8 +65,8 @@ double cell_averaging_factor(double cells, int receivers, double false_alarm) {
 
 double order_statistic_factor(double cells, double rank, int receivers, double false_alarm) {
     const double k = rank * cells, rest = cells - k;  // Beta(k, rest + 1)
-    // Weights of the estimate's values x = K y, on steps of equal ratio: wanted probabilities that are small are made by
-    // values far below the mean as much as by those about it.
+    // Weights of the estimate's values x = K y, on steps of equal ratio: wanted probabilities that are small are made
+    // by values far below the mean as much as by those about it.
     std::vector<double> x(kPanels), weight(kPanels);
     const double farthest = det::log(40.0 + 4.0 * receivers), span = farthest - kLogNearest;
     double greatest = -1e300;

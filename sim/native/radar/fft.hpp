@@ -1,4 +1,5 @@
-// Fourier transforms down the columns of a matrix: X[k] = sum over n of x[n] exp(-j 2 pi n k / rows), each column alone.
+// Fourier transforms down the columns of a matrix: X[k] = sum over n of x[n] exp(-j 2 pi n k / rows), each column
+// alone.
 //
 // Radix 2, decimation in time. The inner loop runs along a row, over columns that have nothing to do with one another,
 // so every instruction set makes the same operations in the same order on each: equal bits.

@@ -6,7 +6,8 @@
 //
 // so an echo of amplitude A counts, well within the map, gives A^2 at its peak. M' and N' are powers of two; k < N'/2.
 // Static clutter: none; the mean over the frame's chirps; differences of two or three successive chirps (scaled so that
-// white noise keeps its power, which shortens w_slow); or a background learned over frames, b += g (mean over chirps - b).
+// white noise keeps its power, which shortens w_slow); or a background learned over frames, b += g (mean over chirps -
+// b).
 //
 // Means are weighed by the window of their dimension: a plain mean holds what the side lobes of a rectangle catch of a
 // moving target, and would put it at zero speed when it is taken away.

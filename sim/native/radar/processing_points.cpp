@@ -12,7 +12,7 @@ namespace hil::sim::radar {
 namespace {
 
 constexpr double kDecibelsPerNeper = 4.34294481903251827651;  // 10 / ln 10
-// counts^2. Rounding to counts alone leaves 1e-5 in a map of 64 x 64; less is what doubles leave of nothing.
+// counts^2. Rounding to counts alone leaves 1e-4 in a map of 64 x 64; less is what doubles leave of nothing.
 constexpr float kLeastPower = 1e-12f;
 constexpr double kLobeMargin = 4.0;  // a peak between cells loses up to 3 dB and its lobes do not; lobes of two may add
 constexpr double kMostDecibels = 200.0;                       // of a peak in a map without noise

@@ -1,18 +1,18 @@
 // Peaks of a range-Doppler map as points: range, speed, direction, signal over noise.
 //
-// A peak is a cell above its CFAR threshold and above its eight neighbours. Between bins: with the amplitudes a-, a0, a+
-// of the cells beside it and W the spectrum of the window, an echo d bins off the cell has
+// A peak is a cell above its CFAR threshold and above its eight neighbours. Between bins: with the amplitudes a-, a0,
+// a+ of the cells beside it and W the spectrum of the window, an echo d bins off the cell has
 //
 //     (a+ - a-) / (a- + a0 + a+) = (|W(1 - d)| - |W(1 + d)|) / (|W(1 + d)| + |W(d)| + |W(1 - d)|)
 //
-// which grows with d: a table of it, read backwards, gives d without bias for any window and padding. An echo that moves
-// shifts its beat by its Doppler frequency at the middle of the sweep, so with the slope S
+// which grows with d: a table of it, read backwards, gives d without bias for any window and padding. An echo that
+// moves shifts its beat by its Doppler frequency at the middle of the sweep, so with the slope S
 //
 //     R = range_step (k + d_range) - v f_c / S.
 //
-// A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in Doppler
-// are the two windows', so those of a peak form a cross about it, and another about its mirror image: samples are real,
-// so an echo is at minus its range and minus its speed as well.
+// A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in
+// Doppler are the two windows', so those of a peak form a cross about it, and another about its mirror image: samples
+// are real, so an echo is at minus its range and minus its speed as well.
 #pragma once
 
 #include <cstdint>

@@ -14,8 +14,8 @@ constexpr double kFirstRateSigma = 0.3;                        // of a direction
 constexpr double kRoundingS = 1e-6;                            // of times that were added up
 constexpr double kNearestSine = 0.05;                          // of d_x, in deviations of angles
 
-// A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the speed
-// that a track is expected to have count a quarter of what they would.
+// A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the
+// speed that a track is expected to have count a quarter of what they would.
 constexpr double kTrunkMps = 0.6;
 // Of the points within this of the median speed the mean is taken: a median alone jumps from point to point.
 constexpr double kRidgeMps = 0.25;
@@ -149,7 +149,8 @@ void Tracker::update(Track &track, int index, const RadarPoint *points, int coun
         speeds_.push_back({dv, p});
     }
     if (speeds_.empty()) return;
-    std::stable_sort(speeds_.begin(), speeds_.end(), [](const Weighed &a, const Weighed &b) { return a.speed < b.speed; });
+    std::stable_sort(speeds_.begin(), speeds_.end(),
+                     [](const Weighed &a, const Weighed &b) { return a.speed < b.speed; });
     double below = 0.0, median = 0.0;
     for (const Weighed &s : speeds_) {
         median = s.speed;
@@ -174,7 +175,8 @@ void Tracker::update(Track &track, int index, const RadarPoint *points, int coun
 void Tracker::give_birth() {
     for (std::size_t i = 0; i < clusters_.size(); ++i) {
         Cluster &c = clusters_[i];
-        if (c.track >= 0 || c.snr_db < settings_.birth_snr_db || std::fabs(c.speed) < settings_.birth_speed_mps) continue;
+        if (c.track >= 0 || c.snr_db < settings_.birth_snr_db) continue;
+        if (std::fabs(c.speed) < settings_.birth_speed_mps) continue;
         // Not beside a track that began in this frame either.
         bool taken = false;
         for (const Track &t : tracks_) {

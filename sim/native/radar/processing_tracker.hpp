@@ -1,7 +1,7 @@
 // Tracks of what moves, from the points of successive frames.
 //
-// State of a track: range and radial speed (r, v), and the direction sines d_y, d_z with their rates, each pair a Kalman
-// filter with white acceleration q:
+// State of a track: range and radial speed (r, v), and the direction sines d_y, d_z with their rates, each pair a
+// Kalman filter with white acceleration q:
 //
 //     F = | 1 dt |     Q = q^2 | dt^3/3  dt^2/2 |
 //         | 0  1 |             | dt^2/2  dt     |
@@ -9,10 +9,11 @@
 // A frame: predict; put points together that lie near one another in range, speed and direction (a chain of neighbours
 // is one cluster); each cluster goes to the nearest track within the gate; a track takes, of all its points, the mean
 // range and direction weighed by amplitude and the median speed weighed by power, less so the farther from the speed it
-// is expected to have (the trunk of a walker is the strongest ridge, limbs lie to both sides of it); clusters that no track takes begin tracks where they move. A track counts once
-// it was seen in `confirm_hits` of its first `confirm_frames` frames, keeps its identity from then on, and ends when it
-// was not seen for `coast_s`. Meanwhile its speed falls to zero with `pause_s`: what vanishes from the map has
-// most likely stopped. Speeds are compared modulo `whole_speed_mps`, as the radar measures them.
+// is expected to have (the trunk of a walker is the strongest ridge, limbs lie to both sides of it); clusters that no
+// track takes begin tracks where they move. A track counts once it was seen in `confirm_hits` of its first
+// `confirm_frames` frames, keeps its identity from then on, and ends when it was not seen for `coast_s`. Meanwhile its
+// speed falls to zero with `pause_s`: what vanishes from the map has most likely stopped. Speeds are compared modulo
+// `whole_speed_mps`, as the radar measures them.
 #pragma once
 
 #include <cstdint>
