@@ -47,7 +47,7 @@ def test_the_contact_sheet_and_every_channel_alone(tmp_path: Path) -> None:
     )
     files, _ = view(tmp_path, points=points)
     assert files[0] == tmp_path / SHEET_NAME
-    ends = ("", *(f"_{name}" for name in CHANNEL_UNITS))
+    ends = ("", "_radar", *(f"_{name}" for name in CHANNEL_UNITS))
     assert {file.name for file in files[1:]} == {f"{place}{end}.png" for place in ("front", "side") for end in ends}
     sheet = cv2.imread(str(files[0]))
     assert sheet.shape[1] > 1200
