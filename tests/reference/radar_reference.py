@@ -36,7 +36,7 @@ def reference(
     t = (m - Real(chirp.chirps - 1) / 2) * repetition + (n - Real(chirp.samples - 1) / 2) / rate
     sweep_hz = f_c - bandwidth / 2 + slope * (n / rate)
     out = np.zeros((len(rx_positions_m), chirp.chirps, chirp.samples), Real)
-    for i in range(len(echoes)):
+    for i in range(len(echoes.range_m)):
         distance, speed = Real(echoes.range_m[i]), Real(echoes.speed_mps[i])
         tau = 2 * (distance + speed * t) / c
         cycles = sweep_hz * tau - slope * tau * tau / 2
