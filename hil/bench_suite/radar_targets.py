@@ -44,11 +44,13 @@ def target_checks(*, quick: bool) -> list[Check]:
     worst = {"range": 0.0, "speed": 0.0, "azimuth": 0.0, "elevation": 0.0}
     missed = 0
     processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+    farthest_m = p.chirp.max_range_m - 1.75 * p.chirp.range_resolution_m  # no peak in the last bin: see PeakFinder
     for _ in range(40 if quick else 400):
-        range_m = random.uniform(1.5, 0.96 * p.chirp.max_range_m)
+        processor.reset()
+        range_m = random.uniform(1.5, farthest_m)
         speed = random.uniform(0.4, 0.96 * p.chirp.max_speed_mps) * random.choice([-1.0, 1.0])
         azimuth, elevation = np.deg2rad(random.uniform(-50.0, 50.0)), np.deg2rad(random.uniform(-30.0, 30.0))
-        points = processor.process(_digitised(p, [(range_m, speed, azimuth, elevation)]), 0).points
+        points = processor.process(_digitised(p, [(range_m, speed, azimuth, elevation)]), 0, until="points").points
         if len(points) == 0:
             missed += 1
             continue
@@ -57,7 +59,6 @@ def target_checks(*, quick: bool) -> list[Check]:
         worst["speed"] = max(worst["speed"], abs(float(found["speed_mps"]) - speed) / p.chirp.speed_resolution_mps)
         worst["azimuth"] = max(worst["azimuth"], abs(math.degrees(float(found["azimuth_rad"]) - azimuth)))
         worst["elevation"] = max(worst["elevation"], abs(math.degrees(float(found["elevation_rad"]) - elevation)))
-        processor.reset()
     return [
         Check("point targets that are not seen", float(missed), "<=", 0.0, "1"),
         Check("point targets: range", worst["range"], "<=", 0.05, "bins"),

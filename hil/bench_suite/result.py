@@ -38,7 +38,7 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        return self.value <= self.limit if self.sense == "<=" else self.value >= self.limit
+        return bool(self.value <= self.limit if self.sense == "<=" else self.value >= self.limit)
 
 
 @dataclass

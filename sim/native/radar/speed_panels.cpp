@@ -57,6 +57,11 @@ double RemainderSpread::half_span(int nodes, double error) const {
     return error > 0.0 ? det::exp(det::log(error) / nodes) / slope_[nodes] : 0.0;
 }
 
+double SummingCost::gridded(double echoes, int nodes) const {
+    const int planes = (nodes + plane_terms - 1) / plane_terms;
+    return echoes * (echo + planes * echo_plane) + planes * plane;
+}
+
 SpeedHistogram speed_histogram(const double *speed_mps, const std::int32_t *index, std::size_t count, double least,
                                double greatest, std::uint8_t *bin) {
     SpeedHistogram histogram{};
@@ -101,8 +106,7 @@ void plan_panels(const SpeedHistogram &histogram, const RemainderSpread &spread,
             high = std::max(high, histogram.high[i]);
             echoes += static_cast<double>(histogram.count[i]);
             while (nodes <= kMaxNodes && 0.5 * (high - low) > reach[nodes]) ++nodes;
-            const double gridded = nodes <= kMaxNodes ? echoes * (cost.echo + nodes * cost.echo_term) + nodes * cost.term
-                                                      : std::numeric_limits<double>::infinity();
+            const double gridded = nodes <= kMaxNodes ? cost.gridded(echoes, nodes) : std::numeric_limits<double>::infinity();
             const double directly = echoes * cost.direct_echo;
             const double total = best[i] + std::min(gridded, directly);
             if (total < best[j]) {

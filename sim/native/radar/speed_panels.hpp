@@ -30,8 +30,10 @@ private:
 struct SummingCost {
     double direct_echo;  // one echo, directly
     double echo;         // one echo onto one grid, without its terms
-    double echo_term;    // and for each term
-    double term;         // transform of a term's grid
+    double echo_plane;   // and for each plane of it
+    double plane;        // transform of a plane
+    int plane_terms;     // that two planes and more hold each; the only term of a panel has one to itself
+    double gridded(double echoes, int nodes) const;  // echoes of one panel
 };
 
 struct SpeedHistogram {

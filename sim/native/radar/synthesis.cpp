@@ -19,6 +19,8 @@ namespace {
 
 constexpr double kFirstError = 0.62;  // of the tolerance: what is planned for, so that most frames pass at the first try
 constexpr double kRounding = 1.5e-13;   // of the grids, with room
+constexpr double kSingleRounding = 1e-5;  // of grids in single precision, with room
+constexpr double kSingleFrom = 5e-5;      // planned errors; below them double it is
 constexpr double kLeastError = 2.0 * kRounding;  // below it only the direct sum will do
 constexpr int kMostRounds = 5;
 constexpr double kAgain = 0.125;  // of the interpolation's share of the error, from the second round on
@@ -32,22 +34,64 @@ int power_of_two_from(int n) {
     return p;
 }
 
-std::vector<double> twiddles(int size) {
-    std::vector<double> table;
+template <class Real>
+std::vector<Real> twiddles(int size) {
+    std::vector<Real> table;
     for (int j = 0; j < size; ++j) {
         const double angle = 2.0 * det::kPi * j / size;
-        table.push_back(det::cos(angle));
-        table.push_back(det::sin(angle));
+        table.push_back(static_cast<Real>(det::cos(angle)));
+        table.push_back(static_cast<Real>(det::sin(angle)));
     }
     return table;
 }
 
 }  // namespace
 
-void Synthesis::Cells::operator()(double *p) const { ::operator delete[](p, std::align_val_t{64}); }
+void Synthesis::Free::operator()(void *p) const { ::operator delete[](p, std::align_val_t{64}); }
 
-Synthesis::Aligned Synthesis::aligned(std::size_t count) {
-    return Aligned(static_cast<double *>(::operator new[](count * sizeof(double), std::align_val_t{64})));
+template <class T>
+Synthesis::Aligned<T> Synthesis::aligned(std::size_t count) {
+    return Aligned<T>(static_cast<T *>(::operator new[](count * sizeof(T), std::align_val_t{64})));
+}
+
+template <class Real>
+void Synthesis::Cells<Real>::prepare(int rows, int columns) {
+    grid.rows = rows;
+    grid.columns = columns;
+    grid.stride = static_cast<long>(columns + kHalo) * kCell<Real>;
+    // Five lines more, so that the same cell of two planes falls into different sets of the cache.
+    grid.plane = grid.stride * (rows + kHalo) + 5 * kCell<Real>;
+    most_planes = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid.plane) * sizeof(Real))), 1, kMaxNodes);
+    touched.resize(static_cast<std::size_t>(columns));
+    grid.touched = touched.data();
+    if constexpr (kTerms<Real> > 1) {
+        emptied_rows.resize(static_cast<std::size_t>(rows + kHalo));
+        grid.emptied_rows = emptied_rows.data();
+        additions.resize(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns));
+        grid.additions = additions.data();
+    }
+    chirp_twiddle = twiddles<Real>(rows);
+    sample_twiddle = twiddles<Real>(columns);
+    work = aligned<Real>(2 * static_cast<std::size_t>(std::max(rows, columns)) * kCell<Real>);
+}
+
+template <class Real>
+void Synthesis::Cells<Real>::clear(int wanted, double scale) {
+    if (wanted > planes) {
+        planes = wanted;
+        const auto count = static_cast<std::size_t>(planes) * static_cast<std::size_t>(grid.plane);
+        cells = aligned<Real>(count);
+        grid.cells = cells.get();
+        if constexpr (kTerms<Real> > 1) {
+            emptied = aligned<double>(count);
+            grid.emptied = emptied.get();
+        }
+    }
+    grid.scale = scale;
+    std::memset(cells.get(), 0, static_cast<std::size_t>(wanted * grid.plane) * sizeof(Real));
+    std::fill(touched.begin(), touched.end(), std::uint8_t{0});
+    std::fill(emptied_rows.begin(), emptied_rows.end(), std::uint8_t{0});
+    std::fill(additions.begin(), additions.end(), std::uint8_t{0});
 }
 
 Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
@@ -61,57 +105,53 @@ Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<dou
       wide_((model_.samples + 7) / 8 * 8),
       remainder_(model_) {
     const auto frame = static_cast<std::size_t>(groups_) * kGroup * static_cast<std::size_t>(model_.chirps);
-    direct_sum_ = aligned(frame * static_cast<std::size_t>(wide_));
+    direct_sum_ = aligned<double>(frame * static_cast<std::size_t>(wide_));
     if (!direct_) {
-        grid_sum_ = aligned(2 * frame * static_cast<std::size_t>(model_.samples));
+        grid_sum_ = aligned<double>(2 * frame * static_cast<std::size_t>(model_.samples));
         prepare_grid();
     }
 }
 
 void Synthesis::prepare_grid() {
-    grid_.rows = power_of_two_from(2 * model_.chirps);
-    grid_.columns = power_of_two_from(2 * model_.samples);
-    grid_.stride = static_cast<long>(grid_.columns + kHalo) * kChannel;
-    // Five lines more, so that the same cell of two planes falls into different sets of the cache.
-    grid_.plane = grid_.stride * (grid_.rows + kHalo) + 5 * kChannel;
-    most_planes_ = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid_.plane) * sizeof(double))), 1, kMaxNodes);
-    touched_.resize(static_cast<std::size_t>(grid_.columns));
-    grid_.touched = touched_.data();
-    chirp_twiddle_ = twiddles(grid_.rows);
-    sample_twiddle_ = twiddles(grid_.columns);
-    work_ = aligned(2 * static_cast<std::size_t>(std::max(grid_.rows, grid_.columns)) * kChannel);
-    factor_ = aligned(2 * static_cast<std::size_t>(wide_));
-    const double oversampling = std::min(static_cast<double>(grid_.rows) / model_.chirps,
-                                         static_cast<double>(grid_.columns) / model_.samples);
+    rows_ = power_of_two_from(2 * model_.chirps);
+    columns_ = power_of_two_from(2 * model_.samples);
+    one_term_.prepare(rows_, columns_);
+    two_terms_.prepare(rows_, columns_);
+    factor_ = aligned<double>(2 * kTerms<float> * static_cast<std::size_t>(wide_));
+    const double oversampling = std::min(static_cast<double>(rows_) / model_.chirps,
+                                         static_cast<double>(columns_) / model_.samples);
     for (int w = kMinWidth; w <= kMaxWidth; ++w) {
         kernel_[w] = spread_kernel(w, oversampling);
-        const double chirps = spread_error(kernel_[w], model_.chirps, grid_.rows);
-        const double samples = spread_error(kernel_[w], model_.samples, grid_.columns);
+        const double chirps = spread_error(kernel_[w], model_.chirps, rows_);
+        const double samples = spread_error(kernel_[w], model_.samples, columns_);
         kernel_error_[w] = std::sqrt(chirps * chirps + samples * samples);
         const auto scales = [this, w](int count, int size, std::vector<double> &within, std::vector<double> &beyond) {
             within = spread_scale(kernel_[w], -(count / 2), count, size);
             const int edge = static_cast<int>(std::min(0.45 * size, 0.9 * count));
             beyond = spread_scale(kernel_[w], count / 2, edge - count / 2, size);
         };
-        scales(model_.chirps, grid_.rows, chirp_scale_[w], chirp_outer_[w]);
-        scales(model_.samples, grid_.columns, sample_scale_[w], sample_outer_[w]);
+        scales(model_.chirps, rows_, chirp_scale_[w], chirp_outer_[w]);
+        scales(model_.samples, columns_, sample_scale_[w], sample_outer_[w]);
     }
 }
 
 // Nanoseconds, about, on one core of a server of 2023: only their ratios matter, and they choose between sums of equal
 // worth. Fixed numbers, not measured at the start: the choice must not depend on the machine.
-SummingCost Synthesis::cost(int width) const {
-    const double rows = grid_.rows, columns = grid_.columns, samples = static_cast<double>(model_.chirps) * wide_;
+SummingCost Synthesis::cost(int width, bool single) const {
+    const double rows = rows_, columns = columns_, samples = static_cast<double>(model_.chirps) * wide_;
     const auto steps = [](double n) { return det::log(n) / det::log(2.0); };
     return {2.4 * samples, 40.0 + 4.0 * width, 0.85 * width * width + 3.0,
             0.7 * columns * rows * steps(rows) + 0.7 * model_.chirps * columns * steps(columns) + 3.0 * samples +
-                0.5 * rows * columns};
+                0.5 * rows * columns,
+            single ? kTerms<float> : kTerms<double>};
 }
 
 void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, bool again,
                      Plan &plan) {
     plan.panels.cost = std::numeric_limits<double>::infinity();
-    error -= kRounding;
+    plan.single = error >= kSingleFrom;
+    const double rounding = plan.single ? kSingleRounding : kRounding;
+    error -= rounding;
     int width = kMinWidth;
     while (width < kMaxWidth && kernel_error_[width] > 0.9 * error) ++width;
     const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
@@ -120,9 +160,9 @@ void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &
         // The interpolation's error is that of the speeds, and need not cancel where the echoes do.
         const double rest = std::max(error - kernel_error_[w], 0.0) * (again ? kAgain : 1.0);
         PanelPlan &tried = other_plan_.panels;
-        const SummingCost price = cost(w);
+        const SummingCost price = cost(w, plan.single);
         if (half_span <= remainder_.half_span(1, rest)) {
-            const double gridded = static_cast<double>(count) * (price.echo + price.echo_term) + price.term;
+            const double gridded = price.gridded(static_cast<double>(count), 1);
             const double directly = static_cast<double>(count) * price.direct_echo;
             tried.cost = std::min(gridded, directly);
             tried.count = 1;
@@ -138,7 +178,7 @@ void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &
         if (tried.cost >= plan.panels.cost) continue;
         plan.width = w;
         plan.panels = tried;
-        plan.error = kernel_error_[w] + kRounding;
+        plan.error = kernel_error_[w] + rounding;
         double interpolation = 0.0;
         for (int p = 0; p < tried.count; ++p) {
             const SpeedPanel &panel = tried.panel[p];
@@ -168,39 +208,39 @@ void Synthesis::add_direct(const EchoView &echoes, const std::int32_t *index, st
     report.direct += count;
 }
 
+template <class Real>
 void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width,
-                          SynthesisReport &report) {
+                          double scale, Cells<Real> &cells, const GridKernels<Real> &kernels) {
     if (!grid_used_) {
         const auto size = static_cast<std::size_t>(groups_ * kChannel * model_.chirps) * static_cast<std::size_t>(model_.samples);
         std::fill_n(grid_sum_.get(), size, 0.0);
         grid_used_ = true;
     }
-    const int at_once = std::min(panel.nodes, most_planes_);
-    if (at_once > planes_) {
-        cells_ = aligned(static_cast<std::size_t>(at_once) * static_cast<std::size_t>(grid_.plane));
-        grid_.cells = cells_.get();
-        planes_ = at_once;
-    }
     const SpeedNodes nodes = speed_nodes(panel.nodes, panel.least, panel.greatest);
+    const int needed = (panel.nodes + kTerms<Real> - 1) / kTerms<Real>, at_once = std::min(needed, cells.most_planes);
     const auto w = static_cast<std::size_t>(width);
     for (int g = 0; g < groups_; ++g) {
-        const Transform transform{chirp_scale_[w].data(), sample_scale_[w].data(), chirp_twiddle_.data(),
-                                  sample_twiddle_.data(), work_.get(), factor_.get(),
-                                  grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kChannel * model_.chirps * model_.samples,
-                                  chirp_outer_[w].data(), sample_outer_[w].data(), static_cast<int>(chirp_outer_[w].size()),
-                                  static_cast<int>(sample_outer_[w].size()), &growth_};
-        for (int first = 0; first < panel.nodes; first += at_once) {
-            const int terms = std::min(at_once, panel.nodes - first);
-            std::memset(cells_.get(), 0, static_cast<std::size_t>(terms * grid_.plane) * sizeof(double));
-            std::fill(touched_.begin(), touched_.end(), std::uint8_t{0});
-            kernels_.spread(model_, echoes, index, panel.count, g * kGroup, kernel_[w], nodes, first, terms, grid_);
-            for (int j = 0; j < terms; ++j) {
-                kernels_.transform(model_, grid_, j, width, nodes.speed(first + j), transform);
+        const Transform<Real> transform{
+            chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
+            cells.work.get(), factor_.get(),
+            grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kChannel * model_.chirps * model_.samples,
+            chirp_outer_[w].data(), sample_outer_[w].data(), static_cast<int>(chirp_outer_[w].size()),
+            static_cast<int>(sample_outer_[w].size()), &growth_};
+        for (int first = 0; first < needed; first += at_once) {
+            const int planes = std::min(at_once, needed - first);
+            cells.clear(planes, scale);
+            kernels.spread(model_, echoes, index, panel.count, g * kGroup, kernel_[w], nodes, first * kTerms<Real>, planes,
+                           cells.grid);
+            for (int j = 0; j < planes; ++j) {
+                double speed[kTerms<Real>];
+                for (int k = 0; k < kTerms<Real>; ++k) {
+                    const int term = (first + j) * kTerms<Real> + k;
+                    speed[k] = term < panel.nodes ? nodes.speed(term) : 0.0;  // beyond the last one the cells are empty
+                }
+                kernels.transform(model_, cells.grid, j, width, speed, transform);
             }
         }
     }
-    report.terms += panel.nodes;
-    report.panels += 1;
 }
 
 void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error,
@@ -208,6 +248,7 @@ void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &w
     plan(echoes, count, weighing, error, report.rounds > 1, plan_);
     report.width = plan_.width;
     const PanelPlan &panels = plan_.panels;
+    const double scale = std::ldexp(1.0, -std::ilogb(std::sqrt(weighing.sum_squares)));
     const std::int32_t *index = index_.data();
     if (panels.count > 1) {  // the echoes panel by panel, in their order
         std::size_t next[kSpeedBins], first = 0;
@@ -225,7 +266,13 @@ void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &w
         if (panel.nodes == 0) {
             add_direct(echoes, index, panel.count, report);
         } else {
-            add_panel(echoes, panel, index, plan_.width, report);
+            if (plan_.single && panel.nodes > 1) {
+                add_panel(echoes, panel, index, plan_.width, scale, two_terms_, kernels_.two_terms);
+            } else {
+                add_panel(echoes, panel, index, plan_.width, 1.0, one_term_, kernels_.one_term);
+            }
+            report.terms += panel.nodes;
+            report.panels += 1;
         }
     }
 }

@@ -51,24 +51,41 @@ public:
     SynthesisReport synthesize(const EchoView &echoes, double *out);
 
 private:
-    struct Cells {
-        void operator()(double *p) const;
+    struct Free {
+        void operator()(void *p) const;
     };
-    using Aligned = std::unique_ptr<double[], Cells>;
-    static Aligned aligned(std::size_t count);
+    template <class T>
+    using Aligned = std::unique_ptr<T[], Free>;
+    template <class T>
+    static Aligned<T> aligned(std::size_t count);
+
+    // Cells for the terms of one panel at a time; Real as in synthesis_kernels.hpp.
+    template <class Real>
+    struct Cells {
+        Grid<Real> grid{};
+        Aligned<Real> cells, work;
+        Aligned<double> emptied;
+        std::vector<std::uint8_t> touched, emptied_rows, additions;
+        std::vector<Real> chirp_twiddle, sample_twiddle;
+        int planes = 0, most_planes = 0;
+        void prepare(int rows, int columns);
+        void clear(int planes, double scale);
+    };
 
     struct Plan {
+        bool single;   // two terms and more in single precision
         int width;
         double error;  // of the sum of squares of the weights
         PanelPlan panels;
     };
 
     void prepare_grid();
-    SummingCost cost(int width) const;
+    SummingCost cost(int width, bool single) const;
     void plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, bool again, Plan &plan);
     void add(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, SynthesisReport &report);
-    void add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width,
-                   SynthesisReport &report);
+    template <class Real>
+    void add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width, double scale,
+                   Cells<Real> &cells, const GridKernels<Real> &kernels);
     void add_direct(const EchoView &echoes, const std::int32_t *index, std::size_t count, SynthesisReport &report);
     // Moves the weakest echoes behind the others in index_; their number and the sum of their weights.
     std::size_t drop(std::size_t count, const Weighing &weighing, double &sum);
@@ -99,11 +116,10 @@ private:
     std::vector<double> chirp_scale_[kMaxWidth + 1], sample_scale_[kMaxWidth + 1];
     std::vector<double> chirp_outer_[kMaxWidth + 1], sample_outer_[kMaxWidth + 1];
     Growth growth_{};
-    std::vector<double> chirp_twiddle_, sample_twiddle_;
-    std::vector<std::uint8_t> touched_;
-    Grid grid_{};
-    int planes_ = 0, most_planes_ = 0;
-    Aligned cells_, work_, factor_, grid_sum_, direct_sum_;
+    int rows_ = 0, columns_ = 0;  // of the grids
+    Cells<double> one_term_;
+    Cells<float> two_terms_;
+    Aligned<double> factor_, grid_sum_, direct_sum_;
     bool grid_used_ = false, direct_used_ = false;
 };
 

@@ -8,8 +8,17 @@
 
 namespace hil::sim::radar {
 
-constexpr int kChannel = 2 * kGroup;  // doubles of a grid cell: real parts of the receivers, then imaginary ones
+// Cells of a grid are 64 bytes: real parts of the receivers, then imaginary ones. One term in double, or two in single
+// precision, which costs as much: real parts of the first term, of the second, imaginary ones of the first, the second.
+constexpr int kChannel = 2 * kGroup;
+template <class Real>
+constexpr int kTerms = 8 / static_cast<int>(sizeof(Real));  // of a cell
+template <class Real>
+constexpr int kCell = kChannel * kTerms<Real>;
 constexpr int kHalo = kMaxWidth;      // rows and columns beyond the grid, so that a kernel never wraps while spreading
+// Single precision: so many echoes are added to the same cells before those are emptied into doubles. Rounding the sum
+// of n equal numbers can go the same way each time, n 2^-25 of it together.
+constexpr int kMostAdditions = 255;
 
 struct Weighing {
     double sum_squares;      // of the weights
@@ -17,13 +26,20 @@ struct Weighing {
     bool legal;              // every figure finite and within the limits of echo_model.hpp
 };
 
-// Oversampled grid of one term after another: [term][row, chirps][column, samples][kChannel].
+// Oversampled grids of some terms: [plane][row, chirps][column, samples][kCell].
+template <class Real>
 struct Grid {
-    double *cells;
+    Real *cells;
     std::uint8_t *touched;  // columns in which a kernel began
     int rows, columns;      // powers of two, without the halo
-    long stride;            // doubles from one row to the next
-    long plane;             // and from one term to the next
+    long stride;            // Reals from one row to the next
+    long plane;             // and from one plane to the next
+    // Single precision only: what was emptied, as `cells`, in the rows that are marked; how many kernels began in each
+    // cell since.
+    double *emptied = nullptr;
+    std::uint8_t *emptied_rows = nullptr;  // [rows + kHalo]
+    std::uint8_t *additions = nullptr;     // [rows][columns]
+    double scale = 1.0;     // of the weights, a power of two: they must not leave the range of a float
     long row(int r) const { return r * stride; }
 };
 
@@ -33,16 +49,29 @@ struct Growth {
     double within[2], beyond[2];
 };
 
+template <class Real>
 struct Transform {
     const double *chirp_scale, *sample_scale;  // one over the kernel's transform, (chirps,) and (samples,)
-    const double *chirp_twiddle, *sample_twiddle;  // cos, sin of 2 pi j / rows and / columns
-    double *work;      // 2 * max(rows, columns) cells
-    double *factor;    // 2 * samples rounded up to 8
+    const Real *chirp_twiddle, *sample_twiddle;  // cos, sin of 2 pi j / rows and / columns
+    Real *work;        // 2 * max(rows, columns) cells
+    double *factor;    // for each term of a cell 2 * samples rounded up to 8
     double *sum;       // [chirps][samples][kChannel], complex, added to
     // One over the kernel's transform at count/2 .. count/2 + outer - 1, and as far below.
     const double *chirp_outer_scale, *sample_outer_scale;
     int chirp_outer, sample_outer;
     Growth *growth;    // added to
+};
+
+// Stages of the sum by a grid. `speed`: of each of the plane's terms.
+template <class Real>
+struct GridKernels {
+    // Adds the echoes named to the grid's planes: the first gets the terms from first_term on, and so forth.
+    void (*spread)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
+                   int first_receiver, const SpreadKernel &, const SpeedNodes &, int first_term, int planes,
+                   const Grid<Real> &);
+    // Transforms one plane (destroyed), applies the remainder of each term, adds to transform.sum.
+    void (*transform)(const EchoModel &, const Grid<Real> &, int plane, int width, const double *speed,
+                      const Transform<Real> &);
 };
 
 struct SynthesisKernels {
@@ -53,12 +82,8 @@ struct SynthesisKernels {
     // Adds the echoes named to sum [receivers of the group][chirps][samples rounded up to 8].
     void (*direct)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
                    int first_receiver, double *sum);
-    // Adds the echoes named to the grid's planes: plane j gets term first_term + j of `nodes`.
-    void (*spread)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
-                   int first_receiver, const SpreadKernel &, const SpeedNodes &, int first_term, int terms,
-                   const Grid &);
-    // Transforms one plane (destroyed), applies the remainder at `speed`, adds to transform.sum.
-    void (*transform)(const EchoModel &, const Grid &, int plane, int width, double speed, const Transform &);
+    GridKernels<double> one_term;
+    GridKernels<float> two_terms;
 };
 
 const SynthesisKernels &synthesis_kernels(frame::Isa isa);
