@@ -207,7 +207,7 @@ HIL_INLINE Pack<T> max(const Pack<T> &a, const Pack<T> &b) {
 template <class To, class From>
 HIL_INLINE To as(const From &a) {
     To v;
-    __builtin_memcpy(&v, &a, sizeof v);
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = (typename To::Register)a.r[i];
     return v;
 }
 
@@ -358,13 +358,14 @@ HIL_INLINE float greatest(const F &a) {
 
 template <class V>
 HIL_INLINE V load(const ScalarOf<V> *p) {
+    // Register by register: of a whole pack GCC 12 may make a copy in memory.
     V v;
-    __builtin_memcpy(&v, p, sizeof v);
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) __builtin_memcpy(&v.r[i], p + i * (V::kCount / kParts), sizeof v.r[i]);
     return v;
 }
 template <class T>
 HIL_INLINE void store(T *p, const Pack<T> &a) {
-    __builtin_memcpy(p, &a, sizeof a);
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) __builtin_memcpy(p + i * (a.kCount / kParts), &a.r[i], sizeof a.r[i]);
 }
 
 // from[index], lane by lane; every index must be good.
