@@ -157,20 +157,23 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
     shape = (len(parameters.antenna.rx_positions_m), parameters.chirp.chirps, parameters.chirp.samples)
     exact, out = np.empty(shape), np.empty(shape)
     quick, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
-    took: list[float] = []
+    took = [np.inf] * len(case.views)
     direct_s: list[float] = []
     errors: list[float] = []
     kept: list[float] = []
-    for view in case.views:
-        radar.draw(view)
-        quick.synthesize(radar.echoes(view), out)
-        seconds, report = _best(lambda view=view: quick.synthesize(radar.echoes(view), out), 5)  # type: ignore[misc]
-        took.append(seconds)
-        echoes = copied(radar.echoes(view))
-        seconds, _ = _best(lambda echoes=echoes: direct.synthesize(echoes, exact), 1)  # type: ignore[misc]
-        direct_s.append(seconds)
-        errors.append(_error(out, exact))
-        kept.append((report.echoes - report.dropped) / PIXELS)
+    for turn in range(3):  # a neighbour on the machine disturbs for a while: the best of turns that are apart
+        for i, view in enumerate(case.views):
+            radar.draw(view)
+            quick.synthesize(radar.echoes(view), out)
+            seconds, report = _best(lambda view=view: quick.synthesize(radar.echoes(view), out), 3)  # type: ignore[misc]
+            took[i] = min(took[i], seconds)
+            if turn > 0:
+                continue
+            echoes = copied(radar.echoes(view))
+            seconds, _ = _best(lambda echoes=echoes: direct.synthesize(echoes, exact), 1)  # type: ignore[misc]
+            direct_s.append(seconds)
+            errors.append(_error(out, exact))
+            kept.append((report.echoes - report.dropped) / PIXELS)
     name, worst = "city_park, pictures of 320 x 240", max(errors)
     details = {"pixels_kept": float(np.mean(kept)), "views": len(case.views)}
     result.rows.append(Row(name, "nufft @ 0.001", worst, UNIT, float(np.mean(took)), details))

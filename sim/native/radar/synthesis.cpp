@@ -7,6 +7,10 @@
 #include <stdexcept>
 #include <string>
 
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
+
 #include "detmath.hpp"
 
 namespace hil::sim::radar {
@@ -26,6 +30,7 @@ constexpr int kMostRounds = 5;
 constexpr double kAgain = 0.125;  // of the interpolation's share of the error, from the second round on
 constexpr double kGrown = 1.3;  // beyond the frame over within it: less is chance
 constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; beyond it terms are taken in turns
+constexpr std::size_t kPage = std::size_t{2} << 20;
 constexpr double kWorthDropping = 0.1;  // of the echoes
 
 int power_of_two_from(int n) {
@@ -47,11 +52,22 @@ std::vector<Real> twiddles(int size) {
 
 }  // namespace
 
-void Synthesis::Free::operator()(void *p) const { ::operator delete[](p, std::align_val_t{64}); }
+void FreeAligned::operator()(void *p) const { ::operator delete[](p, std::align_val_t{alignment}); }
 
+// What is large in large pages, where the system gives them: which lines of a grid share a set of the cache is then the
+// same in every process, not a matter of which pages were free (up to twice the time).
 template <class T>
 Synthesis::Aligned<T> Synthesis::aligned(std::size_t count) {
-    return Aligned<T>(static_cast<T *>(::operator new[](count * sizeof(T), std::align_val_t{64})));
+    std::size_t bytes = count * sizeof(T), alignment = 64;
+    if (bytes > kPage / 2) {
+        alignment = kPage;
+        bytes = (bytes + kPage - 1) / kPage * kPage;
+    }
+    void *p = ::operator new[](bytes, std::align_val_t{alignment});
+#ifdef __linux__
+    if (alignment == kPage) ::madvise(p, bytes, MADV_HUGEPAGE);  // refused: small pages do as well
+#endif
+    return Aligned<T>(static_cast<T *>(p), FreeAligned{alignment});
 }
 
 template <class Real>

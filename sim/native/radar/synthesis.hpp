@@ -38,6 +38,11 @@ struct SynthesisReport {
     int rounds = 0;            // 1 unless the echoes cancel
 };
 
+struct FreeAligned {
+    std::size_t alignment = 64;
+    void operator()(void *p) const;
+};
+
 class Synthesis {
 public:
     // drop_share: share of the tolerance that may be spent on leaving out the weakest echoes. 0: none is.
@@ -51,11 +56,8 @@ public:
     SynthesisReport synthesize(const EchoView &echoes, double *out);
 
 private:
-    struct Free {
-        void operator()(void *p) const;
-    };
     template <class T>
-    using Aligned = std::unique_ptr<T[], Free>;
+    using Aligned = std::unique_ptr<T[], FreeAligned>;
     template <class T>
     static Aligned<T> aligned(std::size_t count);
 
