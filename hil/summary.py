@@ -121,6 +121,7 @@ def summarise(
                 "bad_crc": stats.bad_crc,
                 "garbage_bytes": stats.garbage_bytes,
                 "lost_frames": stats.lost_frames,
+                "bad_controls": stats.bad_controls,
             }
             if stats
             else {},

@@ -43,6 +43,7 @@ class LinkStats:
     bad_crc: int = 0
     garbage_bytes: int = 0
     lost_frames: int = 0  # gaps in the autopilot's sequence numbers
+    bad_controls: int = 0  # commands that are no numbers, passed over (free-running links only)
 
     def take_received(self, *parsers: FrameParser) -> None:
         """Bring the counters of what was received up to date: the sums over the link's wires."""

@@ -46,6 +46,7 @@ def test_run_json_follows_the_contract(flown: Path) -> None:
         "bad_crc": 0,
         "garbage_bytes": 0,
         "lost_frames": 0,
+        "bad_controls": 0,
     }
     contact = next(s for s in run["skipped"] if s["what"] == "contact")
     assert contact["ticks_skipped"] > contact["ticks_touching"] > 0

@@ -12,6 +12,9 @@ import tty
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from fastcrc.crc16 import mcrf4xx
+
+from firmware_bridge.codecs.dialect import SHAPES
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.faults.frame_splitter import FrameSplitter, message_id
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
@@ -28,6 +31,7 @@ class Tap:
         self.mute = set(mute)
         self.heard: list[int | None] = []
         self.gone = False
+        self.spoil = 0  # so many of the next commands are no numbers, with good checksums
         self._in, self._out = FrameSplitter(), FrameSplitter()
 
     @property
@@ -44,12 +48,24 @@ class Tap:
         return self._spoken(self.mock.feed(data))
 
     def _spoken(self, data: bytes) -> bytes:
-        if not self.mute:
+        if not self.mute and not self.spoil:
             return data
         if "all" in self.mute:
             return b""
         ids = {MSGID[name] for name in self.mute}
-        return b"".join(unit for unit in self._out.feed(data) if message_id(unit) not in ids)
+        return b"".join(self._spoilt(unit) for unit in self._out.feed(data) if message_id(unit) not in ids)
+
+    def _spoilt(self, unit: bytes) -> bytes:
+        if self.spoil == 0 or message_id(unit) != MSGID["HIL_ACTUATOR_CONTROLS"]:
+            return unit
+        self.spoil -= 1
+        # time_usec and flags, then the controls; ten bytes of header before, a checksum behind.
+        body = unit[1:26] + b"\0\0\xc0\x7f" + unit[30:-2]
+        return (
+            unit[:1]
+            + body
+            + mcrf4xx(body + bytes((SHAPES[MSGID["HIL_ACTUATOR_CONTROLS"]].crc_extra,))).to_bytes(2, "little")
+        )
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.mock, name)

@@ -18,7 +18,7 @@ from firmware_bridge.codecs.messages import MSGID, NAME, message_class, pack
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.links import hitl_setup
-from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.hitl_setup import HitlSetup
 from firmware_bridge.links.registry import make_link
@@ -289,6 +289,23 @@ def test_a_board_that_talks_but_commands_nothing(board: Callable[..., HitlBoard]
         driven.run(5000)
     assert caught.value.cause == "no_controls"
     assert driven.seen == []
+
+
+def test_commands_that_are_no_numbers(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+    far = board()
+    driven = drive(SerialTransport(far.port))
+    driven.link.open()
+    driven.run(50)
+    far.tap.spoil = 3
+    # Two that come within one tick are one command.
+    driven.run_until(lambda: far.tap.spoil == 0 and 1 <= driven.link.stats.bad_controls <= 3)
+    seen = len(driven.seen)
+    driven.run_until(lambda: len(driven.seen) > seen + 5)  # it goes on
+    far.tap.spoil = 1 << 30
+    with pytest.raises(
+        InvalidControls, match=r"tick \d+: HIL_ACTUATOR_CONTROLS at .* out of -1\.\.1.*the 25 commands before"
+    ):
+        driven.run(5000)
 
 
 def test_no_heartbeat(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
