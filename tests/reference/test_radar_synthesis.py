@@ -116,6 +116,20 @@ def test_error_stays_below_the_tolerance(name: str, range_m: float, speed_mps: f
                 assert found > 1e-3 * tolerance  # no more exact than it needs to be
 
 
+@pytest.mark.parametrize("scale", [1e-90, 1e-45, 1e-38, 1e38, 1e90])
+def test_amplitudes_beyond_single_precision(scale: float) -> None:
+    """Grids in single precision: cells and factors must stay within a float, whatever the echoes' unit."""
+    echoes = some_echoes(2000, 12.0, 10.0)
+    exact = frame_of(TABLE_2, echoes, method="direct")
+    synthesizer = make(TABLE_2, tolerance=1e-3)
+    out = np.empty(synthesizer.shape)
+    scaled = Echoes(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude * scale)
+    report = synthesizer.synthesize(scaled, out)
+    assert report.terms > report.panels  # of two terms and more: those are in single precision
+    assert report.rounds == 1
+    assert error(out / scale, exact) <= 1e-3
+
+
 @pytest.mark.parametrize("place", [0.0, 0.5, 0.25, 1e-12, 1.0 - 1e-12])
 def test_one_echo_anywhere_between_the_points_of_the_grid(place: float) -> None:
     per_sample = 2.0 * TABLE_2.bandwidth_hz / TABLE_2.samples / SPEED_OF_LIGHT_MPS  # cycles per metre

@@ -175,12 +175,12 @@ void remainder_row(const EchoModel &model, double speed, int m, double chirp_sca
     }
 }
 
-// Adds value times each term's factor to the doubles of the sum.
-HIL_INLINE void add_turned(const Cell<double> &value, const double *factor, long, double *sum) {
+// Adds value times each term's factor, times `unscale`, to the doubles of the sum. `unscale` may be beyond a float.
+HIL_INLINE void add_turned(const Cell<double> &value, const double *factor, long, double, double *sum) {
     const double c = factor[0], d = factor[D::kCount];
     put(sum, cell<double>(sum) + Cell<double>{value.re * c - value.im * d, value.re * d + value.im * c});
 }
-HIL_INLINE void add_turned(const Cell<float> &value, const double *factor, long next_term, double *sum) {
+HIL_INLINE void add_turned(const Cell<float> &value, const double *factor, long next_term, double unscale, double *sum) {
     alignas(32) float c[kChannel], d[kChannel], re[kChannel], im[kChannel];
     for (int i = 0; i < kGroup; ++i) {
         c[i] = (float)factor[0], c[kGroup + i] = (float)factor[next_term];
@@ -190,8 +190,8 @@ HIL_INLINE void add_turned(const Cell<float> &value, const double *factor, long 
     put(re, value.re * cosine - value.im * sine);
     put(im, value.re * sine + value.im * cosine);
     for (int i = 0; i < kGroup; ++i) {
-        sum[i] += (double)re[i] + (double)re[kGroup + i];
-        sum[kGroup + i] += (double)im[i] + (double)im[kGroup + i];
+        sum[i] += ((double)re[i] + (double)re[kGroup + i]) * unscale;
+        sum[kGroup + i] += ((double)im[i] + (double)im[kGroup + i]) * unscale;
     }
 }
 
@@ -232,13 +232,13 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
                        t.chirp_scale[m] * t.chirp_scale[m] * squared, 0, *t.growth);
         }
         for (int k = 0; k < kTerms<Real>; ++k) {
-            remainder_row(model, speed[k], m, t.chirp_scale[m] * unscale, t.sample_scale, t.factor + k * next_term);
+            remainder_row(model, speed[k], m, t.chirp_scale[m], t.sample_scale, t.factor + k * next_term);
         }
         double *sum = t.sum + (long)m * model.samples * kChannel;
         for (int n = 0; n < model.samples; ++n, sum += kChannel) {
             const int at = (n - model.middle_sample) & (grid.columns - 1);
             const double *factor = t.factor + 2 * (n & ~(D::kCount - 1)) + (n & (D::kCount - 1));
-            add_turned(cell<Real>(found + (long)kCell<Real> * at), factor, next_term, sum);
+            add_turned(cell<Real>(found + (long)kCell<Real> * at), factor, next_term, unscale, sum);
         }
     }
 }
