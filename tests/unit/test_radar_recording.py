@@ -84,6 +84,42 @@ def test_a_file_of_something_else_is_refused(tmp_path: Path, content: bytes, suf
     assert "is not a radar recording" in refusal(path)
 
 
+def with_header(shape: str) -> bytes:
+    header = f"{{'descr': '<u2', 'fortran_order': False, 'shape': {shape}".ljust(117).encode() + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + b"\x00" * 64
+
+
+def damaged(folder: Path, at: int, damage: bytes) -> bytes:
+    path = folder / "z.npz"
+    np.savez_compressed(path, adc=np.random.default_rng(1).integers(0, 4096, CODES.shape).astype(np.uint16))
+    whole = bytearray(path.read_bytes())
+    whole[at : at + len(damage)] = damage
+    return bytes(whole)
+
+
+def test_damaged_files_are_refused_whatever_their_readers_raise(tmp_path: Path) -> None:
+    """zlib.error, RuntimeError (encrypted), MemoryError, tokenize.TokenError: none is an OSError or a ValueError."""
+    path = saved(tmp_path)
+    encrypted = damaged(tmp_path, 6, b"\x01")
+    directory = encrypted.index(b"PK\x01\x02")
+    encrypted = encrypted[: directory + 8] + b"\x01" + encrypted[directory + 9 :]
+    for content in (
+        damaged(tmp_path, 2000, b"\xff" * 500),
+        encrypted,
+        with_header("(900000000000, 2, 64, 64), }"),
+        with_header("(((("),
+    ):
+        path.write_bytes(content)
+        assert "is not a radar recording" in refusal(path)
+
+
+@pytest.mark.parametrize(("suffix", "other"), [(".npz", ".npy"), (".npy", ".npz")])
+def test_the_other_formats_suffix_does_not_matter(tmp_path: Path, suffix: str, other: str) -> None:
+    path = saved(tmp_path, suffix=suffix)
+    renamed = path.rename(path.with_suffix(other))
+    assert np.array_equal(load_recording(renamed).adc, CODES)
+
+
 def test_another_suffix_and_another_array_are_refused(tmp_path: Path) -> None:
     path = saved(tmp_path)
     other = tmp_path / "r.csv"
@@ -124,13 +160,21 @@ def test_samples_that_are_not_what_the_settings_say_are_refused(tmp_path: Path, 
         ({"rx_antennas": []}, "rx_antennas must list"),
         ({"rx_antennas": "1, 2"}, "rx_antennas must list"),
         ({"num_samples_per_chirp": 0}, "num_samples_per_chirp must be a number above 0"),
+        ({"num_samples_per_chirp": 64.5}, "num_samples_per_chirp must be a whole number, not 64.5"),
+        ({"sample_rate_Hz": 10**400}, "sample_rate_Hz must be a number above 0"),
+        ({"hp_cutoff_Hz": 1e300}, "hp_cutoff_Hz must be a number above 0, not 1e+300 (1e+12 at most)"),
+        ({"frame_repetition_time_s": 1e-3}, "frame_repetition_time_s is 0.001, not"),
+        ({"frame_repetition_time_s": 1e9}, "to 3600"),
+        ({"rx_antennas": [3, 3]}, "rx_antennas names a receiver twice"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     assert words in refusal(saved(tmp_path, **changes))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"device_config": 3}', '{"fmcw_single_shape": []}', "\x00"])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"device_config": 3}', '{"fmcw_single_shape": []}', "\x00", "9" * 5000]
+)
 def test_settings_that_are_no_settings_are_refused(tmp_path: Path, text: str) -> None:
     path = saved(tmp_path)
     path.with_suffix(".json").write_text(text)
