@@ -22,6 +22,7 @@ from sim.model_file import StrictModel
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
+_LEAST_HZ = 1e6  # a wave of 300 m: echoes of far longer ones leave what a float holds
 
 
 class Chirp(StrictModel):
@@ -43,6 +44,8 @@ class Chirp(StrictModel):
                 f"{self.samples} samples at {self.sample_rate_hz:g} Hz take {self.sampling_s:.6g} s, longer than "
                 f"repetition_s {self.repetition_s:g}"
             )
+        if self.center_frequency_hz < _LEAST_HZ:
+            raise ValueError(f"center_frequency_hz must be at least 1 MHz, not {self.center_frequency_hz:g} Hz")
         if 0.5 * self.bandwidth_hz >= self.center_frequency_hz:
             raise ValueError(
                 f"bandwidth_hz {self.bandwidth_hz:g} about a centre of {self.center_frequency_hz:g} Hz reaches 0 Hz"

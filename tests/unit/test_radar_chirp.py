@@ -61,6 +61,7 @@ def test_the_real_sensor() -> None:
         ({"repetition_s": 31e-6}, "64 samples at 2e\\+06 Hz take 3.2e-05 s, longer than repetition_s 3.1e-05"),
         ({"samples": 1024}, "longer than repetition_s"),
         ({"center_frequency_hz": 0.2e9}, "reaches 0 Hz"),
+        ({"center_frequency_hz": 1e-200, "bandwidth_hz": 1e-201}, "center_frequency_hz must be at least 1 MHz"),
         ({"turns": 3}, "turns"),
     ],
 )
