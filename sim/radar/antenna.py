@@ -24,7 +24,7 @@ from sim.model_file import StrictModel
 
 Float64 = NDArray[np.float64]
 
-MAX_RECEIVERS = 64
+MAX_RECEIVERS = 16  # that are summed: sim/native/radar/echo_model.hpp
 _HALF_RAD_PER_DEG = 0.5 * 0.017453292519943295
 _Beamwidth = Annotated[float, Field(ge=0.5, le=179.0)]
 

@@ -66,7 +66,12 @@ def test_receivers_that_cannot_be(change: dict[str, float], words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("positions", "words"), [((), "0 receivers"), (((0.0, 2.5, 0.0),), "metres from the radar's origin")]
+    ("positions", "words"),
+    [
+        ((), "0 receivers"),
+        (((0.0, 0.0, 0.0),) * 17, "17 receivers; a radar has 1 to 16"),
+        (((0.0, 2.5, 0.0),), "metres from the radar's origin"),
+    ],
 )
 def test_arrays_that_cannot_be(positions: tuple[tuple[float, float, float], ...], words: str) -> None:
     with pytest.raises(pydantic.ValidationError, match=words):
