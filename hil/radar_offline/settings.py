@@ -52,5 +52,8 @@ def with_chirp(parameters: RadarParameters, chirp: Chirp, receivers: int, where:
     if have != receivers:
         message = f"has {receivers} receivers, and the radar's antenna.rx_positions_m {have}"
         raise ConfigError([Problem(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")])
+    unfit = parameters.processing.problem_with(chirp)
+    if unfit:
+        raise ConfigError([Problem(where, f"its frames do not suit processing.{unfit}", "--set processing.KEY=VALUE")])
     impairments = type(parameters.impairments)()
     return parameters.model_copy(update={"chirp": chirp, "impairments": impairments})

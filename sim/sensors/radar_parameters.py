@@ -70,9 +70,14 @@ class RadarParameters(StrictModel):
         unfit = self.impairments.problems_with(self.chirp, len(self.antenna.rx_positions_m))
         if unfit:
             raise ValueError("impairments." + "; impairments.".join(unfit))
+        unfit_processing = self.processing.problem_with(self.chirp) if self.needs_processing else ""
+        if unfit_processing:
+            raise ValueError(f"processing.{unfit_processing}; outputs: [raw] needs none")
         near_m, far_m = self.limits_m
         if not far_m > near_m:
             raise ValueError(f"far_m {far_m:g} must be above near_m {near_m:g}")
+        if self.frame is None:
+            self.view()  # ValueError for a lens that cannot be
         return self
 
     @property

@@ -126,6 +126,10 @@ FASTER = "rate_hz leaves 0.02 s for a frame that takes 0.0250224 s (64 chirps ev
         (f"{{{PRESET}, rate_hz: 10, mask: {{classes: [persn]}}}}", "did you mean 'person'"),
         (f"{{{PRESET}, rate_hz: 10, impairments: {{adc: {{odd_code_share: 2}}}}}}", "share must be at most 0.5"),
         (f"{{{PRESET}, rate_hz: 10, antenna: {{rx_positions_m: [[0, 0, 0]]}}}}", "and the antenna has 1"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{chirps: 8}}}}", "training cells to each side are more than the 8 Doppler"),
+        (f"{{{PRESET}, rate_hz: 10, processing: {{cfar: {{guard_doppler: 40}}}}}}", "more than the 64 Doppler rows"),
+        (f"{{{PRESET}, rate_hz: 10, chirp: {{chirps: 3}}, processing: {{clutter: mti3}}}}", "less than two of 3"),
+        (f"{{{PRESET}, rate_hz: 10, fov_deg: 1.0e-9}}", "the focal length fx must be 0.001 to 1e7 pixels"),
         (f"{{{PRESET}, rate_hz: 10, autopilot: true}}", "no flight controller takes a radar"),
         ("{preset: bgt60tr13, rate_hz: 10}", "did you mean 'bgt60tr13c'?"),
         ("{preset: ./mine.yaml, rate_hz: 10}", "names a file that does not exist: ./mine.yaml"),
@@ -140,6 +144,11 @@ def test_what_cannot_be_is_named_with_its_line(radar: str, expected: str, capsys
     assert all(text.startswith("b.yaml:8:") for text in told)
     assert run_command_line(["check", "b.yaml"]) == 2
     assert expected.replace("\n", "") in capsys.readouterr().err.replace("\n", "")
+
+
+def test_raw_data_alone_needs_no_map() -> None:
+    few = load(f"{{{PRESET}, rate_hz: 10, chirp: {{chirps: 8}}, outputs: [raw]}}").config.sensors["radar"].parameters
+    assert few.chirp.chirps == 8
 
 
 def test_a_bench_without_cameras_says_so() -> None:

@@ -15,17 +15,12 @@ class Cfar:
     """Detector of one radar's maps."""
 
     def __init__(self, maps: RangeDoppler, receivers: int, processing: Processing) -> None:
+        """Raises ValueError for a map too small."""
         p = processing.cfar
+        problem = p.problem_with(maps.rows, maps.columns)
+        if problem:
+            raise ValueError(problem)
         half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
-        if 2 * half_rows + 1 > maps.rows:
-            raise ValueError(
-                f"cfar: {p.guard_doppler} guard and {p.train_doppler} training cells to each side are more than the "
-                f"{maps.rows} Doppler rows of the map"
-            )
-        if p.train_doppler == 0 and maps.columns < 2 * (p.guard_range + 1):
-            raise ValueError(
-                f"cfar: {p.guard_range} guard cells to each side leave nothing of {maps.columns} range cells"
-            )
         cells = {
             (d, r)
             for d in range(-half_rows, half_rows + 1)

@@ -7,11 +7,13 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from sim.model_file import StrictModel
+from sim.radar.chirp import Chirp
 
 WindowName = Literal["none", "hann", "hamming", "blackman", "taylor"]
 Clutter = Literal["none", "mean", "mti2", "mti3", "background"]
 Cells = Annotated[int, Field(ge=0, le=64)]
 Padding = Literal[1, 2, 4, 8]
+_LOST = {"mti2": 1, "mti3": 2}  # chirps that differences take
 _Positive = Annotated[float, Field(gt=0.0, le=1e6)]
 
 
@@ -32,6 +34,17 @@ class CfarParameters(StrictModel):
         if self.train_doppler == 0 and self.train_range == 0:
             raise ValueError("train_doppler and train_range are both 0: nothing says what the noise is")
         return self
+
+    def problem_with(self, rows: int, columns: int) -> str:
+        """Why this cannot search a map of so many rows and columns; "" if it can."""
+        if 2 * (self.guard_doppler + self.train_doppler) + 1 > rows:
+            return (
+                f"cfar: {self.guard_doppler} guard and {self.train_doppler} training cells to each side are more than "
+                f"the {rows} Doppler rows of the map"
+            )
+        if self.train_doppler == 0 and columns < 2 * (self.guard_range + 1):
+            return f"cfar: {self.guard_range} guard cells to each side leave nothing of {columns} range cells"
+        return ""
 
 
 class TrackerParameters(StrictModel):
@@ -78,3 +91,19 @@ class Processing(StrictModel):
     max_tracks: Annotated[int, Field(ge=1, le=256)] = 32
     cfar: CfarParameters = CfarParameters()
     tracker: TrackerParameters = TrackerParameters()
+
+    def pulses(self, chirp: Chirp) -> int:
+        """Chirps that are left of a frame after clutter removal."""
+        return chirp.chirps - _LOST.get(self.clutter, 0)
+
+    def problem_with(self, chirp: Chirp) -> str:
+        """Why frames of `chirp` cannot be processed so; "" if they can."""
+        if self.pulses(chirp) < 2:
+            return f"clutter {self.clutter!r} leaves less than two of {chirp.chirps} chirps"
+        rows = _power_of_two_from(chirp.chirps) * self.doppler_padding
+        columns = _power_of_two_from(chirp.samples) * self.range_padding // 2
+        return self.cfar.problem_with(rows, columns)
+
+
+def _power_of_two_from(n: int) -> int:
+    return 1 << (n - 1).bit_length()

@@ -33,6 +33,10 @@ class Processor:
     def __init__(
         self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing, isa: str = ""
     ) -> None:
+        """Raises ValueError for a chirp that cannot be processed so."""
+        problem = processing.problem_with(chirp)
+        if problem:
+            raise ValueError(problem)
         self.chirp = chirp
         self.processing = processing
         self.maps = RangeDoppler(chirp, len(rx_positions_m), processing, isa)

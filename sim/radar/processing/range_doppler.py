@@ -14,7 +14,6 @@ from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.windows import window
 
-_LOST = {"mti2": 1, "mti3": 2}  # chirps that differences take
 _MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  # half of it, in bins, about
 
 
@@ -23,7 +22,7 @@ class RangeDoppler:
 
     def __init__(self, chirp: Chirp, receivers: int, processing: Processing, isa: str = "") -> None:
         self.fast_window = window(processing.range_window, chirp.samples)
-        self.slow_window = window(processing.doppler_window, chirp.chirps - _LOST.get(processing.clutter, 0))
+        self.slow_window = window(processing.doppler_window, processing.pulses(chirp))
         self.native = RadarMap(
             receivers=receivers,
             chirps=chirp.chirps,
@@ -41,7 +40,7 @@ class RangeDoppler:
         # is or was.
         slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
         fast_null = -(-2 * self.columns * _MAIN_LOBE[processing.range_window] // chirp.samples)
-        still = processing.clutter in ("mean", *_LOST)
+        still = processing.clutter in ("mean", "mti2", "mti3")
         self.quiet_rows = [still and abs(row - self.rows // 2) < slow_null for row in range(self.rows)]
         self.quiet_columns = fast_null
         # Of one cell.
