@@ -595,7 +595,7 @@ class _Run:
             points,
             events=self.recorder.events,
             timing=timing,
-            frames=self.recorder.album.middle(),
+            frames=self.recorder.album.shown(),
             classes=self.frames.classes if self.frames is not None else Classes(),
             chirps={name: radar.chirp for name, radar in self.radars.items()},
         )

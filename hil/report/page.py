@@ -109,10 +109,11 @@ def _draw_frames(
             if isinstance(sample, RadarSample):
                 title = frame_pictures.frame_title(name, sample)
                 figure = radar_pictures.radar_figure(title, sample.channels, chirps[name])
+                pictures.append((f"What {name} saw in its fullest frame", path))
             else:
                 figure = frame_pictures.frame_figure(name, sample, classes)
+                pictures.append((f"What {name} saw in mid-flight", path))
             figures.save(figure, path)
-            pictures.append((f"What {name} saw in mid-flight", path))
     return pictures
 
 

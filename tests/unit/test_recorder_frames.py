@@ -16,7 +16,7 @@ from hil.recorder.frame_description import FrameDescription, Projection
 from hil.recorder.reading import read_messages
 from hil.recorder.recorder import MCAP_NAME, Recorder
 from hil.replay import compare
-from hil.signals.samples import CHANNEL_UNITS, ImageSample, PointCloudSample
+from hil.signals.samples import CHANNEL_UNITS, ImageSample, PointCloudSample, RadarSample
 from sim.frame.channels import CHANNELS
 from tests.unit.recorded_flight import TICK_NS, make_flight
 
@@ -214,9 +214,33 @@ def test_the_album_shows_the_middle_of_the_flight() -> None:
         album = Album()
         for k in range(last + 1):
             album.add("front", image(k, channels=("material",)))
-        (sample,) = album.middle().values()
+        (sample,) = album.shown().values()
         assert last / 3 - 1 <= sample.seq <= 2 * last / 3 + 1
         assert len(album._kept["front"]) <= 3
+
+
+def test_the_album_shows_a_radar_at_its_fullest() -> None:
+    def heard(seq: int, points: int, tracks: int) -> RadarSample:
+        channels = {"points": np.zeros(points), "tracks": np.zeros(tracks)}
+        return RadarSample(seq, seq * TICK_NS, seq * TICK_NS, *POSE, channels)
+
+    for found, expected in (
+        ([(0, 0), (3, 0), (5, 0), (5, 1), (5, 1), (0, 3), (0, 0), (0, 0)], 3),
+        ([(0, 0)] * 6 + [(1, 0), (0, 0)], 6),
+        ([(0, 0)] * 8, 4),  # nothing in any: the middle
+    ):
+        album = Album()
+        for k, (points, tracks) in enumerate(found):
+            album.add("radar/points", heard(k, points, tracks))
+            album.add("front", image(k, channels=("material",)))
+        shown = album.shown()
+        assert list(shown) == ["front", "radar/points"]
+        assert shown["radar/points"].seq == expected
+        assert shown["front"].seq == 4
+    silent = Album()
+    for k in range(8):
+        silent.add("radar", RadarSample(k, 0, 0, *POSE, {"raw": np.zeros((1, 2, 8), np.uint16)}))
+    assert silent.shown()["radar"].seq == 4
 
 
 def test_frames_compare_by_their_bytes() -> None:
