@@ -285,13 +285,19 @@ def radar(
         list[str] | None,
         typer.Option("--set", help="Override any key, e.g. --set processing.cfar.kind=ca.", metavar="KEY=VALUE"),
     ] = None,
+    from_s: Annotated[
+        float | None, typer.Option("--from", help="First time of the frames taken [s].", metavar="S")
+    ] = None,
+    until_s: Annotated[float | None, typer.Option("--until", help="Last time of them [s].", metavar="S")] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Radar data of a recording to maps, points and tracks; without radar data, made from its pictures."""
     from hil.radar_command import process_radar
 
     try:
-        files = process_radar(target, _out, out=out, preset=preset, settings=settings or (), quiet=quiet)
+        files = process_radar(
+            target, _out, out=out, preset=preset, settings=settings or (), from_s=from_s, until_s=until_s, quiet=quiet
+        )
     except ConfigError as error:
         complain(error)
         raise typer.Exit(CONFIG_STATUS) from None

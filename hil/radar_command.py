@@ -1,13 +1,16 @@
 """`hil radar`: a recording through the processing chain, or radar frames out of recorded pictures.
 
-Writes into the folder: `summary.png` (range and speed over time, with the tracks), some `range_doppler_N.png`,
-`points.csv`, `tracks.csv`, `radar.npz` with all of it, `summary.json`, and where the frames were made here, `raw.npz`
-with `raw.json`, which `hil radar` and `hil calibrate radar` read.
+Writes into the folder: `summary.png` (range and speed over time, with the tracks), `micro_doppler.png` (speed over time
+about the track that came the farthest, where there is one), some `range_doppler_N.png` (beside the camera's picture of
+the same instant, where that was recorded), `points.csv`, `tracks.csv`, `radar.npz` with all of it, `summary.json`, and
+where the frames were made here, `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +18,8 @@ from rich.console import Console
 from rich.progress import track
 
 from hil.radar_offline.results import Results
-from hil.radar_offline.sources import Frame, Source, open_source
-from hil.signals.errors import RecordingError
+from hil.radar_offline.sources import Frame, Source, open_source, pictures_at
+from hil.signals.errors import ConfigError, Problem, RecordingError
 from hil.signals.time import NS_PER_S
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import Recording, save_recording
@@ -31,15 +34,21 @@ def process_radar(
     out: Path | None = None,
     preset: str | None = None,
     settings: Sequence[str] = (),
+    from_s: float | None = None,
+    until_s: float | None = None,
     quiet: bool = False,
 ) -> list[Path]:
-    """Process every frame; returns what was written, the summary's picture first. ConfigError, RecordingError."""
+    """Process the frames whose middle is from `from_s` to `until_s`, without them every one; returns what was written,
+    the summary's picture first. ConfigError, RecordingError."""
     source = open_source(target, preset=preset, texts=settings)
+    if from_s is not None or until_s is not None:
+        source = _within(source, -math.inf if from_s is None else from_s, math.inf if until_s is None else until_s)
     folder = out if out is not None else _folder(target)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         results, made = _process(source, console, quiet=quiet)
-        files = results.write(folder, what=f"{target}: {source.what}")
+        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.shown})
+        files = results.write(folder, what=f"{_name(target)}: {source.what}")
         if source.made and made:
             save_recording(folder / "raw.npz", _recording(source, made))
             files += [folder / "raw.npz", folder / "raw.json"]
@@ -52,6 +61,26 @@ def _folder(target: Path) -> Path:
     if target.is_dir():
         return target / FOLDER
     return target.parent / (FOLDER if target.suffix == ".mcap" else f"{target.stem}-{FOLDER}")
+
+
+def _name(target: Path) -> str:
+    """Of the run or the recording, wherever it lies and by whatever link it was reached."""
+    path = target.resolve()
+    return path.parent.name if path.suffix == ".mcap" else path.name if path.is_dir() else path.stem
+
+
+def _within(source: Source, from_s: float, until_s: float) -> Source:
+    """The frames of a part of the time."""
+    times: list[float] = []
+    frames: list[Frame] = []
+    for frame in source.frames:
+        times.append(frame.t_ns / NS_PER_S)
+        if from_s <= times[-1] <= until_s:
+            frames.append(frame)
+    if not frames:
+        lasts = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
+        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", lasts)])
+    return replace(source, count=len(frames), frames=iter(frames))
 
 
 def _process(source: Source, console: Console, *, quiet: bool) -> tuple[Results, list[Frame]]:

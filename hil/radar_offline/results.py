@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.radar_offline.track_spectra import SpectraOfTracks, rows_over_frames
 from hil.signals.time import NS_PER_S
 from sim.radar.chirp import Chirp
 from sim.radar.processing.points import POINT_DTYPE
@@ -30,13 +31,16 @@ class Results:
         self.tracks: list[NDArray[Any]] = []
         self.over_range: list[NDArray[np.float32]] = []  # greatest power over the speeds
         self.over_speed: list[NDArray[np.float32]] = []  # sum of power over the ranges
+        self.spectra = SpectraOfTracks(chirp)
         self.shown: dict[int, Processed] = {}
+        self.rgb: dict[int, NDArray[np.uint8]] = {}  # what a camera saw, by the time [ns] of the frame
         self._wanted = set(np.linspace(0, max(count - 1, 0), min(PICTURES, max(count, 1))).astype(int).tolist())
 
     def add(self, t_ns: int, processed: Processed) -> None:
         """Take in one frame."""
         if len(self.t_ns) in self._wanted:
             self.shown[len(self.t_ns)] = processed
+        self.spectra.add(len(self.t_ns), processed)
         self.t_ns.append(t_ns)
         self.points.append(processed.points)
         self.tracks.append(processed.tracks)
@@ -99,11 +103,25 @@ class Results:
             )
             files.append(folder / "summary.png")
             figures.save(figure, files[-1])
+            farthest = self.spectra.farthest()
+            if farthest is not None:
+                frames, power = rows_over_frames(farthest)
+                figure = radar_waterfall.micro_doppler_figure(
+                    f"{what}, track {farthest.track}",
+                    self.t_s[frames],
+                    power,
+                    self.t_s[farthest.frames],
+                    np.array(farthest.speed_mps),
+                    self.chirp,
+                )
+                files.append(folder / "micro_doppler.png")
+                figures.save(figure, files[-1])
             for index, processed in self.shown.items():
                 title = f"frame {index}, {self.t_ns[index] / NS_PER_S:.2f} s"
                 channels = {name: getattr(processed, name) for name in ("range_doppler", "points", "tracks")}
                 files.append(folder / f"range_doppler_{index:05d}.png")
-                figures.save(radar_pictures.radar_figure(title, channels, self.chirp), files[-1])
+                rgb = self.rgb.get(self.t_ns[index])
+                figures.save(radar_pictures.radar_figure(title, channels, self.chirp, rgb), files[-1])
         return files
 
 

@@ -10,7 +10,7 @@ Every source gives its settings, how many frames there are, and the frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,6 +60,21 @@ class Source:
     count: int
     made: bool  # here, from pictures
     frames: Iterator[Frame]
+    camera: tuple[Path, str] | None = None  # recording and topic of the colour pictures of the camera it looks with
+
+
+def pictures_at(source: Source, times_ns: Container[int]) -> dict[int, NDArray[np.uint8]]:
+    """Colour pictures of these very instants, as far as there are any."""
+    if source.camera is None:
+        return {}
+    path, topic = source.camera
+    found = (image(message) for message in Recording(path).messages() if message.topic == topic)
+    return {t_ns: np.asarray(rgb, np.uint8) for t_ns, rgb in found if t_ns in times_ns}
+
+
+def _colour(path: Path, topics: Container[str], camera: str | None) -> tuple[Path, str] | None:
+    topic = f"/{camera}/rgb"
+    return (path, topic) if topic in topics else None
 
 
 def open_source(target: Path, *, preset: str | None, texts: Sequence[str]) -> Source:
@@ -76,7 +91,7 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str]) -> So
         raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
     raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
     if raw:
-        return _of_raw(path, raw[0], topics[raw[0]][1], preset, texts)
+        return _of_raw(path, raw[0], topics, preset, texts)
     return _of_pictures(path, topics, preset, texts)
 
 
@@ -98,7 +113,9 @@ def _topics(path: Path) -> dict[str, tuple[str, int]]:
     return found
 
 
-def _of_raw(path: Path, topic: str, count: int, preset: str | None, texts: Sequence[str]) -> Source:
+def _of_raw(
+    path: Path, topic: str, topics: Mapping[str, tuple[str, int]], preset: str | None, texts: Sequence[str]
+) -> Source:
     first = radar_frame(next(message for message in Recording(path).messages() if message.topic == topic))
     name = topic.strip("/").split("/")[0]
     recorded = _section(path, name)
@@ -111,7 +128,8 @@ def _of_raw(path: Path, topic: str, count: int, preset: str | None, texts: Seque
                 frame = radar_frame(message)
                 yield Frame(frame.t_capture_ns, frame.raw)
 
-    return Source(f"raw frames of {name!r}", parameters, count, False, frames())
+    colour = _colour(path, topics, parameters.frame)
+    return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour)
 
 
 def _section(path: Path, name: str) -> Mapping[str, Any] | None:
@@ -152,7 +170,8 @@ def _of_pictures(path: Path, topics: Mapping[str, Any], preset: str | None, text
         raise ConfigError([Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record it")])
     frames = _made(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
     count = topics[f"/{camera}/range"][1]
-    return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames)
+    colour = _colour(path, topics, camera)
+    return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames, colour)
 
 
 def _cameras(topics: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hil.report.frame_pictures import Panel, colour_bar, make_panels, note
+from hil.report.frame_pictures import Panel, colour_bar, draw_channel, make_panels, note
 from sim.radar.chirp import Chirp
 
 POWER_MAP = "inferno"
@@ -28,16 +28,23 @@ _AXIS_IN = 0.55
 Power = NDArray[np.floating[Any]]
 
 
-def radar_figure(title: str, channels: Mapping[str, NDArray[Any]], chirp: Chirp) -> Figure:
-    """Whatever of a frame there is; a frame that holds raw data alone is shown as its range-Doppler map."""
+def radar_figure(
+    title: str, channels: Mapping[str, NDArray[Any]], chirp: Chirp, rgb: NDArray[np.uint8] | None = None
+) -> Figure:
+    """Whatever of a frame there is; a frame that holds raw data alone is shown as its range-Doppler map. `rgb`: what a
+    camera saw at that instant, before it."""
     power = channels.get("range_doppler")
     if power is None and "raw" in channels:
         power = plain_map(channels["raw"])
     from_above = "points" in channels or "tracks" in channels
-    count = (power is not None) + from_above
+    seen = rgb is not None
+    count = seen + (power is not None) + from_above
     figure, panels = make_panels(title, count, _RATIO, columns=2, space_in=0.6, left_in=_AXIS_IN)
+    if rgb is not None:
+        draw_channel(panels[0], "rgb", rgb)
+        panels[0].axes.set_aspect("equal", anchor="N")
     if power is not None:
-        draw_map(panels[0], power, chirp)
+        draw_map(panels[seen], power, chirp)
     if from_above:
         draw_from_above(panels[-1], channels.get("points"), channels.get("tracks"), chirp)
     return figure

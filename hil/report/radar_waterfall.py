@@ -32,8 +32,7 @@ def waterfall_figure(
     figure = Figure(figsize=(13.5, 8.2), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     above, below = figure.subplots(2, 1, sharex=True)
-    step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
-    time_extent = (float(t_s[0]) - 0.5 * step, float(t_s[-1]) + 0.5 * step) if len(t_s) else (0.0, 1.0)
+    time_extent = _time_extent(t_s)
     _rows(figure, above, range_time, time_extent, range_extent(chirp, max(range_time.shape[-1], 1)))
     above.set(ylabel="range [m]")
     above.set_title("range over time: greatest power of all speeds", fontsize=9.5, loc="left")
@@ -45,8 +44,34 @@ def waterfall_figure(
         values = [value for found in tracks for value in found[field].tolist()]
         axes.plot(at, values, ".", ms=3.5, color=_TRACK, label="tracks")
         if values:
-            axes.legend(loc="upper right", fontsize=8)
+            axes.legend(loc="upper right", fontsize=8, labelcolor="white")
     return figure
+
+
+def micro_doppler_figure(
+    title: str,
+    t_s: NDArray[np.float64],
+    speed_time: NDArray[np.float32],
+    track_t_s: NDArray[np.float64],
+    track_speed_mps: NDArray[np.float64],
+    chirp: Chirp,
+) -> Figure:
+    """Rows of `speed_time` are frames, of the ranges about one track; its speed is a thin line through them."""
+    figure = Figure(figsize=(13.5, 4.6), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    axes = figure.subplots()
+    _rows(figure, axes, speed_time, _time_extent(t_s), speed_extent(chirp, speed_time.shape[-1]))
+    axes.plot(track_t_s, track_speed_mps, "-", lw=0.8, color=_TRACK, label="the track's speed")
+    axes.legend(loc="upper right", fontsize=8, labelcolor="white")
+    axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
+    axes.set_title("micro-Doppler: speed over time, power of the ranges about the track", fontsize=9.5, loc="left")
+    return figure
+
+
+def _time_extent(t_s: NDArray[np.float64]) -> tuple[float, float]:
+    """Edges of the frames [s]."""
+    step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    return (float(t_s[0]) - 0.5 * step, float(t_s[-1]) + 0.5 * step) if len(t_s) else (0.0, 1.0)
 
 
 def _rows(

@@ -79,7 +79,7 @@ def test_the_run_tells_what_the_radar_did(flown: tuple[Path, dict[str, Any]]) ->
     assert told["radar: drawing", "its camera has just drawn the same"] == f"{FRAMES} of {FRAMES} drawings"
     assert told["radar: pixels", "sky"].endswith(f"of {FRAMES * 160 * 120} pixels")
     assert (out / "frame_radar.png").read_bytes().startswith(b"\x89PNG")
-    assert "What radar saw in mid-flight" in (out / "report.html").read_text()
+    assert "What radar saw in its fullest frame" in (out / "report.html").read_text()
     assert not (out / "calibration" / "radar.camera_info.yaml").exists()
     # It is there half a frame after its middle, and handed on at the next tick.
     for message in read_messages(out / MCAP_NAME):
@@ -106,11 +106,21 @@ def test_processing_again_gives_what_was_live(flown: tuple[Path, dict[str, Any]]
     assert found["speed_time"].shape == (FRAMES, 64)
     pictures = sorted(path.name for path in tmp_path.glob("*.png"))
     assert pictures[-1] == "summary.png"
-    assert pictures[0] == "range_doppler_00000.png"
-    assert len(pictures) == 3
+    assert pictures[:2] == ["micro_doppler.png", "range_doppler_00000.png"]
+    assert len(pictures) == 4
+    assert summary["source"] == "run: raw frames of 'radar'"
     # Other settings, other points.
     assert run_command_line(["radar", str(out), "--out", str(tmp_path / "ca"), "--set", "processing.clutter=none"]) == 0
     assert not np.array_equal(np.load(tmp_path / "ca" / "radar.npz")["range_time"], found["range_time"])
+
+
+def test_a_part_of_the_time(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    out, _ = flown
+    times = ["--from", "0.5", "--until", "0.96"]
+    assert run_command_line(["radar", str(out), "--out", str(tmp_path), "--quiet", *times]) == 0
+    found = np.load(tmp_path / "radar.npz")
+    assert np.round(found["t_ns"] * 1e-9, 2).tolist() == [0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95]
+    assert len(list(tmp_path.glob("range_doppler_*.png"))) == 2
 
 
 def test_the_person_is_followed(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
@@ -181,6 +191,7 @@ def test_what_cannot_be_processed_is_said(
         ([run, "--preset", "ms5611"], "is a barometer, not a radar"),
         ([run, "--set", "processing.cfar.kid=ca"], "unknown key"),
         ([run, "--set", "processing"], "has no value"),
+        ([run, "--from", "5"], "the frames are from 0.000 to 1.9"),
         ([run, "--set", "antenna.rx_positions_m=[[0,0,0]]"], "receivers"),
     ):
         assert run_command_line(["radar", *arguments, "--out", str(tmp_path / "out")]) == 2

@@ -1,0 +1,55 @@
+"""Micro-Doppler of a track: the ranges about it, over the frames in which it was there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.radar_offline.track_spectra import SpectraOfTracks, rows_over_frames
+from hil.report.radar_waterfall import micro_doppler_figure
+from sim.radar.chirp import Chirp
+from sim.radar.processing.points import POINT_DTYPE
+from sim.radar.processing.processor import Processed
+from sim.radar.processing.tracker import TRACK_DTYPE
+
+CHIRP = Chirp(
+    center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, samples=64, sample_rate_hz=2e6, chirps=64, repetition_s=390.975e-6
+)
+BIN_M = CHIRP.max_range_m / 32
+
+
+def frame(*places: tuple[int, float]) -> Processed:
+    """A map whose power is the number of the range bin, at every speed, and tracks: (identity, range [m])."""
+    power = np.tile(np.arange(32, dtype=np.float32), (64, 1))
+    tracks = np.zeros(len(places), TRACK_DTYPE)
+    for track, (identity, range_m) in zip(tracks, places, strict=True):
+        track["id"], track["range_m"], track["speed_mps"] = identity, range_m, 0.1 * identity
+    return Processed(power, np.empty(0, POINT_DTYPE), tracks)
+
+
+def test_the_ranges_about_the_track_that_came_the_farthest() -> None:
+    spectra = SpectraOfTracks(CHIRP)
+    spectra.add(3, frame((7, 5.0), (8, 10.0 * BIN_M)))
+    spectra.add(4, frame((7, 5.1)))
+    spectra.add(5, frame((7, 5.0), (8, 12.0 * BIN_M)))
+    farthest = spectra.farthest()
+    assert farthest is not None
+    assert farthest.track == 8
+    assert farthest.speed_mps == pytest.approx([0.8, 0.8])
+    frames, rows = rows_over_frames(farthest)
+    assert frames.tolist() == [3, 4, 5]
+    # 0.9 m are two bins to each side.
+    assert np.all(rows[0] == sum(range(8, 13)))
+    assert np.all(np.isnan(rows[1]))
+    assert np.all(rows[2] == sum(range(10, 15)))
+    t_s = 0.05 * frames
+    figure = micro_doppler_figure("walk", t_s, rows, t_s[[0, 2]], np.array(farthest.speed_mps), CHIRP)
+    shown = figure.axes[0].get_images()[0]
+    assert shown.get_extent()[:2] == pytest.approx([0.125, 0.275])
+    assert np.asarray(shown.get_array()).shape == (64, 3)
+
+
+def test_without_tracks_there_is_none() -> None:
+    spectra = SpectraOfTracks(CHIRP)
+    spectra.add(0, frame())
+    assert spectra.farthest() is None
