@@ -281,6 +281,7 @@ def radar(
     preset: Annotated[
         str | None, typer.Option(help="Radar preset, by name or file; default the recorded radar's settings.")
     ] = None,
+    sensor: Annotated[str | None, typer.Option(help="Which radar, where the recording has several.")] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", help="Override any key, e.g. --set processing.cfar.kind=ca.", metavar="KEY=VALUE"),
@@ -296,7 +297,15 @@ def radar(
 
     try:
         files = process_radar(
-            target, _out, out=out, preset=preset, settings=settings or (), from_s=from_s, until_s=until_s, quiet=quiet
+            target,
+            _out,
+            out=out,
+            preset=preset,
+            sensor=sensor,
+            settings=settings or (),
+            from_s=from_s,
+            until_s=until_s,
+            quiet=quiet,
         )
     except ConfigError as error:
         complain(error)

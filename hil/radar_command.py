@@ -33,6 +33,7 @@ def process_radar(
     *,
     out: Path | None = None,
     preset: str | None = None,
+    sensor: str | None = None,
     settings: Sequence[str] = (),
     from_s: float | None = None,
     until_s: float | None = None,
@@ -40,7 +41,7 @@ def process_radar(
 ) -> list[Path]:
     """Process the frames whose middle is from `from_s` to `until_s`, without them every one; returns what was written,
     the summary's picture first. ConfigError, RecordingError."""
-    source = open_source(target, preset=preset, texts=settings)
+    source = open_source(target, preset=preset, texts=settings, sensor=sensor)
     if from_s is not None or until_s is not None:
         source = _within(source, -math.inf if from_s is None else from_s, math.inf if until_s is None else until_s)
     folder = out if out is not None else _folder(target)

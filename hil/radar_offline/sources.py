@@ -77,9 +77,11 @@ def _colour(path: Path, topics: Container[str], camera: str | None) -> tuple[Pat
     return (path, topic) if topic in topics else None
 
 
-def open_source(target: Path, *, preset: str | None, texts: Sequence[str]) -> Source:
-    """Whatever `target` is. Raises ConfigError, RecordingError."""
+def open_source(target: Path, *, preset: str | None, texts: Sequence[str], sensor: str | None = None) -> Source:
+    """Whatever `target` is; `sensor` names one of several radars. Raises ConfigError, RecordingError."""
     if target.suffix in _ARRAYS:
+        if sensor is not None:
+            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
         return _of_arrays(target, preset, texts)
     path = target / MCAP_NAME if target.is_dir() else target
     if not path.is_file():
@@ -91,8 +93,18 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str]) -> So
         raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
     raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
     if raw:
-        return _of_raw(path, raw[0], topics, preset, texts)
-    return _of_pictures(path, topics, preset, texts)
+        name = _the_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
+        return _of_raw(path, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts)
+    return _of_pictures(path, topics, preset, texts, sensor)
+
+
+def _the_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
+    """The one that is meant, of one or more."""
+    if wanted is not None and wanted not in names:
+        raise ConfigError([Problem("--sensor", f"{path} has no radar {wanted!r}", nearest(wanted, names))])
+    if wanted is None and len(names) > 1:
+        raise ConfigError([Problem(str(path), f"has the radars {', '.join(names)}", "say which: --sensor NAME")])
+    return wanted or names[0]
 
 
 def _of_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
@@ -140,7 +152,9 @@ def _section(path: Path, name: str) -> Mapping[str, Any] | None:
     return section if isinstance(section, dict) else None
 
 
-def _of_pictures(path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str]) -> Source:
+def _of_pictures(
+    path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
+) -> Source:
     bench_file = path.parent / "bench.yaml"
     cameras = _cameras(topics)
     if not cameras or not bench_file.is_file():
@@ -152,8 +166,8 @@ def _of_pictures(path: Path, topics: Mapping[str, Any], preset: str | None, text
     bench = load_bench(bench_file)
     radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
     name, recorded = "radar", None
-    if radars:
-        name = next(iter(radars))
+    if radars or sensor is not None:
+        name = _the_radar(list(radars), sensor, path)
         recorded = radars[name].parameters.model_dump(mode="json")
     parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
     camera = parameters.frame or cameras[0]

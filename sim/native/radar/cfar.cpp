@@ -116,8 +116,4 @@ double Cfar::noise(int row, int column) const {
 
 double Cfar::threshold(int row, int column) const { return factor_[(std::size_t)row * columns_ + column]; }
 
-bool Cfar::exceeds(int row, int column) const {
-    return power_[(std::size_t)row * columns_ + column] > threshold(row, column) * noise(row, column);
-}
-
 }  // namespace hil::sim::radar

@@ -40,11 +40,10 @@ class Cfar {
     // `quiet` rows hold less noise than the others (what clutter removal took): they train nothing.
     Cfar(int rows, int columns, const CfarSettings &settings, std::vector<bool> quiet);
 
-    // Before noise() and exceeds(), once a map; keeps the pointer.
+    // Before noise(), once a map; keeps the pointer.
     void look_at(const float *power);
     double noise(int row, int column) const;      // estimated mean power; NaN where nothing trains
     double threshold(int row, int column) const;  // times noise
-    bool exceeds(int row, int column) const;
 
     int rows() const { return rows_; }
     int columns() const { return columns_; }

@@ -33,7 +33,7 @@ constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; b
 constexpr std::size_t kPage = std::size_t{2} << 20;
 constexpr double kWorthDropping = 0.1;  // of the echoes
 
-int power_of_two_from(int n) {
+int grid_size(int n) {
     int p = 32;  // wider than any kernel
     while (p < n) p *= 2;
     return p;
@@ -77,7 +77,8 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns) {
     grid.stride = static_cast<long>(columns + kHalo) * kCell<Real>;
     // Five lines more, so that the same cell of two planes falls into different sets of the cache.
     grid.plane = grid.stride * (rows + kHalo) + 5 * kCell<Real>;
-    most_planes = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid.plane) * sizeof(Real))), 1, kMaxNodes);
+    const std::size_t each = sizeof(Real) + (kTerms<Real> > 1 ? sizeof(double) : 0);
+    most_planes = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid.plane) * each)), 1, kMaxNodes);
     touched.resize(static_cast<std::size_t>(columns));
     grid.touched = touched.data();
     if constexpr (kTerms<Real> > 1) {
@@ -94,14 +95,15 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns) {
 template <class Real>
 void Synthesis::Cells<Real>::clear(int wanted, double scale) {
     if (wanted > planes) {
-        planes = wanted;
-        const auto count = static_cast<std::size_t>(planes) * static_cast<std::size_t>(grid.plane);
+        planes = 0;  // should there be no room
+        const auto count = static_cast<std::size_t>(wanted) * static_cast<std::size_t>(grid.plane);
         cells = aligned<Real>(count);
         grid.cells = cells.get();
         if constexpr (kTerms<Real> > 1) {
             emptied = aligned<double>(count);
             grid.emptied = emptied.get();
         }
+        planes = wanted;
     }
     grid.scale = scale;
     std::memset(cells.get(), 0, static_cast<std::size_t>(wanted * grid.plane) * sizeof(Real));
@@ -129,8 +131,8 @@ Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<dou
 }
 
 void Synthesis::prepare_grid() {
-    rows_ = power_of_two_from(2 * model_.chirps);
-    columns_ = power_of_two_from(2 * model_.samples);
+    rows_ = grid_size(2 * model_.chirps);
+    columns_ = grid_size(2 * model_.samples);
     one_term_.prepare(rows_, columns_);
     two_terms_.prepare(rows_, columns_);
     factor_ = aligned<double>(2 * kTerms<float> * static_cast<std::size_t>(wide_));

@@ -8,8 +8,8 @@
 // Error of the second, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. What the echoes come to
 // together is known only afterwards; where they cancel so far that the bound would not hold, it is done again with more
 // digits, at last directly. That is found from energies within the frame and beside it, so the bound is measured (over
-// echoes at random, in clusters, alike, in antiphase), not proven for every set of echoes. One thread, no allocation once the greatest number of echoes was seen, the same bits for
-// every instruction set.
+// echoes at random, in clusters, alike, in antiphase), not proven for every set of echoes. One thread; no allocation once
+// the greatest number of echoes and the widest span of speeds were seen; the same bits for every instruction set.
 #pragma once
 
 #include <array>

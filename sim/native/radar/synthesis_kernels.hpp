@@ -16,8 +16,9 @@ constexpr int kTerms = 8 / static_cast<int>(sizeof(Real));  // of a cell
 template <class Real>
 constexpr int kCell = kChannel * kTerms<Real>;
 constexpr int kHalo = kMaxWidth;      // rows and columns beyond the grid, so that a kernel never wraps while spreading
-// Single precision: so many echoes are added to the same cells before those are emptied into doubles. Rounding the sum
-// of n equal numbers can go the same way each time, n 2^-25 of it together.
+// Single precision: so many echoes whose kernels begin in one cell are added before the cells under them are emptied
+// into doubles. Rounding the sum of n equal numbers can go the same way each time, n 2^-25 of it together. Up to width^2
+// kernels cover a cell; theirs go different ways.
 constexpr int kMostAdditions = 255;
 
 struct Weighing {

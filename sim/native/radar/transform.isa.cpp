@@ -1,4 +1,4 @@
-// From a grid of one term to the samples: FFT along the chirps, FFT along the samples, remainder (synthesis_kernels.hpp).
+// From one plane of a grid to the samples: FFT along the chirps, FFT along the samples, remainder (synthesis_kernels.hpp).
 #include "echo_lanes.hpp"
 #include "synthesis_kernels.hpp"
 
