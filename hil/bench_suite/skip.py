@@ -5,6 +5,7 @@ each other bit for bit; the table has the time with and without it.
 
     raster    every field of RenderSkips; channels that nobody asked for; actors that the camera cannot see, not posed
     LiDAR     nothing beyond the greatest range is looked at; the tree over the geometry leaves out what no ray meets
+    radar     no maps, points and tracks where raw frames are all that is asked for
     physics   no contact work while nothing can touch
 
 The raster's rules are measured with colour, depth, segmentation and shadows at 320 x 240, over random viewpoints; each
@@ -27,6 +28,7 @@ from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
 from hil.bench_suite.raster_rivals import one_core
 from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.skip_radar import unread_outputs
 from hil.signals.errors import RecordingError
 from hil.signals.samples import TruthState
 from sim._kernels import RayCaster
@@ -64,7 +66,7 @@ def measure(*, quick: bool, say: Say, seed: int = 1) -> BenchmarkResult:
         for name in scenes:
             say(f"{name}: map and viewpoints")
             case = scene_case(name, views=4 if quick else 12, seed=seed)
-            rules += [*raster_rules(case), *lidar_rules(case)]
+            rules += [*raster_rules(case), *lidar_rules(case), radar_rule(case)]
         rules.append(contact_rule(4.0 if quick else 12.0))
         for rule in rules:
             say(f"{rule.case}: {rule.name}")
@@ -190,6 +192,11 @@ def lidar_rules(case: Case) -> list[Rule]:
         Rule("LiDAR: beyond its range", case.name, lambda on: sweeps(max_range=on)),
         Rule("LiDAR: tree over the geometry", case.name, lambda on: sweeps(tree=on)),
     ]
+
+
+def radar_rule(case: Case) -> Rule:
+    """The rule of a radar in one scene."""
+    return Rule("radar: outputs without a consumer", case.name, unread_outputs(case))
 
 
 def contact_rule(seconds: float) -> Rule:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.bench_suite.raster_cases import Case, field_case, scene_case
-from hil.bench_suite.skip import Outputs, Rule, compare, contact_rule, lidar_rules, raster_rules
+from hil.bench_suite.skip import Outputs, Rule, compare, contact_rule, lidar_rules, radar_rule, raster_rules
 from hil.signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.renderer import RenderSkips
@@ -64,3 +64,12 @@ def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
         met = found["range"][found["geom"] >= 0]
         assert len(met) > 1000
         assert met.max() <= 50.0
+
+
+def test_raw_frames_are_the_same_whether_or_not_the_rest_is_made(park: Case) -> None:
+    rule = radar_rule(park)
+    assert compare(rule, turns=1)[1] == 0.0
+    frames = [found["raw"] for _, found in rule.run(True)]
+    assert len(frames) == len(park.views)
+    assert frames[0].shape == (3, 64, 64)
+    assert not np.array_equal(frames[0], frames[1])
