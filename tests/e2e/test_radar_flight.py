@@ -15,6 +15,7 @@ import hil.radar_offline.results
 from hil.bench import run_bench
 from hil.cli import run_command_line
 from hil.config import load_bench
+from hil.radar_offline.sources import open_source, pictures_at
 from hil.recorder.reading import read_messages
 from hil.recorder.reading_frames import radar_frame
 from hil.recorder.recorder import MCAP_NAME
@@ -38,7 +39,7 @@ sensors:
     fov_deg: 90
     rate_hz: 20
     mount_m: [0, 0, 1.57]
-    channels: [range, normal, material, radial_velocity]
+    channels: [rgb, range, normal, material, radial_velocity]
 """
 OWN_VIEW = (
     "{preset: bgt60tr13c, rate_hz: 20, resolution: [160, 120], fov_deg: 90, mount_m: [0, 0, 1.57], outputs: [raw]}"
@@ -121,6 +122,12 @@ def test_a_part_of_the_time(flown: tuple[Path, dict[str, Any]], tmp_path: Path) 
     found = np.load(tmp_path / "radar.npz")
     assert np.round(found["t_ns"] * 1e-9, 2).tolist() == [0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95]
     assert len(list(tmp_path.glob("range_doppler_*.png"))) == 2
+    # Beside the maps, what the camera saw at these very instants.
+    wanted = found["t_ns"][[0, -1]].tolist()
+    seen = pictures_at(open_source(out, preset=None, texts=()), {*wanted, 1})
+    assert list(seen) == wanted
+    assert seen[wanted[0]].shape == (120, 160, 3)
+    assert not np.array_equal(*seen.values())
 
 
 def test_the_person_is_followed(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:

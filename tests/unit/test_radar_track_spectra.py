@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hil.radar_offline.track_spectra import SpectraOfTracks, rows_over_frames
+from hil.report.radar_pictures import radar_figure
 from hil.report.radar_waterfall import micro_doppler_figure
 from sim.radar.chirp import Chirp
 from sim.radar.processing.points import POINT_DTYPE
@@ -53,3 +55,19 @@ def test_without_tracks_there_is_none() -> None:
     spectra = SpectraOfTracks(CHIRP)
     spectra.add(0, frame())
     assert spectra.farthest() is None
+
+
+def test_a_frame_beside_what_the_camera_saw() -> None:
+    shown = frame((1, 5.0))
+    channels = {name: getattr(shown, name) for name in ("range_doppler", "points", "tracks")}
+    rgb = np.arange(12 * 16 * 3, dtype=np.uint8).reshape(12, 16, 3)
+
+    def titles(picture: NDArray[np.uint8] | None) -> list[str]:
+        figure = radar_figure("walk", channels, CHIRP, picture)
+        return [title for axes in figure.axes if (title := axes.get_title(loc="left"))]
+
+    plain = ["range-Doppler", "from above, 0 points and 1 track"]
+    assert titles(None) == plain
+    assert titles(rgb) == ["colour", *plain]
+    first = radar_figure("walk", channels, CHIRP, rgb).axes[0].get_images()[0]
+    assert np.array_equal(np.asarray(first.get_array()), rgb)
