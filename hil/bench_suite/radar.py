@@ -3,7 +3,8 @@
 Error: ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, x noise-free, before the ADC; x_direct is
 the method `direct`, whose own error stands in its row, against a sum in extended precision of some of the echoes.
 Times are the best of some turns, the methods taking turns. finufft is given the same decomposition
-(radar_rivals.py); its time is that of its transform alone, without making the weights.
+(radar_rivals.py) with the fewest terms that meet the tolerance; its time is that of its transform alone, without making
+the weights.
 
 Swept: tolerance 1e-2 to 1e-9, echoes 5k to 300k, speed to 30 m/s, range to 200 m, both presets. Then pictures of
 city_park, where echoes that cannot matter are dropped; point targets through the processing chain; a person who walks
@@ -37,6 +38,7 @@ UNIT = "relative, to the exact sum"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 _COUNTS = (5_000, 20_000, PIXELS, 300_000)
 _SPEEDS_MPS = (0.0, 3.0, 10.0, 30.0)
+_MOST_NODES = 24  # of finufft
 _RANGES_M = (1.0, 10.0, 50.0, 200.0)
 
 
@@ -126,27 +128,38 @@ class _Case:
             found[tolerance] = took, error
             details = {"terms": report.terms, "panels": report.panels, "width": report.width, "dropped": report.dropped}
             result.rows.append(Row(self.name, f"nufft @ {tolerance:g}", error, UNIT, took, details))
-            if rival and finufft_module() is not None and report.panels == 1:
-                theirs.append(self._rival(tolerance, report, exact, out, repeats))
+            if rival and finufft_module() is not None:
+                theirs.append(self._rival(tolerance, exact, out, repeats))
         result.rows += theirs
         return found
 
-    def _rival(self, tolerance: float, report: SynthesisReport, exact: Float64, out: Float64, repeats: int) -> Row:
+    def _rival(self, tolerance: float, exact: Float64, out: Float64, repeats: int) -> Row:
+        """finufft with as few nodes, over all speeds at once, as bring it below the tolerance."""
         p = self._p
-        other = FinufftRadar(
-            p.chirp,
-            p.antenna.rx_positions_m,
-            hp_cutoff_hz=p.receiver.hp_cutoff_hz,
-            aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
-            tolerance=tolerance,
-            nodes=report.terms,
-        )
-        took = np.inf
+        for nodes in range(1, _MOST_NODES + 1):
+            other = FinufftRadar(
+                p.chirp,
+                p.antenna.rx_positions_m,
+                hp_cutoff_hz=p.receiver.hp_cutoff_hz,
+                aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
+                tolerance=0.5 * tolerance,
+                nodes=nodes,
+            )
+            other.synthesize(self._echoes, out)
+            if _error(out, exact) <= tolerance:
+                break
+        took = other.transform_s
         for _ in range(repeats):
             other.synthesize(self._echoes, out)
             took = min(took, other.transform_s)
-        details = {"terms": report.terms}
-        return Row(self.name, f"finufft, transform alone @ {tolerance:g}", _error(out, exact), UNIT, took, details)
+        return Row(
+            self.name,
+            f"finufft, transform alone @ {tolerance:g}",
+            _error(out, exact),
+            UNIT,
+            took,
+            {"terms": nodes},
+        )
 
 
 def _city_park(result: BenchmarkResult, *, views: int) -> None:

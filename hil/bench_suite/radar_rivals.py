@@ -2,7 +2,7 @@
 
 It is given the same decomposition: the separable part of the phase as a type-1 transform in (chirp, sample), and range
 migration by as many nodes in speed as the tolerance needs; one call transforms all nodes and receivers over the same
-points. Weights are made with numpy. `of` what time is taken is the caller's choice: `transform_s` is that of finufft
+points. Weights are made with numpy; `transform_s` is the time of finufft
 alone, the floor of whatever could be built on it.
 """
 
@@ -70,10 +70,11 @@ class FinufftRadar:
         tau, rate = 2.0 * echoes.range_m / SPEED_OF_LIGHT_MPS, 2.0 * echoes.speed_mps / SPEED_OF_LIGHT_MPS
         slope, t0 = c.slope_hz_per_s, 0.5 * (c.samples - 1) / c.sample_rate_hz
         carrier = c.start_frequency_hz + slope * t0 - slope * tau
-        slow = np.remainder(rate * c.repetition_s * carrier, 1.0)
-        fast = np.remainder((rate * carrier + slope * tau) / c.sample_rate_hz, 1.0)
+        slow = rate * c.repetition_s * carrier
+        fast = (rate * carrier + slope * tau) / c.sample_rate_hz
         phase = np.remainder(c.start_frequency_hz * tau + slope * t0 * tau - 0.5 * slope * tau * tau, 1.0)
         phase += 0.5 * (slow + fast)  # samples lie half way between the modes of the transform
+        slow, fast = np.remainder(slow, 1.0), np.remainder(fast, 1.0)
         weight = echoes.amplitude * if_response(c, echoes.range_m, *self._cutoffs) * np.exp(1j * _TURN * phase)
         steering = np.exp(-1j * _TURN / c.wavelength_m * (self._rx @ echoes.direction_R.T))
         low, high = float(echoes.speed_mps.min()), float(echoes.speed_mps.max())
