@@ -66,6 +66,18 @@ void bind_radar_synthesis(nb::module_ &m) {
                 if (!(tolerance >= kMinTolerance && tolerance <= kMaxTolerance)) {
                     throw std::invalid_argument("tolerance must lie in [1e-12, 0.1]");
                 }
+                for (const double figure : {center_frequency_hz, bandwidth_hz, sample_rate_hz, repetition_s}) {
+                    if (!(figure > 0.0 && figure <= 1e15)) throw std::invalid_argument("a chirp's figures must lie in (0, 1e15]");
+                }
+                for (const double cutoff : {hp_cutoff_hz, aaf_cutoff_hz}) {
+                    if (!(cutoff >= 0.0 && cutoff <= 1e15)) throw std::invalid_argument("cut-offs must lie in [0, 1e15]");
+                }
+                if (!(drop_share >= 0.0 && drop_share < 1.0)) throw std::invalid_argument("drop_share must lie in [0, 1)");
+                for (const auto &position : rx_positions_m) {
+                    for (const double x : position) {
+                        if (!(x >= -10.0 && x <= 10.0)) throw std::invalid_argument("receivers must lie within 10 m");
+                    }
+                }
                 const ChirpFigures chirp{center_frequency_hz, bandwidth_hz, sample_rate_hz, repetition_s, samples, chirps};
                 new (self) Synthesis(chirp, rx_positions_m, hp_cutoff_hz, aaf_cutoff_hz, direct, tolerance, drop_share,
                                      hil::sim::frame::isa_by_name(isa));

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
+from sim._kernels import EchoSynthesis
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
@@ -297,6 +298,27 @@ def test_options_refused(options: dict[str, Any], words: str) -> None:
 def test_receivers_refused(positions: Any) -> None:
     with pytest.raises(ValueError, match=r"receivers|rx_positions_m"):
         Synthesizer(TABLE_2, positions, hp_cutoff_hz=None, aaf_cutoff_hz=None)
+
+
+@pytest.mark.parametrize(
+    ("figure", "value"),
+    [
+        ("bandwidth_hz", np.nan),
+        ("center_frequency_hz", np.inf),
+        ("repetition_s", 0.0),
+        ("sample_rate_hz", -1.0),
+        ("hp_cutoff_hz", np.nan),
+        ("drop_share", 1.0),
+        ("rx_positions_m", [(0.0, np.nan, 0.0)]),
+    ],
+)
+def test_the_kernel_refuses_figures_that_are_none(figure: str, value: Any) -> None:
+    good: dict[str, Any] = {"center_frequency_hz": 60e9, "bandwidth_hz": 1e9, "sample_rate_hz": 2e6, "chirps": 64}
+    good |= {"repetition_s": 4e-4, "samples": 64, "rx_positions_m": [(0.0, 0.0, 0.0)], "hp_cutoff_hz": 8e4}
+    good |= {"aaf_cutoff_hz": 0.0, "direct": False, "tolerance": 1e-3, "drop_share": 0.5}
+    EchoSynthesis(**good)
+    with pytest.raises(ValueError, match="must lie"):
+        EchoSynthesis(**(good | {figure: value}))
 
 
 @pytest.mark.parametrize("method", ["direct", "nufft"])
