@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,7 +68,9 @@ def _write(
     text = preset_text(calibration, recording, hardware, part=part, source=source)
     try:
         files.preset.parent.mkdir(parents=True, exist_ok=True)
-        files.preset.write_text(text, encoding="utf-8")
+        temporary = files.preset.with_suffix(".part")
+        temporary.write_text(text, encoding="utf-8")  # a full disc must not cost the preset that is there
+        os.replace(temporary, files.preset)
         draw_calibration(calibration, recording, files.picture)
     except OSError as error:
         raise RecordingError(f"{files.preset}: cannot be written ({error.strerror or error})") from error

@@ -273,6 +273,21 @@ def test_the_command_refuses_what_is_no_recording(
     assert "is not a radar recording" in capsys.readouterr().err
 
 
+def test_a_full_disc_costs_no_preset_that_is_there(
+    recording_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "x.yaml"
+    out.write_text("mine")
+
+    def half(self: Path, data: str, **_: Any) -> int:
+        self.write_bytes(data[: len(data) // 2].encode())
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", half)
+    assert run_command_line(["calibrate", "radar", str(recording_file), "--out", str(out)]) == 3
+    assert out.read_bytes() == b"mine"
+
+
 def test_a_place_that_cannot_be_written_ends_with_an_error(
     recording_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
