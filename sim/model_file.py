@@ -42,6 +42,8 @@ def load_located(path: Path, model: type[Model]) -> tuple[Model, Lines]:
         mark = getattr(error, "problem_mark", None)
         where = f"{path}:{mark.line + 1}" if mark else str(path)
         raise ConfigError([Problem(where, f"is not valid YAML: {getattr(error, 'problem', error)}")]) from error
+    except RecursionError:
+        raise ConfigError([Problem(str(path), "is not valid YAML: brackets within brackets without end")]) from None
     try:
         return model.model_validate(data), _lines(root)
     except pydantic.ValidationError as error:

@@ -9,8 +9,10 @@ import pytest
 from hil.bench import stage_specs
 from hil.cli import run_command_line
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
+from hil.radar_offline.settings import settings_of, with_chirp
 from hil.signals.errors import ConfigError
 from hil.stages import plan_stages
+from sim.radar.chirp import Chirp
 from sim.sensors.catalog import PRESETS
 
 SENSORS = """scene: radar_range
@@ -197,6 +199,19 @@ def test_what_is_wrong_in_a_preset_of_ones_own_has_that_files_line(tmp_path: Pat
     (tmp_path / "mine.yaml").write_text('kind: radar\npart: "x"\nsources: {}\nparameters: {}\n')
     assert "mine.yaml: parameters do not fit a radar" in refused("{preset: ./mine.yaml, rate_hz: 10}")
     assert "is 'camera', but the preset" in refused(f"{{preset: {'bgt60tr13c'}, kind: camera, rate_hz: 10}}")
+
+
+def test_a_preset_of_brackets_alone_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "deep.yaml").write_text("[" * 20_000)
+    with pytest.raises(ConfigError, match=r"deep.yaml: is not valid YAML: brackets within brackets"):
+        load("{preset: ./deep.yaml, rate_hz: 10}")
+
+
+def test_recorded_frames_too_short_for_the_map_are_refused() -> None:
+    p = settings_of(None, preset=None, default_preset="bgt60tr13c", texts=())
+    few = Chirp.model_validate(p.chirp.model_dump() | {"chirps": 8})
+    with pytest.raises(ConfigError, match=r"r.npz: its frames do not suit processing.cfar: .* the 8 Doppler rows"):
+        with_chirp(p, few, 3, "r.npz")
 
 
 @pytest.mark.parametrize("name", ["radar_away", "radar_towards"])
