@@ -43,6 +43,7 @@ DEFAULT_PERIOD_US = {
     "BATTERY_STATUS": 1_000_000,
     "ESTIMATOR_STATUS": 1_000_000,
     "HOME_POSITION": 2_000_000,
+    "GPS_GLOBAL_ORIGIN": 0,
     "EXTENDED_SYS_STATE": 500_000,
 }
 _HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with a clock of its own asks for the other side's
@@ -313,6 +314,14 @@ class Telemetry:
             approach_z=0.0,
             time_usec=now_us,
         )
+
+    def _gps_global_origin(self, cls: Any, now_us: int) -> Any:
+        """As a stream too, at each period: a real PX4 then sends it only when it changes."""
+        e = self._estimate
+        if not e.has_origin:
+            return None
+        lat, lon, alt = e.geodetic(0.0, 0.0, 0.0)
+        return cls(_i32(lat * 1e7), _i32(lon * 1e7), _i32(alt * 1e3), now_us)
 
     def _extended_sys_state(self, cls: Any, now_us: int) -> Any:  # noqa: ARG002
         v = self._v

@@ -1,0 +1,96 @@
+"""How autopilots turn a place on Earth into metres about their local origin. Each has a map of its own.
+
+The same place 1 km away differs by up to 3 m between them, so that a point given in metres must be computed with the
+map of the autopilot that it is given to. All three take down as the difference of altitudes.
+
+    PX4        azimuthal equidistant on a sphere of 6371 km (Snyder, Map Projections, USGS 1987, eq. 22-4, 22-5)
+    ArduPilot  equirectangular at the mean latitude, on a sphere of 6378.1 km
+    tangent    north and east of the exact difference on WGS-84: what the mock does
+
+Elementary functions from `firmware_bridge._native`: the same bits on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+from typing import NamedTuple
+
+from firmware_bridge._native import det_atan2, det_cos, det_sin
+from hil.signals.samples import Vec3
+
+_RAD_PER_DEG = 3.14159265358979311600 / 180.0
+_PX4_RADIUS_M = 6371000.0
+_ARDUPILOT_M_PER_DEG = 0.011131884502145034 * 1e7
+_A_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS-84
+_E2 = _FLATTENING * (2.0 - _FLATTENING)
+
+
+class Place(NamedTuple):
+    """A point on Earth."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+
+
+Projection = Callable[[Place, Place], Vec3]
+"""(origin, place) to the place's NED about the origin [m]."""
+
+
+def px4_ned(origin: Place, place: Place) -> Vec3:
+    """As PX4's estimator and position controller have it."""
+    lat0, lat = origin.lat_deg * _RAD_PER_DEG, place.lat_deg * _RAD_PER_DEG
+    sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
+    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * _RAD_PER_DEG
+    north = cos0 * sin_lat - sin0 * cos_lat * det_cos(dlon)
+    east = cos_lat * det_sin(dlon)
+    sin_c = sqrt(north * north + east * east)
+    k = _PX4_RADIUS_M
+    if sin_c > 0.0:
+        k *= det_atan2(sin_c, sin0 * sin_lat + cos0 * cos_lat * det_cos(dlon)) / sin_c
+    return (k * north, k * east, origin.alt_m - place.alt_m)
+
+
+def ardupilot_ned(origin: Place, place: Place) -> Vec3:
+    """As ArduPilot's estimator has it."""
+    scale = det_cos(0.5 * (origin.lat_deg + place.lat_deg) * _RAD_PER_DEG)
+    north_deg, east_deg = place.lat_deg - origin.lat_deg, _turn_deg(place.lon_deg - origin.lon_deg)
+    return (
+        north_deg * _ARDUPILOT_M_PER_DEG,
+        east_deg * _ARDUPILOT_M_PER_DEG * scale,
+        origin.alt_m - place.alt_m,
+    )
+
+
+def tangent_ned(origin: Place, place: Place) -> Vec3:
+    """North and east components of the difference of the two points in ECEF."""
+    lat0, lat = origin.lat_deg * _RAD_PER_DEG, place.lat_deg * _RAD_PER_DEG
+    sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
+    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * _RAD_PER_DEG
+    n0, n = _A_M / sqrt(1.0 - _E2 * sin0 * sin0), _A_M / sqrt(1.0 - _E2 * sin_lat * sin_lat)
+    out0, out = (n0 + origin.alt_m) * cos0, (n + place.alt_m) * cos_lat
+    dz = (n * (1.0 - _E2) + place.alt_m) * sin_lat - (n0 * (1.0 - _E2) + origin.alt_m) * sin0
+    return (
+        cos0 * dz - sin0 * (out * det_cos(dlon) - out0),
+        out * det_sin(dlon),
+        origin.alt_m - place.alt_m,
+    )
+
+
+def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
+    """The origin about which `place` is at `p_N`: a fixed number of steps, each a factor of distance over radius."""
+    per_deg = _ARDUPILOT_M_PER_DEG
+    lat, lon = place.lat_deg, place.lon_deg
+    for _ in range(6):
+        north, east, _ = project(Place(lat, lon, place.alt_m), place)
+        lat += (north - p_N[0]) / per_deg
+        lon += (east - p_N[1]) / (per_deg * det_cos(lat * _RAD_PER_DEG))
+    return Place(lat, lon, place.alt_m + p_N[2])
+
+
+def _turn_deg(angle_deg: float) -> float:
+    """A difference of longitudes, the short way round."""
+    if angle_deg > 180.0:
+        return angle_deg - 360.0
+    return angle_deg + 360.0 if angle_deg < -180.0 else angle_deg
