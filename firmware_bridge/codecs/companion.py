@@ -1,0 +1,438 @@
+"""Messages of the companion link, version 1, as pure functions: msgpack headers in and out. No I/O.
+
+Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian).
+A client sends hello, credit, done, ping and bye: `decode_client` turns their bytes into frozen dataclasses and refuses
+everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is told).
+The bench sends welcome, refused, frame, pong and end: the `encode_` functions.
+
+`schema_hash` names what the arrays and values of a session mean: topics, types, units, frames, and the keys of the
+messages. A client that was built against one schema is refused by a bench that speaks another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, sqrt
+from typing import Any
+
+import msgpack
+
+from firmware_bridge.codecs.errors import CodecError
+from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample, Quat, Vec3
+
+MAGIC = "hil-companion"
+VERSION = 1
+MAX_CREDIT = 64
+REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_PATTERN = re.compile(r"[A-Za-z0-9_./*?\[\]!-]{1,128}")
+_MAX_TOPICS = 256
+_MAX_INT = 2**63 - 1
+_MAX_REASON = 1000  # characters of a client's own words that are kept
+_UNIT_TOLERANCE = 1e-3
+_LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it stay finite
+
+# Keys of every message: part of the schema, so that a change of the wire cannot go unnoticed.
+_KEYS: dict[str, tuple[str, ...]] = {
+    "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
+    "credit": ("n",),
+    "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished"),
+    "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
+    "bye": ("reason",),
+    "welcome": (
+        *("version", "schema", "session", "mode", "tick_ns", "rate_hz"),
+        *("topics", "sensors", "waypoints_W", "ports", "ring", "control"),
+    ),
+    "refused": ("code", "text"),
+    "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "release", "ports_of_frame"),
+    "pong": ("id", "t_client_ns", "t_bench_received_ns", "t_bench_sent_ns"),
+    "end": ("status", "text"),
+}
+
+
+class HelloRefused(CodecError):
+    """A hello that cannot be accepted. `code` is one of `REFUSALS`, and the client is told."""
+
+    def __init__(self, code: str, message: str) -> None:
+        self.code = code
+        super().__init__(message)
+
+
+@dataclass(frozen=True)
+class DesiredState:
+    """What a client wants the vehicle to do. None: not commanded. World ENU, body FLU."""
+
+    p_W: Vec3 | None = None  # m
+    v_W: Vec3 | None = None  # m/s
+    a_W: Vec3 | None = None  # m/s2
+    yaw_rad: float | None = None  # from east, counter-clockwise
+    yaw_rate_radps: float | None = None
+    q_WB: Quat | None = None  # w-x-y-z, unit norm
+    thrust: float | None = None  # 0..1
+    w_B: Vec3 | None = None  # rad/s
+    land: bool = False
+
+    @staticmethod
+    def from_map(values: object) -> DesiredState:
+        """Checked from what a message holds. CodecError naming the entry that is wrong."""
+        if type(values) is not dict:
+            raise CodecError(f"desired: {_shown(values)} is not a map")
+        unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key != "land"]
+        if unknown:
+            raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
+        made: dict[str, Any] = {}
+        for key, length in _DESIRED_LENGTHS.items():
+            value = values.get(key)
+            if value is not None:
+                made[key] = _number(key, value) if length == 1 else _vector(key, value, length)
+        land = values.get("land")
+        if land is not None and type(land) is not bool:
+            raise CodecError(f"desired.land: {_shown(land)} is neither true nor false")
+        desired = DesiredState(**made, land=bool(land))
+        if desired.thrust is not None and not 0.0 <= desired.thrust <= 1.0:
+            raise CodecError(f"desired.thrust: {desired.thrust!r} is not within 0..1")
+        if desired.q_WB is not None:
+            norm = sqrt(sum(c * c for c in desired.q_WB))
+            if abs(norm - 1.0) > _UNIT_TOLERANCE:
+                raise CodecError(f"desired.q_WB: norm {norm:.6g}; an attitude is a unit quaternion, w-x-y-z")
+        return desired
+
+    def to_map(self) -> dict[str, Any]:
+        """What `from_map` takes, without the entries that are not commanded."""
+        out: dict[str, Any] = {}
+        for key in _DESIRED_LENGTHS:
+            value = getattr(self, key)
+            if value is not None:
+                out[key] = list(value) if isinstance(value, tuple) else value
+        return out | ({"land": True} if self.land else {})
+
+
+_DESIRED_LENGTHS = {
+    "p_W": 3,
+    "v_W": 3,
+    "a_W": 3,
+    "yaw_rad": 1,
+    "yaw_rate_radps": 1,
+    "q_WB": 4,
+    "thrust": 1,
+    "w_B": 3,
+}
+
+
+@dataclass(frozen=True)
+class Hello:
+    """A client introduces itself; on the port of one sensor: says whose socket that is."""
+
+    name: str
+    topics: tuple[str, ...]  # shell patterns
+    control: bool
+    credit: int
+    shared_memory: bool
+    schema: str | None
+    session: str | None = None  # on the port of one sensor: that of the welcome
+
+
+@dataclass(frozen=True)
+class Credit:
+    n: int
+
+
+@dataclass(frozen=True)
+class Done:
+    """The answer to a frame. Times are the client's monotonic clock."""
+
+    frame: int
+    t_received_ns: int
+    t_sent_ns: int
+    t2_ns: int  # what the client's function took
+    desired: DesiredState | None
+    finished: bool
+
+
+@dataclass(frozen=True)
+class Ping:
+    """Optional: what the client's own pings have told it about the clocks so far."""
+
+    id: int
+    t_client_ns: int
+    bench_minus_client_ns: int | None = None
+    round_trip_ns: int | None = None
+
+
+@dataclass(frozen=True)
+class Bye:
+    reason: str
+
+
+ClientMessage = Hello | Credit | Done | Ping | Bye
+
+
+@dataclass(frozen=True)
+class TopicSchema:
+    """What the samples of a topic hold: the type's name, and unit and frame of every field."""
+
+    type: str
+    fields: Mapping[str, tuple[str, str]]
+
+
+def topic_schema(sample_type: type, channel: str | None = None) -> TopicSchema:
+    """From `SAMPLE_FIELDS`; of a camera or radar, whose topics are single channels, of that channel."""
+    fields = dict(SAMPLE_FIELDS[sample_type])
+    if channel is not None:
+        units = CHANNEL_UNITS if sample_type is ImageSample else RADAR_UNITS
+        del fields["channels"]
+        fields[channel] = units[channel]
+    return TopicSchema(sample_type.__name__, fields)
+
+
+@dataclass(frozen=True)
+class Welcome:
+    """What a client is told at the beginning."""
+
+    schema: str
+    session: str
+    mode: str
+    tick_ns: int
+    rate_hz: float
+    topics: Mapping[str, TopicSchema]
+    sensors: Mapping[str, Mapping[str, Any]]
+    waypoints_W: Sequence[Sequence[float]]
+    ports: Mapping[str, str]
+    ring: tuple[str, int] | None  # name of the shared memory, bytes
+    control: bool
+
+
+def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
+    """First 16 hex digits of the SHA-256 of what these topics and the messages of this version look like."""
+    described = {name: [schema.type, {f: list(u) for f, u in schema.fields.items()}] for name, schema in topics.items()}
+    whole = {"version": VERSION, "topics": described, "messages": {k: list(v) for k, v in _KEYS.items()}}
+    text = json.dumps(whole, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+
+
+def decode_client(raw: bytes | memoryview) -> ClientMessage:
+    """One message of a client. CodecError (HelloRefused for a hello) saying what is wrong with it."""
+    try:
+        message = msgpack.unpackb(
+            raw, raw=False, strict_map_key=True, max_str_len=4096, max_array_len=1024, max_map_len=64, max_ext_len=0
+        )
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise CodecError(f"{len(raw)} bytes are no msgpack map ({str(error)[:100]})") from error
+    if type(message) is not dict:
+        raise CodecError(f"{_shown(message)} is no map")
+    kind = message.get("k")
+    decoder = _DECODERS.get(kind) if type(kind) is str else None
+    if decoder is None:
+        raise CodecError(f"k: {_shown(kind)}; a client sends one of {', '.join(_DECODERS)}")
+    return decoder(message)
+
+
+def encode_hello(hello: Hello) -> bytes:
+    """What a client sends first: for tests and tools."""
+    return _pack(
+        {
+            "k": "hello",
+            "magic": MAGIC,
+            "version": VERSION,
+            "schema": hello.schema,
+            "name": hello.name,
+            "topics": list(hello.topics),
+            "control": hello.control,
+            "credit": hello.credit,
+            "shared_memory": hello.shared_memory,
+            **({"session": hello.session} if hello.session is not None else {}),
+        }
+    )
+
+
+def encode_welcome(welcome: Welcome) -> bytes:
+    return _pack(
+        {
+            "k": "welcome",
+            "version": VERSION,
+            "schema": welcome.schema,
+            "session": welcome.session,
+            "mode": welcome.mode,
+            "tick_ns": welcome.tick_ns,
+            "rate_hz": welcome.rate_hz,
+            "topics": {
+                name: {"type": t.type, "fields": {f: list(u) for f, u in t.fields.items()}}
+                for name, t in welcome.topics.items()
+            },
+            "sensors": welcome.sensors,
+            "waypoints_W": [list(p) for p in welcome.waypoints_W],
+            "ports": welcome.ports,
+            "ring": None if welcome.ring is None else {"name": welcome.ring[0], "bytes": welcome.ring[1]},
+            "control": welcome.control,
+        }
+    )
+
+
+def encode_refused(code: str, text: str) -> bytes:
+    return _pack({"k": "refused", "code": code, "text": text})
+
+
+def encode_pong(ping: Ping, t_bench_received_ns: int, t_bench_sent_ns: int) -> bytes:
+    return _pack(
+        {
+            "k": "pong",
+            "id": ping.id,
+            "t_client_ns": ping.t_client_ns,
+            "t_bench_received_ns": t_bench_received_ns,
+            "t_bench_sent_ns": t_bench_sent_ns,
+        }
+    )
+
+
+def encode_end(status: str, text: str) -> bytes:
+    return _pack({"k": "end", "status": status, "text": text})
+
+
+def pack_samples(samples: Sequence[Mapping[str, Any]]) -> bytes:
+    """The `samples` of a frame header, which several clients may share (see `encode_frame`)."""
+    return _pack(samples)
+
+
+def encode_frame(
+    frame: int,
+    tick: int,
+    t_ns: int,
+    *,
+    t_sent_ns: int,
+    dropped: int,
+    samples: bytes,
+    release: int = 0,
+    ports_of_frame: Sequence[str] | None = None,
+) -> bytes:
+    """The header of a frame, round `samples` packed before. A map is its entries one behind the other."""
+    head: dict[str, Any] = {
+        "k": "frame",
+        "frame": frame,
+        "tick": tick,
+        "t_ns": t_ns,
+        "t_sent_ns": t_sent_ns,
+        "dropped": dropped,
+        "release": release,
+    }
+    if ports_of_frame is not None:
+        head["ports_of_frame"] = list(ports_of_frame)
+    body = _pack(head)
+    # Fewer than 16 entries: the number of entries is the low half of the first byte.
+    return bytes((body[0] + 1,)) + body[1:] + _SAMPLES_KEY + samples
+
+
+def _pack(message: object) -> bytes:
+    return msgpack.packb(message, use_bin_type=True)
+
+
+_SAMPLES_KEY = _pack("samples")
+
+
+def _hello(m: dict[str, Any]) -> Hello:
+    try:
+        if m.get("magic") != MAGIC:
+            raise HelloRefused("magic", f"magic {_shown(m.get('magic'))}; this is {MAGIC!r}")
+        if type(m.get("version")) is not int or m["version"] != VERSION:
+            raise HelloRefused("version", f"version {_shown(m.get('version'))}; this bench speaks {VERSION}")
+        name = m.get("name")
+        if type(name) is not str or not _NAME.fullmatch(name):
+            raise HelloRefused("name", f"name {_shown(name)}; 1 to 64 characters of A-Z a-z 0-9 _ . -")
+        topics = m.get("topics")
+        if type(topics) is not list or not 1 <= len(topics) <= _MAX_TOPICS:
+            raise CodecError(f"topics {_shown(topics)}; a list of 1 to {_MAX_TOPICS} patterns")
+        for topic in topics:
+            if type(topic) is not str or not _PATTERN.fullmatch(topic):
+                raise CodecError(f"topics: {_shown(topic)} is no pattern of a topic's name")
+        schema, session = m.get("schema"), m.get("session")
+        for key, text in (("schema", schema), ("session", session)):
+            if text is not None and (type(text) is not str or len(text) > 64):
+                raise CodecError(f"{key} {_shown(text)}; text of at most 64 characters, or nothing")
+        return Hello(
+            name,
+            tuple(topics),
+            _flag(m, "control"),
+            _integer(m, "credit", 1, MAX_CREDIT),
+            _flag(m, "shared_memory"),
+            schema,
+            session,
+        )
+    except HelloRefused:
+        raise
+    except CodecError as error:
+        raise HelloRefused("malformed", f"hello: {error}") from error
+
+
+def _credit(m: dict[str, Any]) -> Credit:
+    return Credit(_integer(m, "n", 1, MAX_CREDIT))
+
+
+def _done(m: dict[str, Any]) -> Done:
+    desired = m.get("desired")
+    return Done(
+        _integer(m, "frame", 0, _MAX_INT),
+        _integer(m, "t_received_ns", 0, _MAX_INT),
+        _integer(m, "t_sent_ns", 0, _MAX_INT),
+        _integer(m, "t2_ns", 0, _MAX_INT),
+        None if desired is None else DesiredState.from_map(desired),
+        _flag(m, "finished"),
+    )
+
+
+def _ping(m: dict[str, Any]) -> Ping:
+    number, t_client_ns = _integer(m, "id", 0, _MAX_INT), _integer(m, "t_client_ns", 0, _MAX_INT)
+    if m.get("bench_minus_client_ns") is None or m.get("round_trip_ns") is None:
+        return Ping(number, t_client_ns)
+    offset_ns = _integer(m, "bench_minus_client_ns", -_MAX_INT, _MAX_INT)
+    return Ping(number, t_client_ns, offset_ns, _integer(m, "round_trip_ns", 0, _MAX_INT))
+
+
+def _bye(m: dict[str, Any]) -> Bye:
+    reason = m.get("reason")
+    if type(reason) is not str:
+        raise CodecError(f"bye.reason: {_shown(reason)} is no text")
+    return Bye(reason[:_MAX_REASON])
+
+
+_DECODERS: dict[str, Callable[[dict[str, Any]], ClientMessage]] = {
+    "hello": _hello,
+    "credit": _credit,
+    "done": _done,
+    "ping": _ping,
+    "bye": _bye,
+}
+
+
+def _integer(m: dict[str, Any], key: str, low: int, high: int) -> int:
+    value = m.get(key)
+    if type(value) is not int or not low <= value <= high:
+        raise CodecError(f"{m['k']}.{key}: {_shown(value)} is no whole number within {low}..{high}")
+    return value
+
+
+def _flag(m: dict[str, Any], key: str) -> bool:
+    value = m.get(key)
+    if type(value) is not bool:
+        raise CodecError(f"{m['k']}.{key}: {_shown(value)} is neither true nor false")
+    return value
+
+
+def _number(key: str, value: object) -> float:
+    if type(value) not in (int, float) or not isfinite(value) or abs(value) > _LARGEST:  # type: ignore[arg-type]
+        raise CodecError(f"desired.{key}: {_shown(value)} is no finite number of sensible size")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _vector(key: str, value: object, length: int) -> tuple[float, ...]:
+    if type(value) is not list or len(value) != length:
+        raise CodecError(f"desired.{key}: {_shown(value)}; {length} numbers are needed")
+    return tuple(_number(f"{key}[{i}]", v) for i, v in enumerate(value))
+
+
+def _shown(value: object) -> str:
+    """A stranger's value in a message for people: short, and without control characters."""
+    text = ascii(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,75 @@
+"""What goes to the clients and what comes back, as the bench sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from firmware_bridge.codecs.companion import DesiredState, TopicSchema
+
+
+@dataclass(frozen=True)
+class CompanionSample:
+    """A sample of one topic. The arrays are C-contiguous, little-endian and not changed any more: they are not copied.
+
+    `values` holds what msgpack can: numbers, texts, booleans, lists of them.
+    """
+
+    topic: str
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+    values: Mapping[str, Any] = field(default_factory=dict)
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CompanionFrame:
+    """The samples released since the frame before, in order."""
+
+    frame: int
+    tick: int
+    t_ns: int  # simulated
+    samples: tuple[CompanionSample, ...]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """A client's answer to a frame."""
+
+    client: str
+    frame: int
+    desired: DesiredState | None
+    finished: bool
+    t2_ns: int  # what its function took
+    t_received_ns: int  # client's clock
+    t_sent_ns: int  # client's clock
+    t_arrived_ns: int  # bench's clock
+    clock_offset_ns: int  # client's clock minus the bench's
+
+
+@dataclass(frozen=True)
+class SessionFacts:
+    """What every client is told about the run, and the topics there are."""
+
+    topics: Mapping[str, TopicSchema]
+    mode: str  # lockstep, realtime, latency_true
+    tick_ns: int
+    rate_hz: float
+    sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # calibration, by sensor
+    waypoints_W: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class ClientInfo:
+    """A client that has its place."""
+
+    name: str
+    topics: frozenset[str]
+    control: bool
+    credit: int
+    address: str  # "" where the wire has none
+    returned: int  # how often it came back after it was lost

@@ -1,0 +1,514 @@
+"""The bench's end of the companion link: lets clients in, sends them frames, takes their answers. One thread.
+
+A client has a place from its welcome until its connection ends, it says bye, sends nonsense, or `drop` ends it; a
+client of the same name takes the place over and goes on where frames are now. Frames go only against credits, so
+nothing queues without bound; what cannot be sent at once is dropped and counted. No call waits longer than it is told.
+
+What is wrong on a wire never raises here: it is counted, told to the client where there is one, and to `on_event`
+(joined, left, lost, refused, malformed, wire). Only setting up raises.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from math import ceil
+
+import zmq
+
+from firmware_bridge.codecs import companion as wire
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.admission import Admission, group_of
+from firmware_bridge.companion.bench_socket import BenchSocket, Received, Unreachable
+from firmware_bridge.companion.clients import Client, Clients, ClientStats, UnderWay
+from firmware_bridge.companion.doorkeeper import Doorkeeper
+from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
+from firmware_bridge.companion.keys import read_allowed, read_bench_keys
+from firmware_bridge.companion.outgoing import Outgoing
+from firmware_bridge.companion.settings import CompanionSettings
+from firmware_bridge.companion.shared_ring import SharedRing
+from hil.signals.errors import HandshakeError, LinkClosed
+
+_CONTROL = ""  # the group of the first socket
+_MESSAGES_PER_ROUND = 256  # then the clock is looked at: a flood cannot hold the bench
+_ROUND_MS = 50  # the watch over connections goes on while nothing is heard
+_LINGER_MS = 300  # for the last words to leave
+_REFUSALS_KEPT = 20
+
+
+class CompanionServer:
+    """One session. `on_event(kind, text)` is called from within the calls below."""
+
+    def __init__(
+        self,
+        settings: CompanionSettings,
+        facts: SessionFacts,
+        *,
+        on_event: Callable[[str, str], None] | None = None,
+        clock_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.settings, self.facts = settings, facts
+        self.session = secrets.token_hex(8)
+        self.malformed = 0  # messages, of clients and strangers
+        self.refused: list[str] = []  # who was turned away and why, the last ones
+        self._on_event: Callable[[str, str], object] = on_event if on_event is not None else _unheard
+        self._clock_ns = clock_ns
+        self._clients = Clients()
+        self._admission = Admission(settings, facts.topics, self._clients)
+        self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
+        self._ring: SharedRing | None = None
+        self._doorkeeper: Doorkeeper | None = None
+        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
+        self._poller = zmq.Poller()
+
+    # --- beginning and end ---
+
+    def open(self) -> None:
+        """Bind. ConfigError (keys), PortBusy, PortNotFound."""
+        s = self.settings
+        keys = None if s.keys is None or s.bind.startswith("ipc://") else read_bench_keys(s.keys)
+        self._context = zmq.Context(io_threads=1)
+        try:
+            if keys is not None and s.keys is not None:
+                self._doorkeeper = Doorkeeper(self._context, read_allowed(s.keys))
+            self._sockets[_CONTROL] = BenchSocket(self._context, s.bind, s, keys)
+            if s.arrangement == "ports":
+                for i, group in enumerate(sorted({group_of(topic) for topic in self.facts.topics})):
+                    port = "*" if s.first_port is None else str(s.first_port + i)
+                    self._sockets[group] = BenchSocket(self._context, f"tcp://{s.host}:{port}", s, keys)
+            if s.arrangement == "shared_memory":
+                self._ring = SharedRing(s.ring_bytes)
+            for bound in self._sockets.values():
+                bound.register(self._poller)
+        except BaseException:
+            self._release(0)
+            raise
+
+    @property
+    def endpoint(self) -> str:
+        """Where clients connect to, with the port that was given."""
+        return self._sockets[_CONTROL].endpoint
+
+    def close(self, status: str = "", text: str = "") -> None:
+        """Tell every client that it is over, and let go of everything. Within a second; may be called twice."""
+        last = wire.encode_end(status, text)
+        for client in list(self._clients.by_name.values()):
+            self._tell(client.identity, last)
+            self._clients.remove(client, "the session ended")
+        self._release(_LINGER_MS)
+
+    def _release(self, linger_ms: int) -> None:
+        for bound in self._sockets.values():
+            bound.close(linger_ms)
+        self._sockets.clear()
+        self._poller = zmq.Poller()
+        if self._doorkeeper is not None:
+            self._doorkeeper.close()
+            self._doorkeeper = None
+        if self._context is not None:
+            self._context.term()  # waits for what lingers, no longer
+            self._context = None
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = None
+
+    # --- clients ---
+
+    def wait_for_clients(
+        self, count: int, limit_s: float, while_waiting: Callable[[], None] | None = None
+    ) -> tuple[ClientInfo, ...]:
+        """Until so many clients have their place. HandshakeError saying how many came, and who was turned away."""
+        deadline_ns = self._clock_ns() + int(limit_s * 1e9)
+        while len(self.living) < count:
+            left_ns = deadline_ns - self._clock_ns()
+            if left_ns <= 0:
+                here = ", ".join(self.living) or "none"
+                turned = f"; turned away: {'; '.join(self.refused)}" if self.refused else ""
+                raise HandshakeError(
+                    self.endpoint, f"{len(self.living)} of {count} clients within {limit_s:g} s ({here}){turned}"
+                )
+            self.poll(min(left_ns * 1e-9, _ROUND_MS * 1e-3))
+            if while_waiting is not None:
+                while_waiting()
+        return self.clients
+
+    @property
+    def living(self) -> tuple[str, ...]:
+        """Names of the clients that frames can go to, in the order in which they came."""
+        return tuple(name for name, client in self._clients.by_name.items() if client.ready)
+
+    @property
+    def clients(self) -> tuple[ClientInfo, ...]:
+        return tuple(client.info() for client in self._clients.by_name.values() if client.ready)
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """Why, by name, of clients that are gone and have not come back."""
+        return dict(self._clients.lost)
+
+    @property
+    def topics(self) -> frozenset[str]:
+        """What the clients that are here want."""
+        return frozenset().union(*(client.topics for client in self._clients.by_name.values()))
+
+    def limit_topics(self, topics: frozenset[str]) -> None:
+        """No more than these from now on: who comes and wants another is refused."""
+        self._admission.limit = topics
+
+    def stats(self) -> dict[str, ClientStats]:
+        """What was counted, by name, of all that were ever here."""
+        return dict(self._clients.stats)
+
+    def credits(self) -> dict[str, int]:
+        """Frames that each client could be sent now."""
+        return {name: client.credit for name, client in self._clients.by_name.items() if client.ready}
+
+    def drop(self, name: str, why: str) -> None:
+        """End a client's place; it is told, and may come back. Nothing if it is not here."""
+        client = self._clients.by_name.get(name)
+        if client is not None:
+            self._tell(client.identity, wire.encode_end("dropped", why))
+            self._lose(client, why)
+
+    # --- frames ---
+
+    def send(self, frame: CompanionFrame, *, to: Sequence[str] | None = None) -> list[str]:
+        """Send to these clients, or to all; returns who got it. The others' loss is counted. Never waits.
+
+        Arrays must not change until every client has answered. CodecError for arrays that cannot be sent.
+        """
+        if not self._sockets:
+            raise LinkClosed("companion", "the session is closed")
+        out = Outgoing(frame)
+        targets: list[Client] = []
+        for name in self._clients.by_name if to is None else to:
+            client = self._clients.by_name.get(name)
+            if client is not None and client.ready and client.credit > 0 and frame.frame not in client.under_way:
+                targets.append(client)
+            elif client is not None:
+                self._count_dropped(client)
+        slot = self._fill_ring(out, [c for c in targets if c.in_ring])
+        return [client.name for client in targets if self._send_to(client, out, slot)]
+
+    def _fill_ring(self, out: Outgoing, clients: list[Client]) -> int | None:
+        if not clients or self._ring is None:
+            return None
+        topics = frozenset().union(*(client.topics for client in clients))
+        place = self._ring.put(out.arrays_of(topics), [client.name for client in clients])
+        if place is None:
+            return None
+        out.placed(place[1])
+        return place[0]
+
+    def _send_to(self, client: Client, out: Outgoing, slot: int | None) -> bool:
+        if client.in_ring and slot is None:
+            self._count_dropped(client)
+            return False
+        t_sent_ns = self._clock_ns()
+        try:
+            if client.in_ring:
+                sent = self._send_in_ring(client, out, t_sent_ns, slot)
+            elif client.groups:
+                sent = self._send_by_ports(client, out, t_sent_ns)
+            else:
+                sent = self._send_whole(client, out, client.topics, _CONTROL, t_sent_ns)
+        except Unreachable:
+            self._lose(client, "its connection has gone")
+            return False
+        if not sent:
+            self._give_back(client, slot)
+            self._count_dropped(client)
+            return False
+        client.credit -= 1
+        client.dropped_since = 0
+        client.under_way[out.frame.frame] = UnderWay(t_sent_ns, slot if client.in_ring else None)
+        client.stats.frames += 1
+        return True
+
+    def _send_in_ring(self, client: Client, out: Outgoing, t_sent_ns: int, slot: int | None) -> bool:
+        samples, size = out.in_ring(client.topics)
+        header = self._header(client, out, t_sent_ns, samples, release=slot or 0)
+        client.stats.bytes += len(header) + size
+        return self._sockets[_CONTROL].send(client.identity, [header])
+
+    def _send_by_ports(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
+        topics = sorted(client.topics & out.topics)
+        if not topics:
+            return self._send_whole(client, out, client.topics, _CONTROL, t_sent_ns)
+        sent = True
+        for group in sorted({group_of(topic) for topic in topics}):
+            mine = frozenset(topic for topic in topics if group_of(topic) == group)
+            sent = self._send_whole(client, out, mine, group, t_sent_ns, ports_of_frame=topics) and sent
+        return sent
+
+    def _send_whole(
+        self,
+        client: Client,
+        out: Outgoing,
+        topics: frozenset[str],
+        group: str,
+        t_sent_ns: int,
+        *,
+        ports_of_frame: list[str] | None = None,
+    ) -> bool:
+        samples, parts, size = out.on_wire(topics)
+        header = self._header(client, out, t_sent_ns, samples, ports_of_frame=ports_of_frame)
+        identity = client.identity if group == _CONTROL else client.ports[group][0]
+        client.stats.bytes += len(header) + size
+        return self._sockets[group].send(identity, [header, *parts])
+
+    @staticmethod
+    def _header(
+        client: Client,
+        out: Outgoing,
+        t_sent_ns: int,
+        samples: bytes,
+        *,
+        release: int = 0,
+        ports_of_frame: list[str] | None = None,
+    ) -> bytes:
+        f = out.frame
+        return wire.encode_frame(
+            f.frame,
+            f.tick,
+            f.t_ns,
+            t_sent_ns=t_sent_ns,
+            dropped=client.dropped_since,
+            samples=samples,
+            release=release,
+            ports_of_frame=ports_of_frame,
+        )
+
+    @staticmethod
+    def _count_dropped(client: Client) -> None:
+        client.stats.dropped += 1
+        client.dropped_since += 1
+
+    # --- what comes in ---
+
+    def poll(self, limit_s: float) -> list[Reply]:
+        """Answers that are here, or come within the limit; returns with the first ones. Serves all else meanwhile."""
+        deadline_ns = self._clock_ns() + int(limit_s * 1e9)
+        replies: list[Reply] = []
+        while self._sockets:
+            self._serve(replies)
+            left_ms = (deadline_ns - self._clock_ns()) / 1e6
+            if replies or left_ms <= 0:
+                break
+            self._poller.poll(ceil(min(left_ms, _ROUND_MS)))
+        return replies
+
+    def _serve(self, replies: list[Reply]) -> None:
+        """One message of each socket in turn, a bounded number in all."""
+        self._watch()
+        waiting = list(self._sockets.items())
+        handled = 0
+        while waiting and handled < _MESSAGES_PER_ROUND:
+            still = []
+            for group, bound in waiting:
+                message = bound.receive()
+                if message is not None:
+                    handled += 1
+                    still.append((group, bound))
+                    self._take(group, message, replies)
+            waiting = still
+
+    def _watch(self) -> None:
+        """Who has gone."""
+        for group, bound in self._sockets.items():
+            ended, texts = bound.gone()
+            for text in texts:
+                self._refuse_text(f"{bound.endpoint}: {text}", kind="wire")
+            for fd in ended:
+                if group == _CONTROL:
+                    client = self._clients.on_connection(fd)
+                    if client is not None:
+                        self._lose(client, "its connection ended")
+                    continue
+                for client in self._clients.by_name.values():
+                    if client.ports.get(group, (b"", -1))[1] == fd:
+                        del client.ports[group]
+                        self._on_event("wire", f"{client.name}: its connection to the port of {group} ended")
+
+    def _take(self, group: str, message: Received, replies: list[Reply]) -> None:
+        t_ns = self._clock_ns()
+        client = self._clients.at(message.identity) if group == _CONTROL else None
+        try:
+            if message.parts != 1:
+                raise CodecError(f"{message.parts} parts; a client sends headers only, one part each")
+            decoded = wire.decode_client(message.raw)
+            if isinstance(decoded, wire.Hello):
+                self._welcome(group, message, decoded)
+            elif client is None:
+                raise CodecError("the first message must be a hello")
+            else:
+                self._hear(client, decoded, t_ns, replies)
+                client.malformed_in_a_row = 0
+        except wire.HelloRefused as error:
+            self._refuse(group, message, error)
+        except CodecError as error:
+            self._malformed(group, message, client, str(error))
+
+    def _hear(
+        self,
+        client: Client,
+        message: wire.Credit | wire.Done | wire.Ping | wire.Bye,
+        t_ns: int,
+        replies: list[Reply],
+    ) -> None:
+        if isinstance(message, wire.Done):
+            replies.append(self._done(client, message, t_ns))
+        elif isinstance(message, wire.Ping):
+            if message.bench_minus_client_ns is not None and message.round_trip_ns is not None:
+                client.clock.add_reading(t_ns, -message.bench_minus_client_ns, message.round_trip_ns)
+            self._tell(client.identity, wire.encode_pong(message, t_ns, self._clock_ns()))
+        elif isinstance(message, wire.Credit):
+            if not client.add_credit(message.n):
+                raise CodecError(f"credit: {client.credit} + {message.n} are more than {wire.MAX_CREDIT}")
+        else:
+            self._lose(client, f"it left: {message.reason}" if message.reason else "it left", kind="left")
+
+    def _done(self, client: Client, done: wire.Done, t_ns: int) -> Reply:
+        if done.frame not in client.under_way:
+            raise CodecError(f"done: frame {done.frame} was not sent, or has been answered")
+        if done.desired is not None and not client.control:
+            raise CodecError("done: a desired state of a client that has no control")
+        sent = client.under_way[done.frame]
+        stats = client.stats
+        # Frames are answered in order: what is older, the client has passed over.
+        for number in [n for n in client.under_way if n <= done.frame]:
+            self._give_back(client, client.under_way.pop(number).slot)
+            stats.skipped += number != done.frame
+        client.credit = min(client.credit + 1, wire.MAX_CREDIT)
+        client.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
+        reading = client.clock.best(t_ns)
+        offset_ns = 0 if reading is None else reading.offset_ns
+        stats.answered += 1
+        stats.clock_offset_ns = offset_ns
+        stats.clock_delay_ns = None if reading is None else reading.delay_ns
+        stats.t1.add(done.t_received_ns - offset_ns - sent.t_sent_ns)
+        stats.t2.add(done.t2_ns)
+        stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
+        stats.round_trip.add(t_ns - sent.t_sent_ns)
+        return Reply(
+            client.name,
+            done.frame,
+            done.desired,
+            done.finished,
+            done.t2_ns,
+            done.t_received_ns,
+            done.t_sent_ns,
+            t_ns,
+            offset_ns,
+        )
+
+    # --- in and out ---
+
+    def _welcome(self, group: str, message: Received, hello: wire.Hello) -> None:
+        user = _user(message)
+        if group != _CONTROL:
+            client = self._admission.check_port(hello, group, user, self.session)
+            client.ports[group] = (message.identity, message.fd)
+            if client.ready:
+                self._joined(client)
+            return
+        self._watch()  # a predecessor that has just gone makes its place free
+        topics = self._admission.check(hello, message.identity)
+        old = self._clients.at(message.identity)
+        if old is not None:
+            self._lose(old, "it said hello again")
+        groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
+        client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
+        client.credit = min(client.credit, self.settings.max_credit)
+        client.in_ring = self._ring is not None and hello.shared_memory
+        client.user, client.address = user, _property(message, "Peer-Address")
+        self._clients.add(client)
+        self._tell(client.identity, wire.encode_welcome(self._welcome_of(client)))
+        if client.ready:
+            self._joined(client)
+
+    def _welcome_of(self, client: Client) -> wire.Welcome:
+        f = self.facts
+        sensors = {group_of(topic) for topic in client.topics}
+        return wire.Welcome(
+            schema=self._admission.schema,
+            session=self.session,
+            mode=f.mode,
+            tick_ns=f.tick_ns,
+            rate_hz=f.rate_hz,
+            topics={name: f.topics[name] for name in sorted(client.topics)},
+            sensors={name: values for name, values in f.sensors.items() if name in sensors},
+            waypoints_W=f.waypoints_W,
+            ports={t: self._sockets[group_of(t)].endpoint for t in sorted(client.topics)} if client.groups else {},
+            ring=(self._ring.name, self._ring.size) if client.in_ring and self._ring is not None else None,
+            control=client.control,
+        )
+
+    def _joined(self, client: Client) -> None:
+        again = "again, " if client.stats.returned else ""
+        control = ", in control" if client.control else ""
+        self._on_event("joined", f"{client.name} ({again}{len(client.topics)} topics{control})")
+
+    def _refuse(self, group: str, message: Received, error: wire.HelloRefused) -> None:
+        self._tell(message.identity, wire.encode_refused(error.code, str(error)), group)
+        if error.code == "malformed":
+            self.malformed += 1
+        self._refuse_text(f"{error.code}: {error}")
+        if self._clients.strike(message.identity) > self.settings.malformed_in_a_row:
+            self._sockets[group].connections.cut(message.fd)
+
+    def _refuse_text(self, text: str, kind: str = "refused") -> None:
+        if text not in self.refused:
+            self.refused = [*self.refused, text][-_REFUSALS_KEPT:]
+            self._on_event(kind, text)
+
+    def _malformed(self, group: str, message: Received, client: Client | None, why: str) -> None:
+        self.malformed += 1
+        in_a_row = self._clients.strike(message.identity) if client is None else client.malformed_in_a_row + 1
+        limit = self.settings.malformed_in_a_row
+        if in_a_row <= limit:
+            self._tell(message.identity, wire.encode_refused("malformed", why), group)
+            self._on_event("malformed", f"{client.name if client else 'a stranger'}: {why}")
+        if client is not None:
+            client.malformed_in_a_row = in_a_row
+            client.stats.malformed += 1
+            if in_a_row >= limit:
+                self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
+        if in_a_row >= limit:
+            self._sockets[group].connections.cut(message.fd)
+
+    def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
+        for under_way in client.under_way.values():
+            self._give_back(client, under_way.slot)
+        client.under_way.clear()
+        self._clients.remove(client, why)
+        self._on_event(kind, f"{client.name}: {why}")
+
+    def _give_back(self, client: Client, slot: int | None) -> None:
+        if self._ring is not None and slot is not None:
+            self._ring.give_back(slot, client.name)
+
+    def _tell(self, identity: bytes, message: bytes, group: str = _CONTROL) -> None:
+        """A word to a client, if it can take one."""
+        bound = self._sockets.get(group)
+        if bound is not None:
+            with suppress(Unreachable):
+                bound.send(identity, [message])
+
+
+def _unheard(kind: str, text: str) -> None:
+    """Nobody wants to know."""
+
+
+def _user(message: Received) -> str:
+    return _property(message, "User-Id")
+
+
+def _property(message: Received, name: str) -> str:
+    """What the handshake told; "" where it told nothing."""
+    try:
+        return str(message.frame.get(name))
+    except (zmq.ZMQError, KeyError, ValueError):
+        return ""

@@ -1,0 +1,93 @@
+"""What a companion link is set to: addresses, arrangement, keys and limits. Data only; checked when made."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from firmware_bridge.codecs.companion import MAX_CREDIT
+from hil.signals.errors import ConfigError, Problem
+
+Arrangement = Literal["shared_memory", "one_port", "ports"]
+_MAX_CLIENTS = 32
+
+
+@dataclass(frozen=True)
+class CompanionSettings:
+    """`bind` is where headers go and clients knock: ipc:// for shared memory, tcp:// for the others.
+
+    With several ports, the sensors' ports are taken on the same host: any free ones, or `first_port`, +1, +2, ... in
+    the order of the sensors' names, for where a firewall has to know.
+    """
+
+    bind: str = "tcp://127.0.0.1:5570"
+    arrangement: Arrangement = "one_port"
+    keys: Path | None = None  # folder made by `hil keys`; needed off the loopback
+    first_port: int | None = None
+    max_clients: int = _MAX_CLIENTS
+    max_credit: int = MAX_CREDIT  # frames under way to one client
+    max_message_bytes: int = 1 << 20  # of one part that a client sends
+    ring_bytes: int = 64 << 20
+    heartbeat_interval_ms: int = 500
+    heartbeat_timeout_ms: int = 2000
+    malformed_in_a_row: int = 10  # more than this many end the client's place
+    unread_bytes_limit: int = 32 << 20  # of one TCP connection that makes no complete messages of them
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.arrangement not in get_args(Arrangement):
+            problems.append(self._problem(f"arrangement {self.arrangement!r}", f"one of {get_args(Arrangement)}"))
+        scheme = self.bind.partition("://")[0]
+        wanted = "ipc" if self.arrangement == "shared_memory" else "tcp"
+        if scheme not in ("tcp", "ipc") or (scheme != wanted and self.arrangement != "one_port"):
+            problems.append(self._problem(f"bind {self.bind!r}", f"{self.arrangement} needs {wanted}://"))
+        elif scheme == "tcp" and self.port is None:
+            problems.append(self._problem(f"bind {self.bind!r}", "tcp://HOST:PORT, or tcp://HOST:* for any port"))
+        elif scheme == "tcp" and not self.loopback and self.keys is None:
+            problems.append(
+                self._problem(f"bind {self.bind!r} can be reached from outside", "make keys: hil keys DIR NAME")
+            )
+        for name, low, high in (
+            ("max_clients", 1, _MAX_CLIENTS),
+            ("max_credit", 1, MAX_CREDIT),
+            ("max_message_bytes", 4096, 1 << 30),
+            ("ring_bytes", 4096, 1 << 36),
+            ("heartbeat_interval_ms", 10, 60_000),
+            ("heartbeat_timeout_ms", self.heartbeat_interval_ms, 65_535_00),
+            ("malformed_in_a_row", 1, 1_000_000),
+            ("unread_bytes_limit", self.max_message_bytes, 1 << 36),
+        ):
+            if not low <= getattr(self, name) <= high:
+                problems.append(self._problem(f"{name} {getattr(self, name)!r}", f"within {low}..{high}"))
+        if problems:
+            raise ConfigError(problems)
+
+    @staticmethod
+    def _problem(message: str, hint: str) -> Problem:
+        return Problem("companion", message, hint)
+
+    @property
+    def host(self) -> str:
+        """Of a tcp address, as it stands there."""
+        return self.bind.partition("://")[2].rpartition(":")[0]
+
+    @property
+    def port(self) -> str | None:
+        """Of a tcp address: digits or '*'; None where there is none."""
+        port = self.bind.rpartition(":")[2]
+        return port if port == "*" or (port.isdigit() and int(port) < 65536) else None
+
+    @property
+    def loopback(self) -> bool:
+        """Whether nobody outside this machine can reach `bind`. Names are not looked up: only localhost is known."""
+        if self.bind.startswith("ipc://"):
+            return True
+        host = self.host.strip("[]")
+        if host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            return False

@@ -1,0 +1,87 @@
+"""Frames in POSIX shared memory: the bench copies arrays in once, clients on the same machine read them in place.
+
+A slot holds the arrays of one frame, each on a 64-byte boundary, and is held by the clients that were told of it until
+they answer (or are lost). Slots are taken first-fit, not strictly in turn, so that a client that sits on its frame
+keeps that slot and no more: the others' frames go round it. When nothing fits, the frame is dropped: nobody waits.
+
+The name is gone from /dev/shm as soon as the bench closes; if the bench is killed, Python's resource tracker, a process
+of its own, takes it away. What a client has mapped stays readable to it until it lets go.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from multiprocessing import shared_memory
+
+import numpy as np
+
+from hil.signals.errors import PortNotFound
+
+_ALIGN = 64
+
+
+class SharedRing:
+    """One block of shared memory, and who holds which part of it."""
+
+    def __init__(self, size: int) -> None:
+        try:
+            self._memory = shared_memory.SharedMemory(f"hil-companion-{secrets.token_hex(8)}", create=True, size=size)
+        except OSError as error:
+            raise PortNotFound("shared memory", f"{size} bytes cannot be had ({error.strerror or error})") from error
+        self.name = self._memory.name
+        self.size = size
+        self._bytes: np.ndarray | None = np.ndarray((size,), np.uint8, self._memory.buf)
+        self._bytes[::4096] = 0  # pages are made now, not under the first frames
+        self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
+        self.full = 0  # frames for which there was no room
+
+    def put(self, arrays: Sequence[np.ndarray], holders: Iterable[str]) -> tuple[int, list[int]] | None:
+        """Copy the arrays in: (slot, offset of each in the block); None if there is no room."""
+        offsets, size = [], 0
+        for array in arrays:
+            offsets.append(size)
+            size += -(-array.nbytes // _ALIGN) * _ALIGN
+        size = max(size, _ALIGN)
+        place = self._gap(size)
+        if place is None or self._bytes is None:
+            self.full += 1
+            return None
+        index, start = place
+        for array, offset in zip(arrays, offsets, strict=True):
+            target = self._bytes[start + offset : start + offset + array.nbytes]
+            np.copyto(target.view(array.dtype).reshape(array.shape) if array.nbytes else target[:0], array)
+        self._slots.insert(index, (start, start + size, set(holders)))
+        return start, [start + offset for offset in offsets]
+
+    def _gap(self, size: int) -> tuple[int, int] | None:
+        """(index among the slots, start) of the first free place."""
+        start = 0
+        for index, (taken, end, _) in enumerate(self._slots):
+            if taken - start >= size:
+                return index, start
+            start = end
+        return (len(self._slots), start) if self.size - start >= size else None
+
+    def give_back(self, slot: int, holder: str) -> None:
+        """`holder` has read the slot. One that is not held is passed over."""
+        for index, (start, _, holders) in enumerate(self._slots):
+            if start == slot:
+                holders.discard(holder)
+                if not holders:
+                    del self._slots[index]
+                return
+
+    @property
+    def held(self) -> int:
+        """Slots in use."""
+        return len(self._slots)
+
+    def close(self) -> None:
+        """Take the name away and let go. May be called twice."""
+        self._bytes = None
+        with suppress(FileNotFoundError):
+            self._memory.unlink()
+        with suppress(BufferError):  # somebody still has a view: the memory goes when that does
+            self._memory.close()
