@@ -232,6 +232,24 @@ def view(
     _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
 
 
+@app.command()
+def keys(
+    folder: Annotated[Path, typer.Argument(help="Where they are kept; made if it is not there.", metavar="DIR")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Clients to make a pair for; the bench's own is made once.", metavar="NAME"),
+    ] = None,
+) -> None:
+    """Key pairs for the companion link: of the bench and of its clients. Overwrites nothing."""
+    from hil.keys_command import make_key_pairs
+
+    try:
+        make_key_pairs(folder, names or (), _out)
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+
+
 calibrate = typer.Typer(no_args_is_help=True, help="A sensor's preset from a recording of your own sensor.")
 app.add_typer(calibrate, name="calibrate")
 

@@ -12,6 +12,7 @@ import zmq
 from zmq.utils.monitor import recv_monitor_message
 
 from firmware_bridge.companion.connections import Connections
+from firmware_bridge.companion.doorkeeper import DOMAIN
 from firmware_bridge.companion.keys import KeyPair
 from firmware_bridge.companion.settings import CompanionSettings
 from hil.signals.errors import PortBusy, PortNotFound
@@ -66,7 +67,7 @@ class BenchSocket:
             s.curve_server = True
             s.curve_secretkey = keys.secret
             s.curve_publickey = keys.public
-            s.zap_domain = b"companion"
+            s.zap_domain = DOMAIN.encode("ascii")
         self.connections = Connections(
             limit=_CONNECTIONS_PER_CLIENT * settings.max_clients, unread_limit=settings.unread_bytes_limit
         )

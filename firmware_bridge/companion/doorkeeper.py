@@ -8,6 +8,8 @@ from contextlib import suppress
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
 
+DOMAIN = "companion"
+
 
 class Doorkeeper:
     """Runs while it is open; started before the first socket that has keys is bound."""
@@ -16,7 +18,7 @@ class Doorkeeper:
         self._allowed = frozenset(allowed)
         self._authenticator = ThreadAuthenticator(context)
         self._authenticator.start()
-        self._authenticator.configure_curve_callback(domain="*", credentials_provider=self)
+        self._authenticator.configure_curve_callback(domain=DOMAIN, credentials_provider=self)
 
     def callback(self, domain: str, key: bytes) -> bool:
         """Whether the owner of this public key (Z85) may come in."""
