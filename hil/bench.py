@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import gc
 import math
+import sys
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.ground_station.actions import ActionSource
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from firmware_bridge.ground_station.projections import tangent_ned
+from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.lockstep import LockstepLink
@@ -33,6 +36,7 @@ from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedComm
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.calibration_export import write_calibration
+from hil.companion.topics import available_ports
 from hil.config import Bench, BenchConfig, SensorConfig, save_bench
 from hil.config.radar_checks import radars, view_of
 from hil.frame_stages import (
@@ -70,6 +74,10 @@ from sim.scene.wind import GustEvent
 from sim.sensors.catalog import KINDS, make_sensor
 from sim.sensors.faults import FaultySensor
 from sim.sensors.radar import Radar
+
+if TYPE_CHECKING:
+    from hil.companion.link import CompanionLink
+    from hil.companion.stage import CompanionStage
 
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
@@ -142,16 +150,20 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
     return run.result()
 
 
-def stage_specs(config: BenchConfig) -> list[StageSpec]:
-    """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all."""
+def stage_specs(config: BenchConfig, topics: Collection[str] = ()) -> list[StageSpec]:
+    """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all, the
+    companion its `topics`."""
     to_autopilot = tuple(
         port for name in config.autopilot_sensors().values() for port in output_ports(name, config.sensors[name])
     )
+    ports = available_ports(config)
+    companion = [StageSpec("companion", inputs=tuple(ports[topic] for topic in sorted(topics)), sink=True)]
     return [
         StageSpec("physics", delayed_inputs=(_ACTUATORS,), outputs=(_TRUTH,)),
         *sensor_stages(config),
         StageSpec("autopilot", inputs=to_autopilot, outputs=(_ACTUATORS,), sink=True),
         StageSpec("recorder", inputs=(_TRUTH, *recorded_ports(config), _ACTUATORS), sink=True),
+        *(companion if topics else ()),
     ]
 
 
@@ -178,7 +190,8 @@ class _Run:
         self.recorder: Recorder | None = None
         self.scheduler: Scheduler | None = None
         self.link: AutopilotLink | None = None
-        self.station: GroundStation | None = None
+        self.station: GroundStation | OffboardPilot | None = None
+        self.companion: CompanionLink | None = None
         self.router: Router | None = None
         self.faulty_wire: FaultyTransport | None = None
         self.manual: ManualControlSource | None = None
@@ -234,6 +247,8 @@ class _Run:
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
         routed = {} if self.router is None else {"router": self.router.report()}
+        if self.companion is not None:
+            routed["companion"] = self.companion.report()
         return routed | summarise(
             self.bench,
             verdict,
@@ -249,7 +264,8 @@ class _Run:
             outside_input=self.config.autopilot.signing_key_file is not None
             or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0)
-            or self.drawn_elsewhere,
+            or self.drawn_elsewhere
+            or (self.config.companion.control and self.config.companion.time == "realtime"),
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             radars=self.radars,
@@ -289,9 +305,6 @@ class _Run:
 
     def _build(self, stack: ExitStack) -> None:
         config = self.config
-        plan = plan_stages(stage_specs(config))
-        self.skipped = list(plan.skipped)
-        self.drawn_elsewhere = draws_elsewhere(config, plan)
 
         def vehicle() -> QuadrotorPhysics:
             return QuadrotorPhysics(
@@ -322,6 +335,14 @@ class _Run:
             metadata={"rig": config.rig, "scene": self.bench.scene.name, "seed": str(config.seed)},
             attachments=self.attachments,
         )
+        if config.companion.on:
+            # Before it is known what is to be drawn: that is what they want.
+            self.companion = self._companion()
+            stack.callback(self._close_companion)
+            self.companion.open()
+        plan = plan_stages(stage_specs(config, () if self.companion is None else self.companion.topics))
+        self.skipped = list(plan.skipped)
+        self.drawn_elsewhere = draws_elsewhere(config, plan)
         if needs_frames(config, plan):
             self.frames = make_frames(self.bench)
             stack.callback(self.frames.close)
@@ -332,7 +353,10 @@ class _Run:
         last = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
         self.slots = [self._slot(name, wanted[name], plan) for name in last]
         commands: list[CommandSource] = []
-        if self.bench.mission is not None:
+        if config.companion.on and config.companion.control:
+            self.station = self._pilot()
+            commands.append(self.station)
+        elif self.bench.mission is not None:
             self.station = GroundStation(
                 self.bench.mission.items,
                 target_sysid=None,
@@ -398,8 +422,43 @@ class _Run:
             commands=commands,
             recorder=self.recorder,
             observers=observers,
+            companion=self._companion_stage(),
             pace=config.pace,
             wind_at=lambda: physics.wind_W_mps,
+        )
+
+    def _companion(self) -> CompanionLink:
+        from hil.companion.link import CompanionLink  # most runs have none: ZeroMQ is not loaded for them
+
+        points = [leg.end_W for leg in self.legs]
+        return CompanionLink(self.config, self.out, waypoints_W=points, on_event=self._companion_event)
+
+    def _companion_event(self, t_ns: int, kind: str, text: str) -> None:
+        assert self.recorder is not None
+        self.recorder.event(self._now_ns() if t_ns < 0 else t_ns, kind, text)
+
+    def _companion_stage(self) -> CompanionStage | None:
+        if self.companion is None:
+            return None
+        return self.companion.stage(self.station.set_desired if isinstance(self.station, OffboardPilot) else None)
+
+    def _close_companion(self) -> None:
+        assert self.companion is not None
+        self.companion.close("ERROR" if sys.exc_info()[0] is not None else "over")
+
+    def _pilot(self) -> OffboardPilot:
+        """Flies what the companion desires."""
+        config = self.config
+        frame = LocalFrame(self.bench.scene.site)
+        assert self.recorder is not None
+        return OffboardPilot(
+            frame.geodetic_from_enu,
+            tick_ns=config.tick_ns,
+            setpoint_hz=config.companion.setpoint_hz,
+            projection=tangent_ned if config.autopilot.is_mock else None,
+            target_sysid=None,
+            grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,
+            on_event=self.recorder.event,
         )
 
     def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
@@ -531,7 +590,7 @@ class _Run:
                             shared_ticks = 0
                             self._event("warning", given_up)
                     if station is not None:
-                        if station.phase is Phase.DONE:
+                        if station.phase.value == "done":
                             break
                     elif not serving and flight_over.after(scheduler.tick, scheduler.actuators.armed):
                         break

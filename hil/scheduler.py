@@ -10,6 +10,7 @@
     5 send       one write: commands, range and flow, HIL_GPS, HIL_SENSOR
     6 frames     cameras and LiDARs look at TruthState[k]; what is available by t_k is released
       record     everything known so far. Both while the autopilot thinks; neither feeds back
+      companion  what was released to the clients under test; what they desire is commanded from tick k+1 on
     7 wait       for the reply that answers t_k           -> ActuatorFrame[k]
     8 latch      check and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
@@ -51,7 +52,7 @@ from hil.signals.samples import (
 )
 from hil.signals.time import RateAccumulator
 
-PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "wait")
+PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
 
 
 class Event(Protocol):
@@ -90,6 +91,12 @@ class CommandSource(Protocol):
     """Whatever talks to the autopilot beside the sensors: the bench's ground station, the router's clients."""
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes: ...
+
+
+class Companion(Protocol):
+    """Whatever is told of every sample that was released, and answers with commands of later ticks."""
+
+    def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None: ...
 
 
 class SensorSlot:
@@ -133,6 +140,7 @@ class Scheduler:
         commands: Sequence[CommandSource],
         recorder: Recorder,
         observers: Sequence[Callable[[TruthState], None]] = (),
+        companion: Companion | None = None,
         pace: float | None = None,
         wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
     ) -> None:
@@ -157,6 +165,7 @@ class Scheduler:
         self._commands = tuple(commands)
         self._recorder = recorder
         self._observers = tuple(observers)
+        self._companion = companion
         self._queue = ReleaseQueue()
         self._latched = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
         self._frames: list[Frame] = []  # received in the tick before
@@ -205,10 +214,11 @@ class Scheduler:
 
         t3 = clock()
         recorded_first = self._record_first
-        looked_ns = 0
+        looked_ns = answered_ns = 0
         if recorded_first:
             looked_ns = self._look(truth, released)
             self._record(truth, begun, released)
+            answered_ns = self._exchange(truth, released)
         r3 = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
@@ -219,6 +229,8 @@ class Scheduler:
             looked_ns = self._look(truth, released)
             self._record(truth, begun, released)
         self._recorder.sent(tick, t_ns, sent)
+        if not recorded_first:
+            answered_ns = self._exchange(truth, released)
         t5 = clock()
         own5 = own_clock()
         try:
@@ -240,9 +252,11 @@ class Scheduler:
         phase["commands"].add(t3 - t2)
         phase["send"].add(t4 - r3)
         phase["frames"].add(looked_ns)
-        phase["record"].add(t5 - t4 + r3 - t3 - looked_ns)
+        phase["record"].add(t5 - t4 + r3 - t3 - looked_ns - answered_ns)
+        phase["companion"].add(answered_ns)
         phase["wait"].add(t6 - t5)
-        self.own_ns.add(own5 - own0)
+        # A companion is waited for as an autopilot is; processor time does not count while it is.
+        self.own_ns.add(own5 - own0 - (answered_ns if own_clock is clock else 0))
         self.step_ns.add(t6 - t0)
 
     def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before: int) -> int:
@@ -267,6 +281,14 @@ class Scheduler:
         took = self._sample(self._frame_sensors, truth, begun) - begun
         released += self._queue.release(truth.t_ns)
         return took
+
+    def _exchange(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
+        """Returns the time it took [ns]."""
+        if self._companion is None:
+            return 0
+        begun = time.perf_counter_ns()
+        self._companion.step(truth, released)
+        return time.perf_counter_ns() - begun
 
     def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
         """What is known before the tick is sent; its bytes follow, and the order in the recording is always this."""

@@ -22,6 +22,7 @@ from typing import Any
 import msgpack
 
 from firmware_bridge.codecs.errors import CodecError
+from hil.signals.desired import DesiredState
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample, Quat, Vec3
 
 MAGIC = "hil-companion"
@@ -62,53 +63,35 @@ class HelloRefused(CodecError):
         super().__init__(message)
 
 
-@dataclass(frozen=True)
-class DesiredState:
-    """What a client wants the vehicle to do. None: not commanded. World ENU, body FLU."""
+def desired_from_map(values: object) -> DesiredState:
+    """Checked from what a message holds. CodecError naming the entry that is wrong."""
+    if type(values) is not dict:
+        raise CodecError(f"desired: {_shown(values)} is not a map")
+    unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key != "land"]
+    if unknown:
+        raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
+    made: dict[str, Any] = {}
+    for key, length in _DESIRED_LENGTHS.items():
+        value = values.get(key)
+        if value is not None:
+            made[key] = _number(key, value) if length == 1 else _vector(key, value, length)
+    land = values.get("land")
+    if land is not None and type(land) is not bool:
+        raise CodecError(f"desired.land: {_shown(land)} is neither true nor false")
+    try:
+        return DesiredState(**made, land=bool(land))
+    except ValueError as error:
+        raise CodecError(f"desired: {error}") from error
 
-    p_W: Vec3 | None = None  # m
-    v_W: Vec3 | None = None  # m/s
-    a_W: Vec3 | None = None  # m/s2
-    yaw_rad: float | None = None  # from east, counter-clockwise
-    yaw_rate_radps: float | None = None
-    q_WB: Quat | None = None  # w-x-y-z, unit norm
-    thrust: float | None = None  # 0..1
-    w_B: Vec3 | None = None  # rad/s
-    land: bool = False
 
-    @staticmethod
-    def from_map(values: object) -> DesiredState:
-        """Checked from what a message holds. CodecError naming the entry that is wrong."""
-        if type(values) is not dict:
-            raise CodecError(f"desired: {_shown(values)} is not a map")
-        unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key != "land"]
-        if unknown:
-            raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
-        made: dict[str, Any] = {}
-        for key, length in _DESIRED_LENGTHS.items():
-            value = values.get(key)
-            if value is not None:
-                made[key] = _number(key, value) if length == 1 else _vector(key, value, length)
-        land = values.get("land")
-        if land is not None and type(land) is not bool:
-            raise CodecError(f"desired.land: {_shown(land)} is neither true nor false")
-        desired = DesiredState(**made, land=bool(land))
-        if desired.thrust is not None and not 0.0 <= desired.thrust <= 1.0:
-            raise CodecError(f"desired.thrust: {desired.thrust!r} is not within 0..1")
-        if desired.q_WB is not None:
-            norm = sqrt(sum(c * c for c in desired.q_WB))
-            if abs(norm - 1.0) > _UNIT_TOLERANCE:
-                raise CodecError(f"desired.q_WB: norm {norm:.6g}; an attitude is a unit quaternion, w-x-y-z")
-        return desired
-
-    def to_map(self) -> dict[str, Any]:
-        """What `from_map` takes, without the entries that are not commanded."""
-        out: dict[str, Any] = {}
-        for key in _DESIRED_LENGTHS:
-            value = getattr(self, key)
-            if value is not None:
-                out[key] = list(value) if isinstance(value, tuple) else value
-        return out | ({"land": True} if self.land else {})
+def desired_map(desired: DesiredState) -> dict[str, Any]:
+    """What `desired_from_map` takes, without the entries that are not commanded."""
+    out: dict[str, Any] = {}
+    for key in _DESIRED_LENGTHS:
+        value = getattr(desired, key)
+        if value is not None:
+            out[key] = list(value) if isinstance(value, tuple) else value
+    return out | ({"land": True} if desired.land else {})
 
 
 _DESIRED_LENGTHS = {
@@ -377,7 +360,7 @@ def _done(m: dict[str, Any]) -> Done:
         _integer(m, "t_received_ns", 0, _MAX_INT),
         _integer(m, "t_sent_ns", 0, _MAX_INT),
         _integer(m, "t2_ns", 0, _MAX_INT),
-        None if desired is None else DesiredState.from_map(desired),
+        None if desired is None else desired_from_map(desired),
         _flag(m, "finished"),
     )
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from firmware_bridge.codecs.companion import DesiredState, TopicSchema
+from firmware_bridge.codecs.companion import TopicSchema
+from hil.signals.desired import DesiredState
 
 
 @dataclass(frozen=True)

@@ -174,8 +174,9 @@ class CompanionServer:
 
     # --- frames ---
 
-    def send(self, frame: CompanionFrame, *, to: Sequence[str] | None = None) -> list[str]:
-        """Send to these clients, or to all; returns who got it. The others' loss is counted. Never waits.
+    def send(self, frame: CompanionFrame, *, to: Sequence[str] | None = None, dropped: int = 0) -> list[str]:
+        """Send to these clients, or to all; returns who got it. The others' loss is counted, and the `dropped` frames
+        that the caller passed them by. Never waits.
 
         Arrays must not change until every client has answered. CodecError for arrays that cannot be sent.
         """
@@ -186,6 +187,7 @@ class CompanionServer:
         for name in self._clients.by_name if to is None else to:
             client = self._clients.by_name.get(name)
             if client is not None and client.ready and client.credit > 0 and frame.frame not in client.under_way:
+                self._count_dropped(client, dropped)
                 targets.append(client)
             elif client is not None:
                 self._count_dropped(client)
@@ -282,9 +284,9 @@ class CompanionServer:
         )
 
     @staticmethod
-    def _count_dropped(client: Client) -> None:
-        client.stats.dropped += 1
-        client.dropped_since += 1
+    def _count_dropped(client: Client, frames: int = 1) -> None:
+        client.stats.dropped += frames
+        client.dropped_since += frames
 
     # --- what comes in ---
 

@@ -270,6 +270,10 @@ class _Loading:
         if config is not None:
             config = config.model_copy(update={"sensors": sensors})
             self.problems += _cross_checks(config, self.settings)
+            if config.companion.on:
+                from hil.config.companion_checks import companion_problems  # loads ZeroMQ
+
+                self.problems += companion_problems(config, self.settings, scripted=script is not None)
         vehicle = self._model("vehicle", Vehicle)
         if config is not None and vehicle is not None:
             self.problems += _vehicle_checks(config, vehicle, self.settings)

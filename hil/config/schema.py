@@ -158,6 +158,42 @@ class Manual(Section):
     needs_dead_man: bool = True  # false: a gamepad whose mapping names no dead-man switch will do
 
 
+class Companion(Section):
+    """The link to the companion computer: frames of sensor data out, desired states back (docs/companion.md)."""
+
+    clients: Annotated[int, Field(ge=0, le=32)] = 0  # waited for before the flight; more may come and go
+    # Clients under test that the bench starts itself on this machine, by the names that `hil companion` knows.
+    start: Annotated[tuple[str, ...], Field(max_length=8)] = ()
+    settings: dict[str, Any] = Field(default_factory=dict)  # of the started ones, as `hil companion --set` takes them
+    control: bool = False  # what the clients desire is flown; the mission is then theirs to fly, and still judged
+    time: Literal["lockstep", "realtime", "latency_true"] = "lockstep"
+    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 10.0  # frames
+    arrangement: Literal["shared_memory", "one_port", "ports"] = "shared_memory"
+    host: str = "127.0.0.1"  # of one_port and ports; one that others can reach needs `keys`
+    port: Annotated[int, Field(ge=0, le=65535)] = 5570  # 0: any that is free
+    sensor_port: Annotated[int, Field(ge=1024, le=65535)] | None = None  # of `ports`: the first of the sensors' own
+    keys: str | None = None  # folder made by `hil keys`
+    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 30.0  # wall clock, for all clients to come
+    reply_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 5.0  # wall clock, for the answer to a frame
+    reconnect_s: Annotated[float, Field(ge=0, le=3600)] = (
+        5.0  # wall clock, that a lost controlling client may stay away
+    )
+    on_loss: Literal["error", "go_on"] = "error"  # of one that controls and does not come back
+    link_delay_s: Annotated[float, Field(ge=0, le=10)] = 0.0  # charged beside t2 in latency_true
+    setpoint_hz: Annotated[float, Field(ge=3, le=250)] = 50.0  # simulated time
+    trace: str | None = None  # answers recorded in another run, instead of clients; `hil replay` sets it
+
+    @property
+    def on(self) -> bool:
+        """Whether there is such a link at all."""
+        return self.clients > 0 or bool(self.start) or self.trace is not None
+
+    @property
+    def expected(self) -> int:
+        """Clients to wait for."""
+        return max(self.clients, len(self.start))
+
+
 class Record(Section):
     """What is kept of a run, besides run.json."""
 
@@ -226,6 +262,7 @@ class BenchConfig(Section):
     autopilot: Autopilot = Autopilot()
     router: Router = Router()
     manual: Manual = Manual()
+    companion: Companion = Companion()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     physics: Physics = Physics()
     wind: Wind | None = None  # null: the scene's steady wind

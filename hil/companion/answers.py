@@ -1,0 +1,102 @@
+"""Where the answers to frames come from: clients on the wire, or the trace of an earlier run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from firmware_bridge.companion.frames import CompanionFrame, Reply
+from firmware_bridge.companion.server import CompanionServer
+from hil.signals.desired import DesiredState
+
+
+@dataclass(frozen=True)
+class Client:
+    """One who is there to be sent frames."""
+
+    name: str
+    topics: frozenset[str]
+    control: bool
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a client made of a frame, and how long it took by its own clock."""
+
+    frame: int
+    desired: DesiredState | None
+    finished: bool
+    t2_ns: int
+
+
+class Answers(Protocol):
+    """The far side of the link, as the stage sees it."""
+
+    def clients(self) -> Sequence[Client]:
+        """Those there now, by name."""
+        ...
+
+    def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
+        """Give it a frame, `dropped` others having passed it by; False where it cannot take one now."""
+        ...
+
+    def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
+        """Its answer to this frame; None if it is gone or silent for so long [wall clock]."""
+        ...
+
+    def take(self) -> list[tuple[str, Answer]]:
+        """What has come in without waiting."""
+        ...
+
+    def lose(self, client: str, why: str, back_within_s: float) -> bool:
+        """Let it go; whether it was back within the time given [wall clock]."""
+        ...
+
+
+class LiveAnswers:
+    """Clients on the wire."""
+
+    def __init__(self, server: CompanionServer, on_reply: Callable[[Reply], None] = lambda _reply: None) -> None:
+        self._server, self._on_reply = server, on_reply
+        self._come: list[tuple[str, Answer]] = []
+
+    def clients(self) -> list[Client]:
+        return [Client(c.name, c.topics, c.control) for c in sorted(self._server.clients, key=lambda c: c.name)]
+
+    def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
+        return client in self._server.send(frame, to=[client], dropped=dropped)
+
+    def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
+        deadline = time.monotonic() + limit_s
+        while True:
+            for i, (name, answer) in enumerate(self._come):
+                if name == client and answer.frame == frame:
+                    del self._come[i]
+                    return answer
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0 or all(c.name != client for c in self._server.clients):
+                return None
+            self._poll(min(left_s, 0.25))
+
+    def take(self) -> list[tuple[str, Answer]]:
+        self._poll(0.0)
+        come, self._come = self._come, []
+        return come
+
+    def lose(self, client: str, why: str, back_within_s: float) -> bool:
+        self._server.drop(client, why)
+        deadline = time.monotonic() + back_within_s
+        while True:
+            if any(c.name == client for c in self._server.clients):
+                return True
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            self._poll(min(left_s, 0.25))
+
+    def _poll(self, limit_s: float) -> None:
+        for reply in self._server.poll(limit_s):
+            self._on_reply(reply)
+            self._come.append((reply.client, Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns)))

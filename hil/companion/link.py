@@ -1,0 +1,145 @@
+"""The companion link of one run: opened before the bench plans what to draw, closed after the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.codecs.companion import topic_schema
+from firmware_bridge.companion.frames import SessionFacts
+from firmware_bridge.companion.server import CompanionServer
+from hil.companion.answers import Answers, LiveAnswers
+from hil.companion.calibrations import calibrations
+from hil.companion.settings import link_settings
+from hil.companion.stage import CompanionStage, Waiting
+from hil.companion.started import StartedClient
+from hil.companion.topics import available_ports
+from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
+from hil.config import BenchConfig
+from hil.signals.desired import DesiredState
+from hil.signals.latency import LatencyHistogram
+from hil.signals.samples import Vec3
+from hil.signals.time import NS_PER_S, RateAccumulator
+
+Event = Callable[[int, str, str], None]
+
+
+class CompanionLink:
+    """Clients on the wire, or the trace of an earlier run."""
+
+    def __init__(self, config: BenchConfig, out: Path, *, waypoints_W: Sequence[Vec3], on_event: Event) -> None:
+        self.config, self._out, self._on_event = config, out, on_event
+        self._waypoints_W = tuple(waypoints_W)
+        self._server: CompanionServer | None = None
+        self._started: list[StartedClient] = []
+        self._answers: Answers
+        self._trace: TraceWriter | None = None
+        self._stage: CompanionStage | None = None
+        self.topics: frozenset[str] = frozenset()
+
+    def open(self) -> None:
+        """Wait for the clients; afterwards `topics` is what they want. LinkErrors, ConfigError, RecordingError."""
+        companion = self.config.companion
+        if companion.trace is not None:
+            traced = TracedAnswers(Path(companion.trace))
+            self._answers, self.topics = traced, traced.topics
+            return
+        server = CompanionServer(link_settings(companion), self._facts(), on_event=self._server_event)
+        server.open()
+        self._server = server
+        keys = server.settings.keys
+        for name in companion.start:
+            self._started.append(StartedClient(name, server.endpoint, self._out, companion.settings, keys))
+
+        def still_there() -> None:
+            for client in self._started:
+                client.check()
+
+        server.wait_for_clients(companion.expected, companion.connect_timeout_s, still_there)
+        self.topics = server.topics
+        server.limit_topics(self.topics)
+        self._answers = LiveAnswers(server)
+
+    def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
+        """What the scheduler steps. `desire` hears what controlling clients want."""
+        companion, config = self.config.companion, self.config
+        if self._server is not None and companion.control and companion.time != "realtime":
+            controlling = [client for client in self._answers.clients() if client.control]
+            self._trace = TraceWriter(self._out / TRACE_NAME, controlling, sorted(self.topics))
+        self._stage = CompanionStage(
+            self._answers,
+            mode=companion.time,
+            topics=sorted(self.topics),
+            rate=RateAccumulator(event_mhz=round(companion.rate_hz * 1000), tick_mhz=config.tick_hz * 1000),
+            waiting=Waiting(companion.reply_timeout_s, companion.reconnect_s, companion.on_loss == "error"),
+            link_delay_ns=round(companion.link_delay_s * NS_PER_S),
+            desire=desire,
+            on_event=self._on_event,
+            trace=self._trace,
+        )
+        return self._stage
+
+    def close(self, status: str = "") -> None:
+        """Tell the clients, and let go. May be called twice."""
+        if self._server is not None:
+            with suppress(OSError):
+                self._server.close(status, "the run is over")
+        for client in self._started:
+            client.close()
+        self._started = []
+        if self._trace is not None:
+            self._trace.close()
+            self._trace = None
+
+    def report(self) -> dict[str, Any]:
+        """For run.json."""
+        companion = self.config.companion
+        stage = self._stage
+        seats = {} if stage is None else stage.all_seats
+        clients: dict[str, Any] = {
+            name: {"control": seat.client.control, "topics": sorted(seat.client.topics), "frames": seat.sent}
+            | {"dropped": seat.dropped, "finished": seat.finished}
+            for name, seat in seats.items()
+        }
+        if self._server is not None:
+            for name, stats in self._server.stats().items():
+                clients.setdefault(name, {}).update(
+                    bytes=stats.bytes,
+                    malformed=stats.malformed,
+                    t1_ms=_quantiles(stats.t1),
+                    t2_ms=_quantiles(stats.t2),
+                    t3_ms=_quantiles(stats.t3),
+                )
+        return {
+            "time": companion.time,
+            "arrangement": companion.arrangement if companion.trace is None else "trace",
+            "rate_hz": companion.rate_hz,
+            "frames": 0 if stage is None else stage.frames,
+            "topics": sorted(self.topics),
+            "clients": clients,
+            "refused": [] if self._server is None else list(self._server.refused),
+        }
+
+    def _facts(self) -> SessionFacts:
+        ports, config = available_ports(self.config), self.config
+        return SessionFacts(
+            topics={topic: topic_schema(port.type, topic.partition("/")[2] or None) for topic, port in ports.items()},
+            mode=config.companion.time,
+            tick_ns=config.tick_ns,
+            rate_hz=config.companion.rate_hz,
+            sensors=calibrations(config, config.sensors),
+            waypoints_W=self._waypoints_W,
+        )
+
+    def _server_event(self, kind: str, text: str) -> None:
+        self._on_event(-1, f"companion_{kind}", text)
+
+
+def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:
+    return {
+        "p50": histogram.quantile_ns(0.5) / 1e6,
+        "p99": histogram.quantile_ns(0.99) / 1e6,
+        "max": histogram.max_ns / 1e6,
+    }

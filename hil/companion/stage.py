@@ -1,0 +1,233 @@
+"""Frames to the clients and what they desire back, tick by tick, in one of three kinds of time.
+
+lockstep      The bench waits for every answer; it holds from the instant of the frame on, so it moves the vehicle one
+              tick later. Simulated time never passes while a client computes.
+
+realtime      The bench waits for nobody. A client that is free gets the newest frame; those that came while it was
+              busy are passed by, and counted. An answer holds from the tick in which it came.
+
+latency_true  As realtime would have it, but in simulated time: the bench waits for the answer and then charges what it
+              took. With t_f the time of a client's newest frame, t_free when it had finished the one before:
+
+                  t_take = max(t_f, t_free)      t_free' = t_take + t2 + link_delay
+
+              The answer holds from t_free' on, and until then the client gets nothing. So a slow computer flies as it
+              would fly live, however fast or busy this one is, and the trace of answers repeats the run bit for bit.
+
+`step` is called once a tick with everything released; `desire` takes what a controlling client wants and from when.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from hil.companion.answers import Answer, Answers, Client
+from hil.companion.bundle import Bundle, Collector
+from hil.companion.trace import TraceWriter
+from hil.signals.desired import DesiredState
+from hil.signals.errors import LinkClosed
+from hil.signals.samples import Sample, TruthState
+from hil.signals.time import RateAccumulator
+
+TimeMode = Literal["lockstep", "realtime", "latency_true"]
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """How long for what [s of wall clock]."""
+
+    reply_s: float
+    reconnect_s: float
+    lost_is_error: bool  # of a controlling client
+
+
+@dataclass
+class Seat:
+    """What the bench knows of one client."""
+
+    client: Client
+    pending: Bundle | None = None
+    free_ns: int = 0  # simulated; latency_true
+    under_way: int | None = None  # frame it has not answered yet; realtime
+    sent_s: float = 0.0  # when, wall clock
+    missed_s: float | None = None  # since when it is away, wall clock; realtime
+    sent: int = 0
+    dropped: int = 0
+    finished: bool = False
+
+
+class CompanionStage:
+    """All clients of a run."""
+
+    def __init__(
+        self,
+        answers: Answers,
+        *,
+        mode: TimeMode,
+        topics: Sequence[str],
+        rate: RateAccumulator,
+        waiting: Waiting,
+        link_delay_ns: int = 0,
+        desire: Callable[[DesiredState, int], None] | None = None,
+        on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
+        trace: TraceWriter | None = None,
+    ) -> None:
+        self._answers, self._mode, self._waiting = answers, mode, waiting
+        self._collector = Collector(topics)
+        self._due = rate.due
+        self._link_delay_ns = link_delay_ns
+        self._desire, self._on_event, self._trace = desire, on_event, trace
+        self._t_ns = 0
+        self.frames = 0
+        self.seats: dict[str, Seat] = {}
+        self.all_seats: dict[str, Seat] = {}  # those of clients that are gone too
+        self._look_for_clients()
+
+    @property
+    def finished(self) -> bool:
+        """Whether those that control have all said that they are done."""
+        controlling = [seat for seat in self.seats.values() if seat.client.control]
+        return bool(controlling) and all(seat.finished for seat in controlling)
+
+    def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None:
+        """One tick. LinkClosed where a controlling client is lost for good."""
+        self._t_ns = truth.t_ns
+        self._collector.add(released)
+        if self._due():
+            self._look_for_clients()
+            bundle = self._collector.take(self.frames, truth)
+            self.frames += 1
+            for seat in self.seats.values():
+                if seat.pending is not None:
+                    seat.dropped += 1
+                seat.pending = bundle.over(seat.pending)
+        if self._mode == "realtime":
+            self._step_realtime()
+        elif any(seat.pending is not None and seat.free_ns <= truth.t_ns for seat in self.seats.values()):
+            self._step_waiting()
+
+    def _look_for_clients(self) -> None:
+        """Those that came or went since."""
+        there = {client.name: client for client in self._answers.clients()}
+        for name in [name for name in self.seats if name not in there]:
+            if not self.seats[name].client.control:
+                del self.seats[name]
+        for name, client in there.items():
+            if name not in self.seats:
+                self.seats[name] = self.all_seats.setdefault(name, Seat(client))
+                self.seats[name].client = client
+        self.seats = dict(sorted(self.seats.items()))
+
+    def _step_realtime(self) -> None:
+        for name, answer in self._answers.take():
+            seat = self.seats.get(name)
+            if seat is not None and seat.under_way is not None and answer.frame >= seat.under_way:
+                seat.under_way = None
+                self._take(seat, answer, self._t_ns)
+        there = {client.name for client in self._answers.clients()}
+        now_s = time.monotonic()
+        for name, seat in list(self.seats.items()):
+            if name in there and seat.under_way is not None and now_s - seat.sent_s > self._waiting.reply_s:
+                self._answers.lose(
+                    name, why := f"no answer to frame {seat.under_way} within {self._waiting.reply_s:g} s", 0.0
+                )
+                self._miss(seat, now_s, why)
+            elif name not in there:
+                self._miss(seat, now_s, "it is gone")
+            else:
+                if seat.missed_s is not None:
+                    seat.missed_s = None
+                    self._on_event(self._t_ns, "companion_back", name)
+                if seat.pending is not None and seat.under_way is None and self._send(seat):
+                    seat.under_way, seat.sent_s = seat.pending.number, now_s
+                    seat.pending = None
+
+    def _miss(self, seat: Seat, now_s: float, why: str) -> None:
+        """It is away, and the flight goes on without it, for a while."""
+        if seat.missed_s is None:
+            seat.missed_s, seat.under_way = now_s, None
+            self._on_event(self._t_ns, "companion_lost", f"{seat.client.name}: {why}")
+        elif seat.client.control and now_s - seat.missed_s > self._waiting.reconnect_s:
+            self._part(seat, why)
+
+    def _step_waiting(self) -> None:
+        asked: list[tuple[Seat, Bundle]] = []
+        for seat in list(self.seats.values()):
+            pending = seat.pending
+            if pending is not None and seat.free_ns <= self._t_ns:
+                self._send(seat)
+                seat.pending = None
+                asked.append((seat, pending))
+        for seat, bundle in asked:
+            answer = self._answer(seat, bundle)
+            if answer is None:
+                continue
+            if self._mode == "lockstep":
+                self._take(seat, answer, self._t_ns)
+                continue
+            taken_ns = max(bundle.t_ns, seat.free_ns)
+            seat.free_ns = taken_ns + answer.t2_ns + self._link_delay_ns
+            self._take(seat, answer, seat.free_ns)
+
+    def _send(self, seat: Seat) -> bool:
+        assert seat.pending is not None
+        frame = seat.pending.frame(seat.client.topics)
+        if not self._answers.send(seat.client.name, frame, seat.pending.dropped):
+            return False
+        seat.sent += 1
+        return True
+
+    def _answer(self, seat: Seat, bundle: Bundle) -> Answer | None:
+        """The answer to a frame, asked again of a client that was lost and came back; None of one given up."""
+        name = seat.client.name
+        while True:
+            answer = self._answers.wait(name, bundle.number, self._waiting.reply_s)
+            if answer is not None:
+                return answer
+            why = f"no answer to frame {bundle.number} within {self._waiting.reply_s:g} s"
+            if not self._give_up(seat, bundle.number, why):
+                return None
+            seat.pending = bundle
+            self._send(seat)
+            seat.pending = None
+
+    def _give_up(self, seat: Seat, frame: int, why: str) -> bool:
+        """Let a client go that is gone or silent; True if it came back in time. An observer is not waited for."""
+        client = seat.client
+        back_s = self._waiting.reconnect_s if client.control else 0.0
+        self._on_event(self._t_ns, "companion_lost", f"{client.name}: {why}")
+        if self._answers.lose(client.name, why, back_s):
+            self._on_event(self._t_ns, "companion_back", client.name)
+            return True
+        if client.control and self._trace is not None:
+            self._trace.lost(client.name, frame)
+        self._part(seat, why)
+        return False
+
+    def _part(self, seat: Seat, why: str) -> None:
+        """For good. LinkClosed where that ends the run."""
+        client = seat.client
+        del self.seats[client.name]
+        if client.control and self._waiting.lost_is_error:
+            limit = f"{self._waiting.reconnect_s:g} s (companion.reply_timeout_s, companion.reconnect_s)"
+            raise LinkClosed(
+                f"companion {client.name}", f"{why}, and it did not come back within {limit}", cause="companion"
+            )
+
+    def _take(self, seat: Seat, answer: Answer, from_ns: int) -> None:
+        """An answer that holds from `from_ns` on."""
+        if not seat.client.control:
+            return
+        if self._trace is not None:
+            self._trace.answer(seat.client.name, answer)
+        if self._desire is None:
+            return
+        if answer.desired is not None:
+            self._desire(answer.desired, from_ns)
+        if answer.finished and not seat.finished:
+            seat.finished = True
+            if self.finished:
+                self._desire(DesiredState(land=True), from_ns)
