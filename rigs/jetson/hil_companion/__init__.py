@@ -1,0 +1,14 @@
+"""Client of the bench's companion link: what an algorithm under test (CUT) needs to receive frames and to command.
+
+Plain Python 3.8 or newer with numpy, pyzmq and msgpack, so that it installs on a companion computer's own Python.
+A CUT is one function from a `Frame` to a `Desired` or None; `run` connects it to a bench.
+"""
+
+from hil_companion.client import Client
+from hil_companion.desired import Desired
+from hil_companion.errors import CompanionError
+from hil_companion.frame import Frame, Sample
+from hil_companion.protocol import Welcome
+from hil_companion.runner import run
+
+__all__ = ["Client", "CompanionError", "Desired", "Frame", "Sample", "Welcome", "run"]

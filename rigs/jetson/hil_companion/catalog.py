@@ -1,0 +1,77 @@
+"""CUTs by name: those that come with the client, or `module:attribute` of your own.
+
+What a shipped CUT can be told (--set key=value) are the keyword arguments of its class.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+import json
+import sys
+from typing import Any, Iterable
+
+from hil_companion.errors import OptionError
+
+SHIPPED = {
+    "echo": "hil_companion.cuts.echo:Echo",
+    "record": "hil_companion.cuts.record:Record",
+    "waypoints": "hil_companion.cuts.waypoints:Waypoints",
+}
+
+
+def make_cut(name: str, settings: Iterable[str] = ()) -> Any:
+    """The CUT of that name with those settings (KEY=VALUE; values as in JSON, else text). OptionError."""
+    found = _find(name)
+    options = dict(_setting(text) for text in settings)
+    if not inspect.isclass(found):
+        if options:
+            raise OptionError(f"{name}: a function, which takes no --set")
+        return found
+    legal = _options(found)
+    for key in options:
+        if key not in legal:
+            raise OptionError(
+                f"{name} has no setting {key!r}{_nearest(key, legal)}; it has {', '.join(legal) or 'none'}"
+            )
+    try:
+        return found(**options)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name}: {error}") from error
+
+
+def _find(name: str) -> Any:
+    place = SHIPPED.get(name, name)
+    module, colon, attribute = place.partition(":")
+    if not colon:
+        raise OptionError(f"no CUT {name!r}{_nearest(name, SHIPPED)}; there are {', '.join(SHIPPED)}, or MODULE:NAME")
+    if name not in SHIPPED and "" not in sys.path:
+        sys.path.insert(0, "")  # a CUT of one's own lies where one starts it
+    try:
+        found = getattr(importlib.import_module(module), attribute, None)
+    except ImportError as error:
+        raise OptionError(f"{name}: cannot be imported ({error})") from error
+    if not callable(found):
+        raise OptionError(f"{name}: {module} has no function or class {attribute!r}")
+    return found
+
+
+def _options(cut: Any) -> dict[str, Any]:
+    parameters = inspect.signature(cut).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
+
+
+def _setting(text: str) -> Any:
+    key, equals, value = text.partition("=")
+    if not key or not equals:
+        raise OptionError(f"--set {text!r}: KEY=VALUE is needed")
+    try:
+        return key, json.loads(value)
+    except ValueError:
+        return key, value
+
+
+def _nearest(name: str, legal: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, list(legal), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,118 @@
+"""One socket to the bench and the watch over it: connected, handshake failed, connection gone.
+
+ZeroMQ reconnects silently, but a bench knows a client by its connection: after a loss the client has to say hello
+again. So every loss is reported, and the caller starts afresh.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import zmq
+from zmq.utils.monitor import recv_monitor_message
+
+from hil_companion.errors import ConnectionLost, OptionError, WrongKeys
+from hil_companion.keys import Keys
+
+HEARTBEAT_MS = 1000
+HEARTBEAT_TIMEOUT_MS = 5000
+RECONNECT_MS = 100
+RECONNECT_MAX_MS = 5000
+HIGH_WATER = 128  # messages; more than the credits that a client can give
+BYE_LINGER_MS = 200
+MAX_BROKEN_HANDSHAKES = 3  # without a reason given; fewer may be a bench that is just ending
+
+_EVENTS = (
+    zmq.EVENT_HANDSHAKE_SUCCEEDED
+    | zmq.EVENT_HANDSHAKE_FAILED_AUTH
+    | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+    | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+    | zmq.EVENT_DISCONNECTED
+)
+
+
+class Connection:
+    """A DEALER socket and its monitor."""
+
+    def __init__(self, context: zmq.Context, address: str, keys: Keys | None, max_message_bytes: int) -> None:
+        self.address = address
+        self.handshakes = 0
+        self._keys = keys
+        self._broken_handshakes = 0
+        self._monitor: zmq.Socket | None = None
+        self.socket = context.socket(zmq.DEALER)
+        try:
+            for option, value in (
+                (zmq.LINGER, 0),
+                (zmq.SNDHWM, HIGH_WATER),
+                (zmq.RCVHWM, HIGH_WATER),
+                (zmq.MAXMSGSIZE, max_message_bytes),
+                (zmq.HEARTBEAT_IVL, HEARTBEAT_MS),
+                (zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS),
+                (zmq.RECONNECT_IVL, RECONNECT_MS),
+                (zmq.RECONNECT_IVL_MAX, RECONNECT_MAX_MS),
+            ):
+                self.socket.setsockopt(option, value)
+            if keys is not None:
+                keys.apply(self.socket)
+            self._monitor = self.socket.get_monitor_socket(_EVENTS)
+            self.socket.connect(address)
+        except zmq.ZMQError as error:
+            self.close()
+            raise OptionError(
+                f"{address}: not an address to connect to ({error.strerror}); tcp://HOST:PORT or ipc://FILE is needed"
+            ) from error
+
+    @property
+    def monitor(self) -> zmq.Socket:
+        assert self._monitor is not None
+        return self._monitor
+
+    def send(self, message: bytes) -> None:
+        try:
+            self.socket.send(message, zmq.NOBLOCK)
+        except zmq.Again:
+            raise ConnectionLost(f"{self.address}: the bench takes no more messages") from None
+
+    def receive(self) -> list[Any] | None:
+        """The parts of one message that is there, without copying them; None if there is none."""
+        try:
+            parts: list[Any] = self.socket.recv_multipart(zmq.NOBLOCK, copy=False)
+        except zmq.Again:
+            return None
+        return parts
+
+    def watch(self) -> bool:
+        """Look at what befell the connection. True if it was lost. WrongKeys."""
+        lost = False
+        while self.monitor.poll(0):
+            event = recv_monitor_message(self.monitor)
+            kind = event["event"]
+            if kind == zmq.EVENT_HANDSHAKE_SUCCEEDED:
+                self.handshakes += 1
+            elif kind == zmq.EVENT_DISCONNECTED:
+                lost = lost or self.handshakes > 0
+            else:
+                self._failed(kind, event["value"])
+        return lost
+
+    def _failed(self, kind: int, value: int) -> None:
+        if kind == zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL:
+            self._broken_handshakes += 1
+            if self._broken_handshakes < MAX_BROKEN_HANDSHAKES:
+                return
+        if self._keys is None:
+            why = "the bench asks for keys (--key and --bench-key) or does not speak ZeroMQ"
+        elif kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+            why = f"the bench does not allow this client's key (status {value}): give it the .pub file"
+        else:
+            why = "the bench's public key is another, or it uses no keys"
+        raise WrongKeys(f"{self.address}: handshake failed: {why}")
+
+    def close(self, linger_ms: int = 0) -> None:
+        if self.socket.closed:
+            return
+        if self._monitor is not None:
+            self.socket.disable_monitor()
+            self._monitor.close(linger=0)  # else the context would wait for it for ever
+        self.socket.close(linger=linger_ms)

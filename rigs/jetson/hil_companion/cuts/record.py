@@ -1,0 +1,125 @@
+"""Writes frames to a folder: one .npy file per array, and `frames.jsonl`, one line per frame with all else.
+
+It keeps the first frames, up to the number and the size that it is told, and writes nothing past that.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from hil_companion.errors import CutError, OptionError
+from hil_companion.frame import Frame, Sample
+from hil_companion.protocol import Welcome
+
+INDEX_NAME, WELCOME_NAME, ARRAYS_NAME = "frames.jsonl", "welcome.json", "arrays"
+NPY_HEADER_BYTES = 128  # of an array of few dimensions
+
+
+class Record:
+    """Keeps at most `keep_frames` frames and `keep_mb` megabytes (10^6) in the folder `out`."""
+
+    topics = ("*",)
+    control = False
+
+    def __init__(
+        self, *, out: str = "companion-frames", keep_frames: int = 10_000, keep_mb: float = 1000.0, stop: bool = False
+    ) -> None:
+        if keep_frames < 0 or not keep_mb >= 0:
+            raise OptionError("keep_frames and keep_mb cannot be below 0")
+        self.frames = 0  # kept
+        self.bytes = 0
+        self.full = False
+        self._out = Path(out)
+        self._keep_frames = keep_frames
+        self._keep_bytes = keep_mb * 1e6
+        self._finish = stop  # say `finished` when full
+        self._index: IO[str] | None = None
+
+    @property
+    def finished(self) -> bool:
+        return self._finish and self.full
+
+    def start(self, welcome: Welcome) -> None:
+        """Make the folder. What an earlier recording left there is never mixed with this one's: CutError."""
+        if self._index is not None:
+            raise CutError(f"{self._out}: the bench began another session; each is recorded in a folder of its own")
+        about = {
+            "schema": welcome.schema,
+            "session": welcome.session,
+            "mode": welcome.mode,
+            "tick_ns": welcome.tick_ns,
+            "rate_hz": welcome.rate_hz,
+            "topics": welcome.topics,
+            "sensors": welcome.sensors,
+            "waypoints_W": welcome.waypoints_W,
+        }
+        try:
+            (self._out / ARRAYS_NAME).mkdir(parents=True, exist_ok=True)
+            self._index = (self._out / INDEX_NAME).open("x", encoding="utf-8")
+            (self._out / WELCOME_NAME).write_text(_json(about) + "\n", encoding="utf-8")
+        except FileExistsError as error:
+            raise CutError(f"{self._out}: a recording is there already; name another folder (--set out=DIR)") from error
+        except OSError as error:
+            raise CutError(f"{self._out}: cannot be written ({error.strerror or error})") from error
+
+    def __call__(self, frame: Frame) -> None:
+        if self._index is None:
+            raise CutError("record: a frame came before the session began")
+        if self.full:
+            return
+        line = _json(_described(frame)) + "\n"
+        arrays = {_file(frame, s, name): a for s in frame.samples.values() for name, a in s.arrays.items()}
+        size = len(line.encode()) + sum(a.nbytes + NPY_HEADER_BYTES for a in arrays.values())
+        if self.frames >= self._keep_frames or self.bytes + size > self._keep_bytes:
+            self.full = True
+            return
+        try:
+            for name, array in arrays.items():
+                np.save(self._out / ARRAYS_NAME / name, array, allow_pickle=False)
+            self._index.write(line)  # last: a line means that its arrays are whole
+            self._index.flush()
+        except OSError as error:
+            raise CutError(f"{self._out}: cannot be written ({error.strerror or error})") from error
+        self.frames += 1
+        self.bytes += size
+        self.full = self.frames >= self._keep_frames
+
+    def stop(self) -> None:
+        if self._index is not None:
+            self._index.close()
+
+
+def _file(frame: Frame, sample: Sample, array: str) -> str:
+    # Topics come from the bench: nothing in them may lead out of the folder.
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", f"{frame.frame:08d}_{sample.topic}_{array}")[:200] + ".npy"
+
+
+def _described(frame: Frame) -> dict[str, Any]:
+    return {
+        "frame": frame.frame,
+        "tick": frame.tick,
+        "t_ns": frame.t_ns,
+        "t_sent_ns": frame.t_sent_ns,
+        "t_received_ns": frame.t_received_ns,
+        "dropped": frame.dropped,
+        "samples": [
+            {
+                "topic": s.topic,
+                "seq": s.seq,
+                "t_capture_ns": s.t_capture_ns,
+                "t_available_ns": s.t_available_ns,
+                "values": s.values,
+                "arrays": {name: f"{ARRAYS_NAME}/{_file(frame, s, name)}" for name in s.arrays},
+            }
+            for s in frame.samples.values()
+        ],
+    }
+
+
+def _json(entries: Any) -> str:
+    return json.dumps(entries, separators=(",", ":"), default=repr)

@@ -1,0 +1,75 @@
+"""What a CUT wants the vehicle to do: any part of a state. What is left out is not commanded.
+
+World W is ENU (east, north, up), body B is FLU (forward, left, up), SI units; quaternions w-x-y-z, rotating B into W.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass
+from typing import Any, Sequence
+
+from hil_companion.errors import CutError
+
+UNIT_NORM_TOLERANCE = 1e-3
+LARGEST = 1e9  # m, m/s, ...: what the bench takes; nothing commanded comes near
+
+
+@dataclass(frozen=True)
+class Desired:
+    """A desired state. Checked when made: CutError where a number is not finite or has no meaning."""
+
+    p_W: Sequence[float] | None = None  # [m]
+    v_W: Sequence[float] | None = None  # [m/s]
+    a_W: Sequence[float] | None = None  # [m/s2]
+    yaw_rad: float | None = None  # from east, counter-clockwise
+    yaw_rate_radps: float | None = None
+    q_WB: Sequence[float] | None = None
+    thrust: float | None = None  # 0..1 of what there is
+    w_B: Sequence[float] | None = None  # [rad/s]
+    land: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("p_W", "v_W", "a_W", "w_B"):
+            self._keep(name, _vector(name, getattr(self, name), 3))
+        self._keep("q_WB", _vector("q_WB", self.q_WB, 4))
+        for name in ("yaw_rad", "yaw_rate_radps", "thrust"):
+            self._keep(name, _number(name, getattr(self, name)))
+        if self.q_WB is not None and abs(math.sqrt(sum(c * c for c in self.q_WB)) - 1.0) > UNIT_NORM_TOLERANCE:
+            raise CutError(f"desired q_WB {list(self.q_WB)}: a quaternion of unit norm is needed")
+        if self.thrust is not None and not 0.0 <= self.thrust <= 1.0:
+            raise CutError(f"desired thrust {self.thrust}: 0 to 1 is needed")
+        if not isinstance(self.land, bool):
+            raise CutError(f"desired land {self.land!r}: True or False is needed")
+
+    def _keep(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)  # plain floats from here on, whatever they were given as
+
+    def as_map(self) -> dict[str, Any]:
+        """What goes on the wire: plain floats and lists, only what is commanded."""
+        entries = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "land"}
+        entries = {name: value for name, value in entries.items() if value is not None}
+        if self.land:
+            entries["land"] = True
+        return entries
+
+
+def _number(name: str, value: Any) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not abs(float(value)) <= LARGEST:
+        raise CutError(f"desired {name} {value!r}: a finite number of sensible size is needed")
+    return float(value)
+
+
+def _vector(name: str, values: Any, size: int) -> list[float] | None:
+    if values is None:
+        return None
+    try:
+        items = list(values)
+    except TypeError:
+        items = []
+    if len(items) != size:
+        raise CutError(f"desired {name} {values!r}: {size} numbers are needed")
+    return [float(_number(name, item) or 0.0) for item in items]

@@ -1,0 +1,180 @@
+"""One frame: what the bench's sensors delivered since the frame before, as read-only views on the received bytes.
+
+Nothing is copied. Arrays that came by socket keep their bytes alive for as long as they are held. Those in the shared
+ring (`Frame.in_ring`) are overwritten after the frame has been answered: `Frame.copy()` what is to outlive that.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any, Iterator, Sequence
+
+import numpy as np
+
+from hil_companion.checks import Fields
+from hil_companion.errors import BadMessage
+from hil_companion.protocol import MAX_TOPICS, Header
+
+if TYPE_CHECKING:
+    from hil_companion.ring import RingView
+
+MAX_DIMENSIONS = 8
+MAX_ARRAYS = 64  # of one sample
+_DTYPE = re.compile(r"(?:\|b1|[|<][iu]1|<[iu][248]|<f[248]|<c(?:8|16))\Z")
+
+
+class Sample:
+    """What one topic delivered: `sample["rgb"]` is an array or a value."""
+
+    __slots__ = ("arrays", "seq", "t_available_ns", "t_capture_ns", "topic", "values")
+
+    def __init__(
+        self,
+        topic: str,
+        seq: int,
+        t_capture_ns: int,
+        t_available_ns: int,
+        values: dict[str, Any],
+        arrays: dict[str, np.ndarray],
+    ) -> None:
+        self.topic = topic
+        self.seq = seq
+        self.t_capture_ns = t_capture_ns  # simulated time at which it was taken
+        self.t_available_ns = t_available_ns  # and at which it left the sensor
+        self.values = values
+        self.arrays = arrays
+
+    def __getitem__(self, name: str) -> Any:
+        if name in self.arrays:
+            return self.arrays[name]
+        if name in self.values:
+            return self.values[name]
+        there = ", ".join([*self.arrays, *self.values]) or "nothing"
+        raise KeyError(f"{self.topic} has no {name!r}; it has {there}")
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.arrays or name in self.values
+
+    def latest(self, name: str) -> Any:
+        """The newest row of a field of a topic whose samples are stacked one a row; a single value as it is."""
+        value = self[name]
+        return value[-1] if name in self.arrays else value
+
+    @property
+    def array(self) -> np.ndarray:
+        """The one array of a sample that has one."""
+        if len(self.arrays) != 1:
+            raise KeyError(f"{self.topic} has {len(self.arrays)} arrays, not one: {', '.join(self.arrays)}")
+        return next(iter(self.arrays.values()))
+
+
+class Frame:
+    """Samples by topic: `frame["front/rgb"]`. Simulated times in ns; `t_received_ns` is this machine's clock."""
+
+    __slots__ = (
+        "dropped",
+        "frame",
+        "in_ring",
+        "latency_ns",
+        "release",
+        "samples",
+        "t_ns",
+        "t_received_ns",
+        "t_sent_ns",
+        "tick",
+    )
+
+    def __init__(self, header: Header, samples: dict[str, Sample], *, in_ring: bool, t_received_ns: int) -> None:
+        at = Fields(header, "frame")
+        self.frame = at.integer("frame")
+        self.tick = at.integer("tick")
+        self.t_ns = at.integer("t_ns")
+        self.t_sent_ns = at.integer("t_sent_ns")  # the bench's clock
+        self.dropped = at.integer("dropped")  # frames that this client did not get since the one before
+        release = header.get("release")
+        self.release: int | None = None if release is None else at.integer("release")
+        self.samples = samples
+        self.in_ring = in_ring
+        self.t_received_ns = t_received_ns
+        self.latency_ns = 0  # of the frame before: both ways on the wire and the CUT's own time; 0: not known yet
+
+    def __getitem__(self, topic: str) -> Sample:
+        try:
+            return self.samples[topic]
+        except KeyError:
+            there = ", ".join(self.samples) or "nothing"
+            raise KeyError(f"frame {self.frame} has no {topic!r}; it has {there}") from None
+
+    def __contains__(self, topic: object) -> bool:
+        return topic in self.samples
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.samples)
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def copy(self) -> Frame:
+        """The same with arrays of its own, which stay when the ring's slot has been given back."""
+        other: Frame = object.__new__(Frame)
+        for name in Frame.__slots__:
+            setattr(other, name, getattr(self, name))
+        other.in_ring = False
+        other.samples = {
+            s.topic: Sample(s.topic, s.seq, s.t_capture_ns, s.t_available_ns, s.values, _copies(s.arrays))
+            for s in self.samples.values()
+        }
+        return other
+
+
+def _copies(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    copies = {name: array.copy() for name, array in arrays.items()}
+    for array in copies.values():
+        array.flags.writeable = False
+    return copies
+
+
+def read_samples(header: Header, parts: Sequence[Any], ring: RingView | None) -> dict[str, Sample]:
+    """The samples of a header, their arrays laid over `parts` (all parts of the message) or the ring. BadMessage."""
+    samples: dict[str, Sample] = {}
+    for number, entries in enumerate(Fields(header, "frame").sequence("samples", MAX_TOPICS)):
+        at = Fields(entries, f"frame.samples[{number}]")
+        topic = at.text("topic", 200)
+        if topic in samples:
+            raise BadMessage(f"{at.place}: {topic!r} comes twice")
+        values = at.mapping("values")
+        arrays: dict[str, np.ndarray] = {}
+        for described in at.sequence("arrays", MAX_ARRAYS):
+            name, array = _array(Fields(described, f"{at.place} ({topic}) array"), parts, ring)
+            if name in arrays or name in values:
+                raise BadMessage(f"{at.place} ({topic}): {name!r} comes twice")
+            arrays[name] = array
+        samples[topic] = Sample(
+            topic, at.integer("seq"), at.integer("t_capture_ns"), at.integer("t_available_ns"), values, arrays
+        )
+    return samples
+
+
+def _array(at: Fields, parts: Sequence[Any], ring: RingView | None) -> Any:
+    name, kind = at.text("name", 100), at.text("dtype", 8)
+    if not _DTYPE.match(kind):
+        raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
+    dtype = np.dtype(kind)
+    shape: list[int] = at.sequence("shape", MAX_DIMENSIONS)
+    size = dtype.itemsize
+    for n in shape:
+        if type(n) is not int or not 0 <= n < 2**31:
+            raise at.wrong("shape", "whole numbers, not negative,")
+        size *= n
+    if "slot_offset" in at.entries:
+        if ring is None:
+            raise BadMessage(f"{at.place} {name}: in a ring, where no ring was agreed on")
+        view = ring.view(at.integer("slot_offset"), size)
+    else:
+        part = at.integer("part", 1, len(parts) - 1)
+        view = getattr(parts[part], "buffer", parts[part])
+    if len(view) != size:
+        raise BadMessage(f"{at.place} {name}: {len(view)} bytes, where {kind} {shape} needs {size}")
+    array = np.frombuffer(view, dtype=dtype).reshape(shape) if size else np.empty(shape, dtype)
+    array.flags.writeable = False
+    return name, array

@@ -1,0 +1,227 @@
+"""The wire, version 1, as the client sees it: headers out, headers in, and checks of all that comes in.
+
+Every message is multipart. Part 0 is a msgpack map, the header; further parts are the bytes of arrays, C order, little
+endian. Nothing of a header is used before it has been checked: kinds, ranges, sizes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, Mapping, Sequence
+
+import msgpack
+
+from hil_companion.checks import Fields
+from hil_companion.errors import BadMessage
+
+MAGIC = "hil-companion"
+VERSION = 1
+MODES = ("lockstep", "realtime", "latency_true")
+REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
+
+MAX_HEADER_BYTES = 1 << 20
+MAX_TOPICS = 1024
+MAX_CREDIT = 64
+MAX_WAYPOINTS = 10_000
+
+Header = Dict[str, Any]
+
+
+def pack(header: Mapping[str, Any]) -> bytes:
+    data: bytes = msgpack.packb(header, use_bin_type=True)
+    return data
+
+
+def unpack(data: Any) -> Header:
+    """The header in these bytes: a map that says its kind. BadMessage."""
+    size = len(data)
+    if size > MAX_HEADER_BYTES:
+        raise BadMessage(f"a header of {size} bytes; the limit is {MAX_HEADER_BYTES}")
+    try:
+        header = msgpack.unpackb(data, raw=False)
+    # msgpack has no common base for what damaged bytes can raise.
+    except (ValueError, TypeError, RecursionError, OverflowError, msgpack.UnpackException) as error:
+        raise BadMessage(f"no msgpack map in a header of {size} bytes ({type(error).__name__})") from error
+    if not isinstance(header, dict) or not isinstance(header.get("k"), str):
+        raise BadMessage("a header that does not say its kind (k)")
+    return header
+
+
+# --- out ---
+
+
+def hello(
+    name: str,
+    topics: Sequence[str],
+    *,
+    schema: str | None,
+    control: bool,
+    credit: int,
+    shared_memory: bool,
+    session: str | None = None,
+) -> bytes:
+    """The first word on a connection; with the session, on a port: says whose connection that is."""
+    return pack(
+        {
+            "k": "hello",
+            "magic": MAGIC,
+            "version": VERSION,
+            "schema": schema,
+            "name": name,
+            "topics": list(topics),
+            "control": control,
+            "credit": credit,
+            "shared_memory": shared_memory,
+            **({} if session is None else {"session": session}),
+        }
+    )
+
+
+def credit(n: int) -> bytes:
+    return pack({"k": "credit", "n": n})
+
+
+def done(
+    frame: int, *, t_received_ns: int, t_sent_ns: int, t2_ns: int, desired: Header | None, finished: bool
+) -> bytes:
+    return pack(
+        {
+            "k": "done",
+            "frame": frame,
+            "t_received_ns": t_received_ns,
+            "t_sent_ns": t_sent_ns,
+            "t2_ns": t2_ns,
+            "desired": desired,
+            "finished": finished,
+        }
+    )
+
+
+def ping(number: int, t_client_ns: int) -> bytes:
+    return pack({"k": "ping", "id": number, "t_client_ns": t_client_ns})
+
+
+def bye(reason: str) -> bytes:
+    return pack({"k": "bye", "reason": reason[:200]})
+
+
+# --- in ---
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Shared memory in which the bench leaves arrays."""
+
+    name: str
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Welcome:
+    """What the bench says about itself to a client that it has taken on."""
+
+    schema: str
+    session: str  # one run of the bench; another after a restart
+    mode: str  # one of MODES
+    tick_ns: int
+    rate_hz: float
+    topics: dict[str, dict[str, Any]]  # topic -> {"type": str, "fields": {name: [unit, frame]}}
+    sensors: dict[str, dict[str, Any]]  # sensor -> calibration
+    waypoints_W: tuple[tuple[float, float, float], ...]
+    ports: dict[str, str]  # topic -> address; empty: all on the one socket
+    ring: Ring | None
+    control: bool
+
+
+@dataclass(frozen=True)
+class Refusal:
+    code: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Pong:
+    id: int
+    t_client_ns: int
+    t_bench_received_ns: int
+    t_bench_sent_ns: int
+
+
+@dataclass(frozen=True)
+class End:
+    status: str
+    text: str
+
+
+def read_welcome(header: Header) -> Welcome:
+    at = Fields(header, "welcome")
+    at.integer("version", VERSION, VERSION)
+    topics = at.mapping("topics")
+    if len(topics) > MAX_TOPICS:
+        raise BadMessage(f"welcome.topics: {len(topics)}; the limit is {MAX_TOPICS}")
+    for topic, described in topics.items():
+        here = Fields(described, f"welcome.topics.{topic}")
+        here.text("type", 100)
+        here.mapping("fields")
+    ports = at.mapping("ports")
+    if not all(isinstance(address, str) and len(address) < 512 for address in ports.values()):
+        raise BadMessage("welcome.ports: addresses are text")
+    sensors = at.mapping("sensors")
+    if not all(isinstance(sensor, dict) for sensor in sensors.values()):
+        raise BadMessage("welcome.sensors: each is a map")
+    return Welcome(
+        schema=at.text("schema", 64),
+        session=at.text("session", 64),
+        mode=at.choice("mode", MODES),
+        tick_ns=at.integer("tick_ns", 1),
+        rate_hz=at.number("rate_hz", 0.0, 1e6),
+        topics=topics,
+        sensors=sensors,
+        waypoints_W=tuple(_point(p, i) for i, p in enumerate(at.sequence("waypoints_W", MAX_WAYPOINTS))),
+        ports=ports,
+        ring=_ring(at.optional_map("ring")),
+        control=at.boolean("control"),
+    )
+
+
+def _point(point: Any, i: int) -> tuple[float, float, float]:
+    place = f"welcome.waypoints_W[{i}]"
+    if not isinstance(point, list) or len(point) != 3:
+        raise BadMessage(f"{place}: three numbers are needed")
+    at = Fields(dict(zip("xyz", point)), place)
+    return at.number("x"), at.number("y"), at.number("z")
+
+
+def _ring(entries: Header | None) -> Ring | None:
+    if entries is None:
+        return None
+    at = Fields(entries, "welcome.ring")
+    name = at.text("name", 255).lstrip("/")
+    if not name or "/" in name or name.startswith("."):
+        raise at.wrong("name", "the plain name of a shared memory")
+    return Ring(name, at.integer("bytes", 1))
+
+
+def read_refusal(header: Header) -> Refusal:
+    at = Fields(header, "refused")
+    return Refusal(at.text("code", 40), at.text("text"))
+
+
+def read_pong(header: Header) -> Pong:
+    at = Fields(header, "pong")
+    return Pong(*(at.integer(n) for n in ("id", "t_client_ns", "t_bench_received_ns", "t_bench_sent_ns")))
+
+
+def read_end(header: Header) -> End:
+    at = Fields(header, "end")
+    return End(at.text("status", 40), at.text("text"))
+
+
+def ports_of_frame(header: Header) -> list[str] | None:
+    """Topics whose parts make the whole, where it travels over several ports; None where it is whole already."""
+    if header.get("ports_of_frame") is None:
+        return None
+    topics = Fields(header, "frame").sequence("ports_of_frame", MAX_TOPICS)
+    if not all(isinstance(topic, str) for topic in topics) or len(set(topics)) != len(topics):
+        raise BadMessage("frame.ports_of_frame: different topics are needed")
+    return topics

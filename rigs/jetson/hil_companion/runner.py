@@ -1,0 +1,169 @@
+"""Runs a CUT against a bench: connects, hands it every frame, sends what it desires, comes back after a loss.
+
+A CUT is a function from a `Frame` to a `Desired` or None; or an object that is called like one and may also have
+`start(welcome)`, called before the first frame of every session, `finished`, read after each frame, and `stop()`,
+called once at the end.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+import traceback
+from typing import Any, Callable, Optional, Sequence
+
+from hil_companion.client import DEFAULT_WAIT_S, Client
+from hil_companion.desired import Desired
+from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
+from hil_companion.frame import Frame
+from hil_companion.keys import PathLike
+
+END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
+BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
+# What can pass by itself after a loss: the bench may not have noticed yet that we were gone.
+_PASSING = ("name", "full", "control")
+
+Cut = Callable[[Frame], Optional[Desired]]
+
+
+def run(
+    cut: Cut,
+    address: str,
+    *,
+    name: str,
+    topics: Sequence[str] = ("*",),
+    control: bool = False,
+    credit: int = 1,
+    shared_memory: bool = True,
+    key: PathLike | None = None,
+    bench_key: PathLike | None = None,
+    wait_s: float = DEFAULT_WAIT_S,
+    reconnect_s: float = math.inf,
+    say: Callable[[str], None] | None = None,
+) -> int:
+    """Run until the bench ends. The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`."""
+    tell = to_stderr if say is None else say
+    options = {
+        "name": name,
+        "topics": topics,
+        "control": control,
+        "credit": credit,
+        "shared_memory": shared_memory,
+        "key": key,
+        "bench_key": bench_key,
+    }
+    runner = Runner(cut, address, options, wait_s=wait_s, reconnect_s=reconnect_s, say=tell)
+    try:
+        runner.run()
+        status = END_STATUS
+    except KeyboardInterrupt:
+        tell(f"{name}: stopped after {runner.frames} frames")
+        status = END_STATUS
+    except OptionError as error:
+        tell(f"error: {error}")
+        status = OPTION_STATUS
+    except CompanionError as error:
+        tell(f"error: {error}")
+        status = ERROR_STATUS
+    try:
+        getattr(cut, "stop", _nothing)()
+    except Exception as error:  # noqa: BLE001 (the CUT is somebody else's code; its fault is told and counted)
+        tell(f"error: the CUT failed when told to stop: {type(error).__name__}: {error}")
+        status = status or ERROR_STATUS
+    return status
+
+
+class Runner:
+    """One CUT, one bench, as many connections as it takes."""
+
+    def __init__(
+        self,
+        cut: Cut,
+        address: str,
+        options: Any,
+        *,
+        wait_s: float,
+        reconnect_s: float,
+        say: Callable[[str], None],
+    ) -> None:
+        self.frames = 0
+        self._cut = cut
+        self._address = address
+        self._options = options
+        self._wait_s = wait_s
+        self._reconnect_s = reconnect_s
+        self._say = say
+        self._session: str | None = None
+        self._schema: str | None = None
+
+    def run(self) -> None:
+        """Until the bench ends. CompanionError."""
+        client = Client.connect(self._address, wait_s=self._wait_s, **self._options)
+        back_off_s = BACK_OFF_S
+        while True:
+            before = self.frames
+            try:
+                with client:
+                    self._serve(client)
+                return
+            except ConnectionLost as error:
+                if self._reconnect_s <= 0:
+                    raise
+                self._say(f"{error}; connecting again")
+            back_off_s = BACK_OFF_S if self.frames > before else min(2 * back_off_s, BACK_OFF_MAX_S)
+            client = self._again(back_off_s)
+
+    def _again(self, back_off_s: float) -> Client:
+        deadline_s = time.monotonic() + self._reconnect_s
+        while True:
+            time.sleep(back_off_s)
+            left_s = deadline_s - time.monotonic()
+            try:
+                return Client.connect(self._address, schema=self._schema, wait_s=max(left_s, 0.1), **self._options)
+            except Refused as error:
+                if error.code not in _PASSING or left_s <= 0:
+                    raise
+            except NoBench as error:
+                raise ConnectionLost(f"the connection was lost and did not come back: {error}") from error
+            back_off_s = min(2 * back_off_s, BACK_OFF_MAX_S)
+
+    def _serve(self, client: Client) -> None:
+        welcome = client.welcome
+        if welcome.session != self._session:
+            self._call(getattr(self._cut, "start", _nothing), welcome)
+        self._session, self._schema = welcome.session, welcome.schema
+        name = self._options["name"]
+        self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
+        for frame in client.frames():
+            began_ns = time.monotonic_ns()
+            desired = self._call(self._cut, frame)
+            t2_ns = time.monotonic_ns() - began_ns
+            client.done(frame, desired, t2_ns=t2_ns, finished=bool(getattr(self._cut, "finished", False)))
+            self.frames += 1
+        if client.end is not None:
+            words = f"{client.end.status} {client.end.text}".strip()
+            self._say(f"{name}: the bench ended ({words}) after {self.frames} frames")
+
+    @staticmethod
+    def _call(function: Any, argument: Any) -> Any:
+        """Call into the CUT. Its own faults become CutError, after their traceback."""
+        try:
+            return function(argument)
+        except CompanionError:
+            raise
+        except Exception as error:
+            traceback.print_exc()
+            raise CutError(f"the CUT failed: {type(error).__name__}: {error}") from error
+
+
+def _nothing(*_: Any) -> None:
+    """What a CUT without `start` or `stop` does there."""
+
+
+def to_stderr(text: str) -> None:
+    try:
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        pass  # nobody may be there to read it; the status tells
