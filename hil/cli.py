@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 import time
 from collections.abc import Sequence
@@ -248,6 +249,50 @@ def keys(
     except ConfigError as error:
         complain(error)
         raise typer.Exit(CONFIG_STATUS) from None
+
+
+def companion(
+    name: Annotated[str, typer.Argument(help="echo, record, waypoints, or MODULE:NAME of your own.", metavar="NAME")],
+    connect: Annotated[str, typer.Option(help="tcp://HOST:PORT or ipc://FILE of a bench.", metavar="ADDR")],
+    client_name: Annotated[str | None, typer.Option("--name", help="What the bench calls it; default NAME.")] = None,
+    topics: Annotated[
+        list[str] | None, typer.Option(help="What to receive, shell patterns, e.g. front/*,imu.", metavar="A,B")
+    ] = None,
+    key: Annotated[Path | None, typer.Option(help="This client's secret key (`hil keys`).", metavar="FILE")] = None,
+    bench_key: Annotated[Path | None, typer.Option(help="The bench's public key.", metavar="FILE")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting of the client. May be repeated.", metavar="KEY=VALUE")
+    ] = None,
+    control: Annotated[bool, typer.Option("--control", help="Ask to command, for one of your own.")] = False,
+    credit: Annotated[int, typer.Option(help="Frames on the way at once.")] = 1,
+    no_shared_memory: Annotated[
+        bool, typer.Option("--no-shared-memory", help="Even where the bench is on this machine.")
+    ] = False,
+    wait: Annotated[float, typer.Option(help="Seconds for the bench to be there.")] = 30.0,
+    reconnect: Annotated[float, typer.Option(help="Seconds to come back after a loss; default for ever.")] = math.inf,
+) -> None:
+    """Run a client under test against a bench."""
+    from hil.companion_command import run_companion
+
+    try:
+        status = run_companion(
+            name,
+            connect,
+            name=client_name,
+            topics=topics or (),
+            key=key,
+            bench_key=bench_key,
+            settings=settings or (),
+            control=control,
+            credit=credit,
+            shared_memory=not no_shared_memory,
+            wait_s=wait,
+            reconnect_s=reconnect,
+        )
+    except ConfigError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS) from None
+    raise typer.Exit(status)
 
 
 calibrate = typer.Typer(no_args_is_help=True, help="A sensor's preset from a recording of your own sensor.")

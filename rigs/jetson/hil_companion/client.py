@@ -68,7 +68,7 @@ class Client:
         bench_key: PathLike | None = None,
         wait_s: float = DEFAULT_WAIT_S,
         max_message_bytes: int = MAX_MESSAGE_BYTES,
-        context: zmq.Context | None = None,
+        context: zmq.Context[Any] | None = None,
     ) -> Client:
         """Say hello and wait for the welcome. OptionError, NoBench, WrongKeys, Refused, SchemaChanged."""
         if not _NAME.match(name):
@@ -89,7 +89,7 @@ class Client:
             raise
         return self
 
-    def __init__(self, context: zmq.Context | None, keys: Keys | None, max_message_bytes: int) -> None:
+    def __init__(self, context: zmq.Context[Any] | None, keys: Keys | None, max_message_bytes: int) -> None:
         self.end = None
         self.clock = BenchClock()
         self.barrier = Barrier()
@@ -122,7 +122,7 @@ class Client:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 raise NoBench(_nobody(speaking, wait_s))
-            self._poller.poll(min(left_s, 3600.0) * 1000)
+            self._poller.poll(math.ceil(min(left_s, 3600.0) * 1000))
             header = self._first_answer(speaking)
             if header is not None:
                 break
@@ -188,7 +188,7 @@ class Client:
             if self._drain() == 0:
                 if now_s >= deadline_s:
                     return None
-                self._poller.poll(max(0.0, min(deadline_s, self._next_ping_s) - now_s) * 1000)
+                self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
         if not self._ready:
             return None
         frame = self._ready.popleft()

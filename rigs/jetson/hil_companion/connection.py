@@ -34,12 +34,12 @@ _EVENTS = (
 class Connection:
     """A DEALER socket and its monitor."""
 
-    def __init__(self, context: zmq.Context, address: str, keys: Keys | None, max_message_bytes: int) -> None:
+    def __init__(self, context: zmq.Context[Any], address: str, keys: Keys | None, max_message_bytes: int) -> None:
         self.address = address
         self.handshakes = 0
         self._keys = keys
         self._broken_handshakes = 0
-        self._monitor: zmq.Socket | None = None
+        self._monitor: zmq.Socket[Any] | None = None
         self.socket = context.socket(zmq.DEALER)
         try:
             for option, value in (
@@ -64,7 +64,7 @@ class Connection:
             ) from error
 
     @property
-    def monitor(self) -> zmq.Socket:
+    def monitor(self) -> zmq.Socket[Any]:
         assert self._monitor is not None
         return self._monitor
 

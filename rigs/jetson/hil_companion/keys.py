@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Union
+from typing import Any, Union
 
 import zmq
 
@@ -45,7 +45,7 @@ class Keys:
         except (zmq.ZMQError, ValueError) as error:
             raise OptionError(f"{key}: not a secret key ({error})") from error
 
-    def apply(self, socket: zmq.Socket) -> None:
+    def apply(self, socket: zmq.Socket[Any]) -> None:
         socket.curve_secretkey = self.secret
         socket.curve_publickey = self.public
         socket.curve_serverkey = self.bench_public

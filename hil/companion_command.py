@@ -1,0 +1,55 @@
+"""`hil companion`: runs a client under test on this machine, the same as `python -m hil_companion` does elsewhere.
+
+The client lives in `rigs/jetson`, as a package of its own that knows nothing of the bench, so that it can be copied to
+a companion computer. From here it is found by that path.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import rigs
+from hil.signals.errors import ConfigError
+
+FOLDER = Path(rigs.__file__).parent / "jetson"
+
+
+def run_companion(
+    cut: str,
+    address: str,
+    *,
+    name: str | None,
+    topics: Sequence[str],
+    key: Path | None,
+    bench_key: Path | None,
+    settings: Sequence[str],
+    control: bool,
+    credit: int,
+    shared_memory: bool,
+    wait_s: float,
+    reconnect_s: float,
+) -> int:
+    """Run it until the bench ends; the exit status is the client's own. ConfigError without the package."""
+    if not (FOLDER / "hil_companion").is_dir():
+        raise ConfigError(f"{FOLDER}: the companion client is not there")
+    if str(FOLDER) not in sys.path:
+        sys.path.insert(0, str(FOLDER))
+    from hil_companion.command import start, topic_list  # type: ignore[import-not-found]
+
+    status: int = start(
+        cut,
+        address,
+        name=name,
+        topics=topic_list(topics),
+        settings=settings,
+        control=control,
+        credit=credit,
+        shared_memory=shared_memory,
+        key=key,
+        bench_key=bench_key,
+        wait_s=wait_s,
+        reconnect_s=reconnect_s,
+    )
+    return status

@@ -1,0 +1,159 @@
+"""Flies through the bench's waypoints on a path of least snap, and lands at the last.
+
+    take-off   straight up, to the first waypoint's height, and there until the vehicle is there
+    path       from above the place of take-off through the waypoints, at simulated time
+    land       asked for at the last waypoint, until the vehicle is down or `land_s` have passed
+
+Where the vehicle is is read from `truth` if that is among the topics; else it is taken to be below the first waypoint,
+and on time. What is commanded depends on the frames only, so the same frames give the same flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan
+from hil_companion.cuts.snap_path import PathPoint, SnapPath
+from hil_companion.desired import Desired
+from hil_companion.errors import CutError, OptionError
+from hil_companion.frame import Frame
+from hil_companion.protocol import Welcome
+
+ARRIVED_M = 0.3
+DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: as low as it started, this slow, for this long
+TURN_FROM_MPS = 0.3  # horizontal speed below which the path says nothing of where to look
+TRUTH = "truth"
+
+
+class Waypoints:
+    """`lookahead_s`: how far ahead of the frame's time to command, or "measured": the latency of the frame before
+    (then the flight depends on how fast this machine was). `yaw`: radians from east, or "forward"."""
+
+    topics = (TRUTH,)
+    control = True
+
+    def __init__(
+        self,
+        *,
+        speed_mps: float = 4.0,
+        accel_mps2: float = 3.0,
+        corridor_m: float = 0.4,
+        takeoff_speed_mps: float = 1.0,
+        yaw: float | str = "forward",
+        yaw_rate_radps: float = 1.0,
+        lookahead_s: float | str = 0.0,
+        wait_s: float = 30.0,
+        land_s: float = 60.0,
+    ) -> None:
+        limits = {"speed_mps": speed_mps, "accel_mps2": accel_mps2, "corridor_m": corridor_m}
+        limits.update(takeoff_speed_mps=takeoff_speed_mps, yaw_rate_radps=yaw_rate_radps)
+        for name, value in limits.items():
+            _number(name, value, above=0.0)
+        for name, value in (("wait_s", wait_s), ("land_s", land_s)):
+            _number(name, value)
+        if yaw != "forward":
+            _number("yaw", yaw)
+        if lookahead_s != "measured":
+            _number("lookahead_s", lookahead_s)
+        self.finished = False
+        self._limits = Limits(speed_mps, accel_mps2, corridor_m)
+        self._climb = Limits(takeoff_speed_mps, accel_mps2, corridor_m)
+        self._yaw, self._yaw_rate_radps, self._lookahead_s = yaw, yaw_rate_radps, lookahead_s
+        self._wait_s, self._land_s = wait_s, land_s
+        self._waypoints_W = np.zeros((0, 3))
+        self._phases: list[SnapPath] = []
+        self._reset()
+
+    def _reset(self) -> None:
+        self.finished = False
+        self._phases = []
+        self._phase = 0
+        self._phase_t_ns = 0  # when it began
+        self._t_ns: int | None = None  # of the frame before
+        self._yaw_rad = 0.0
+        self._start_W = np.zeros(3)
+        self._down_since_ns: int | None = None
+
+    def start(self, welcome: Welcome) -> None:
+        if not welcome.waypoints_W:
+            raise CutError("waypoints: the bench has none to fly; give it a mission with waypoints")
+        self._reset()
+        self._waypoints_W = np.array(welcome.waypoints_W, float)
+
+    def __call__(self, frame: Frame) -> Desired | None:
+        p_W, v_W = _where(frame)
+        if not self._phases:
+            self._begin(frame, p_W)
+        dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
+        self._t_ns = frame.t_ns
+        t_s = (frame.t_ns - self._phase_t_ns) * 1e-9
+        if self._phase < len(self._phases) and self._over(t_s, p_W):
+            self._phase += 1
+            self._phase_t_ns, t_s = frame.t_ns, 0.0
+        if self._phase == len(self._phases):
+            return self._land(frame, t_s, p_W, v_W)
+        point = self._phases[self._phase].at(t_s + self._ahead_s(frame))
+        self._turn(point, dt_s)
+        return Desired(p_W=point.p_W, v_W=point.v_W, a_W=point.a_W, yaw_rad=self._yaw_rad)
+
+    def _begin(self, frame: Frame, p_W: np.ndarray | None) -> None:
+        first = self._waypoints_W[0]
+        self._start_W = np.array([first[0], first[1], 0.0]) if p_W is None else p_W
+        above = np.array([self._start_W[0], self._start_W[1], first[2]])
+        legs = (([self._start_W, above], self._climb), ([above, *self._waypoints_W], self._limits))
+        for points, limits in legs:
+            if np.ptp(np.array(points), axis=0).max() > SAME_PLACE_M:
+                self._phases.append(plan(np.array(points), limits))
+        self._phase_t_ns = frame.t_ns
+        q_WB = frame[TRUTH]["q_WB"] if TRUTH in frame and "q_WB" in frame[TRUTH] else None
+        if self._yaw != "forward":
+            self._yaw_rad = float(self._yaw)
+        elif q_WB is not None:
+            w, x, y, z = np.asarray(q_WB, float).reshape(-1, 4)[-1]
+            self._yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+    def _over(self, t_s: float, p_W: np.ndarray | None) -> bool:
+        """Whether the phase's time has passed and the vehicle has come to its end; it is not waited for for ever."""
+        path = self._phases[self._phase]
+        if t_s < path.duration_s:
+            return False
+        late = t_s > path.duration_s + self._wait_s
+        return late or p_W is None or float(np.linalg.norm(p_W - path.at(t_s).p_W)) < ARRIVED_M
+
+    def _land(self, frame: Frame, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> Desired:
+        down = p_W is not None and v_W is not None and p_W[2] - self._start_W[2] < DOWN_M
+        if not (down and v_W is not None and float(np.linalg.norm(v_W)) < DOWN_MPS):
+            self._down_since_ns = None
+        elif self._down_since_ns is None:
+            self._down_since_ns = frame.t_ns
+        still_s = 0.0 if self._down_since_ns is None else (frame.t_ns - self._down_since_ns) * 1e-9
+        self.finished = self.finished or still_s >= DOWN_S or t_s >= self._land_s
+        return Desired(yaw_rad=self._yaw_rad, land=True)
+
+    def _ahead_s(self, frame: Frame) -> float:
+        return frame.latency_ns * 1e-9 if self._lookahead_s == "measured" else float(self._lookahead_s)
+
+    def _turn(self, point: PathPoint, dt_s: float) -> None:
+        """Towards where the path goes, no faster than allowed, the short way round."""
+        east, north = float(point.v_W[0]), float(point.v_W[1])
+        if self._yaw != "forward" or math.hypot(east, north) < TURN_FROM_MPS:
+            return
+        off = math.remainder(math.atan2(north, east) - self._yaw_rad, 2.0 * math.pi)
+        most = self._yaw_rate_radps * dt_s
+        self._yaw_rad = math.remainder(self._yaw_rad + min(max(off, -most), most), 2.0 * math.pi)
+
+
+def _where(frame: Frame) -> Any:
+    """Position and velocity out of the truth, or None and None."""
+    if TRUTH not in frame:
+        return None, None
+    truth = frame[TRUTH]
+    return tuple(np.asarray(truth[name], float).reshape(-1, 3)[-1] for name in ("p_WB", "v_WB_W"))
+
+
+def _number(name: str, value: Any, above: float = -math.inf) -> None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
+        raise OptionError(f"waypoints: {name} {value!r}: a number{'' if above < 0 else ' above 0'} is needed")
