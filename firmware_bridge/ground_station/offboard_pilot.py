@@ -146,7 +146,7 @@ class OffboardPilot:
         self._unfit_since_ns: int | None = None
         self._streaming_since_ns: int | None = None  # set-points; None: none are sent
         self._ground_d_m = 0.0  # height of the place where it was armed
-        self._in_mode = False  # as its heartbeat shows
+        self._in_mode: bool | None = None  # as its heartbeat shows; None until it first shows it
         self._t_ns = 0
         self._started = False
         self._due_ns = 0
@@ -295,7 +295,6 @@ class OffboardPilot:
 
     def _arming(self, t_ns: int) -> None:
         if self._asking.step(t_ns):
-            self._in_mode = True
             self._enter(PilotPhase.FLYING, t_ns)
 
     def _flying(self, t_ns: int) -> None:
@@ -331,9 +330,11 @@ class OffboardPilot:
     def _watch_mode(self, t_ns: int) -> None:
         beat = self._heartbeats
         in_mode = beat.custom_mode == mode_number(beat.autopilot, "OFFBOARD").custom_mode
-        if in_mode == self._in_mode:
+        if in_mode == self._in_mode or (self._in_mode is None and not in_mode):
             return
-        self._in_mode = in_mode
+        before, self._in_mode = self._in_mode, in_mode
+        if before is None:
+            return
         word = mode_word(beat.autopilot, beat.custom_mode)
         text = f"the vehicle is in mode {word} again" if in_mode else f"the vehicle went to mode {word} by itself"
         self._tell(t_ns, "status" if in_mode else "warning", text + ("" if in_mode else ": set-points do not fly it"))

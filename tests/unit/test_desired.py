@@ -1,0 +1,62 @@
+"""Desired states: what is kept, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.signals.desired import DesiredState
+
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def test_numbers_become_plain_floats_and_the_quaternion_a_unit_one() -> None:
+    desired = DesiredState(p_W=np.float32([1, 2, 3]), q_WB=[0.9999, 0, 0, 0], thrust=None, yaw_rate_radps=np.int64(1))
+    assert desired.p_W == (1.0, 2.0, 3.0)
+    assert [type(c) for c in desired.p_W] == [float] * 3
+    assert desired.q_WB == LEVEL
+    assert desired.yaw_rate_radps == 1.0
+    assert desired == DesiredState(p_W=(1, 2, 3), q_WB=LEVEL, yaw_rate_radps=1)
+
+
+@pytest.mark.parametrize(
+    ("fields", "moves"),
+    [
+        ({}, False),
+        ({"yaw_rad": 1.0}, False),
+        ({"q_WB": LEVEL}, False),
+        ({"land": True}, False),
+        ({"v_W": (0, 0, 0)}, True),
+        ({"q_WB": LEVEL, "thrust": 0.0}, True),
+        ({"w_B": (0, 0, 1), "thrust": 1.0}, True),
+    ],
+)
+def test_some_desired_states_move_the_vehicle_and_others_do_not(fields: dict[str, Any], moves: bool) -> None:
+    assert DesiredState(**fields).moves is moves
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"p_W": (0, 0)}, "p_W has 2 numbers"),
+        ({"v_W": (0, 0, math.nan)}, "v_W .* finite"),
+        ({"a_W": (0, math.inf, 0)}, "a_W .* finite"),
+        ({"p_W": "abc"}, "p_W"),
+        ({"p_W": 3.0}, "p_W"),
+        ({"yaw_rad": math.nan}, "yaw_rad"),
+        ({"yaw_rad": "east"}, "yaw_rad"),
+        ({"q_WB": (1, 1, 0, 0)}, "norm 1.41"),
+        ({"q_WB": LEVEL, "thrust": 1.01}, "0 to 1"),
+        ({"q_WB": LEVEL, "thrust": -0.01}, "0 to 1"),
+        ({"w_B": (0, 0, 0)}, "without thrust"),
+        ({"thrust": 0.5}, "without q_WB or w_B"),
+        ({"q_WB": LEVEL, "thrust": 0.5, "p_W": (0, 0, 1), "yaw_rad": 0}, "thrust with p_W, yaw_rad"),
+        ({"land": 1}, "land"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused(fields: dict[str, Any], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        DesiredState(**fields)

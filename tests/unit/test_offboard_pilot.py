@@ -1,0 +1,410 @@
+"""The offboard pilot against a vehicle that only talks: phases, refusals, and the set-points bit by bit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_number
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot, PilotPhase
+from hil.signals.desired import DesiredState
+from hil.signals.errors import HandshakeError
+
+TICK_NS = 4_000_000
+S = 1_000_000_000
+ACCEPTED, REJECTED_FOR_NOW, DENIED, FAILED = 0, 1, 2, 4
+SET_MODE, ARM, TAKEOFF, REQUEST = 176, 400, 22, 512
+LAT, LON, ALT = 47.397742, 8.545594, 488.0
+PREARM = 0x10000000
+
+Heartbeat, Ack, SysStatus, ExtendedState, Local, Global, Origin = (
+    message_class(name)
+    for name in (
+        "HEARTBEAT",
+        "COMMAND_ACK",
+        "SYS_STATUS",
+        "EXTENDED_SYS_STATE",
+        "LOCAL_POSITION_NED",
+        "GLOBAL_POSITION_INT",
+        "GPS_GLOBAL_ORIGIN",
+    )
+)
+
+
+def geodetic_from_W(p_W: Sequence[float]) -> tuple[float, float, float]:
+    """A world whose metres are exactly ArduPilot's at the origin: (north, east) = (y, x) there."""
+    m_per_deg = 111318.84502145034
+    lat = LAT + p_W[1] / m_per_deg
+    scale = math.cos(math.radians(0.5 * (LAT + lat)))
+    return lat, LON + p_W[0] / m_per_deg / scale, ALT + p_W[2]
+
+
+class Vehicle:
+    """Says where it is ten times a second and does what it is told; `answers` by command, ACCEPTED if not given."""
+
+    def __init__(
+        self, autopilot: int = PX4, *, tells_origin: bool = True, answers: dict[int, Any] | None = None
+    ) -> None:
+        self.autopilot, self.tells_origin, self.answers = autopilot, tells_origin, answers or {}
+        self.healthy = True
+        self.armed, self.custom_mode, self.landed_state = False, 0, 1
+        self.p_N = (0.0, 0.0, 0.0)
+        self.silent = False
+        self.heard: list[tuple[int, Any]] = []
+        self._to_say: list[Any] = []
+        self._encoder, self._parser = FrameEncoder(1, 1), FrameParser()
+
+    def frames(self, tick: int) -> list[Frame]:
+        said, self._to_say = self._to_say, []
+        if tick % 250 == 0:
+            said.append(Heartbeat(2, self.autopilot, 128 * self.armed | 1, self.custom_mode, 4, 3))
+        if tick % 25 == 0:
+            said.append(SysStatus(PREARM, PREARM, PREARM * self.healthy, *(0,) * 10))
+            said.append(ExtendedState(0, self.landed_state))
+            said.append(Local(0, *self.p_N, 0.0, 0.0, 0.0))
+            said.append(Global(0, round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0, 0, 0, 0, 0))
+        if self.silent:
+            return []
+        return FrameParser().feed(b"".join(self._encoder.frame(m.MSGID, pack(m)) for m in said))
+
+    def hear(self, t_ns: int, data: bytes) -> None:
+        for frame in self._parser.feed(data):
+            message = unpack(frame)
+            self.heard.append((t_ns, message))
+            if frame.msgid != MSGID["COMMAND_LONG"]:
+                continue
+            answer = self.answers.get(message.command, ACCEPTED)
+            if isinstance(answer, list):
+                answer = answer.pop(0) if len(answer) > 1 else answer[0]
+            if answer is None:
+                continue
+            self._to_say.append(Ack(message.command, answer, 0, 0, 255, 190))
+            if answer == ACCEPTED:
+                self._obey(message)
+
+    def _obey(self, m: Any) -> None:
+        if m.command == ARM:
+            self.armed = True
+        elif m.command == SET_MODE:
+            main, sub = int(m.param2), int(m.param3)
+            self.custom_mode = main if self.autopilot == ARDUPILOT else main << 16 | sub << 24
+        elif m.command == REQUEST and self.tells_origin:
+            self._to_say.append(Origin(round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0))
+
+    def commands(self) -> list[tuple[int, float, float]]:
+        """(command, param 1, param 2) without the wishes for telemetry."""
+        said = [m for _, m in self.heard if type(m).__name__ == "COMMAND_LONG"]
+        return [(m.command, m.param1, m.param2) for m in said if m.command not in (511, REQUEST)]
+
+    def set_points(self) -> list[tuple[int, Any]]:
+        return [(t, m) for t, m in self.heard if type(m).__name__.startswith("SET_")]
+
+
+class Flight:
+    """Pilot and vehicle, tick by tick."""
+
+    def __init__(self, vehicle: Vehicle, **settings: Any) -> None:
+        self.vehicle = vehicle
+        self.events: list[tuple[int, str, str]] = []
+        self.pilot = OffboardPilot(
+            geodetic_from_W, tick_ns=TICK_NS, on_event=lambda *event: self.events.append(event), **settings
+        )
+        self.tick = 0
+
+    @property
+    def t_ns(self) -> int:
+        return self.tick * TICK_NS
+
+    def run(self, seconds: float, desired: DesiredState | None = None) -> None:
+        """With `desired` wanted anew on every fifth tick."""
+        for i in range(round(seconds * 250)):
+            if desired is not None and i % 5 == 0:
+                self.pilot.set_desired(desired, self.t_ns)
+            self.vehicle.hear(self.t_ns, self.pilot.step(self.t_ns, self.vehicle.frames(self.tick)))
+            self.tick += 1
+
+    def fly(self, desired: DesiredState, seconds: float = 4.0) -> None:
+        """Into FLYING, in the air."""
+        self.run(1.0)
+        self.run(seconds, desired)
+        self.vehicle.landed_state = 2
+        self.vehicle.p_N = (0.0, 0.0, -3.0)
+        self.run(0.4, desired)
+        assert self.pilot.phase is PilotPhase.FLYING
+
+    def last(self) -> Any:
+        return self.vehicle.set_points()[-1][1]
+
+
+UP = DesiredState(p_W=(0.0, 0.0, 3.0))
+
+
+def test_px4_gets_set_points_first_and_lands_by_its_own_mode() -> None:
+    vehicle = Vehicle()
+    flight = Flight(vehicle)
+    flight.run(3.0)
+    assert flight.pilot.phase is PilotPhase.PREFLIGHT  # nobody wants anything yet
+    assert vehicle.commands() == []
+    hold = flight.last()
+    assert (hold.x, hold.y, hold.z, hold.type_mask) == (0.0, 0.0, 0.0, 0xDF8)
+    flight.fly(UP)
+    assert vehicle.commands() == [(SET_MODE, 1.0, 6.0), (ARM, 1.0, 0.0)]
+    flight.run(0.1, DesiredState(land=True))
+    assert flight.pilot.phase is PilotPhase.LANDING
+    assert vehicle.custom_mode == mode_number(PX4, "LAND").custom_mode
+    count = len(vehicle.set_points())
+    vehicle.landed_state, vehicle.armed = 1, False
+    flight.run(3.0, UP)  # there is no way back
+    assert flight.pilot.phase is PilotPhase.DONE
+    assert len(vehicle.set_points()) == count
+    assert vehicle.commands()[2:] == [(SET_MODE, 1.0, 4.0)]
+
+
+def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
+    vehicle = Vehicle(ARDUPILOT)
+    flight = Flight(vehicle, takeoff_height_m=2.5)
+    flight.run(1.0)
+    flight.run(4.0, UP)
+    assert vehicle.commands() == [(SET_MODE, 1.0, 4.0), (ARM, 1.0, 0.0), (TAKEOFF, 0.0, 0.0)]
+    takeoff = next(m for _, m in vehicle.heard if getattr(m, "command", 0) == TAKEOFF)
+    assert takeoff.param7 == 2.5
+    assert flight.pilot.phase is PilotPhase.FLYING
+    vehicle.landed_state, vehicle.p_N = 3, (0.0, 0.0, -2.2)
+    flight.run(0.2, UP)
+    assert vehicle.set_points() == []
+    vehicle.p_N = (0.0, 0.0, -2.3)
+    flight.run(0.2, UP)
+    assert flight.last().z == pytest.approx(-3.0, abs=1e-6)
+    flight.run(0.1, DesiredState(land=True))
+    assert vehicle.commands()[3:] == [(SET_MODE, 1.0, 9.0)]
+
+
+def test_set_points_fall_on_fixed_ticks_whenever_something_is_wanted() -> None:
+    def times(shift_ns: int) -> list[int]:
+        flight = Flight(Vehicle(), setpoint_hz=30.0)
+        flight.run(1.0)
+        flight.pilot.set_desired(UP, flight.t_ns + shift_ns)
+        flight.run(2.0)
+        return [t for t, _ in flight.vehicle.set_points()]
+
+    first = times(0)
+    assert first == times(3 * TICK_NS) == times(100_000)
+    assert {b - a for a, b in pairwise(first)} == {8 * TICK_NS, 9 * TICK_NS}  # 30 of 250 Hz
+    assert len([t for t in first if S <= t < 2 * S]) == 30
+
+
+def test_states_apply_at_their_times_whatever_the_order_they_came_in() -> None:
+    flight = Flight(Vehicle())
+    flight.fly(UP)
+    t0_ns = flight.t_ns
+    for z, after_ns in ((6.0, 60_000_000), (5.0, 20_000_001), (9.0, 20_000_000)):
+        flight.pilot.set_desired(DesiredState(p_W=(0.0, 0.0, z)), t0_ns + after_ns)
+    flight.run(0.1)
+    told = {t - t0_ns: -m.z for t, m in flight.vehicle.set_points() if t >= t0_ns}
+    assert {t: round(z, 4) for t, z in told.items()} == {0: 3.0, 20_000_000: 9.0, 40_000_000: 5.0} | {
+        60_000_000: 6.0,
+        80_000_000: 6.0,
+    }
+    flight.pilot.set_desired(DesiredState(p_W=(0.0, 0.0, 4.0)), t0_ns)  # too late: a newer one counts
+    flight.run(0.1)
+    assert -flight.last().z == pytest.approx(6.0, abs=1e-5)
+
+
+P, V, A = (10.0, 20.0, 3.0), (1.0, 2.0, 0.5), (0.1, 0.2, -0.3)
+NO_P, NO_V, NO_A, NO_YAW, NO_RATE = 0x7, 0x38, 0x1C0, 0x400, 0x800
+
+
+@pytest.mark.parametrize(
+    ("fields", "mask"),
+    [
+        ({"p_W": P}, NO_V | NO_A | NO_YAW | NO_RATE),
+        ({"p_W": P, "yaw_rad": 0.0}, NO_V | NO_A | NO_RATE),
+        ({"p_W": P, "v_W": V}, NO_A | NO_YAW | NO_RATE),
+        ({"p_W": P, "v_W": V, "a_W": A, "yaw_rate_radps": 0.2}, NO_YAW),
+        ({"v_W": V}, NO_P | NO_A | NO_YAW | NO_RATE),
+        ({"v_W": V, "a_W": A, "yaw_rad": 0.0, "yaw_rate_radps": 0.2}, NO_P),
+        ({"a_W": A}, NO_P | NO_V | NO_YAW | NO_RATE),
+        ({"p_W": P, "a_W": A}, NO_V | NO_YAW | NO_RATE),
+    ],
+)
+def test_masks_name_what_is_not_given_and_axes_are_turned(fields: dict[str, Any], mask: int) -> None:
+    flight = Flight(Vehicle(ARDUPILOT))
+    flight.fly(UP)
+    flight.run(0.1, DesiredState(**fields))
+    m = flight.last()
+    if set(fields) == {"p_W", "a_W"}:
+        mask |= NO_A  # which ArduPilot would take for no set-point at all
+    assert m.type_mask == mask
+    assert m.coordinate_frame == 1
+    zero = (0.0, 0.0, 0.0)
+    assert (m.x, m.y, m.z) == pytest.approx((20.0, 10.0, -3.0) if "p_W" in fields else zero, abs=1e-3)
+    assert (m.vx, m.vy, m.vz) == ((2.0, 1.0, -0.5) if "v_W" in fields else zero)
+    assert (m.afx, m.afy, m.afz) == pytest.approx((0.2, 0.1, 0.3) if not mask & NO_A else zero)
+    assert m.yaw == pytest.approx(math.pi / 2 if "yaw_rad" in fields else 0.0)
+    assert m.yaw_rate == pytest.approx(-0.2 if "yaw_rate_radps" in fields else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("yaw_W", "yaw_N"), [(0.0, 90.0), (90.0, 0.0), (180.0, -90.0), (-90.0, 180.0), (-170.0, -100.0), (1000.0, 170.0)]
+)
+def test_yaw_turns_about(yaw_W: float, yaw_N: float) -> None:
+    flight = Flight(Vehicle())
+    flight.fly(UP)
+    flight.run(0.1, DesiredState(p_W=P, yaw_rad=math.radians(yaw_W)))
+    assert abs(math.remainder(math.degrees(flight.last().yaw) - yaw_N, 360.0)) < 1e-4
+    assert abs(flight.last().yaw) <= math.pi + 1e-6
+    # An attitude without a thrust is its heading.
+    half = math.radians(yaw_W) / 2
+    flight.run(0.1, DesiredState(p_W=P, q_WB=(math.cos(half), 0.0, 0.0, math.sin(half))))
+    assert abs(math.remainder(math.degrees(flight.last().yaw) - yaw_N, 360.0)) < 1e-4
+
+
+def test_attitudes_and_rates_go_with_their_thrust() -> None:
+    flight = Flight(Vehicle())
+    flight.fly(UP)
+    half = math.sqrt(0.5)
+    north = (half, 0.0, 0.0, half)  # level, nose to the north
+    flight.run(0.1, DesiredState(q_WB=north, thrust=0.25))
+    m = flight.last()
+    assert (type(m).__name__, m.type_mask, m.thrust) == ("SET_ATTITUDE_TARGET", 0x07, 0.25)
+    assert tuple(abs(c) for c in m.q) == pytest.approx((1, 0, 0, 0), abs=1e-7)
+    flight.run(0.1, DesiredState(w_B=(1.0, 2.0, 3.0), thrust=0.5))
+    m = flight.last()
+    assert (m.type_mask, m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate) == (0x80, 1.0, -2.0, -3.0)
+    flight.run(0.1, DesiredState(q_WB=north, w_B=(1.0, 2.0, 3.0), thrust=0.5))
+    assert flight.last().type_mask == 0
+    # Then stay: there is no commanded position to go back to.
+    flight.vehicle.p_N = (1.0, 2.0, -5.0)
+    flight.run(0.2, DesiredState(yaw_rate_radps=0.5))
+    m = flight.last()
+    assert (m.x, m.y, m.z, m.type_mask) == (1.0, 2.0, -5.0, NO_V | NO_A | NO_YAW)
+
+
+def test_a_silent_companion_is_said_once_and_the_vehicle_holds() -> None:
+    flight = Flight(Vehicle(), stale_s=0.5)
+    flight.fly(DesiredState(p_W=P, v_W=V, yaw_rad=0.0))
+    flight.run(2.0)
+    assert [(kind, "holding" in text) for _, kind, text in flight.events] == [("warning", True)]
+    assert flight.pilot.stale
+    m = flight.last()
+    assert (m.x, m.y) == pytest.approx((20.0, 10.0), abs=0.1)  # commanded last; PX4's map is another one
+    assert m.type_mask == NO_V | NO_A | NO_RATE
+    flight.vehicle.p_N = (4.0, 5.0, -6.0)
+    flight.run(0.2, DesiredState(v_W=V))
+    assert [kind for _, kind, _ in flight.events] == ["warning", "status"]
+    flight.run(2.0)
+    flight.vehicle.p_N = (4.5, 5.0, -6.0)  # it stays where it was when the companion was missed
+    flight.run(0.5)
+    m = flight.last()
+    assert (m.x, m.y, m.z) == (4.0, 5.0, -6.0)
+    assert len(flight.events) == 3
+
+
+@pytest.mark.parametrize(("extrapolate", "after_s"), [(False, 0.0), (True, 0.5)])
+def test_positions_go_on_along_their_velocity_only_if_asked_to(extrapolate: bool, after_s: float) -> None:
+    flight = Flight(Vehicle(ARDUPILOT), extrapolate=extrapolate)
+    flight.fly(UP)
+    t0_ns = flight.t_ns
+    flight.pilot.set_desired(DesiredState(p_W=P, v_W=V), t0_ns)
+    flight.run(0.8)
+    told = {t - t0_ns: m.x for t, m in flight.vehicle.set_points() if t >= t0_ns}
+    for dt_ns, x in told.items():
+        assert x == pytest.approx(20.0 + 2.0 * min(dt_ns / S, after_s), abs=1e-3), dt_ns
+
+
+def test_an_origin_that_nobody_tells_is_inferred() -> None:
+    vehicle = Vehicle(ARDUPILOT, tells_origin=False)
+    vehicle.p_N = (3.0, -4.0, -1.0)  # though the geodetic place is that of the world's origin
+    flight = Flight(vehicle)
+    flight.run(7.0)
+    flight.run(2.0, UP)
+    assert [kind for _, kind, _ in flight.events] == ["status"]
+    vehicle.p_N, vehicle.landed_state = (3.0, -4.0, -4.0), 2
+    flight.run(0.5, DesiredState(p_W=(0.0, 0.0, 5.0)))
+    m = flight.last()
+    assert (m.x, m.y, m.z) == pytest.approx((3.0, -4.0, -6.0), abs=0.01)
+
+
+def test_an_origin_that_moves_is_said_and_followed() -> None:
+    flight = Flight(Vehicle(ARDUPILOT))
+    flight.fly(UP)
+    before = flight.last().x
+    flight.vehicle._to_say.append(Origin(round(LAT * 1e7) + 1000, round(LON * 1e7), round(ALT * 1e3), 0))
+    flight.run(0.1, UP)
+    assert flight.last().x == pytest.approx(before - 11.13, abs=0.01)
+    assert "moved the origin" in flight.events[-1][2]
+
+
+def test_a_vehicle_that_leaves_the_mode_is_told_of_and_its_landing_ends_the_flight() -> None:
+    flight = Flight(Vehicle())
+    flight.fly(UP)
+    flight.vehicle.custom_mode = mode_number(PX4, "RTL").custom_mode
+    flight.run(2.0, UP)
+    assert [(kind, "RTL" in text) for _, kind, text in flight.events] == [("warning", True)]
+    flight.vehicle.landed_state, flight.vehicle.armed = 1, False
+    flight.run(3.0, UP)
+    assert flight.pilot.phase is PilotPhase.DONE
+
+
+def test_what_is_declined_for_now_is_asked_again() -> None:
+    vehicle = Vehicle(answers={SET_MODE: [REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED], ARM: [None, ACCEPTED]})
+    flight = Flight(vehicle)
+    flight.fly(UP, 6.0)
+    assert [command for command, _, _ in vehicle.commands()] == [SET_MODE] * 3 + [ARM] * 2
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "settings", "why"),
+    [
+        (Vehicle(answers={SET_MODE: DENIED}), {}, "enter mode OFFBOARD and answered MAV_RESULT_DENIED"),
+        (Vehicle(answers={ARM: DENIED}), {}, "asked to arm and answered MAV_RESULT_DENIED"),
+        (Vehicle(answers={ARM: None}), {}, "ARM_DISARM was asked 5 times and never answered"),
+        (
+            Vehicle(ARDUPILOT, answers={TAKEOFF: FAILED}),
+            {"preflight_limit_s": 3.0},
+            r"take off to 2 m and answered MAV_RESULT_FAILED 4\.0 s",
+        ),
+        (Vehicle(), {"takeoff_limit_s": 2.0}, "not in the air after 2 s .* lead up"),
+        (Vehicle(autopilot=0), {}, "modes are not known"),
+        (Vehicle(autopilot=4), {"target_sysid": 7, "heartbeat_limit_s": 3.0}, "no heartbeat of vehicle 7 within 3 s"),
+    ],
+)
+def test_refusals_say_what_was_asked_and_answered(vehicle: Vehicle, settings: dict[str, Any], why: str) -> None:
+    flight = Flight(vehicle, **settings)
+    with pytest.raises(HandshakeError, match=why):
+        flight.run(20.0, UP)
+
+
+def test_a_vehicle_that_never_gets_ready_is_refused_with_its_reason() -> None:
+    vehicle = Vehicle()
+    vehicle.healthy = False
+    with pytest.raises(HandshakeError, match=r"not ready to arm after 5 s .*pre-arm check does not pass"):
+        Flight(vehicle, preflight_limit_s=5.0).run(20.0, UP)
+
+
+def test_a_companion_may_take_its_time_and_land_on_the_ground_is_no_flight() -> None:
+    flight = Flight(Vehicle(), preflight_limit_s=5.0)
+    flight.run(20.0, DesiredState(land=True))
+    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.vehicle.commands() == []
+
+
+def test_disarming_on_the_ground_is_refused() -> None:
+    flight = Flight(Vehicle())
+    flight.run(4.0, UP)
+    assert flight.pilot.phase is PilotPhase.FLYING
+    flight.vehicle.armed = False
+    with pytest.raises(HandshakeError, match="disarmed before it took off"):
+        flight.run(2.0, UP)
+
+
+@pytest.mark.parametrize("settings", [{"setpoint_hz": 2.0}, {"setpoint_hz": 251.0}, {"stale_s": 0.0}])
+def test_rates_that_no_autopilot_takes_are_refused(settings: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"above 0|2 Hz"):
+        OffboardPilot(geodetic_from_W, tick_ns=TICK_NS, **settings)
