@@ -166,6 +166,15 @@ def test_px4_gets_set_points_first_and_lands_by_its_own_mode() -> None:
     assert vehicle.commands()[2:] == [(SET_MODE, 1.0, 4.0)]
 
 
+def test_px4_is_not_asked_for_offboard_before_a_second_of_set_points() -> None:
+    flight = Flight(Vehicle())
+    flight.run(4.0, UP)  # wanted from the first tick on
+    asked_ns = next(t for t, m in flight.vehicle.heard if getattr(m, "command", 0) == SET_MODE)
+    before = [t for t, _ in flight.vehicle.set_points() if t < asked_ns]
+    assert asked_ns - before[0] >= S - 5 * TICK_NS  # set-points fall on every fifth tick
+    assert len(before) == 50
+
+
 def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
     vehicle = Vehicle(ARDUPILOT)
     flight = Flight(vehicle, takeoff_height_m=2.5)
