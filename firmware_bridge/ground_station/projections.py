@@ -63,6 +63,24 @@ def ardupilot_ned(origin: Place, place: Place) -> Vec3:
     )
 
 
+def ardupilot_place(origin: Place, p_N: Vec3) -> Place:
+    """Where `ardupilot_ned` has a point: the inverse."""
+    north_deg = p_N[0] / _ARDUPILOT_M_PER_DEG
+    scale = det_cos((origin.lat_deg + 0.5 * north_deg) * _RAD_PER_DEG)
+    east_deg = _turn_deg(p_N[1] / (_ARDUPILOT_M_PER_DEG * scale))
+    return Place(origin.lat_deg + north_deg, _turn_deg(origin.lon_deg + east_deg), origin.alt_m - p_N[2])
+
+
+def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
+    """A point of W to its place on Earth, as ArduPilot's SITL has it.
+
+    SITL is told metres from home and lays them out on the Earth itself, by its own map: the place that it believes in
+    is not the scene's, by 2 to 3 m per km, and a point has to be named as it would.
+    """
+    x0, y0, z0 = home_W
+    return lambda p_W: ardupilot_place(home, (p_W[1] - y0, p_W[0] - x0, z0 - p_W[2]))
+
+
 def tangent_ned(origin: Place, place: Place) -> Vec3:
     """North and east components of the difference of the two points in ECEF."""
     lat0, lat = origin.lat_deg * _RAD_PER_DEG, place.lat_deg * _RAD_PER_DEG

@@ -12,6 +12,7 @@ from firmware_bridge.ground_station.projections import (
     Place,
     Projection,
     ardupilot_ned,
+    ardupilot_sitl_world,
     origin_of,
     px4_ned,
     tangent_ned,
@@ -89,6 +90,12 @@ def test_across_the_date_line_it_is_near(project: Projection) -> None:
     north, east, _ = project(Place(10.0, 179.9999, 0.0), Place(10.0, -179.9999, 0.0))
     assert east == pytest.approx(21.9, abs=0.2)
     assert abs(north) < 0.01
+
+
+@pytest.mark.parametrize(("north_m", "east_m"), NEAR_AND_FAR)
+def test_metres_from_home_stay_metres_in_ardupilots_sitl(north_m: float, east_m: float) -> None:
+    place = ardupilot_sitl_world(ORIGIN, (1.0, 2.0, 3.0))((1.0 + east_m, 2.0 + north_m, 8.0))
+    assert ardupilot_ned(ORIGIN, place) == pytest.approx((north_m, east_m, -5.0), abs=1e-6)
 
 
 def test_the_map_is_that_of_the_firmware_heard_unless_one_is_given() -> None:
