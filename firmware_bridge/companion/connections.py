@@ -38,9 +38,14 @@ class Connections:
         """A new one; why it was cut at once, if it was."""
         self.gone(fd)
         try:
-            wire = socket.socket(fileno=os.dup(fd))
+            duplicate = os.dup(fd)
         except OSError:
             return None  # gone already
+        try:
+            wire = socket.socket(fileno=duplicate)
+        except OSError:
+            os.close(duplicate)
+            return None
         self._by_fd[fd] = _Connection(wire)
         if len(self._by_fd) > self._limit:
             self.cut(fd)
@@ -48,11 +53,12 @@ class Connections:
         return None
 
     def gone(self, fd: int) -> None:
-        """ZeroMQ has closed it: so must the duplicate, or the far side would not notice."""
+        """ZeroMQ has closed it: so must the duplicate, or the far side would not notice.
+
+        Not shut down: numbers are used again, and where news comes late the duplicate may be of the next connection.
+        """
         connection = self._by_fd.pop(fd, None)
         if connection is not None:
-            with suppress(OSError):
-                connection.wire.shutdown(socket.SHUT_RDWR)
             connection.wire.close()
 
     def cut(self, fd: int) -> None:

@@ -1,0 +1,416 @@
+"""The companion server with well-behaved clients: welcome, frames, answers, arrangements, clocks, keys."""
+
+from __future__ import annotations
+
+import os
+import stat
+from itertools import pairwise
+from multiprocessing import shared_memory
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+
+from firmware_bridge.codecs.companion import DesiredState, TopicSchema, encode_frame, pack_samples, schema_hash
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.clock_offset import ClockOffset
+from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
+from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys, read_pair
+from firmware_bridge.companion.server import CompanionServer
+from firmware_bridge.companion.settings import CompanionSettings
+from firmware_bridge.companion.shared_ring import SharedRing
+from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
+from tests.links.companion_world import (
+    FACTS,
+    TOPICS,
+    Events,
+    RawClient,
+    answered,
+    arrays_of,
+    frame_of,
+    join,
+    serving,
+    step,
+    until,
+)
+
+
+def test_welcome_tells_the_session() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        welcome = join(server, client, topics=["front/*", "imu"], control=True)
+        assert welcome["schema"] == schema_hash(TOPICS)
+        assert welcome["session"] == server.session
+        assert len(welcome["session"]) == 16
+        assert sorted(welcome["topics"]) == ["front/depth", "front/rgb", "imu"]
+        assert welcome["topics"]["front/depth"]["fields"]["depth"] == ["m", "z of C"]
+        assert welcome["sensors"] == {"front": {"size": [4, 3]}, "imu": {}}
+        assert welcome["waypoints_W"] == [[0.0, 0.0, 2.0], [5.0, 0.0, 2.0]]
+        assert (welcome["mode"], welcome["ports"], welcome["ring"], welcome["control"]) == ("lockstep", {}, None, True)
+        assert server.topics == {"front/depth", "front/rgb", "imu"}
+        (info,) = server.clients
+        assert (info.name, info.control, info.credit, info.returned) == ("cut", True, 2, 0)
+
+
+def test_frame_arrives_whole_and_answer_returns() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, topics=["front/rgb", "imu", "baro"], control=True)
+        assert server.send(frame_of(7)) == ["cut"]
+        header, parts = client.receive()
+        assert (header["frame"], header["tick"], header["t_ns"], header["dropped"]) == (7, 70, 280_000_000, 0)
+        assert [s["topic"] for s in header["samples"]] == ["front/rgb", "imu", "baro"]
+        for sample in header["samples"][:2]:
+            (a,) = sample["arrays"]
+            got = np.frombuffer(parts[a["part"] - 1], a["dtype"]).reshape(a["shape"])
+            np.testing.assert_array_equal(got, arrays_of(7)[a["name"]], strict=True)
+        assert header["samples"][2]["values"] == {"pressure_pa": 101325.0}
+        client.done(7, t2_ns=5, desired={"p_W": [1, 2.5, 3], "yaw_rad": 0.5}, finished=True)
+        (reply,) = answered(server)
+        assert (reply.client, reply.frame, reply.t2_ns, reply.finished) == ("cut", 7, 5, True)
+        assert reply.desired == DesiredState(p_W=(1.0, 2.5, 3.0), yaw_rad=0.5)
+        assert reply.t_arrived_ns > header["t_sent_ns"]
+
+
+def test_frames_go_against_credits_and_drops_are_told() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, credit=2)
+        sent = [server.send(frame_of(k)) for k in range(5)]
+        assert sent == [["cut"], ["cut"], [], [], []]
+        client.expect("frame")
+        client.expect("frame")
+        client.done(0)
+        answered(server)
+        assert server.send(frame_of(5)) == ["cut"]
+        header = client.expect("frame")
+        assert (header["frame"], header["dropped"]) == (5, 3)
+        client.say("credit", n=1)
+        until(server, lambda: server.credits()["cut"] == 1)
+        assert server.send(frame_of(6)) == ["cut"]
+        assert client.expect("frame")["dropped"] == 0
+        client.done(6)  # 1 and 5 are passed over
+        answered(server)
+        stats = server.stats()["cut"]
+        assert (stats.frames, stats.dropped, stats.answered, stats.skipped) == (4, 3, 2, 2)
+
+
+def test_two_clients_share_a_frame_and_each_gets_its_topics() -> None:
+    with serving() as server, RawClient(server.endpoint) as a, RawClient(server.endpoint) as b:
+        join(server, a, "a", topics=["front/*"])
+        join(server, b, "b", topics=["front/depth", "imu"])
+        assert server.topics == {"front/rgb", "front/depth", "imu"}
+        assert server.send(frame_of(0)) == ["a", "b"]
+        for client, names in ((a, ["rgb", "depth"]), (b, ["depth", "accel_mps2"])):
+            header, parts = client.receive()
+            described = [x for s in header["samples"] for x in s["arrays"]]
+            assert [x["name"] for x in described] == names
+            for x, part in zip(described, parts, strict=True):
+                assert part == arrays_of(0)[x["name"]].tobytes()
+        b.done(0)
+        a.done(0)
+        assert {r.client for r in answered(server, 2)} == {"a", "b"}
+
+
+def test_several_ports_each_carry_their_sensor() -> None:
+    with serving(arrangement="ports") as server, RawClient(server.endpoint) as client:
+        client.hello(topics=["front/*", "baro"])
+        until(server, lambda: server.topics != frozenset())
+        ports = client.expect("welcome")["ports"]
+        assert ports["front/rgb"] == ports["front/depth"] != ports["baro"]
+        assert server.living == ()  # nobody knows yet who is on those ports
+        with RawClient(ports["baro"]) as baro, RawClient(ports["front/rgb"]) as front:
+            baro.hello(topics=["front/*", "baro"])
+            front.hello(topics=["front/*", "baro"])
+            until(server, lambda: server.living == ("cut",))
+            assert server.send(frame_of(3)) == ["cut"]
+            whole = ["baro", "front/depth", "front/rgb"]
+            header, parts = front.receive()
+            assert [s["topic"] for s in header["samples"]] == ["front/rgb", "front/depth"]
+            assert (header["frame"], header["ports_of_frame"], len(parts)) == (3, whole, 2)
+            header, parts = baro.receive()
+            assert [s["topic"] for s in header["samples"]] == ["baro"]
+            assert (header["frame"], header["ports_of_frame"], len(parts)) == (3, whole, 0)
+            client.done(3)
+            answered(server)
+            front.close()
+            until(server, lambda: server.living == ())  # frames would not be whole
+            assert server.send(frame_of(4)) == []
+            with RawClient(ports["front/rgb"]) as again:
+                again.hello(topics=["front/*", "baro"])
+                until(server, lambda: server.living == ("cut",))
+                assert server.send(frame_of(5)) == ["cut"]
+                assert again.expect("frame")["dropped"] == 1
+
+
+def test_shared_memory_is_read_in_place_and_given_back(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/bench"
+    with (
+        serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server,
+        RawClient(bind) as client,
+        RawClient(bind) as far,
+    ):
+        ring = join(server, client, credit=32)["ring"]
+        assert join(server, far, "far", credit=32, shared_memory=False)["ring"] is None
+        memory = shared_memory.SharedMemory(ring["name"])
+        try:
+            sent = [server.send(frame_of(k)) for k in range(18)]
+            # 64 + 64 + 128 bytes a frame: sixteen fit. `far` gets all of them over the wire.
+            assert sent == [["cut", "far"]] * 16 + [["far"]] * 2
+            for k in range(16):
+                header, parts = client.receive()
+                assert parts == []
+                for array in (x for s in header["samples"] for x in s["arrays"]):
+                    at = array["slot_offset"]
+                    assert at % 64 == 0
+                    got = np.ndarray(array["shape"], array["dtype"], memory.buf, at).copy()
+                    np.testing.assert_array_equal(got, arrays_of(k)[array["name"]], strict=True)
+            client.done(1)
+            answered(server)
+            assert [server.send(frame_of(k)) for k in range(18, 21)] == [["cut", "far"], ["cut", "far"], ["far"]]
+        finally:
+            memory.close()
+
+
+def test_ring_goes_round_a_slot_that_is_not_given_back() -> None:
+    ring = SharedRing(640)
+    try:
+        a = np.arange(16, dtype=np.int64)
+        stuck = ring.put([a], ["stuck"])
+        assert stuck is not None
+        for _ in range(50):
+            place = ring.put([a, a[:3]], ["x", "y"])
+            assert place is not None
+            assert place[0] != stuck[0]
+            ring.give_back(place[0], "x")
+            assert ring.held == 2
+            ring.give_back(place[0], "y")
+        assert ring.put([np.zeros(640, np.uint8)], ["x"]) is None
+        assert (ring.full, ring.held) == (1, 1)
+        name = ring.name
+    finally:
+        ring.close()
+    assert not Path("/dev/shm", name).exists()
+    ring.close()
+
+
+def test_ping_is_answered_with_the_benchs_clock() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        client.say("ping", id=4, t_client_ns=123)
+        server.poll(0.2)
+        pong = client.expect("pong")
+        assert (pong["id"], pong["t_client_ns"]) == (4, 123)
+        assert 0 < pong["t_bench_received_ns"] <= pong["t_bench_sent_ns"]
+
+
+def test_clock_offset_takes_the_exchange_with_the_least_delay() -> None:
+    clock = ClockOffset()
+    assert clock.best(0) is None
+    for t_ns, there_ns, back_ns in ((0, 9_000, 100), (1_000_000, 300, 200), (2_000_000, 100, 5_000)):
+        arrived_ns = t_ns + there_ns
+        clock.add(t_ns, arrived_ns + 77_000, arrived_ns + 50_000 + 77_000, arrived_ns + 50_000 + back_ns)
+    best = clock.best(3_000_000)
+    assert best is not None
+    assert (best.offset_ns, best.delay_ns) == (77_050, 500)  # wrong by half the difference of the ways
+    clock.add(0, 10, 5, 100)
+    clock.add(0, 0, 200, 100)
+    assert clock.impossible == 2
+    clock.add_reading(3_000_000, 77_000, 10)
+    again = clock.best(3_000_000)
+    assert again is not None
+    assert again.offset_ns == 77_000
+
+
+def test_reply_times_allow_for_the_clients_clock() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        server.send(frame_of(0))
+        sent_ns = client.expect("frame")["t_sent_ns"]
+        ahead_ns = 10**15
+        client.done(0, t_received_ns=sent_ns + ahead_ns, t_sent_ns=sent_ns + ahead_ns)
+        (reply,) = answered(server)
+        half_ns = (reply.t_arrived_ns - sent_ns) / 2
+        assert reply.clock_offset_ns == pytest.approx(ahead_ns - half_ns, abs=2)
+        stats = server.stats()["cut"]
+        assert stats.t1.max_ns == pytest.approx(half_ns, abs=2)
+        assert stats.t3.max_ns == pytest.approx(half_ns, abs=2)
+
+
+def test_waiting_names_what_is_missing() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        client.hello(topics=["sonar"])
+        calls: list[int] = []
+        with pytest.raises(HandshakeError, match=r"0 of 2 clients.*no topic fits 'sonar'.*baro"):
+            server.wait_for_clients(2, 0.2, lambda: calls.append(1))
+        assert calls
+        client.hello()
+        assert [c.name for c in server.wait_for_clients(1, 5.0)] == ["cut"]
+
+
+def test_planned_topics_bind_those_who_come_later() -> None:
+    with serving() as server, RawClient(server.endpoint) as first, RawClient(server.endpoint) as late:
+        join(server, first, topics=["imu", "baro"])
+        server.limit_topics(server.topics)
+        late.hello("late", topics=["imu", "front/rgb"])
+        server.poll(0.2)
+        refused = late.expect("refused")
+        assert refused["code"] == "topic"
+        assert "front/rgb" in refused["text"]
+        join(server, late, "late", topics=["imu"])
+
+
+def test_close_says_how_it_ended() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        server.close("FAIL", "too late")
+        end = client.expect("end")
+        assert (end["status"], end["text"]) == ("FAIL", "too late")
+        assert server.poll(0.0) == []
+        with pytest.raises(LinkClosed):
+            server.send(frame_of(0))
+
+
+def test_arrays_are_sent_in_c_order_and_little_endian() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client)
+        arrays = {
+            "turned": np.arange(12, dtype=np.int16).reshape(3, 4).T,
+            "big": np.arange(3, dtype=">f8"),
+            "empty": np.zeros((0, 3), np.float32),
+            "large": np.arange(100_000, dtype=np.uint32),  # past the size up to which pyzmq copies
+            "scalar": np.array(2.5),
+        }
+        server.send(CompanionFrame(0, 0, 0, (CompanionSample("imu", 0, 0, 0, {}, arrays),)))
+        header, parts = client.receive()
+        for a in header["samples"][0]["arrays"]:
+            got = np.frombuffer(parts[a["part"] - 1], a["dtype"]).reshape(a["shape"])
+            assert a["dtype"][0] in "<|"
+            np.testing.assert_array_equal(got, arrays[a["name"]])
+        points = np.zeros(2, [("x", "f4")])
+        with pytest.raises(CodecError, match=r"imu\.points.*columns"):
+            server.send(CompanionFrame(1, 1, 1, (CompanionSample("imu", 0, 0, 0, {}, {"points": points}),)))
+
+
+def test_frame_header_is_what_packing_it_at_once_gives() -> None:
+    samples = [{"topic": "imu", "arrays": []}]
+    raw = encode_frame(
+        1, 2, 3, t_sent_ns=4, dropped=5, samples=pack_samples(samples), release=6, ports_of_frame=["imu"]
+    )
+    assert msgpack.unpackb(raw) == {
+        "k": "frame",
+        "frame": 1,
+        "tick": 2,
+        "t_ns": 3,
+        "t_sent_ns": 4,
+        "dropped": 5,
+        "release": 6,
+        "ports_of_frame": ["imu"],
+        "samples": samples,
+    }
+
+
+def test_schema_changes_with_any_unit() -> None:
+    other = dict(TOPICS) | {
+        "baro": TopicSchema("BaroSample", dict(TOPICS["baro"].fields) | {"pressure_pa": ("hPa", "-")})
+    }
+    assert schema_hash(TOPICS) == schema_hash(dict(reversed(TOPICS.items())))
+    hashes = [schema_hash(TOPICS), schema_hash(other), schema_hash({k: v for k, v in TOPICS.items() if k != "imu"})]
+    assert all(a != b for a, b in pairwise(hashes))
+
+
+def test_desired_state_survives_its_map() -> None:
+    desired = DesiredState((1.0, 2.0, 3.0), None, (0.0, 0.0, -1.0), 0.5, None, (0.6, 0.8, 0.0, 0.0), 0.4, None, True)
+    assert DesiredState.from_map(desired.to_map()) == desired
+
+
+def test_keys_let_in_whom_they_should(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    make_keys(folder, ["jetson"])
+    bench, jetson = read_bench_keys(folder), read_pair(folder, "jetson")
+    with (
+        serving(keys=folder, arrangement="ports", bind="tcp://0.0.0.0:*") as server,
+        RawClient(
+            server.endpoint.replace("0.0.0.0", "127.0.0.1"),
+            curve_serverkey=bench.public,
+            curve_publickey=jetson.public,
+            curve_secretkey=jetson.secret,
+        ) as client,
+    ):
+        client.hello(topics=["imu"])
+        until(server, lambda: server.topics == {"imu"})
+        port = client.expect("welcome")["ports"]["imu"].replace("0.0.0.0", "127.0.0.1")
+        with RawClient(
+            port, curve_serverkey=bench.public, curve_publickey=jetson.public, curve_secretkey=jetson.secret
+        ) as imu:
+            imu.hello(topics=["imu"])
+            until(server, lambda: server.living == ("cut",))
+            server.send(frame_of(0))
+            assert imu.expect("frame")["frame"] == 0
+
+
+def test_key_files(tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    made = make_keys(folder, ["a", "b"])
+    assert sorted(f.name for f in made) == ["a.key", "a.pub", "b.key", "b.pub", "bench.key", "bench.pub"]
+    assert all(stat.S_IMODE(f.stat().st_mode) == 0o600 for f in made if f.suffix == ".key")
+    assert sorted(read_allowed(folder).values()) == ["a", "b"]
+    assert zmq.curve_public(read_bench_keys(folder).secret) == read_bench_keys(folder).public
+    before = {f: f.read_bytes() for f in made}
+    with pytest.raises(ConfigError, match=r"a\.key: exists already"):
+        make_keys(folder, ["c", "a"])
+    assert {f: f.read_bytes() for f in folder.iterdir()} == before
+    assert len(make_keys(folder, ["c"])) == 2
+    for name in ("bench", "../x", ".hidden", "a/b", ""):
+        with pytest.raises(ConfigError):
+            make_keys(folder, [name])
+    os.chmod(folder / "bench.key", 0o644)
+    with pytest.raises(ConfigError, match="chmod 600"):
+        read_bench_keys(folder)
+    os.chmod(folder / "bench.key", 0o600)
+    (folder / "bench.pub").write_bytes((folder / "a.pub").read_bytes())
+    with pytest.raises(ConfigError, match="does not belong"):
+        read_bench_keys(folder)
+    (folder / "b.pub").write_text("# nothing\n")
+    with pytest.raises(ConfigError, match="holds no key"):
+        read_allowed(folder)
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        ({"bind": "tcp://0.0.0.0:5570"}, "hil keys"),
+        ({"bind": "tcp://192.168.1.2:5570"}, "hil keys"),
+        ({"bind": "tcp://bench.example:5570"}, "hil keys"),
+        ({"bind": "tcp://*:5570"}, "hil keys"),
+        ({"bind": "tcp://127.0.0.1"}, "HOST:PORT"),
+        ({"bind": "udp://127.0.0.1:1"}, "tcp://"),
+        ({"bind": "ipc:///tmp/x", "arrangement": "ports"}, "tcp://"),
+        ({"arrangement": "shared_memory"}, "ipc://"),
+        ({"max_clients": 33}, "1..32"),
+        ({"max_credit": 0}, "1..64"),
+    ],
+)
+def test_settings_that_cannot_be_meant(settings: dict[str, object], match: str) -> None:
+    with pytest.raises(ConfigError, match=match):
+        CompanionSettings(**settings)  # type: ignore[arg-type]
+
+
+def test_port_in_use_is_named(tmp_path: Path) -> None:
+    with serving() as first, pytest.raises(PortBusy, match="second bench"):
+        CompanionServer(CompanionSettings(bind=first.endpoint), FACTS).open()
+    bind = f"ipc://{tmp_path}/bench"
+    with serving(bind=bind) as first, RawClient(bind) as client:
+        with pytest.raises(PortBusy, match="second bench"):
+            CompanionServer(CompanionSettings(bind=bind), FACTS).open()
+        join(first, client)
+        step(first, client, 0)
+
+
+def test_events_tell_who_came_and_went() -> None:
+    events = Events()
+    with serving(events) as server, RawClient(server.endpoint) as client:
+        join(server, client, control=True)
+        client.say("bye", reason="landed")
+        until(server, lambda: server.living == ())
+        assert events == [("joined", "cut (4 topics, in control)"), ("left", "cut: it left: landed")]
+        assert server.lost == {"cut": "it left: landed"}
