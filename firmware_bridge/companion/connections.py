@@ -66,6 +66,8 @@ class Connections:
         connection = self._by_fd.get(fd)
         if connection is not None:
             with suppress(OSError):
+                # Ended by a reset: a sender against a closed window would else hang on for a minute.
+                connection.wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 connection.wire.shutdown(socket.SHUT_RDWR)
 
     def consumed(self, fd: int, size: int, parts: int) -> None:

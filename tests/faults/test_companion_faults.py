@@ -1,0 +1,519 @@
+"""Companion clients that break, stall, lie and flood: each is named or refused, and the others do not notice.
+
+Every test ends with a healthy client that is served as before.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+
+from firmware_bridge.codecs.companion import Bye, Credit, Done, Hello, Ping, decode_client
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.keys import make_keys, read_pair
+from firmware_bridge.companion.server import CompanionServer
+from tests.links.companion_world import Events, RawClient, answered, frame_of, join, serving, step, until
+
+NAN = float("nan")
+DONE = {"k": "done", "frame": 0, "t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0, "desired": None, "finished": False}
+
+
+@contextmanager
+def healthy(server: CompanionServer) -> Iterator[Callable[[], None]]:
+    """A client that does everything right; what is yielded makes it fly one more frame, as must be possible."""
+    with RawClient(server.endpoint) as client:
+        join(server, client, "healthy", topics=["imu"])
+        numbers = iter(range(100_000, 200_000))
+
+        def fly() -> None:
+            step(server, client, next(numbers), "healthy")
+
+        fly()
+        yield fly
+        fly()
+        stats = server.stats()["healthy"]
+        assert (stats.malformed, stats.dropped, stats.returned) == (0, 0, 0)
+        assert client.silent()  # and nobody else's words reached it
+
+
+def test_client_that_vanishes_mid_frame_is_lost_and_comes_back() -> None:
+    events = Events()
+    with serving(events) as server, healthy(server) as fly:
+        with RawClient(server.endpoint) as client:
+            join(server, client)
+            server.send(frame_of(0), to=["cut"])
+        until(server, lambda: "cut" in server.lost)
+        assert server.lost["cut"] == "its connection ended"
+        assert server.send(frame_of(1), to=["cut"]) == []
+        fly()
+        with RawClient(server.endpoint) as again:
+            join(server, again)
+            step(server, again, 2)
+            assert (server.lost, server.stats()["cut"].returned) == ({}, 1)
+        assert "cut (again, 4 topics)" in events.of("joined")
+
+
+def test_stalled_client_is_dropped_by_the_caller_and_returns_on_the_same_connection() -> None:
+    with serving() as server, healthy(server) as fly, RawClient(server.endpoint) as client:
+        join(server, client)
+        server.send(frame_of(0), to=["cut"])
+        assert server.poll(0.05) == []
+        server.drop("cut", "no answer within 0.05 s")
+        assert server.lost == {"cut": "no answer within 0.05 s"}
+        fly()
+        client.expect("frame")
+        client.done(0)  # too late
+        assert client.expect("end")["status"] == "dropped"
+        server.poll(0.1)
+        assert client.expect("refused")["code"] == "malformed"
+        join(server, client)
+        step(server, client, 1)
+        server.drop("nobody", "is not here")
+
+
+def test_killed_and_stopped_processes_are_noticed() -> None:
+    """By the connection's end, or by silence on it: heartbeats."""
+    code = (
+        "import sys, zmq, msgpack\n"
+        "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=1, schema=None, name=sys.argv[2],"
+        " topics=['*'], control=False, credit=4, shared_memory=True)))\n"
+        "while True: s.recv_multipart()\n"
+    )
+    with (
+        serving(heartbeat_interval_ms=50, heartbeat_timeout_ms=200) as server,
+        healthy(server) as fly,
+    ):
+        children = [
+            subprocess.Popen([sys.executable, "-c", code, server.endpoint, name]) for name in ("killed", "stopped")
+        ]
+        try:
+            until(server, lambda: len(server.living) == 3)
+            children[0].send_signal(signal.SIGKILL)
+            children[1].send_signal(signal.SIGSTOP)
+            server.send(frame_of(0), to=["killed", "stopped"])
+            until(server, lambda: {"killed", "stopped"} <= server.lost.keys())
+            fly()
+        finally:
+            for child in children:
+                child.kill()
+                child.wait()
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["stranger", "client"])
+def test_ten_thousand_messages_of_garbage(known: bool) -> None:
+    rng = np.random.default_rng(3)
+    kinds = ["hello", "credit", "done", "ping", "bye", "frame", "", "x" * 100]
+
+    def value(depth: int = 0) -> Any:
+        pick = int(rng.integers(0, 9 if depth < 3 else 6))
+        plain = [None, True, int(rng.integers(-(2**62), 2**62)), NAN, "text", b"bytes"]
+        if pick < 6:
+            return plain[pick]
+        if pick == 6:
+            return [value(depth + 1) for _ in range(3)]
+        return {key: value(depth + 1) for key in ("frame", "n", "desired", "id", "p_W")}
+
+    def garbage(i: int) -> bytes:
+        if i % 2:
+            return rng.bytes(int(rng.integers(0, 60)))
+        message = {
+            "k": kinds[i // 2 % len(kinds)],
+            **{k: value() for k in ("n", "frame", "t2_ns", "id", "name", "magic")},
+        }
+        return msgpack.packb(message)
+
+    with serving() as server, healthy(server) as fly, RawClient(server.endpoint) as client:
+        if known:
+            join(server, client)
+        sent = threading.Event()
+
+        def flood() -> None:
+            wire = client.socket
+            for i in range(10_000):
+                while True:
+                    try:
+                        wire.send(garbage(i), zmq.NOBLOCK)
+                        break
+                    except zmq.Again:
+                        time.sleep(0.0005)
+                while wire.poll(0):
+                    wire.recv_multipart()
+            sent.set()
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        until(server, sent.is_set)
+        thread.join()
+        fly()
+        assert server.malformed >= 10
+        if known:
+            assert "without sense in a row" in server.lost["cut"] or "connection" in server.lost["cut"]
+            assert server.stats()["cut"].malformed == 10
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"magic": "other"}, "magic"),
+        ({"magic": None}, "magic"),
+        ({"version": 2}, "version"),
+        ({"version": True}, "version"),
+        ({"schema": "0123456789abcdef"}, "schema"),
+        ({"schema": 5}, "malformed"),
+        ({"topics": ["sonar"]}, "topic"),
+        ({"topics": []}, "malformed"),
+        ({"topics": ["*"] * 257}, "malformed"),
+        ({"topics": "imu"}, "malformed"),
+        ({"topics": ["imu\n"]}, "malformed"),
+        ({"name": ""}, "name"),
+        ({"name": "a" * 65}, "name"),
+        ({"name": "a b"}, "name"),
+        ({"name": "healthy"}, "name"),
+        ({"control": 1}, "malformed"),
+        ({"credit": 0}, "malformed"),
+        ({"credit": -1}, "malformed"),
+        ({"credit": 65}, "malformed"),
+        ({"credit": 1.0}, "malformed"),
+        ({"shared_memory": None}, "malformed"),
+    ],
+)
+def test_hello_that_is_refused(change: dict[str, object], code: str) -> None:
+    with serving() as server, healthy(server), RawClient(server.endpoint) as client:
+        client.hello(**{"name": "cut", **change})  # type: ignore[arg-type]
+        server.poll(0.02)
+        refused = client.expect("refused")
+        assert refused["code"] == code, refused
+        assert refused["text"]
+        join(server, client)  # a second try, and a right one
+
+
+def test_places_and_control_are_limited() -> None:
+    with serving(max_clients=2) as server, healthy(server), RawClient(server.endpoint) as pilot:
+        join(server, pilot, "pilot", control=True)
+        with RawClient(server.endpoint) as third:
+            third.hello("third")
+            server.poll(0.02)
+            assert third.expect("refused")["code"] == "full"
+        pilot.say("bye", reason="")
+        until(server, lambda: "pilot" in server.lost)
+        join(server, pilot, "pilot", control=True)
+    with serving() as server, healthy(server), RawClient(server.endpoint) as one, RawClient(server.endpoint) as two:
+        join(server, one, "one", control=True)
+        two.hello("two", control=True)
+        server.poll(0.02)
+        assert two.expect("refused")["code"] == "control"
+        until(server, lambda: "two" not in server.living)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"frame": 99},
+        {"frame": -1},
+        {"frame": True},
+        {"t_sent_ns": -5},
+        {"t2_ns": 1.5},
+        {"finished": None},
+        {"desired": []},
+        {"desired": {"p_W": [0, 0, NAN]}},
+        {"desired": {"p_W": [0, 0]}},
+        {"desired": {"v_W": [0, float("inf"), 0]}},
+        {"desired": {"yaw_rad": "north"}},
+        {"desired": {"q_WB": [1, 0, 0, 0.1]}},
+        {"desired": {"q_WB": [0, 0, 0, 0]}},
+        {"desired": {"thrust": 1.01}},
+        {"desired": {"land": 1}},
+        {"desired": {"speed": 1}},
+        {"desired": {"a_W": [1e300, 0, 0]}},
+    ],
+)
+def test_answer_without_sense_is_refused_and_the_right_one_still_counts(change: dict[str, object]) -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, control=True)
+        server.send(frame_of(0))
+        client.expect("frame")
+        client.say(**{"kind": "done", **{k: v for k, v in DONE.items() if k != "k"}, **change})  # type: ignore[arg-type]
+        assert server.poll(0.02) == []
+        assert client.expect("refused")["code"] == "malformed"
+        assert server.credits() == {"cut": 1}
+        client.done(0)
+        assert answered(server)[0].frame == 0
+        assert server.stats()["cut"].malformed == 1
+
+
+def test_commands_need_control_and_credits_have_a_limit() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, credit=60)
+        server.send(frame_of(0))
+        client.expect("frame")
+        client.done(0, desired={"p_W": [0, 0, 1]})
+        assert server.poll(0.02) == []
+        assert "no control" in client.expect("refused")["text"]
+        for n in (6, 0, -3, 65, 2**40, None):
+            client.say("credit", n=n)
+            server.poll(0.02)
+            assert client.expect("refused")["code"] == "malformed", n
+        assert server.credits() == {"cut": 59}
+        client.say("credit", n=5)
+        until(server, lambda: server.credits() == {"cut": 64})
+
+
+def test_answering_a_frame_twice_gives_no_second_credit() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, credit=1)
+        step(server, client, 0)
+        client.done(0)
+        server.poll(0.02)
+        assert client.expect("refused")["code"] == "malformed"
+        assert server.credits() == {"cut": 1}
+
+
+def test_hundred_megabytes_in_one_part_never_get_in() -> None:
+    with serving() as server, healthy(server) as fly, RawClient(server.endpoint) as client:
+        join(server, client)
+        before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        big = np.zeros(100 << 20, np.uint8)
+        before_kb = max(before_kb, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+        client.socket.send(big, copy=False)
+        until(server, lambda: "cut" in server.lost)
+        fly()
+        # Zeros of the sender are not resident before they are read; what it reads is bounded by the socket's buffers.
+        grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
+        assert grown_kb < 50_000
+
+
+def test_gigabytes_in_many_parts_are_cut_off() -> None:
+    """A message without an end: each part is small enough, and ZeroMQ keeps them all until the last has come.
+
+    Its own library would keep them on the client's side, so this speaks ZMTP 3.0 (RFC 23) itself.
+    """
+    greeting = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
+    ready = b"\x05READY\x0bSocket-Type\x00\x00\x00\x06DEALER\x08Identity\x00\x00\x00\x00"
+    part = b"\x03" + (1 << 19).to_bytes(8, "big") + bytes(1 << 19)  # long, more to come
+    sent_bytes = 0
+
+    def stream(address: tuple[str, int]) -> None:
+        nonlocal sent_bytes
+        with socket.create_connection(address) as wire, suppress(OSError):
+            wire.sendall(greeting + b"\x04" + bytes((len(ready),)) + ready)
+            while sent_bytes < 4 << 30:
+                wire.sendall(part)
+                sent_bytes += len(part)
+
+    events = Events()
+    with serving(events, unread_bytes_limit=16 << 20) as server, healthy(server) as fly:
+        host, port = server.endpoint.removeprefix("tcp://").split(":")
+        before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        thread = threading.Thread(target=stream, args=((host, int(port)),))
+        thread.start()
+        until(server, lambda: not thread.is_alive(), 60.0)
+        assert any("is no message" in text for text in events.of("wire"))
+        assert sent_bytes < 1 << 30
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 1 << 20
+        fly()
+
+
+@pytest.mark.parametrize("message", ["ping", "nonsense"])
+def test_flood_of_small_messages_does_not_starve_the_others(message: str) -> None:
+    raw = msgpack.packb({"k": "ping", "id": 1, "t_client_ns": 1}) if message == "ping" else b"\xc1"
+    with serving() as server, healthy(server) as fly, RawClient(server.endpoint, sndhwm=5000) as client:
+        join(server, client, "flood")
+        stop = threading.Event()
+
+        def flood() -> None:
+            while not stop.is_set():
+                try:
+                    client.socket.send(raw, zmq.NOBLOCK)
+                except zmq.Again:
+                    time.sleep(0.0002)
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        try:
+            for _ in range(20):
+                fly()
+            began_s = time.monotonic()
+            replies = server.poll(0.1)
+            took_s = time.monotonic() - began_s
+        finally:
+            stop.set()
+            thread.join()
+        assert replies == []
+        assert took_s < 5.0  # it ends at all: not a measurement
+
+
+def test_flood_of_connections_is_limited() -> None:
+    with serving(max_clients=2) as server, healthy(server):
+        host, port = server.endpoint.removeprefix("tcp://").split(":")
+        wires = [socket.create_connection((host, int(port))) for _ in range(60)]
+        try:
+            closed: set[int] = set()
+
+            def cut_off() -> bool:
+                for i, wire in enumerate(wires):
+                    wire.setblocking(False)
+                    try:
+                        while wire.recv(4096):
+                            pass
+                        closed.add(i)
+                    except BlockingIOError:
+                        pass
+                    except OSError:
+                        closed.add(i)
+                return len(closed) >= 50
+
+            until(server, cut_off)
+        finally:
+            for wire in wires:
+                wire.close()
+
+
+@pytest.mark.parametrize("key", ["other key", "no key", "wrong bench"])
+def test_wrong_keys_are_turned_away_and_the_right_one_is_served(key: str, tmp_path: Path) -> None:
+    make_keys(tmp_path / "bench", ["cut"])
+    make_keys(tmp_path / "other", ["cut"])
+    right, other = read_pair(tmp_path / "bench", "cut"), read_pair(tmp_path / "other", "cut")
+    bench, wrong_bench = read_pair(tmp_path / "bench", "bench"), read_pair(tmp_path / "other", "bench")
+    good = {"curve_serverkey": bench.public, "curve_publickey": right.public, "curve_secretkey": right.secret}
+    bad: dict[str, dict[str, bytes]] = {
+        "other key": good | {"curve_publickey": other.public, "curve_secretkey": other.secret},
+        "no key": {},
+        "wrong bench": good | {"curve_serverkey": wrong_bench.public},
+    }
+    events = Events()
+    with (
+        serving(events, keys=tmp_path / "bench") as server,
+        RawClient(server.endpoint, **good) as client,
+        RawClient(server.endpoint, **bad[key]) as stranger,
+    ):
+        stranger.hello("stranger")
+        join(server, client)
+        until(server, lambda: bool(events.of("wire")))
+        step(server, client, 0)
+        assert ("key is not among" if key == "other key" else "failed to greet") in events.of("wire")[0]
+        assert server.living == ("cut",)
+        assert stranger.silent()
+
+
+def test_stranger_on_a_sensors_port_gets_nothing() -> None:
+    with serving(arrangement="ports") as server, RawClient(server.endpoint) as client:
+        client.hello(topics=["imu"])
+        until(server, lambda: server.topics == {"imu"})
+        port = client.expect("welcome")["ports"]["imu"]
+        with RawClient(port) as imu, RawClient(port) as thief:
+            thief.hello("thief", topics=["imu"])
+            server.poll(0.02)
+            assert thief.expect("refused")["code"] == "name"
+            imu.hello(topics=["imu"])
+            until(server, lambda: server.living == ("cut",))
+            thief.hello(topics=["imu"])  # another's name
+            server.poll(0.02)
+            assert thief.expect("refused")["code"] == "name"
+            server.send(frame_of(0))
+            assert imu.expect("frame")["frame"] == 0
+            assert thief.silent()
+
+
+def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_memory(tmp_path: Path) -> None:
+    before = set(os.listdir("/dev/shm"))
+    bind = f"ipc://{tmp_path}/bench"
+    code = (
+        "import os, sys, zmq, msgpack\n"
+        "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=1, schema=None, name='killed',"
+        " topics=['imu'], control=False, credit=64, shared_memory=True)))\n"
+        "name = msgpack.unpackb(s.recv())['ring']['name']\n"
+        "import mmap; m = mmap.mmap(os.open('/dev/shm/' + name, os.O_RDONLY), 4096, prot=mmap.PROT_READ)\n"
+        "while True: s.recv_multipart()\n"
+    )
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server, RawClient(bind) as client:
+        join(server, client, credit=1, topics=["imu"])
+        child = subprocess.Popen([sys.executable, "-c", code, bind])
+        try:
+            until(server, lambda: "killed" in server.living)
+            number = 0
+            while server.send(frame_of(number), to=["killed"]):
+                number += 1
+            assert number == 4096 // 128
+            assert server.send(frame_of(number)) == []  # full: dropped, nobody waits
+            child.kill()
+            until(server, lambda: "killed" in server.lost)
+            for k in range(50, 100):
+                step(server, client, k)
+        finally:
+            child.kill()
+            child.wait()
+    assert set(os.listdir("/dev/shm")) <= before
+
+
+def test_nothing_stays_in_shared_memory_of_a_killed_bench(tmp_path: Path) -> None:
+    code = (
+        "import sys, time\n"
+        "from firmware_bridge.companion.shared_ring import SharedRing\n"
+        "print(SharedRing(4096).name, flush=True); time.sleep(60)\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert child.stdout is not None
+    name = child.stdout.readline().strip()
+    assert Path("/dev/shm", name).exists()
+    child.kill()
+    child.wait()
+    child.stdout.close()
+    end_s = time.monotonic() + 10.0
+    while Path("/dev/shm", name).exists():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_close_does_not_wait_for_clients_that_do_not_read() -> None:
+    with serving() as server, RawClient(server.endpoint, rcvhwm=1, rcvbuf=4096) as client:
+        join(server, client, credit=64)
+        for k in range(64):
+            server.send(frame_of(k))
+        began_s = time.monotonic()
+        server.close()
+        assert time.monotonic() - began_s < 5.0  # it ends at all: not a measurement
+        server.close()
+
+
+def test_decoder_never_raises_anything_else() -> None:
+    good = [
+        DONE,
+        {"k": "credit", "n": 3},
+        {"k": "ping", "id": 1, "t_client_ns": 5},
+        {"k": "bye", "reason": "x"},
+        {"k": "hello", "magic": "hil-companion", "version": 1, "schema": None, "name": "a", "topics": ["*"]}
+        | {"control": True, "credit": 1, "shared_memory": False},
+    ]
+    kinds = (Done, Credit, Ping, Bye, Hello)
+    rng = np.random.default_rng(11)
+    for message, kind in zip(good, kinds, strict=True):
+        raw = msgpack.packb(message)
+        assert isinstance(decode_client(raw), kind)
+        for _ in range(1500):
+            damaged = bytearray(raw)
+            for _ in range(int(rng.integers(1, 4))):
+                damaged[int(rng.integers(0, len(damaged)))] = int(rng.integers(0, 256))
+            damaged = damaged[: int(rng.integers(0, len(damaged) + 1))] if rng.random() < 0.3 else damaged
+            with suppress(CodecError):
+                assert isinstance(decode_client(bytes(damaged)), kinds)
+    deep = b"\x91" * 100_000
+    for raw in (b"", deep, b"\x81\xa1k" + deep, b"\xdf\xff\xff\xff\xff", b"\xd4\xff\x00"):
+        with pytest.raises(CodecError):
+            decode_client(raw)
