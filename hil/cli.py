@@ -251,6 +251,7 @@ def keys(
         raise typer.Exit(CONFIG_STATUS) from None
 
 
+@app.command()
 def companion(
     name: Annotated[str, typer.Argument(help="echo, record, waypoints, or MODULE:NAME of your own.", metavar="NAME")],
     connect: Annotated[str, typer.Option(help="tcp://HOST:PORT or ipc://FILE of a bench.", metavar="ADDR")],
