@@ -146,10 +146,14 @@ def replay(
 ) -> None:
     """Run a recorded configuration again; exit 1 and name the first differing tick and port if not identical."""
     from hil.bench import run_bench
+    from hil.companion.trace_name import TRACE_NAME
     from hil.replay import replay as run_and_compare
 
     def again(config: Path, folder: Path) -> None:
-        run_bench(load_bench(config), folder)
+        # Companions are not asked again: what they answered is in the trace.
+        trace = run_dir / TRACE_NAME
+        settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
+        run_bench(load_bench(config, settings=settings), folder)
 
     try:
         result = run_and_compare(run_dir, again, out_dir=out)

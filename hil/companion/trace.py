@@ -16,9 +16,9 @@ from firmware_bridge.codecs.companion import desired_from_map, desired_map
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from hil.companion.answers import Answer, Client
+from hil.companion.trace_name import TRACE_NAME as TRACE_NAME
 from hil.signals.errors import LockstepLost, RecordingError
 
-TRACE_NAME = "companion.jsonl"
 _FORMAT = 1
 
 
