@@ -16,14 +16,14 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import isfinite
 from typing import Any
 
 import msgpack
 
 from firmware_bridge.codecs.errors import CodecError
 from hil.signals.desired import DesiredState
-from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample, Quat, Vec3
+from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
 VERSION = 1
