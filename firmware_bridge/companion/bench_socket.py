@@ -1,10 +1,18 @@
-"""One ROUTER socket of the bench: bound, limited, encrypted where it has keys, and told who has gone. Never waits."""
+"""One ROUTER socket of the bench: bound, limited, encrypted where it has keys, and told who has gone. Never waits.
+
+Two features of ZeroMQ are left alone. libzmq 4.3 ends the whole process (an assertion in stream_engine_base.cpp, its
+issue 4841) when it writes a heartbeat to a connection that broke while its input was held back by the receiving
+high-water mark. So the bench sends no heartbeats, TCP's keepalive takes their place; and since a client's own
+heartbeats are answered the same way, input over TCP has no high-water mark: `Connections` counts bytes and cuts those
+who flood.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
 import socket
+import threading
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -18,7 +26,7 @@ from firmware_bridge.companion.settings import CompanionSettings
 from hil.signals.errors import PortBusy, PortNotFound
 
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
-_RECEIVE_HWM = 16  # messages of one client that wait here
+_IPC_RECEIVE_HWM = 1000  # messages of one client that wait here; of TCP, bytes are counted (`Connections`)
 _HANDSHAKE_MS = 3000
 _EVENTS = (
     zmq.EVENT_ACCEPTED
@@ -28,6 +36,8 @@ _EVENTS = (
     | zmq.EVENT_HANDSHAKE_FAILED_AUTH
 )
 _CONNECTIONS_PER_CLIENT = 4
+_LOOK_S = 0.02
+_TEXTS = 100
 
 
 class Received(NamedTuple):
@@ -55,12 +65,15 @@ class BenchSocket:
         s.setsockopt(zmq.LINGER, 0)
         s.setsockopt(zmq.ROUTER_MANDATORY, 1)
         s.setsockopt(zmq.SNDHWM, _SEND_HWM)
-        s.setsockopt(zmq.RCVHWM, _RECEIVE_HWM)
+        s.setsockopt(zmq.RCVHWM, 0 if address.startswith("tcp://") else _IPC_RECEIVE_HWM)
         s.setsockopt(zmq.MAXMSGSIZE, settings.max_message_bytes)
         s.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
-        s.setsockopt(zmq.HEARTBEAT_IVL, settings.heartbeat_interval_ms)
-        s.setsockopt(zmq.HEARTBEAT_TIMEOUT, settings.heartbeat_timeout_ms)
-        s.setsockopt(zmq.HEARTBEAT_TTL, settings.heartbeat_timeout_ms)
+        # The kernel asks whether the other machine is alive. Not ZeroMQ's heartbeats, see the module's header.
+        s.setsockopt(zmq.TCP_KEEPALIVE, 1)
+        s.setsockopt(zmq.TCP_KEEPALIVE_IDLE, 1)
+        s.setsockopt(zmq.TCP_KEEPALIVE_INTVL, 1)
+        s.setsockopt(zmq.TCP_KEEPALIVE_CNT, settings.vanished_s)
+        s.setsockopt(zmq.TCP_MAXRT, settings.vanished_s * 1000)
         if address.startswith("tcp://["):
             s.setsockopt(zmq.IPV6, 1)
         if keys is not None:
@@ -79,6 +92,12 @@ class BenchSocket:
             s.close()
             raise
         self.endpoint = s.getsockopt_string(zmq.LAST_ENDPOINT)
+        self._lock = threading.Lock()  # of the monitor and the connections: a thread of its own looks too
+        self._ended: list[int] = []
+        self._texts: list[str] = []
+        self._closing = threading.Event()
+        self._sentry = threading.Thread(target=self._keep_looking, name="companion sentry", daemon=True)
+        self._sentry.start()
 
     def register(self, poller: zmq.Poller) -> None:
         poller.register(self._socket, zmq.POLLIN)
@@ -92,7 +111,8 @@ class BenchSocket:
             return None
         last = parts[-1]
         fd = int(last.get(zmq.SRCFD)) if len(parts) > 1 else -1
-        self.connections.consumed(fd, sum(len(p) for p in parts), len(parts))
+        with self._lock:
+            self.connections.consumed(fd, sum(len(p) for p in parts), len(parts))
         first = parts[1] if len(parts) > 1 else last
         return Received(parts[0].bytes, fd, first.buffer, len(parts) - 1, first)
 
@@ -110,30 +130,49 @@ class BenchSocket:
 
     def gone(self) -> tuple[list[int], list[str]]:
         """Descriptors of connections that have ended since, and what else happened, for people to read."""
-        ended: list[int] = []
-        texts: list[str] = []
-        while self._monitor.poll(0):
+        with self._lock:
+            self._look()
+            ended, self._ended = self._ended, []
+            texts, self._texts = self._texts, []
+        return ended, texts
+
+    def cut(self, fd: int) -> None:
+        """End a connection; `gone` will tell."""
+        with self._lock:
+            self.connections.cut(fd)
+
+    def _keep_looking(self) -> None:
+        """Nobody may flood the bench while it is busy elsewhere."""
+        while not self._closing.wait(_LOOK_S):
+            with self._lock:
+                self._look()
+
+    def _look(self) -> None:
+        while int(self._monitor.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
             event = recv_monitor_message(self._monitor, zmq.NOBLOCK)
             kind, value = event["event"], event["value"]
             if kind == zmq.EVENT_ACCEPTED:
                 why = self.connections.accepted(value)
                 if why is not None:
-                    texts.append(why)
+                    self._text(why)
             elif kind == zmq.EVENT_DISCONNECTED:
                 self.connections.gone(value)
-                ended.append(value)
+                self._ended.append(value)
             elif kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-                texts.append("a client was turned away: its key is not among the allowed ones")
+                self._text("a client was turned away: its key is not among the allowed ones")
             else:
-                texts.append(
-                    "a connection failed to greet: not ZeroMQ, no keys where keys are needed, or the wrong ones"
-                )
+                self._text("a connection failed to greet: not ZeroMQ, or without the right keys")
         for fd in self.connections.over_limit():
             self.connections.cut(fd)
-            texts.append("a connection was cut: it sends without end what is no message")
-        return ended, texts
+            self._text("a connection was cut: it sends more than is read, or a message without end")
+
+    def _text(self, text: str) -> None:
+        if len(self._texts) < _TEXTS:
+            self._texts.append(text)
 
     def close(self, linger_ms: int) -> None:
+        self._closing.set()
+        self._sentry.join()
         self._end_monitor()
         self._socket.close(linger=linger_ms)
         self.connections.close()

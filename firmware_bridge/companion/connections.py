@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 _BYTES_RECEIVED = struct.Struct("=Q")
 _BYTES_RECEIVED_AT = 128  # of struct tcp_info, linux/tcp.h
-_CHECK_NS = 20_000_000
+_CHECK_NS = 10_000_000
 _OVERHEAD = 80  # bytes that a part costs at most besides its own: framing, encryption
 
 
@@ -77,7 +77,7 @@ class Connections:
             connection.consumed += size + parts * _OVERHEAD
 
     def over_limit(self) -> list[int]:
-        """Descriptors of those that send and send, and make no messages of it. Looks at most every 20 ms."""
+        """Descriptors of those that send and send, and make no messages of it. Looks at most every 10 ms."""
         now_ns = time.monotonic_ns()
         if now_ns - self._checked_ns < _CHECK_NS:
             return []

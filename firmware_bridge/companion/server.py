@@ -459,7 +459,7 @@ class CompanionServer:
             self.malformed += 1
         self._refuse_text(f"{error.code}: {error}")
         if self._clients.strike(message.identity) > self.settings.malformed_in_a_row:
-            self._sockets[group].connections.cut(message.fd)
+            self._sockets[group].cut(message.fd)
 
     def _refuse_text(self, text: str, kind: str = "refused") -> None:
         if text not in self.refused:
@@ -479,7 +479,7 @@ class CompanionServer:
             if in_a_row >= limit:
                 self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
         if in_a_row >= limit:
-            self._sockets[group].connections.cut(message.fd)
+            self._sockets[group].cut(message.fd)
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
         for under_way in client.under_way.values():

@@ -30,10 +30,9 @@ class CompanionSettings:
     max_credit: int = MAX_CREDIT  # frames under way to one client
     max_message_bytes: int = 1 << 20  # of one part that a client sends
     ring_bytes: int = 64 << 20
-    heartbeat_interval_ms: int = 500
-    heartbeat_timeout_ms: int = 2000
+    vanished_s: int = 2  # a machine that is silent for so long has gone; a process that only stalls has not
     malformed_in_a_row: int = 10  # more than this many end the client's place
-    unread_bytes_limit: int = 32 << 20  # of one TCP connection that makes no complete messages of them
+    unread_bytes_limit: int = 8 << 20  # of one TCP connection that makes no complete messages of them
 
     def __post_init__(self) -> None:
         problems = []
@@ -54,8 +53,7 @@ class CompanionSettings:
             ("max_credit", 1, MAX_CREDIT),
             ("max_message_bytes", 4096, 1 << 30),
             ("ring_bytes", 4096, 1 << 36),
-            ("heartbeat_interval_ms", 10, 60_000),
-            ("heartbeat_timeout_ms", self.heartbeat_interval_ms, 65_535_00),
+            ("vanished_s", 1, 3600),
             ("malformed_in_a_row", 1, 1_000_000),
             ("unread_bytes_limit", self.max_message_bytes, 1 << 36),
         ):
