@@ -334,7 +334,7 @@ def test_gigabytes_in_many_parts_are_cut_off() -> None:
 
 
 def test_heartbeats_of_a_connection_that_breaks_while_nobody_reads_end_nothing() -> None:
-    """ZeroMQ answers heartbeats from within; on a broken connection with a full queue that was the end of the process."""
+    """ZeroMQ answers heartbeats from within, also those behind a full queue of a connection that is no more."""
     heartbeat = b"\x04\x07\x04PING\x00\x10"
     with serving() as server, healthy(server) as fly:
         host, port = server.endpoint.removeprefix("tcp://").split(":")
