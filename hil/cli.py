@@ -279,24 +279,20 @@ def companion(
     """Run a client under test against a bench."""
     from hil.companion_command import run_companion
 
-    try:
-        status = run_companion(
-            name,
-            connect,
-            name=client_name,
-            topics=topics or (),
-            key=key,
-            bench_key=bench_key,
-            settings=settings or (),
-            control=control,
-            credit=credit,
-            shared_memory=not no_shared_memory,
-            wait_s=wait,
-            reconnect_s=reconnect,
-        )
-    except ConfigError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS) from None
+    status = run_companion(
+        name,
+        connect,
+        name=client_name,
+        topics=topics or (),
+        key=key,
+        bench_key=bench_key,
+        settings=settings or (),
+        control=control,
+        credit=credit,
+        shared_memory=not no_shared_memory,
+        wait_s=wait,
+        reconnect_s=reconnect,
+    )
     raise typer.Exit(status)
 
 

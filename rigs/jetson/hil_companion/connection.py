@@ -72,7 +72,7 @@ class Connection:
         try:
             self.socket.send(message, zmq.NOBLOCK)
         except zmq.Again:
-            raise ConnectionLost(f"{self.address}: the bench takes no more messages") from None
+            raise ConnectionLost(f"{self.address}: the connection was lost, no more messages are taken") from None
 
     def receive(self) -> list[Any] | None:
         """The parts of one message that is there, without copying them; None if there is none."""

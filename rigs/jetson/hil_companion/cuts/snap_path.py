@@ -55,8 +55,9 @@ class SnapPath:
     def sampled(self, k: int) -> np.ndarray:
         """The k-th derivative at SAMPLES + 1 places of each segment: (segments, SAMPLES + 1, 3)."""
         rows = np.array([derivative_row(s, k) for s in np.linspace(0.0, 1.0, SAMPLES + 1)])
-        values: np.ndarray = np.einsum("sc,ica->isa", rows, self.coefficients)
-        return values / self.durations_s[:, None, None] ** k
+        by_s = np.einsum("sc,ica->isa", rows, self.coefficients)
+        by_time: np.ndarray = by_s / self.durations_s[:, None, None] ** k
+        return by_time
 
     def snap_cost(self) -> float:
         """Integral of the squared 4th derivative over time."""

@@ -97,7 +97,7 @@ class Waypoints:
             return self._land(frame, t_s, p_W, v_W)
         point = self._phases[self._phase].at(t_s + self._ahead_s(frame))
         self._turn(point, dt_s)
-        return Desired(p_W=point.p_W, v_W=point.v_W, a_W=point.a_W, yaw_rad=self._yaw_rad)
+        return Desired(p_W=point.p_W.tolist(), v_W=point.v_W.tolist(), a_W=point.a_W.tolist(), yaw_rad=self._yaw_rad)
 
     def _begin(self, frame: Frame, p_W: np.ndarray | None) -> None:
         first = self._waypoints_W[0]

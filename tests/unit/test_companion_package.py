@@ -1,0 +1,55 @@
+"""The companion client stays what a Jetson's own Python can run: Python 3.8, numpy, pyzmq, msgpack, nothing of hil."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.unit.companion_bench import CLIENT
+
+ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
+WITH_CASADI = {"cuts/corridor.py"}
+SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
+# Evaluated when a module is imported, where Python 3.8 does not know them: X | Y and list[X] outside annotations.
+BUILTIN_GENERICS = {"dict", "list", "tuple", "set", "frozenset", "type"}
+NEWER_CALLS = {"removeprefix", "removesuffix", "bit_count", "pairwise", "is_relative_to"}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(CLIENT)))
+def test_source_is_python_3_8_with_three_packages(path: Path) -> None:
+    tree = ast.parse(path.read_text(), feature_version=(3, 8))
+    allowed = ALLOWED | ({"casadi"} if str(path.relative_to(CLIENT / "hil_companion")) in WITH_CASADI else set())
+    annotations = {id(n) for a in _annotations(tree) for n in ast.walk(a)}
+    future = any(isinstance(n, ast.ImportFrom) and n.module == "__future__" for n in tree.body)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+        names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+        names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        for name in names:
+            top = name.split(".")[0]
+            assert top in sys.stdlib_module_names or top in allowed, name
+        if isinstance(node, ast.Attribute):
+            assert node.attr not in NEWER_CALLS, node.attr
+        if isinstance(node, ast.Call):
+            assert not any(k.arg == "strict" for k in node.keywords), "zip(strict=) is newer than Python 3.8"
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id in BUILTIN_GENERICS:
+            assert future, "needs from __future__ import annotations"
+            assert id(node) in annotations, f"line {node.lineno}: evaluated at run time"
+
+
+def _annotations(tree: ast.AST) -> list[ast.AST]:
+    found: list[ast.AST | None] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.arg | ast.AnnAssign):
+            found.append(node.annotation)
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            found.append(node.returns)
+    return [node for node in found if node is not None]
+
+
+def test_the_list_of_sources_is_not_empty() -> None:
+    assert {"client.py", "waypoints.py", "corridor.py"} <= {path.name for path in SOURCES}
