@@ -11,10 +11,9 @@ The only file that needs CasADi.
 from __future__ import annotations
 
 import contextlib
+import io
 import math
-import os
-import sys
-from typing import Any, Iterator, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -117,7 +116,8 @@ def solve(program: SnapProgram, samples: list[tuple[int, int]], radius_m: float)
     if found is None:
         return None
     name, options = found
-    with _quiet():
+    # qpOASES says its name at every start, whatever it is told; CasADi writes through Python's own stdout.
+    with contextlib.redirect_stdout(io.StringIO()):
         solver = casadi.conic("corridor", name, {"h": quadratic.sparsity(), "a": linear.sparsity()}, options)
         result = solver(h=quadratic, g=g, a=linear, lba=lows, uba=highs)
     if not solver.stats()["success"]:
@@ -138,20 +138,6 @@ def _sides(a: np.ndarray, b: np.ndarray, radius_m: float) -> list[tuple[np.ndarr
     across = (first, second, half * (first + second), half * (first - second))
     sides = [(axis, -ACROSS * radius_m, ACROSS * radius_m) for axis in across]
     return [*sides, (along, -ALONG * radius_m, length + ALONG * radius_m)]
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """qpOASES prints its banner from C at every start, whatever it is told."""
-    sys.stdout.flush()
-    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _solver() -> tuple[str, dict[str, Any]] | None:
