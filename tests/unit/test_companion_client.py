@@ -472,6 +472,22 @@ def test_the_runner_comes_back_after_a_loss_and_starts_a_cut_once_a_session(tmp_
     assert sum("connecting again" in line for line in said) == 2
 
 
+def test_one_that_the_bench_dropped_comes_back() -> None:
+    def script(bench: Bench) -> None:
+        client = bench.greet()
+        bench.send(client, {"k": "end", "status": "dropped", "text": "no answer within 1 s"})
+        client = bench.greet()
+        bench.send(client, frame(3))
+        bench.receive("done")
+        bench.send(client, END)
+
+    cut = Counter()
+    with running(script) as bench:
+        status, said = run_quietly(cut, bench.address)
+    assert (status, cut.frames, cut.sessions) == (END_STATUS, [3], [welcome()["session"]])
+    assert any("no answer within 1 s" in line for line in said)
+
+
 def test_a_loss_ends_the_runner_where_it_may_not_come_back() -> None:
     def script(bench: Bench) -> None:
         bench.greet()

@@ -21,6 +21,7 @@ from hil_companion.keys import PathLike
 
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
+DROPPED = "dropped"  # an `end` for this client alone, which may come back
 # What can pass by itself after a loss: the bench may not have noticed yet that we were gone.
 _PASSING = ("name", "full", "control")
 
@@ -141,6 +142,8 @@ class Runner:
             t2_ns = time.monotonic_ns() - began_ns
             client.done(frame, desired, t2_ns=t2_ns, finished=bool(getattr(self._cut, "finished", False)))
             self.frames += 1
+        if client.end is not None and client.end.status == DROPPED:
+            raise ConnectionLost(f"{self._address}: dropped by the bench ({client.end.text})")
         if client.end is not None:
             words = f"{client.end.status} {client.end.text}".strip()
             self._say(f"{name}: the bench ended ({words}) after {self.frames} frames")
