@@ -82,7 +82,6 @@ class Bench:
 
     def __init__(self, context: zmq.Context[Any], address: str) -> None:
         self.got: list[Header] = []
-        self.clients: dict[bytes, str] = {}
         self.socket = context.socket(zmq.ROUTER)
         self.socket.linger = 500
         self.socket.rcvtimeo = int(LIMIT_S * 1000)

@@ -551,6 +551,23 @@ def test_the_command_names_what_is_wrong(arguments: list[str], capsys: pytest.Ca
     assert capsys.readouterr().err.startswith("error: ")
 
 
+def test_the_bench_has_the_same_command() -> None:
+    from hil.cli import run_command_line
+
+    def script(bench: Bench) -> None:
+        client = bench.greet()
+        bench.send(client, frame(0))
+        bench.receive("done")
+        bench.send(client, END)
+
+    with running(script) as bench:
+        assert run_command_line(["companion", "echo", "--connect", bench.address, "--topics", "imu,gps"]) == END_STATUS
+    assert bench.of_kind("hello")[0]["topics"] == ["imu", "gps"]
+    assert run_command_line(["companion", "ehco", "--connect", "tcp://127.0.0.1:1"]) == OPTION_STATUS
+    nobody = ["companion", "echo", "--connect", "tcp://127.0.0.1:1", "--wait", "0.1"]
+    assert run_command_line(nobody) == ERROR_STATUS
+
+
 def test_desired_states_are_checked_when_made() -> None:
     wrong: list[dict[str, Any]] = [
         {"p_W": (1, 2)},

@@ -1,7 +1,7 @@
 """Flies through the bench's waypoints on a path of least snap, and lands at the last.
 
-    take-off   straight up, to the first waypoint's height, and there until the vehicle is there
-    path       from above the place of take-off through the waypoints, at simulated time
+    take-off   straight up to the first waypoint's height, and across to it where it is not above
+    path       through the waypoints, at simulated time; planned before the first frame comes
     land       asked for at the last waypoint, until the vehicle is down or `land_s` have passed
 
 Where the vehicle is is read from `truth` if that is among the topics; else it is taken to be below the first waypoint,
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan
+from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan, without_repeats
 from hil_companion.cuts.snap_path import PathPoint, SnapPath
 from hil_companion.desired import Desired
 from hil_companion.errors import CutError, OptionError
@@ -64,12 +64,14 @@ class Waypoints:
         self._yaw, self._yaw_rate_radps, self._lookahead_s = yaw, yaw_rate_radps, lookahead_s
         self._wait_s, self._land_s = wait_s, land_s
         self._waypoints_W = np.zeros((0, 3))
+        self._path: SnapPath | None = None  # through the waypoints
         self._phases: list[SnapPath] = []
         self._reset()
 
     def _reset(self) -> None:
         self.finished = False
         self._phases = []
+        self._begun = False
         self._phase = 0
         self._phase_t_ns = 0  # when it began
         self._t_ns: int | None = None  # of the frame before
@@ -81,11 +83,12 @@ class Waypoints:
         if not welcome.waypoints_W:
             raise CutError("waypoints: the bench has none to fly; give it a mission with waypoints")
         self._reset()
-        self._waypoints_W = np.array(welcome.waypoints_W, float)
+        self._waypoints_W = without_repeats(np.array(welcome.waypoints_W, float))
+        self._path = plan(self._waypoints_W, self._limits) if len(self._waypoints_W) > 1 else None
 
     def __call__(self, frame: Frame) -> Desired | None:
         p_W, v_W = _where(frame)
-        if not self._phases:
+        if not self._begun:
             self._begin(frame, p_W)
         dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
         self._t_ns = frame.t_ns
@@ -103,10 +106,12 @@ class Waypoints:
         first = self._waypoints_W[0]
         self._start_W = np.array([first[0], first[1], 0.0]) if p_W is None else p_W
         above = np.array([self._start_W[0], self._start_W[1], first[2]])
-        legs = (([self._start_W, above], self._climb), ([above, *self._waypoints_W], self._limits))
-        for points, limits in legs:
-            if np.ptp(np.array(points), axis=0).max() > SAME_PLACE_M:
+        for points, limits in (([self._start_W, above], self._climb), ([above, first], self._limits)):
+            if float(np.linalg.norm(points[1] - points[0])) > SAME_PLACE_M:
                 self._phases.append(plan(np.array(points), limits))
+        if self._path is not None:
+            self._phases.append(self._path)
+        self._begun = True
         self._phase_t_ns = frame.t_ns
         q_WB = frame[TRUTH]["q_WB"] if TRUTH in frame and "q_WB" in frame[TRUTH] else None
         if self._yaw != "forward":
