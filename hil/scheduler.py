@@ -52,6 +52,7 @@ from hil.signals.samples import (
 )
 from hil.signals.time import RateAccumulator
 
+_BACK_S = 0.0005  # before a tick's deadline the companion is no longer served
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
 
 
@@ -97,6 +98,15 @@ class Companion(Protocol):
     """Whatever is told of every sample that was released, and answers with commands of later ticks."""
 
     def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None: ...
+
+    @property
+    def waits_for_nobody(self) -> bool:
+        """Whether it wants the time between ticks."""
+        ...
+
+    def serve(self, limit_s: float) -> None:
+        """Use it, this long [wall clock]."""
+        ...
 
 
 class SensorSlot:
@@ -356,4 +366,7 @@ class Scheduler:
         if now > deadline:
             self.late += 1
             return
-        time.sleep((deadline - now) * 1e-9)
+        if self._companion is not None and self._companion.waits_for_nobody:
+            self._companion.serve(max((deadline - now) * 1e-9 - _BACK_S, 0.0))
+            now = time.perf_counter_ns()
+        time.sleep(max(deadline - now, 0) * 1e-9)

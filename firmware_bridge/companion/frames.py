@@ -50,6 +50,7 @@ class Reply:
     t_sent_ns: int  # client's clock
     t_arrived_ns: int  # bench's clock
     clock_offset_ns: int  # client's clock minus the bench's
+    t_frame_sent_ns: int = 0  # bench's clock: when the frame went
 
 
 @dataclass(frozen=True)

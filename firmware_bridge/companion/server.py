@@ -404,6 +404,7 @@ class CompanionServer:
             done.t_sent_ns,
             t_ns,
             offset_ns,
+            sent.t_sent_ns,
         )
 
     # --- in and out ---

@@ -29,6 +29,7 @@ class Answer:
     desired: DesiredState | None
     finished: bool
     t2_ns: int
+    link_ns: int = 0  # what else it took, from the frame sent to the answer here
 
 
 class Answers(Protocol):
@@ -46,8 +47,8 @@ class Answers(Protocol):
         """Its answer to this frame; None if it is gone or silent for so long [wall clock]."""
         ...
 
-    def take(self) -> list[tuple[str, Answer]]:
-        """What has come in without waiting."""
+    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
+        """What has come in, or comes first within the limit [wall clock]."""
         ...
 
     def lose(self, client: str, why: str, back_within_s: float) -> bool:
@@ -80,8 +81,8 @@ class LiveAnswers:
                 return None
             self._poll(min(left_s, 0.25))
 
-    def take(self) -> list[tuple[str, Answer]]:
-        self._poll(0.0)
+    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
+        self._poll(0.0 if self._come else limit_s)
         come, self._come = self._come, []
         return come
 
@@ -99,4 +100,6 @@ class LiveAnswers:
     def _poll(self, limit_s: float) -> None:
         for reply in self._server.poll(limit_s):
             self._on_reply(reply)
-            self._come.append((reply.client, Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns)))
+            link_ns = max(reply.t_arrived_ns - reply.t_frame_sent_ns - reply.t2_ns, 0)
+            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns)
+            self._come.append((reply.client, answer))

@@ -74,7 +74,7 @@ class CompanionLink:
             topics=sorted(self.topics),
             rate=RateAccumulator(event_mhz=round(companion.rate_hz * 1000), tick_mhz=config.tick_hz * 1000),
             waiting=Waiting(companion.reply_timeout_s, companion.reconnect_s, companion.on_loss == "error"),
-            link_delay_ns=round(companion.link_delay_s * NS_PER_S),
+            link_delay_ns=None if companion.link_delay_s is None else round(companion.link_delay_s * NS_PER_S),
             desire=desire,
             on_event=self._on_event,
             trace=self._trace,

@@ -9,7 +9,9 @@ realtime      The bench waits for nobody. A client that is free gets the newest 
 latency_true  As realtime would have it, but in simulated time: the bench waits for the answer and then charges what it
               took. With t_f the time of a client's newest frame, t_free when it had finished the one before:
 
-                  t_take = max(t_f, t_free)      t_free' = t_take + t2 + link_delay
+                  t_take = max(t_f, t_free)      t_free' = t_take + t2 + link
+
+              link: what the wire took there and back, as measured, or a fixed time.
 
               The answer holds from t_free' on, and until then the client gets nothing. So a slow computer flies as it
               would fly live, however fast or busy this one is, and the trace of answers repeats the run bit for bit.
@@ -70,7 +72,7 @@ class CompanionStage:
         topics: Sequence[str],
         rate: RateAccumulator,
         waiting: Waiting,
-        link_delay_ns: int = 0,
+        link_delay_ns: int | None = None,
         desire: Callable[[DesiredState, int], None] | None = None,
         on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
         trace: TraceWriter | None = None,
@@ -109,6 +111,18 @@ class CompanionStage:
         elif any(seat.pending is not None and seat.free_ns <= truth.t_ns for seat in self.seats.values()):
             self._step_waiting()
 
+    def serve(self, limit_s: float) -> None:
+        """Between ticks, in realtime: take what comes within the limit, and give who is free the newest frame."""
+        deadline_s = time.monotonic() + limit_s
+        left_s = limit_s
+        while left_s > 0.0:
+            self._give_and_take(left_s)
+            left_s = deadline_s - time.monotonic()
+
+    @property
+    def waits_for_nobody(self) -> bool:
+        return self._mode == "realtime"
+
     def _look_for_clients(self) -> None:
         """Those that came or went since."""
         there = {client.name: client for client in self._answers.clients()}
@@ -121,12 +135,22 @@ class CompanionStage:
                 self.seats[name].client = client
         self.seats = dict(sorted(self.seats.items()))
 
-    def _step_realtime(self) -> None:
-        for name, answer in self._answers.take():
+    def _give_and_take(self, limit_s: float) -> None:
+        """Answers that come within the limit; who answered gets the frame that waits for it."""
+        for name, answer in self._answers.take(limit_s):
             seat = self.seats.get(name)
             if seat is not None and seat.under_way is not None and answer.frame >= seat.under_way:
                 seat.under_way = None
                 self._take(seat, answer, self._t_ns)
+                self._give(seat)
+
+    def _give(self, seat: Seat) -> None:
+        if seat.pending is not None and seat.under_way is None and self._send(seat):
+            seat.under_way, seat.sent_s = seat.pending.number, time.monotonic()
+            seat.pending = None
+
+    def _step_realtime(self) -> None:
+        self._give_and_take(0.0)
         there = {client.name for client in self._answers.clients()}
         now_s = time.monotonic()
         for name, seat in list(self.seats.items()):
@@ -141,9 +165,7 @@ class CompanionStage:
                 if seat.missed_s is not None:
                     seat.missed_s = None
                     self._on_event(self._t_ns, "companion_back", name)
-                if seat.pending is not None and seat.under_way is None and self._send(seat):
-                    seat.under_way, seat.sent_s = seat.pending.number, now_s
-                    seat.pending = None
+                self._give(seat)
 
     def _miss(self, seat: Seat, now_s: float, why: str) -> None:
         """It is away, and the flight goes on without it, for a while."""
@@ -169,7 +191,8 @@ class CompanionStage:
                 self._take(seat, answer, self._t_ns)
                 continue
             taken_ns = max(bundle.t_ns, seat.free_ns)
-            seat.free_ns = taken_ns + answer.t2_ns + self._link_delay_ns
+            link_ns = answer.link_ns if self._link_delay_ns is None else self._link_delay_ns
+            seat.free_ns = taken_ns + answer.t2_ns + link_ns
             self._take(seat, answer, seat.free_ns)
 
     def _send(self, seat: Seat) -> bool:

@@ -1,8 +1,7 @@
 """The answers of a run as a file, so that the run can be repeated bit for bit without the clients.
 
 `companion.jsonl`: first a line with the clients that controlled and their topics, then one line per answer in the order
-in which the bench took them: client, frame, t2_ns, desired, finished; `lost` where one was given up. Times of the wire
-(t1, t3, clock offset) stand beside them for whoever reads the file; a repetition does not use them.
+in which the bench took them: client, frame, t2_ns, link_ns, desired, finished; `lost` where one was given up.
 """
 
 from __future__ import annotations
@@ -34,16 +33,16 @@ class TraceWriter:
         them = [{"name": c.name, "topics": sorted(c.topics), "control": c.control} for c in clients]
         self._line({"format": _FORMAT, "clients": them, "topics": sorted(topics)})
 
-    def answer(self, client: str, answer: Answer, **wire: int) -> None:
+    def answer(self, client: str, answer: Answer) -> None:
         desired = None if answer.desired is None else desired_map(answer.desired)
         self._line(
             {
                 "client": client,
                 "frame": answer.frame,
                 "t2_ns": answer.t2_ns,
+                "link_ns": answer.link_ns,
                 "desired": desired,
                 "finished": answer.finished,
-                **wire,
             }
         )
 
@@ -106,7 +105,7 @@ class TracedAnswers:
                 str(self._path), f"holds no answer of {client} to frame {frame}: it is of another run", cause="trace"
             ) from None
 
-    def take(self) -> list[tuple[str, Answer]]:
+    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:  # noqa: ARG002
         return []
 
     def lose(self, client: str, why: str, back_within_s: float) -> bool:  # noqa: ARG002
@@ -119,6 +118,7 @@ def _answer(values: dict[str, Any]) -> Answer | None:
         return None
     desired = None if values["desired"] is None else desired_from_map(values["desired"])
     t2_ns = int(values["t2_ns"])
-    if t2_ns < 0:
-        raise ValueError(f"t2_ns is {t2_ns}")
-    return Answer(int(values["frame"]), desired, bool(values["finished"]), t2_ns)
+    link_ns = int(values["link_ns"])
+    if t2_ns < 0 or link_ns < 0:
+        raise ValueError(f"t2_ns is {t2_ns}, link_ns {link_ns}")
+    return Answer(int(values["frame"]), desired, bool(values["finished"]), t2_ns, link_ns)

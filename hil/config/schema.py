@@ -179,7 +179,7 @@ class Companion(Section):
         5.0  # wall clock, that a lost controlling client may stay away
     )
     on_loss: Literal["error", "go_on"] = "error"  # of one that controls and does not come back
-    link_delay_s: Annotated[float, Field(ge=0, le=10)] = 0.0  # charged beside t2 in latency_true
+    link_delay_s: Annotated[float, Field(ge=0, le=10)] | None = None  # latency_true charges it too; null: as measured
     setpoint_hz: Annotated[float, Field(ge=3, le=250)] = 50.0  # simulated time
     trace: str | None = None  # answers recorded in another run, instead of clients; `hil replay` sets it
 
