@@ -33,7 +33,7 @@ def run_companion(
     """Run it until the bench ends; the exit status is the client's own, its errors are told by itself."""
     if str(FOLDER) not in sys.path:
         sys.path.insert(0, str(FOLDER))
-    from hil_companion.command import start, topic_list  # type: ignore[import-not-found]
+    from hil_companion.command import start, topic_list
 
     status: int = start(
         cut,

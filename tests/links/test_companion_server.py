@@ -13,7 +13,14 @@ import numpy as np
 import pytest
 import zmq
 
-from firmware_bridge.codecs.companion import DesiredState, TopicSchema, encode_frame, pack_samples, schema_hash
+from firmware_bridge.codecs.companion import (
+    TopicSchema,
+    desired_from_map,
+    desired_map,
+    encode_frame,
+    pack_samples,
+    schema_hash,
+)
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.clock_offset import ClockOffset
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
@@ -21,6 +28,7 @@ from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_k
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
+from hil.signals.desired import DesiredState
 from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
 from tests.links.companion_world import (
     FACTS,
@@ -319,8 +327,12 @@ def test_schema_changes_with_any_unit() -> None:
 
 
 def test_desired_state_survives_its_map() -> None:
-    desired = DesiredState((1.0, 2.0, 3.0), None, (0.0, 0.0, -1.0), 0.5, None, (0.6, 0.8, 0.0, 0.0), 0.4, None, True)
-    assert DesiredState.from_map(desired.to_map()) == desired
+    path = DesiredState(p_W=(1.0, 2.0, 3.0), a_W=(0.0, 0.0, -1.0), yaw_rad=0.5, land=True)
+    attitude = DesiredState(q_WB=(0.6, 0.8, 0.0, 0.0), thrust=0.4, w_B=(0.0, 0.0, 0.1))
+    for desired in (path, attitude):
+        assert desired_from_map(desired_map(desired)) == desired
+    with pytest.raises(CodecError, match="thrust with p_W: either an attitude is flown, or a path"):
+        desired_from_map(desired_map(path) | {"a_W": None, "yaw_rad": None, "thrust": 0.4, "w_B": [0.0, 0.0, 0.1]})
 
 
 def test_keys_let_in_whom_they_should(tmp_path: Path) -> None:

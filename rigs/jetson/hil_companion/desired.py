@@ -40,8 +40,22 @@ class Desired:
             raise CutError(f"desired q_WB {list(self.q_WB)}: a quaternion of unit norm is needed")
         if self.thrust is not None and not 0.0 <= self.thrust <= 1.0:
             raise CutError(f"desired thrust {self.thrust}: 0 to 1 is needed")
+        self._check_combination()
         if not isinstance(self.land, bool):
             raise CutError(f"desired land {self.land!r}: True or False is needed")
+
+    def _check_combination(self) -> None:
+        """The bench refuses what does not go together; better that the CUT hears of it."""
+        if self.thrust is None:
+            if self.w_B is not None:
+                raise CutError("desired w_B without thrust: body rates are flown with a thrust")
+            return
+        if self.q_WB is None and self.w_B is None:
+            raise CutError("desired thrust without q_WB or w_B: a thrust is flown with an attitude or body rates")
+        path = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")
+        others = [name for name in path if getattr(self, name) is not None]
+        if others:
+            raise CutError(f"desired thrust with {', '.join(others)}: either an attitude is flown, or a path")
 
     def _keep(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)  # plain floats from here on, whatever they were given as
