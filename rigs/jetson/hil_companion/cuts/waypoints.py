@@ -11,6 +11,7 @@ and on time. What is commanded depends on the frames only, so the same frames gi
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,8 @@ TRUTH = "truth"
 
 class Waypoints:
     """`lookahead_s`: how far ahead of the frame's time to command, or "measured": the latency of the frame before
-    (then the flight depends on how fast this machine was). `yaw`: radians from east, or "forward"."""
+    (then the flight depends on how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every
+    answer takes at least so long, computing: what a slower computer would fly like."""
 
     topics = (TRUTH,)
     control = True
@@ -47,12 +49,13 @@ class Waypoints:
         lookahead_s: float | str = 0.0,
         wait_s: float = 30.0,
         land_s: float = 60.0,
+        busy_s: float = 0.0,
     ) -> None:
         limits = {"speed_mps": speed_mps, "accel_mps2": accel_mps2, "corridor_m": corridor_m}
         limits.update(takeoff_speed_mps=takeoff_speed_mps, yaw_rate_radps=yaw_rate_radps)
         for name, value in limits.items():
             _number(name, value, above=0.0)
-        for name, value in (("wait_s", wait_s), ("land_s", land_s)):
+        for name, value in (("wait_s", wait_s), ("land_s", land_s), ("busy_s", busy_s)):
             _number(name, value)
         if yaw != "forward":
             _number("yaw", yaw)
@@ -63,6 +66,7 @@ class Waypoints:
         self._climb = Limits(takeoff_speed_mps, accel_mps2, corridor_m)
         self._yaw, self._yaw_rate_radps, self._lookahead_s = yaw, yaw_rate_radps, lookahead_s
         self._wait_s, self._land_s = wait_s, land_s
+        self._busy_s = float(busy_s)
         self._waypoints_W = np.zeros((0, 3))
         self._path: SnapPath | None = None  # through the waypoints
         self._phases: list[SnapPath] = []
@@ -87,6 +91,13 @@ class Waypoints:
         self._path = plan(self._waypoints_W, self._limits) if len(self._waypoints_W) > 1 else None
 
     def __call__(self, frame: Frame) -> Desired | None:
+        begun_s = time.perf_counter()
+        desired = self._desire(frame)
+        while time.perf_counter() - begun_s < self._busy_s:
+            pass
+        return desired
+
+    def _desire(self, frame: Frame) -> Desired | None:
         p_W, v_W = _where(frame)
         if not self._begun:
             self._begin(frame, p_W)
