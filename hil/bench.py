@@ -22,8 +22,9 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.ground_station.actions import ActionSource
+from firmware_bridge.ground_station.autopilot_frame import GeodeticFromW
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
-from firmware_bridge.ground_station.projections import tangent_ned
+from firmware_bridge.ground_station.projections import Place, ardupilot_sitl_world, tangent_ned
 from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -449,10 +450,9 @@ class _Run:
     def _pilot(self) -> OffboardPilot:
         """Flies what the companion desires."""
         config = self.config
-        frame = LocalFrame(self.bench.scene.site)
         assert self.recorder is not None
         return OffboardPilot(
-            frame.geodetic_from_enu,
+            self._geodetic_from_W(),
             tick_ns=config.tick_ns,
             setpoint_hz=config.companion.setpoint_hz,
             projection=tangent_ned if config.autopilot.is_mock else None,
@@ -460,6 +460,15 @@ class _Run:
             grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,
             on_event=self.recorder.event,
         )
+
+    def _geodetic_from_W(self) -> GeodeticFromW:
+        """Where on Earth the autopilot has a point of the world, once it has been flown there."""
+        if self.config.autopilot.kind != "ardupilot_sitl":
+            return LocalFrame(self.bench.scene.site).geodetic_from_enu
+        assert self.physics is not None
+        x, y, z = self.physics.state[:3].tolist()
+        latitude, longitude, altitude, _ = self._home()
+        return ardupilot_sitl_world(Place(latitude, longitude, altitude), (x, y, z))
 
     def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
         config = self.config
