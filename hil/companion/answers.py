@@ -19,6 +19,7 @@ class Client:
     name: str
     topics: frozenset[str]
     control: bool
+    returned: int = 0  # how often it came back: another number, another connection
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,12 @@ class Answer:
 class Answers(Protocol):
     """The far side of the link, as the stage sees it."""
 
-    def clients(self) -> Sequence[Client]:
-        """Those there now, by name."""
+    def clients(self, frame: int) -> Sequence[Client]:
+        """Those there now, by name, as this frame is made."""
+        ...
+
+    def gone(self, client: str) -> str | None:
+        """Why it is not there any more; None of one that is."""
         ...
 
     def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
@@ -44,11 +49,11 @@ class Answers(Protocol):
         ...
 
     def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
-        """Its answer to this frame; None if it is gone or silent for so long [wall clock]."""
+        """Its answer to this frame; None if it is gone, or another since, or silent for so long [wall clock]."""
         ...
 
     def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
-        """What has come in, or comes first within the limit [wall clock]."""
+        """What has come in, or comes first within the limit [wall clock]; who came and went is known afterwards."""
         ...
 
     def lose(self, client: str, why: str, back_within_s: float) -> bool:
@@ -62,11 +67,21 @@ class LiveAnswers:
     def __init__(self, server: CompanionServer, on_reply: Callable[[Reply], None] = lambda _reply: None) -> None:
         self._server, self._on_reply = server, on_reply
         self._come: list[tuple[str, Answer]] = []
+        self._sent_to: dict[str, int] = {}  # which of its connections, counted by its returns
 
-    def clients(self) -> list[Client]:
-        return [Client(c.name, c.topics, c.control) for c in sorted(self._server.clients, key=lambda c: c.name)]
+    def clients(self, frame: int = 0) -> list[Client]:  # noqa: ARG002
+        there = sorted(self._server.clients, key=lambda c: c.name)
+        return [Client(c.name, c.topics, c.control, c.returned) for c in there]
+
+    def gone(self, client: str) -> str | None:
+        if self._connection(client) is not None:
+            return None
+        return self._server.lost.get(client, "it is gone")
 
     def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
+        connection = self._connection(client)
+        if connection is not None:
+            self._sent_to[client] = connection
         return client in self._server.send(frame, to=[client], dropped=dropped)
 
     def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
@@ -77,7 +92,7 @@ class LiveAnswers:
                     del self._come[i]
                     return answer
             left_s = deadline - time.monotonic()
-            if left_s <= 0.0 or all(c.name != client for c in self._server.clients):
+            if left_s <= 0.0 or self._connection(client) != self._sent_to.get(client):
                 return None
             self._poll(min(left_s, 0.25))
 
@@ -87,15 +102,19 @@ class LiveAnswers:
         return come
 
     def lose(self, client: str, why: str, back_within_s: float) -> bool:
-        self._server.drop(client, why)
+        if self._connection(client) == self._sent_to.get(client):
+            self._server.drop(client, why)
         deadline = time.monotonic() + back_within_s
         while True:
-            if any(c.name == client for c in self._server.clients):
+            if self._connection(client) is not None:
                 return True
             left_s = deadline - time.monotonic()
             if left_s <= 0.0:
                 return False
             self._poll(min(left_s, 0.25))
+
+    def _connection(self, client: str) -> int | None:
+        return next((c.returned for c in self._server.clients if c.name == client), None)
 
     def _poll(self, limit_s: float) -> None:
         for reply in self._server.poll(limit_s):

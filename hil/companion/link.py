@@ -66,7 +66,7 @@ class CompanionLink:
         """What the scheduler steps. `desire` hears what controlling clients want."""
         companion, config = self.config.companion, self.config
         if self._server is not None and companion.control and companion.time != "realtime":
-            controlling = [client for client in self._answers.clients() if client.control]
+            controlling = [client for client in self._answers.clients(0) if client.control]
             self._trace = TraceWriter(self._out / TRACE_NAME, controlling, sorted(self.topics))
         self._stage = CompanionStage(
             self._answers,

@@ -7,7 +7,8 @@ realtime      The bench waits for nobody. A client that is free gets the newest 
               busy are passed by, and counted. An answer holds from the tick in which it came.
 
 latency_true  As realtime would have it, but in simulated time: the bench waits for the answer and then charges what it
-              took. With t_f the time of a client's newest frame, t_free when it had finished the one before:
+              took. With t_free when a client had finished the frame before, and t_f the time of the newest one that
+              there was by then, or else of the next:
 
                   t_take = max(t_f, t_free)      t_free' = t_take + t2 + link
 
@@ -55,7 +56,8 @@ class Seat:
     free_ns: int = 0  # simulated; latency_true
     under_way: int | None = None  # frame it has not answered yet; realtime
     sent_s: float = 0.0  # when, wall clock
-    missed_s: float | None = None  # since when it is away, wall clock; realtime
+    away: bool = False  # realtime
+    missed_s: float | None = None  # since when it has been away without an answer, wall clock; realtime
     sent: int = 0
     dropped: int = 0
     finished: bool = False
@@ -99,6 +101,10 @@ class CompanionStage:
         self._t_ns = truth.t_ns
         self._collector.add(released)
         if self._due():
+            if self._mode != "realtime":
+                # Who became free since the last tick did not wait for this frame, but took the one that was there.
+                self._step_waiting(truth.t_ns - 1)
+                self._answers.take()  # nobody waits for what has come unasked; but who came and went counts
             self._look_for_clients()
             bundle = self._collector.take(self.frames, truth)
             self.frames += 1
@@ -108,8 +114,8 @@ class CompanionStage:
                 seat.pending = bundle.over(seat.pending)
         if self._mode == "realtime":
             self._step_realtime()
-        elif any(seat.pending is not None and seat.free_ns <= truth.t_ns for seat in self.seats.values()):
-            self._step_waiting()
+        else:
+            self._step_waiting(truth.t_ns)
 
     def serve(self, limit_s: float) -> None:
         """Between ticks, in realtime: take what comes within the limit, and give who is free the newest frame."""
@@ -125,22 +131,39 @@ class CompanionStage:
 
     def _look_for_clients(self) -> None:
         """Those that came or went since."""
-        there = {client.name: client for client in self._answers.clients()}
+        there = {client.name: client for client in self._answers.clients(self.frames)}
         for name in [name for name in self.seats if name not in there]:
             if not self.seats[name].client.control:
-                del self.seats[name]
+                self._leave(name)
         for name, client in there.items():
             if name not in self.seats:
                 self.seats[name] = self.all_seats.setdefault(name, Seat(client))
                 self.seats[name].client = client
+                if client.control and self._trace is not None and self.frames > 0:
+                    self._trace.joined(client, self.frames)
+            elif self._mode != "realtime":  # there, what is under way is lost with a connection: see below
+                self._come_back(self.seats[name], client)
         self.seats = dict(sorted(self.seats.items()))
+
+    def _come_back(self, seat: Seat, client: Client) -> None:
+        """It may want other topics than before."""
+        if seat.client.control and not client.control:
+            if self._trace is not None:
+                self._trace.lost(client.name, self.frames)
+            self._part(seat, "it came back without control")
+        else:
+            seat.client = client
+
+    def _leave(self, name: str) -> None:
+        seat = self.seats.pop(name)
+        seat.pending = seat.under_way = seat.missed_s = None  # what it missed while it was away is no drop
 
     def _give_and_take(self, limit_s: float) -> None:
         """Answers that come within the limit; who answered gets the frame that waits for it."""
         for name, answer in self._answers.take(limit_s):
             seat = self.seats.get(name)
             if seat is not None and seat.under_way is not None and answer.frame >= seat.under_way:
-                seat.under_way = None
+                seat.under_way = seat.missed_s = None
                 self._take(seat, answer, self._t_ns)
                 self._give(seat)
 
@@ -151,40 +174,49 @@ class CompanionStage:
 
     def _step_realtime(self) -> None:
         self._give_and_take(0.0)
-        there = {client.name for client in self._answers.clients()}
+        there = {client.name: client for client in self._answers.clients(self.frames)}
         now_s = time.monotonic()
         for name, seat in list(self.seats.items()):
-            if name in there and seat.under_way is not None and now_s - seat.sent_s > self._waiting.reply_s:
-                self._answers.lose(
-                    name, why := f"no answer to frame {seat.under_way} within {self._waiting.reply_s:g} s", 0.0
-                )
+            client = there.get(name)
+            if client is None or (seat.client.control and not client.control):
+                self._miss(seat, now_s, self._answers.gone(name) or "it has given up control")
+                continue
+            if client.returned != seat.client.returned:
+                self._miss(seat, now_s, "its connection ended")
+            elif seat.under_way is not None and now_s - seat.sent_s > self._waiting.reply_s:
+                why = f"no answer to frame {seat.under_way} within {self._waiting.reply_s:g} s"
+                self._answers.lose(name, why, 0.0)
                 self._miss(seat, now_s, why)
-            elif name not in there:
-                self._miss(seat, now_s, "it is gone")
-            else:
-                if seat.missed_s is not None:
-                    seat.missed_s = None
-                    self._on_event(self._t_ns, "companion_back", name)
-                self._give(seat)
+                continue
+            if name not in self.seats:
+                continue
+            seat.client = client
+            if seat.away:
+                seat.away = False
+                self._on_event(self._t_ns, "companion_back", name)
+            self._give(seat)
 
     def _miss(self, seat: Seat, now_s: float, why: str) -> None:
-        """It is away, and the flight goes on without it, for a while."""
-        if seat.missed_s is None:
-            seat.missed_s, seat.under_way = now_s, None
+        """It is away, and the flight goes on without it, for a while. Coming back is not enough: it has to answer."""
+        seat.under_way = None
+        if not seat.away:
+            seat.away = True
             self._on_event(self._t_ns, "companion_lost", f"{seat.client.name}: {why}")
+        if seat.missed_s is None:
+            seat.missed_s = now_s
         elif seat.client.control and now_s - seat.missed_s > self._waiting.reconnect_s:
             self._part(seat, why)
 
-    def _step_waiting(self) -> None:
-        asked: list[tuple[Seat, Bundle]] = []
-        for seat in list(self.seats.values()):
+    def _step_waiting(self, until_ns: int) -> None:
+        """Every client that has a frame to take, and is free by then."""
+        asked: list[tuple[Seat, Bundle, bool]] = []
+        for seat in self.seats.values():
             pending = seat.pending
-            if pending is not None and seat.free_ns <= self._t_ns:
-                self._send(seat)
+            if pending is not None and seat.free_ns <= until_ns:
+                asked.append((seat, pending, self._send(seat)))
                 seat.pending = None
-                asked.append((seat, pending))
-        for seat, bundle in asked:
-            answer = self._answer(seat, bundle)
+        for seat, bundle, sent in asked:
+            answer = self._answer(seat, bundle, sent)
             if answer is None:
                 continue
             if self._mode == "lockstep":
@@ -203,28 +235,42 @@ class CompanionStage:
         seat.sent += 1
         return True
 
-    def _answer(self, seat: Seat, bundle: Bundle) -> Answer | None:
-        """The answer to a frame, asked again of a client that was lost and came back; None of one given up."""
-        name = seat.client.name
+    def _answer(self, seat: Seat, bundle: Bundle, sent: bool) -> Answer | None:
+        """The answer to a frame, asked again of a client that was lost and came back; None of one given up.
+
+        However often it comes back without an answer, this takes no longer than reply_s twice and reconnect_s.
+        """
+        name, number = seat.client.name, bundle.number
+        lost_s: float | None = None
         while True:
-            answer = self._answers.wait(name, bundle.number, self._waiting.reply_s)
+            answer = self._answers.wait(name, number, self._waiting.reply_s) if sent else None
             if answer is not None:
                 return answer
-            why = f"no answer to frame {bundle.number} within {self._waiting.reply_s:g} s"
-            if not self._give_up(seat, bundle.number, why):
+            why = self._answers.gone(name) or f"no answer to frame {number} within {self._waiting.reply_s:g} s"
+            if not sent and self._answers.gone(name) is None:
+                why = (
+                    f"frame {number} cannot be given to it: it gives no credit, or the frame is too large for the link"
+                )
+            now_s = time.monotonic()
+            lost_s = now_s if lost_s is None else lost_s
+            if not self._give_up(seat, number, why, self._waiting.reconnect_s - (now_s - lost_s)):
                 return None
             seat.pending = bundle
-            self._send(seat)
+            sent = self._send(seat)
             seat.pending = None
 
-    def _give_up(self, seat: Seat, frame: int, why: str) -> bool:
+    def _give_up(self, seat: Seat, frame: int, why: str, back_s: float) -> bool:
         """Let a client go that is gone or silent; True if it came back in time. An observer is not waited for."""
         client = seat.client
-        back_s = self._waiting.reconnect_s if client.control else 0.0
         self._on_event(self._t_ns, "companion_lost", f"{client.name}: {why}")
-        if self._answers.lose(client.name, why, back_s):
-            self._on_event(self._t_ns, "companion_back", client.name)
-            return True
+        if self._answers.lose(client.name, why, max(back_s, 0.0) if client.control else 0.0) and back_s > 0.0:
+            there = {c.name: c for c in self._answers.clients(self.frames)}
+            back = there.get(client.name, client)
+            if back.control or not client.control:
+                seat.client = back
+                self._on_event(self._t_ns, "companion_back", client.name)
+                return True
+            why = f"{why}; it came back without control"
         if client.control and self._trace is not None:
             self._trace.lost(client.name, frame)
         self._part(seat, why)
@@ -233,7 +279,7 @@ class CompanionStage:
     def _part(self, seat: Seat, why: str) -> None:
         """For good. LinkClosed where that ends the run."""
         client = seat.client
-        del self.seats[client.name]
+        self._leave(client.name)
         if client.control and self._waiting.lost_is_error:
             limit = f"{self._waiting.reconnect_s:g} s (companion.reply_timeout_s, companion.reconnect_s)"
             raise LinkClosed(

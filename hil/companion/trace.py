@@ -1,7 +1,8 @@
 """The answers of a run as a file, so that the run can be repeated bit for bit without the clients.
 
 `companion.jsonl`: first a line with the clients that controlled and their topics, then one line per answer in the order
-in which the bench took them: client, frame, t2_ns, link_ns, desired, finished; `lost` where one was given up.
+in which the bench took them: client, frame, t2_ns, link_ns, desired, finished; `lost` where one was given up, `joined`
+where one came later.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from hil.companion.trace_name import TRACE_NAME as TRACE_NAME
 from hil.signals.errors import LockstepLost, RecordingError
 
 _FORMAT = 1
+_NO_TRACE = (ValueError, KeyError, TypeError, IndexError, RecursionError, CodecError)
 
 
 class TraceWriter:
@@ -30,8 +32,7 @@ class TraceWriter:
             self._file: TextIO = path.open("w", encoding="utf-8")
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
-        them = [{"name": c.name, "topics": sorted(c.topics), "control": c.control} for c in clients]
-        self._line({"format": _FORMAT, "clients": them, "topics": sorted(topics)})
+        self._line({"format": _FORMAT, "clients": [_client_map(c) for c in clients], "topics": sorted(topics)})
 
     def answer(self, client: str, answer: Answer) -> None:
         desired = None if answer.desired is None else desired_map(answer.desired)
@@ -45,6 +46,10 @@ class TraceWriter:
                 "finished": answer.finished,
             }
         )
+
+    def joined(self, client: Client, frame: int) -> None:
+        """Later than the others, or again after it was given up: there from this frame on."""
+        self._line({"joined": _client_map(client), "frame": frame})
 
     def lost(self, client: str, frame: int) -> None:
         """Given up over this frame."""
@@ -67,32 +72,49 @@ class TracedAnswers:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            lines = path.read_text(encoding="utf-8").splitlines()
+            text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise RecordingError(f"{path}: cannot be read ({error})") from error
+        lines, complete = text.split("\n"), text.endswith("\n")
+        if complete:
+            lines.pop()
         self.topics: frozenset[str] = frozenset()
         self._clients: list[Client] = []
+        self._joins: list[tuple[int, Client]] = []  # still to come
         self._answers: dict[tuple[str, int], Answer | None] = {}
         try:
             head = json.loads(lines[0])
             if head["format"] != _FORMAT:
                 raise ValueError(f"format {head['format']!r}, not {_FORMAT}")
-            self.topics = frozenset(head["topics"])
-            for one in head["clients"]:
-                self._clients.append(Client(str(one["name"]), frozenset(one["topics"]), bool(one["control"])))
-        except (ValueError, KeyError, TypeError, IndexError) as error:
-            raise RecordingError(f"{path}:1: is no trace of companions ({error})") from error
+            self.topics = _topics(head["topics"])
+            self._clients = [_client(one) for one in head["clients"]]
+        except _NO_TRACE as error:
+            raise RecordingError(f"{path}:1: is no trace of companions ({_words(error)})") from error
         for number, line in enumerate(lines[1:], start=2):
             try:
-                values = json.loads(line)
-                self._answers[str(values["client"]), int(values["frame"])] = _answer(values)
-            except (ValueError, KeyError, TypeError, CodecError) as error:
-                if number == len(lines):
+                self._read(json.loads(line))
+            except _NO_TRACE as error:
+                if number == len(lines) and not complete:
                     break  # of a run that was killed
-                raise RecordingError(f"{path}:{number}: is no answer of a companion ({error})") from error
+                raise RecordingError(f"{path}:{number}: is no answer of a companion ({_words(error)})") from error
 
-    def clients(self) -> list[Client]:
+    def _read(self, values: dict[str, Any]) -> None:
+        frame = _count(values, "frame")
+        if "joined" in values:
+            self._joins.append((frame, _client(values["joined"])))
+            return
+        place = str(values["client"]), frame
+        if place in self._answers:
+            raise ValueError(f"a second answer of {place[0]} to frame {frame}")
+        self._answers[place] = _answer(values, frame)
+
+    def clients(self, frame: int) -> list[Client]:
+        while self._joins and self._joins[0][0] <= frame:
+            self._clients.append(self._joins.pop(0)[1])
         return sorted(self._clients, key=lambda c: c.name)
+
+    def gone(self, client: str) -> str | None:
+        return None if any(c.name == client for c in self._clients) else "it was given up in the recorded run"
 
     def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:  # noqa: ARG002
         return True
@@ -113,12 +135,35 @@ class TracedAnswers:
         return False
 
 
-def _answer(values: dict[str, Any]) -> Answer | None:
+def _answer(values: dict[str, Any], frame: int) -> Answer | None:
     if values.get("lost"):
         return None
     desired = None if values["desired"] is None else desired_from_map(values["desired"])
-    t2_ns = int(values["t2_ns"])
-    link_ns = int(values["link_ns"])
-    if t2_ns < 0 or link_ns < 0:
-        raise ValueError(f"t2_ns is {t2_ns}, link_ns {link_ns}")
-    return Answer(int(values["frame"]), desired, bool(values["finished"]), t2_ns, link_ns)
+    if not isinstance(values["finished"], bool):
+        raise ValueError(f"finished is {values['finished']!r}")
+    return Answer(frame, desired, values["finished"], _count(values, "t2_ns"), _count(values, "link_ns"))
+
+
+def _count(values: dict[str, Any], key: str) -> int:
+    value = values[key]
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{key} is {value!r}")
+    return value
+
+
+def _client_map(client: Client) -> dict[str, Any]:
+    return {"name": client.name, "topics": sorted(client.topics), "control": client.control}
+
+
+def _client(values: dict[str, Any]) -> Client:
+    return Client(str(values["name"]), _topics(values["topics"]), bool(values["control"]))
+
+
+def _topics(values: Any) -> frozenset[str]:
+    if not isinstance(values, list) or not all(isinstance(topic, str) for topic in values):
+        raise ValueError(f"topics are {values!r}")
+    return frozenset(values)
+
+
+def _words(error: Exception) -> str:
+    return f"without {error}" if isinstance(error, KeyError) else str(error)
