@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,14 +15,17 @@ from hil.companion.answers import Answers, LiveAnswers
 from hil.companion.calibrations import calibrations
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
-from hil.companion.started import StartedClient
+from hil.companion.started import StartedClient, close_all
 from hil.companion.topics import available_ports
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
 from hil.config import BenchConfig
 from hil.signals.desired import DesiredState
+from hil.signals.errors import RecordingError
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import Vec3
 from hil.signals.time import NS_PER_S, RateAccumulator
+
+_EVENTS_OF_A_KIND = 50
 
 Event = Callable[[int, str, str], None]
 
@@ -37,6 +41,7 @@ class CompanionLink:
         self._answers: Answers
         self._trace: TraceWriter | None = None
         self._stage: CompanionStage | None = None
+        self._told: Counter[str] = Counter()  # events, by kind
         self.topics: frozenset[str] = frozenset()
 
     def open(self) -> None:
@@ -44,12 +49,16 @@ class CompanionLink:
         companion = self.config.companion
         if companion.trace is not None:
             traced = TracedAnswers(Path(companion.trace))
+            unknown = traced.topics - available_ports(self.config).keys()
+            if unknown:
+                names = ", ".join(sorted(unknown))
+                raise RecordingError(f"{companion.trace}: is of another bench: this one has no topics {names}")
             self._answers, self.topics = traced, traced.topics
             return
         server = CompanionServer(link_settings(companion), self._facts(), on_event=self._server_event)
         server.open()
         self._server = server
-        keys = server.settings.keys
+        keys = None if companion.arrangement == "shared_memory" else server.settings.keys
         for name in companion.start:
             self._started.append(StartedClient(name, server.endpoint, self._out, companion.settings, keys))
 
@@ -65,8 +74,9 @@ class CompanionLink:
     def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want."""
         companion, config = self.config.companion, self.config
-        if self._server is not None and companion.control and companion.time != "realtime":
-            controlling = [client for client in self._answers.clients(0) if client.control]
+        if self._server is not None and not (companion.control and companion.time == "realtime"):
+            # Also where nobody controls: a repetition then needs no clients, and draws what was drawn.
+            controlling = [c for c in self._answers.clients(0) if c.control and companion.control]
             self._trace = TraceWriter(self._out / TRACE_NAME, controlling, sorted(self.topics))
         self._stage = CompanionStage(
             self._answers,
@@ -77,7 +87,7 @@ class CompanionLink:
             link_delay_ns=None if companion.link_delay_s is None else round(companion.link_delay_s * NS_PER_S),
             desire=desire,
             on_event=self._on_event,
-            trace=self._trace,
+            trace=self._trace if companion.control else None,
         )
         return self._stage
 
@@ -86,9 +96,8 @@ class CompanionLink:
         if self._server is not None:
             with suppress(OSError):
                 self._server.close(status, "the run is over")
-        for client in self._started:
-            client.close()
-        self._started = []
+        started, self._started = self._started, []
+        close_all(started)
         if self._trace is not None:
             self._trace.close()
             self._trace = None
@@ -134,7 +143,11 @@ class CompanionLink:
         )
 
     def _server_event(self, kind: str, text: str) -> None:
-        self._on_event(-1, f"companion_{kind}", text)
+        """What clients do, whoever they are: they cannot fill the recording."""
+        self._told[kind] += 1
+        if self._told[kind] <= _EVENTS_OF_A_KIND:
+            more = "" if self._told[kind] < _EVENTS_OF_A_KIND else " (more of this kind are not told)"
+            self._on_event(-1, f"companion_{kind}", text + more)
 
 
 def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:

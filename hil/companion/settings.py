@@ -24,5 +24,7 @@ def link_settings(companion: Companion) -> CompanionSettings:
 def address(companion: Companion) -> str:
     """Where clients on this machine find the bench."""
     if companion.arrangement == "shared_memory":
+        if companion.port == 0:
+            return "ipc://*"
         return f"ipc://{Path(tempfile.gettempdir()) / f'hil-companion-{companion.port}'}"
     return f"tcp://{companion.host}:{companion.port or '*'}"

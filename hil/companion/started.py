@@ -4,65 +4,66 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from firmware_bridge.links.child_process import ChildProcess
 from hil.signals.errors import LinkClosed, RecordingError
 
 CLIENT_PATH = Path(__file__).resolve().parents[2] / "rigs" / "jetson"  # where the client's package lies
-_END_S = 3.0  # wall clock, that a client gets to end by itself
+_END_S = 3.0  # wall clock, that clients get to end by themselves once they have been told
 
 
 class StartedClient:
-    """`python -m hil_companion NAME`; what it prints goes to `companion_NAME.log` in the run's folder."""
+    """`python -m hil_companion NAME`; what it prints goes to `companion_NAME.log` in the run's folder.
 
-    def __init__(self, name: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
-        self.name = name
-        self.log = out / f"companion_{name.replace(':', '_').replace('/', '_')}.log"
-        argv = [sys.executable, "-m", "hil_companion", name, "--connect", address]
+    It never outlives the bench, and Ctrl-C is the bench's: it tells its clients.
+    """
+
+    def __init__(self, cut: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
+        self.name = client_name(cut)
+        argv = [sys.executable, "-m", "hil_companion", cut, "--connect", address]
         for key, value in settings.items():
             argv += ["--set", f"{key}={json.dumps(value)}"]
         if keys is not None:
-            argv += ["--key", str(keys / f"{name}.key"), "--bench-key", str(keys / "bench.pub")]
+            argv += ["--key", str(keys / f"{self.name}.key"), "--bench-key", str(keys / "bench.pub")]
         path = os.pathsep.join(filter(None, (str(CLIENT_PATH), os.environ.get("PYTHONPATH", ""))))
+        log = out / f"companion_{self.name}.log"
+        self._process = ChildProcess(argv, stderr_path=log, env={"PYTHONPATH": path}, log_output=True, own_group=True)
         try:
-            self._log: IO[bytes] = self.log.open("wb")
+            self._process.start()
         except OSError as error:
-            raise RecordingError(f"{self.log}: cannot be written ({error.strerror or error})") from error
-        self._process = subprocess.Popen(
-            argv,
-            env=os.environ | {"PYTHONPATH": path},
-            stdin=subprocess.DEVNULL,
-            stdout=self._log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,  # Ctrl-C is the bench's: it tells its clients
-        )
+            raise RecordingError(f"{log}: cannot be written ({error.strerror or error})") from error
 
     def check(self) -> None:
-        """LinkClosed if it has ended."""
-        status = self._process.poll()
-        if status is not None:
-            said = self.log.read_text(errors="replace").strip().splitlines()[-1:] or ["nothing"]
-            raise LinkClosed(
-                f"companion {self.name}", f"ended with status {status}; it said: {said[0]}", cause="companion"
-            )
+        """LinkClosed with its last words if it has ended."""
+        if not self._process.running():
+            raise LinkClosed(f"companion {self.name}", self._process.describe_end(), cause="companion")
+
+    @property
+    def running(self) -> bool:
+        return self._process.running()
 
     def close(self) -> None:
-        """Let it end, and see that it does."""
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_END_S)
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-        self._log.close()
+        """Make it end."""
+        self._process.close()
+
+
+def close_all(clients: Sequence[StartedClient]) -> None:
+    """Let them end, and see that they do."""
+    deadline_s = time.monotonic() + _END_S
+    while any(client.running for client in clients) and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    for client in clients:
+        client.close()
+
+
+def client_name(cut: str) -> str:
+    """How a shipped client, or MODULE:NAME of somebody's own, is called on the wire."""
+    return cut.rpartition(":")[2]
 
 
 def known_clients() -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ FRAME_HZ, TICK_HZ = 25, 250
 FRAME_NS = 40 * MS
 PILOT = Client("pilot", frozenset({"truth", "imu"}), True)
 WATCHER = Client("watcher", frozenset({"imu"}), False)
+WAITING = Waiting(0.01, 0.01, True)
 Cut = Callable[[CompanionFrame], Answer | None]
 
 
@@ -48,7 +49,7 @@ class Clients:
     takes_frames: bool = True
     waits: int = 0
 
-    def clients(self, frame: int) -> Sequence[Client]:  # noqa: ARG002
+    def clients(self, frame: int) -> Sequence[Client]:
         return sorted(self.there, key=lambda c: c.name)
 
     def gone(self, client: str) -> str | None:
@@ -61,12 +62,12 @@ class Clients:
         self.dropped.setdefault(client, []).append(dropped)
         return True
 
-    def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:  # noqa: ARG002
+    def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
         self.waits += 1
         assert self.frames[client][-1].frame == frame
         return None if self.gone(client) else self.cuts[client](self.frames[client][-1])
 
-    def take(self) -> list[tuple[str, Answer]]:
+    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
         come, self.ready = self.ready, []
         return come
 
@@ -95,8 +96,8 @@ class Flight:
 
     clients: Any
     mode: TimeMode
-    waiting: Waiting = Waiting(0.01, 0.01, True)
-    link_delay_ns: int = 0
+    waiting: Waiting = WAITING
+    link_delay_ns: int | None = 0
     trace: TraceWriter | None = None
     desired: list[tuple[DesiredState, int]] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
@@ -150,11 +151,17 @@ def latest_frame_wins(t2_ns: Iterator[int], delay_ns: int, until_ns: int) -> lis
     return done
 
 
-def latency_true(t2_ns: Sequence[int], delay_ns: int = 0, ticks: int = 300) -> tuple[Flight, list[tuple[int, int]]]:
-    """A flight with a client that takes these times in turn, and what should have come of it."""
+def latency_true(
+    t2_ns: Sequence[int], delay_ns: int = 0, ticks: int = 300, *, measured: bool = False
+) -> tuple[Flight, list[tuple[int, int]]]:
+    """A flight with a client that takes these times in turn, and what should have come of it.
+
+    The link's delay is a setting, or what was measured.
+    """
     times = _repeat(t2_ns)
-    clients = Clients({"pilot": lambda frame: answer(frame.frame, next(times))})
-    flight = Flight(clients, "latency_true", link_delay_ns=delay_ns)
+    measured_ns = delay_ns if measured else 987_654_321
+    clients = Clients({"pilot": lambda f: replace(answer(f.frame, next(times)), link_ns=measured_ns)})
+    flight = Flight(clients, "latency_true", link_delay_ns=None if measured else delay_ns)
     flight.fly(ticks)
     return flight, latest_frame_wins(_repeat(t2_ns), delay_ns, (ticks - 1) * TICK_NS)
 
@@ -180,9 +187,10 @@ def test_latency_true_takes_the_frames_that_a_live_client_would(t2_ms: int) -> N
 @given(
     st.lists(st.integers(0, 210 * MS) | st.sampled_from([39, 40, 41, 44]).map(lambda x: x * MS), min_size=1),
     st.sampled_from([0, MS, 3 * MS + 1]),
+    st.booleans(),
 )
-def test_latency_true_is_the_event_simulation(t2_ns: list[int], delay_ns: int) -> None:
-    flight, expected = latency_true(t2_ns, delay_ns, ticks=120)
+def test_latency_true_is_the_event_simulation(t2_ns: list[int], delay_ns: int, measured: bool) -> None:
+    flight, expected = latency_true(t2_ns, delay_ns, ticks=120, measured=measured)
     assert flight.applied() == expected
     seat = flight.stage.seats["pilot"]
     assert seat.sent + seat.dropped + (seat.pending is not None) == flight.stage.frames
@@ -346,7 +354,7 @@ def test_realtime_pilot_that_never_answers_again(on_loss: bool) -> None:
     clients = Clients({}, returns=[])
     flight = Flight(clients, "realtime", Waiting(0.0, 0.0, on_loss))
     if on_loss:
-        with pytest.raises(LinkClosed, match="no answer to frame 0|its connection ended"):
+        with pytest.raises(LinkClosed, match=r"no answer to frame 0|its connection ended"):
             flight.fly(100)
     else:
         flight.fly(100)
@@ -365,14 +373,19 @@ def test_finished_lands_once_from_the_answers_time_on() -> None:
 def test_the_trace_repeats_the_flight(tmp_path: Path) -> None:
     path = tmp_path / "companion.jsonl"
     times = _repeat([5 * MS, 77 * MS, 123_456_789, 0])
-    clients = Clients({"pilot": lambda f: answer(f.frame, next(times), desired=f.frame % 3 > 0, finished=f.frame > 20)})
+
+    def cut(frame: CompanionFrame) -> Answer:
+        given = answer(frame.frame, next(times), desired=frame.frame % 3 > 0, finished=frame.frame > 20)
+        return replace(given, link_ns=1000 * frame.frame)
+
+    clients = Clients({"pilot": cut})
     trace = TraceWriter(path, [PILOT], ["truth", "imu"])
-    live = Flight(clients, "latency_true", trace=trace)
+    live = Flight(clients, "latency_true", link_delay_ns=None, trace=trace)
     live.fly(300)
     trace.close()
     traced = TracedAnswers(path)
     assert traced.topics == {"truth", "imu"}
-    again = Flight(traced, "latency_true")
+    again = Flight(traced, "latency_true", link_delay_ns=None)
     again.fly(300)
     assert again.desired == live.desired
     assert len(live.desired) > 8
@@ -399,7 +412,7 @@ def test_a_loss_and_a_latecomer_are_in_the_trace(tmp_path: Path) -> None:
 
 
 HEAD = {"format": 1, "clients": [{"name": "pilot", "topics": ["truth"], "control": True}], "topics": ["truth"]}
-LINE = {"client": "pilot", "frame": 0, "t2_ns": 5, "desired": {"p_W": [0, 0, 2]}, "finished": False}
+LINE = {"client": "pilot", "frame": 0, "t2_ns": 5, "link_ns": 3, "desired": {"p_W": [0, 0, 2]}, "finished": False}
 
 
 def lines(*values: object) -> str:
@@ -424,6 +437,7 @@ def lines(*values: object) -> str:
         (lines(HEAD, LINE, [1]), ":3: is no answer"),
         (lines(HEAD, LINE, LINE), ":3: .*a second answer of pilot to frame 0"),
         (lines(HEAD, LINE | {"t2_ns": -1}), ":2: .*t2_ns is -1"),
+        (lines(HEAD, LINE | {"link_ns": -1}), ":2: .*link_ns is -1"),
         (lines(HEAD, LINE | {"t2_ns": 1.5}), ":2: .*t2_ns is 1.5"),
         (lines(HEAD, LINE | {"frame": True}), ":2: .*frame is True"),
         (lines(HEAD, json.dumps(LINE).replace("5", "1e999")), ":2: .*t2_ns is inf"),
