@@ -86,6 +86,7 @@ class OffboardPilot:
 
     waypoints = 0  # for those who show the progress of a mission
     reached = 0
+    set_points = 0  # sent so far
 
     def __init__(
         self,
@@ -189,6 +190,7 @@ class OffboardPilot:
             t_ns // self._tick_ns, event_mhz=self._setpoint_mhz, tick_mhz=self._tick_mhz
         ):
             self._wire.say(self._follower.message(t_ns))
+            self.set_points += 1
         return self._wire.take()
 
     # -- decisions ----------------------------------------------------------------------------------------------
