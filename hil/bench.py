@@ -355,8 +355,8 @@ class _Run:
         self.slots = [self._slot(name, wanted[name], plan) for name in last]
         commands: list[CommandSource] = []
         if config.companion.on and config.companion.control:
-            self.station = self._pilot()
-            commands.append(self.station)
+            pilot = self.station = self._pilot()
+            commands.append(pilot if self.companion is None else self.companion.timed(pilot))
         elif self.bench.mission is not None:
             self.station = GroundStation(
                 self.bench.mission.items,
@@ -432,7 +432,13 @@ class _Run:
         from hil.companion.link import CompanionLink  # most runs have none: ZeroMQ is not loaded for them
 
         points = [leg.end_W for leg in self.legs]
-        return CompanionLink(self.config, self.out, waypoints_W=points, on_event=self._companion_event)
+        return CompanionLink(
+            self.config,
+            self.out,
+            waypoints_W=points,
+            on_event=self._companion_event,
+            begun_ns=lambda: 0 if self.scheduler is None else self.scheduler.begun_ns,
+        )
 
     def _companion_event(self, t_ns: int, kind: str, text: str) -> None:
         assert self.recorder is not None

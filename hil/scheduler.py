@@ -160,6 +160,7 @@ class Scheduler:
         self.phase_ns = {name: LatencyHistogram() for name in PHASES}
         self.own_ns = LatencyHistogram()  # everything but waiting, per tick
         self.step_ns = LatencyHistogram()  # the whole tick, pacing excluded
+        self.begun_ns = 0  # when the present tick began, by `time.perf_counter_ns`
         self.truth: TruthState | None = None
         self._physics = physics
         self._sensors = tuple(slot for slot in sensors if not slot.after_send)
@@ -208,7 +209,7 @@ class Scheduler:
 
         own_clock = self._own_clock
         own0 = own_clock()
-        t0 = clock()
+        t0 = self.begun_ns = clock()
         truth = self._physics.advance(tick, self._latched.controls)
         self.truth = truth
 

@@ -64,8 +64,14 @@ class Answers(Protocol):
 class LiveAnswers:
     """Clients on the wire."""
 
-    def __init__(self, server: CompanionServer, on_reply: Callable[[Reply], None] = lambda _reply: None) -> None:
-        self._server, self._on_reply = server, on_reply
+    def __init__(
+        self,
+        server: CompanionServer,
+        *,
+        on_sending: Callable[[str, CompanionFrame], None] = lambda _client, _frame: None,
+        on_reply: Callable[[Reply], None] = lambda _reply: None,
+    ) -> None:
+        self._server, self._on_sending, self._on_reply = server, on_sending, on_reply
         self._come: list[tuple[str, Answer]] = []
         self._sent_to: dict[str, int] = {}  # which of its connections, counted by its returns
 
@@ -82,6 +88,7 @@ class LiveAnswers:
         connection = self._connection(client)
         if connection is not None:
             self._sent_to[client] = connection
+        self._on_sending(client, frame)
         return client in self._server.send(frame, to=[client], dropped=dropped)
 
     def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:

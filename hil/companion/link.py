@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -11,11 +12,13 @@ from typing import Any
 from firmware_bridge.codecs.companion import topic_schema
 from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.server import CompanionServer
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.companion.answers import Answers, LiveAnswers
 from hil.companion.calibrations import calibrations
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
 from hil.companion.started import StartedClient, close_all
+from hil.companion.timing import ClientTiming, TimedPilot, TimingLog
 from hil.companion.topics import available_ports
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
 from hil.config import BenchConfig
@@ -33,13 +36,23 @@ Event = Callable[[int, str, str], None]
 class CompanionLink:
     """Clients on the wire, or the trace of an earlier run."""
 
-    def __init__(self, config: BenchConfig, out: Path, *, waypoints_W: Sequence[Vec3], on_event: Event) -> None:
-        self.config, self._out, self._on_event = config, out, on_event
+    def __init__(
+        self,
+        config: BenchConfig,
+        out: Path,
+        *,
+        waypoints_W: Sequence[Vec3],
+        on_event: Event,
+        begun_ns: Callable[[], int] = time.perf_counter_ns,
+    ) -> None:
+        """`begun_ns`: when the present tick began, by `time.perf_counter_ns`."""
+        self.config, self._out, self._on_event, self._begun_ns = config, out, on_event, begun_ns
         self._waypoints_W = tuple(waypoints_W)
         self._server: CompanionServer | None = None
         self._started: list[StartedClient] = []
         self._answers: Answers
         self._trace: TraceWriter | None = None
+        self._timing: TimingLog | None = None
         self._stage: CompanionStage | None = None
         self._told: Counter[str] = Counter()  # events, by kind
         self.topics: frozenset[str] = frozenset()
@@ -69,7 +82,8 @@ class CompanionLink:
         server.wait_for_clients(companion.expected, companion.connect_timeout_s, still_there)
         self.topics = server.topics
         server.limit_topics(self.topics)
-        self._answers = LiveAnswers(server)
+        timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
+        self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied)
 
     def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want."""
@@ -88,8 +102,13 @@ class CompanionLink:
             desire=desire,
             on_event=self._on_event,
             trace=self._trace if companion.control else None,
+            timing=self._timing,
         )
         return self._stage
+
+    def timed(self, pilot: OffboardPilot) -> OffboardPilot | TimedPilot:
+        """The pilot as a source of commands, each of which ends a frame's t3."""
+        return pilot if self._timing is None else TimedPilot(pilot, self._timing)
 
     def close(self, status: str = "") -> None:
         """Tell the clients, and let go. May be called twice."""
@@ -101,6 +120,8 @@ class CompanionLink:
         if self._trace is not None:
             self._trace.close()
             self._trace = None
+        if self._timing is not None:
+            self._timing.close()
 
     def report(self) -> dict[str, Any]:
         """For run.json."""
@@ -114,12 +135,17 @@ class CompanionLink:
         }
         if self._server is not None:
             for name, stats in self._server.stats().items():
+                timing = ClientTiming() if self._timing is None else self._timing.clients.get(name, ClientTiming())
                 clients.setdefault(name, {}).update(
                     bytes=stats.bytes,
                     malformed=stats.malformed,
-                    t1_ms=_quantiles(stats.t1),
-                    t2_ms=_quantiles(stats.t2),
-                    t3_ms=_quantiles(stats.t3),
+                    clock_offset_ms=stats.clock_offset_ns / 1e6,
+                    render_ms=_quantiles(timing.render),
+                    link_ms=_quantiles(timing.link),
+                    t1_ms=_quantiles(timing.t1),
+                    t2_ms=_quantiles(timing.t2),
+                    reply_ms=_quantiles(timing.reply),
+                    t3_ms=_quantiles(timing.t3),
                 )
         return {
             "time": companion.time,
@@ -150,7 +176,9 @@ class CompanionLink:
             self._on_event(-1, f"companion_{kind}", text + more)
 
 
-def _quantiles(histogram: LatencyHistogram) -> dict[str, float]:
+def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:
+    if not histogram.count:
+        return {"p50": None, "p99": None, "max": None}
     return {
         "p50": histogram.quantile_ns(0.5) / 1e6,
         "p99": histogram.quantile_ns(0.99) / 1e6,

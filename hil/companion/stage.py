@@ -29,6 +29,7 @@ from typing import Literal
 
 from hil.companion.answers import Answer, Answers, Client
 from hil.companion.bundle import Bundle, Collector
+from hil.companion.timing import TimingLog
 from hil.companion.trace import TraceWriter
 from hil.signals.desired import DesiredState
 from hil.signals.errors import LinkClosed
@@ -78,12 +79,13 @@ class CompanionStage:
         desire: Callable[[DesiredState, int], None] | None = None,
         on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
         trace: TraceWriter | None = None,
+        timing: TimingLog | None = None,
     ) -> None:
         self._answers, self._mode, self._waiting = answers, mode, waiting
         self._collector = Collector(topics)
         self._due = rate.due
         self._link_delay_ns = link_delay_ns
-        self._desire, self._on_event, self._trace = desire, on_event, trace
+        self._desire, self._on_event, self._trace, self._timing = desire, on_event, trace, timing
         self._t_ns = 0
         self.frames = 0
         self.seats: dict[str, Seat] = {}
@@ -107,6 +109,8 @@ class CompanionStage:
                 self._answers.take()  # nobody waits for what has come unasked; but who came and went counts
             self._look_for_clients()
             bundle = self._collector.take(self.frames, truth)
+            if self._timing is not None:
+                self._timing.made(bundle.number)
             self.frames += 1
             for seat in self.seats.values():
                 if seat.pending is not None:
@@ -296,6 +300,8 @@ class CompanionStage:
             return
         if answer.desired is not None:
             self._desire(answer.desired, from_ns)
+            if self._timing is not None:
+                self._timing.desired(seat.client.name, answer.frame, from_ns)
         if answer.finished and not seat.finished:
             seat.finished = True
             if self.finished:
