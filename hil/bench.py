@@ -647,6 +647,7 @@ class _Run:
 
     def _write_report(self, run: dict[str, Any]) -> None:
         # Half a second of matplotlib: not before it is needed.
+        from hil.companion.timing_file import TIMING_NAME, read_timing
         from hil.report.page import Timing, write_report
 
         assert self.recorder is not None
@@ -672,6 +673,7 @@ class _Run:
             frames=self.recorder.album.shown(),
             classes=self.frames.classes if self.frames is not None else Classes(),
             chirps={name: radar.chirp for name, radar in self.radars.items()},
+            companion_timing=read_timing(self.out / TIMING_NAME) if self.companion is not None else None,
         )
 
 

@@ -435,6 +435,12 @@ def _print_result(run: dict[str, object], folder: Path, took_s: float) -> None:
     table.add_row(
         "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
     )
+    companion: dict[str, object] | None = run.get("companion")  # type: ignore[assignment]
+    if companion:
+        from hil.report.companion_table import console_rows
+
+        for label, text in console_rows(companion):
+            table.add_row(label, text)
     same = "" if run["deterministic"] else "  (not deterministic)"
     _out.print(f"[bold {colour}]{run['status']}[/]")
     error: dict[str, str] | None = run["error"]  # type: ignore[assignment]

@@ -9,8 +9,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from hil.companion.timing_file import FrameTimes
 from hil.recorder.recorder import Event
 from hil.recorder.track import TrackArrays
+from hil.report.companion_table import HEAD, companion_line, companion_rows
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FrameSample, RadarSample, Vec3
@@ -45,10 +47,12 @@ def write_report(
     frames: Mapping[str, FrameSample] | None = None,
     classes: Classes = Classes(),  # noqa: B008 (immutable)
     chirps: Mapping[str, Chirp] | None = None,
+    companion_timing: Mapping[str, FrameTimes] | None = None,
 ) -> Path:
     """Write `report.html`, `flight.png`, `motion.png` and `timing.png` into `out_dir`; returns the page's path.
 
-    `frames`: one of each camera, LiDAR and radar, which become `frame_NAME.png`; `chirps`: of each radar.
+    `frames`: one of each camera, LiDAR and radar, which become `frame_NAME.png`; `chirps`: of each radar;
+    `companion_timing`: by client, which becomes `companion.png`.
 
     `run` is what run.json holds, `plan` the waypoints in the world frame [m] in flying order. Works for runs that
     ended before they began (no rows in `track`). Raises RecordingError where a file cannot be written.
@@ -57,6 +61,7 @@ def write_report(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out_dir, run, track, plan, timing, title)
+        pictures += _draw_companion(out_dir, companion_timing or {})
         pictures += _draw_frames(out_dir, frames or {}, classes, chirps or {})
         page = out_dir / PAGE_NAME
         page.write_text(_page(run, events, pictures, title), encoding="utf-8")
@@ -93,6 +98,17 @@ def _draw(
             figures.save(figures.realtime_figure(timing.lateness_bins_ns, timing.age_bins_ns, _HARMFUL_MS), path)
             pictures.append(("Punctuality of samples and motor commands", path))
     return pictures
+
+
+def _draw_companion(out_dir: Path, timing: Mapping[str, FrameTimes]) -> list[tuple[str, Path]]:
+    if not timing:
+        return []
+    from hil.report import companion_pictures, figures
+
+    path = out_dir / "companion.png"
+    with figures.style():
+        figures.save(companion_pictures.companion_figure(timing), path)
+    return [("Times of every frame to the companions and back", path)]
 
 
 def _draw_frames(
@@ -146,6 +162,7 @@ def _page(run: Mapping[str, Any], events: Sequence[Event], pictures: list[tuple[
 <div class="columns"><section><h2>Figures</h2>{_table(_headline_rows(run))}</section>
 <section><h2>Verdict</h2>{_verdict(run)}<h2>Sensors</h2>{_sensors(run)}
 <h2>Not computed</h2>{_skipped(run)}</section></div>
+{_companion(run)}
 <section><h2>Events</h2>{_events(events)}</section>
 <footer>digest <code>{escape(str(run.get("digest", "")))}</code><br>
 The recording run.mcap opens in Foxglove and with ros2 bag, flight.tlog in QGroundControl.</footer>
@@ -234,6 +251,20 @@ def _sensors(run: Mapping[str, Any]) -> str:
     if not rows:
         return "<p>No sensor was sampled.</p>"
     return _table(rows, ("sensor", "samples", "skipped", "p50 [ms]", "p99 [ms]"))
+
+
+def _companion(run: Mapping[str, Any]) -> str:
+    """Of every client: frames, and how long they took; nothing where there was no link."""
+    companion = run.get("companion")
+    if not companion:
+        return ""
+    refused = "".join(f"<p class='error'>{escape(text)}</p>" for text in companion["refused"])
+    rows = companion_rows(companion)
+    return (
+        f"<section><h2>Companions</h2><p>{escape(companion_line(companion))}. "
+        "Wall time as p50 / p99 / max; t1: engine to CUT, t2: the CUT, t3: CUT to the autopilot.</p>"
+        f"{_table(rows, HEAD) if rows else '<p>Nobody came.</p>'}{refused}</section>"
+    )
 
 
 def _skipped(run: Mapping[str, Any]) -> str:

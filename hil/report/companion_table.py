@@ -1,0 +1,46 @@
+"""The companion link in words and figures, for the report page and the console."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+HEAD = ("client", "frames", "dropped", "t1 [ms]", "engine to SUT", "SUT to CUT", "t2 [ms]", "t3 [ms]")
+_TIMES = ("t1_ms", "render_ms", "link_ms", "t2_ms", "t3_ms")
+
+
+def companion_rows(companion: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """One row per client under `HEAD`; times as p50 / p99 / max. `companion` is that of run.json."""
+    return [
+        (
+            name + (" (in control)" if client.get("control") else ""),
+            str(client.get("frames", 0)),
+            str(client.get("dropped", 0)),
+            *(_three(client.get(key)) for key in _TIMES),
+        )
+        for name, client in companion["clients"].items()
+    ]
+
+
+def companion_line(companion: Mapping[str, Any]) -> str:
+    """How the clients were connected, in a line."""
+    words = f"{companion['frames']} frames at {companion['rate_hz']:g} Hz, {companion['time']}"
+    return f"{words}, {companion['arrangement'].replace('_', ' ')}"
+
+
+def console_rows(companion: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Label and text, for the summary at the end of a run."""
+    rows = [("companions", companion_line(companion))]
+    for name, client in companion["clients"].items():
+        rows.append((f"  {name}", f"{client.get('frames', 0)} frames, {client.get('dropped', 0)} dropped"))
+        times = [(key[:2], client.get(key) or {}) for key in ("t1_ms", "t2_ms", "t3_ms")]
+        texts = [f"{key} {ms['p50']:.2f} (p99 {ms['p99']:.2f})" for key, ms in times if ms.get("p50") is not None]
+        if texts:
+            rows.append(("", ", ".join(texts) + " ms"))
+    return rows
+
+
+def _three(times_ms: Mapping[str, float | None] | None) -> str:
+    if not times_ms or times_ms["p50"] is None:
+        return "\N{EN DASH}"
+    return " / ".join(f"{times_ms[key]:.2f}" for key in ("p50", "p99", "max"))
