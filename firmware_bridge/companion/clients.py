@@ -17,6 +17,7 @@ _STRANGERS = 256
 class UnderWay(NamedTuple):
     """A frame that a client has not answered yet."""
 
+    t_begun_ns: int  # when the bench set about sending it
     t_sent_ns: int
     slot: int | None  # of the ring
 
@@ -36,6 +37,7 @@ class ClientStats:
     t2: LatencyHistogram = field(default_factory=LatencyHistogram)  # the client's function
     t3: LatencyHistogram = field(default_factory=LatencyHistogram)  # client sends to bench has it
     round_trip: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sends to bench has the answer
+    overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sets about sending to answer, less t2
     clock_offset_ns: int = 0  # client's clock minus the bench's, the last reading
     clock_delay_ns: int | None = None  # its uncertainty is half of this; None before the first
 

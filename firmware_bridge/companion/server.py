@@ -182,6 +182,7 @@ class CompanionServer:
         """
         if not self._sockets:
             raise LinkClosed("companion", "the session is closed")
+        t_begun_ns = self._clock_ns()
         out = Outgoing(frame)
         targets: list[Client] = []
         for name in self._clients.by_name if to is None else to:
@@ -192,7 +193,7 @@ class CompanionServer:
             elif client is not None:
                 self._count_dropped(client)
         slot = self._fill_ring(out, [c for c in targets if c.in_ring])
-        return [client.name for client in targets if self._send_to(client, out, slot)]
+        return [client.name for client in targets if self._send_to(client, out, slot, t_begun_ns)]
 
     def _fill_ring(self, out: Outgoing, clients: list[Client]) -> int | None:
         if not clients or self._ring is None:
@@ -204,7 +205,7 @@ class CompanionServer:
         out.placed(place[1])
         return place[0]
 
-    def _send_to(self, client: Client, out: Outgoing, slot: int | None) -> bool:
+    def _send_to(self, client: Client, out: Outgoing, slot: int | None, t_begun_ns: int) -> bool:
         if client.in_ring and slot is None:
             self._count_dropped(client)
             return False
@@ -225,7 +226,7 @@ class CompanionServer:
             return False
         client.credit -= 1
         client.dropped_since = 0
-        client.under_way[out.frame.frame] = UnderWay(t_sent_ns, slot if client.in_ring else None)
+        client.under_way[out.frame.frame] = UnderWay(t_begun_ns, t_sent_ns, slot if client.in_ring else None)
         client.stats.frames += 1
         return True
 
@@ -394,6 +395,7 @@ class CompanionServer:
         stats.t2.add(done.t2_ns)
         stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
         stats.round_trip.add(t_ns - sent.t_sent_ns)
+        stats.overhead.add(t_ns - sent.t_begun_ns - done.t2_ns)
         return Reply(
             client.name,
             done.frame,

@@ -146,6 +146,7 @@ class CompanionLink:
                     t2_ms=_quantiles(timing.t2),
                     reply_ms=_quantiles(timing.reply),
                     t3_ms=_quantiles(timing.t3),
+                    overhead_ms=_quantiles(stats.overhead),
                 )
         return {
             "time": companion.time,
