@@ -6,6 +6,7 @@ Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebod
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
+Companion  frames of a megabyte to a client under test, in flights and beside a bare socket: link_companion.py.
 Firmware   the rectangle on PX4 SITL and ArduCopter SITL, if PX4_BINARY and ARDUCOPTER_BINARY name builds of yours.
 """
 
@@ -29,6 +30,7 @@ from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.links.send_stats import send_stats
 from hil.bench import run_bench
+from hil.bench_suite.link_companion import measure_companion
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.config import load_bench
 from hil.signals.errors import HilError
@@ -47,7 +49,9 @@ _SPEED_LIMITS = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
 
 def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     """Raises HilError if a flight ends as ERROR."""
-    result = BenchmarkResult(time_label="CPU seconds per second of link, per message, or wall per simulated second")
+    result = BenchmarkResult(
+        time_label="CPU seconds per second of link, per message, wall per frame, or per simulated second"
+    )
     seconds = 10 if quick else 60
     for method, pace in (("native thread", _native), ("Python loop", _python)):
         say(f"pacing, {method}, {seconds} s")
@@ -63,6 +67,7 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     say("messages")
     _messages(result)
     with tempfile.TemporaryDirectory() as folder:
+        measure_companion(result, Path(folder) / "companion", say, quick=quick)
         if quick:
             result.left_out.append("a whole flight in HITL, and flights of real firmware")
         else:

@@ -1,8 +1,8 @@
 """Flights with a companion: all that it wants in every frame, drawn, sent and answered in lockstep.
 
 Each frame holds RGB, depth and segmentation at 320x240, a LiDAR's turn of 16x900, IMU, GPS and the true state, all new
-in it: camera, LiDAR and GPS run at the 100 Hz of the frames, the IMU at the 250 Hz of the ticks. The client is `echo` in
-a process of its own; the autopilot is the mock on a loopback. Frames per second are those of the flight by the wall
+in it: camera, LiDAR and GPS run at the 100 Hz of the frames, the IMU at the 250 Hz of the ticks. The client is `echo`
+in a process of its own; the autopilot is the mock on a loopback. Frames per second are those of the flight by the wall
 clock: flight, drawing, digest of every sample, link and client.
 
 That what arrives is what was sampled is seen in a flight with `record` as the client, against the bench's own MCAP.
@@ -143,5 +143,6 @@ def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement =
 
 def _cloud(sample: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
     stamps = (sample["seq"], sample["t_capture_ns"], sample["t_available_ns"])
-    values = sample["values"]
-    return cloud_records(PointCloudSample(*stamps, values["p_WL"], values["q_WL"], **arrays)).tobytes()
+    pose = (sample["values"]["p_WL"], sample["values"]["q_WL"])
+    in_order = (arrays[name] for name in PointCloudSample._fields if name in arrays)
+    return cloud_records(PointCloudSample._make((*stamps, *pose, *in_order))).tobytes()

@@ -42,7 +42,7 @@ from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import GpsSample, ImageSample, ImuSample, PointCloudSample, TruthState
 
 ROOT = Path(__file__).resolve().parents[2]
-_LIMIT_S = 20.0
+LIMIT_S = 20.0
 _TICK_NS = 10_000_000
 _FACTS = SessionFacts(
     {
@@ -100,7 +100,7 @@ def far_end(wire: Wire, arrangement: Arrangement, folder: Path, arrays: Arrays) 
     peer: subprocess.Popen[str] | None = None
     try:
         with socket.create_server((wire.near, 0)) as listening:
-            listening.settimeout(_LIMIT_S)
+            listening.settimeout(LIMIT_S)
             place = f"{wire.near}:{listening.getsockname()[1]}"
             keys = [] if wire.keys is None else [str(wire.keys / "peer.key"), str(wire.keys / "bench.pub")]
             command = [*wire.far, sys.executable, "-m", "hil.bench_suite.link_companion_peer"]
@@ -112,10 +112,10 @@ def far_end(wire: Wire, arrangement: Arrangement, folder: Path, arrays: Arrays) 
                 stdout=subprocess.PIPE,
                 text=True,
             )
-            server.wait_for_clients(1, _LIMIT_S)
+            server.wait_for_clients(1, LIMIT_S)
             bare, _ = listening.accept()
         with bare:
-            bare.settimeout(_LIMIT_S)
+            bare.settimeout(LIMIT_S)
             bare.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             yield Transfer(server, bare, peer, arrays)
     finally:
@@ -200,15 +200,18 @@ class Transfer:
         while answered < count:
             while sent < count and sent - answered < ahead:
                 frame = CompanionFrame(
-                    self._number, self._number, self._number * _TICK_NS, samples if samples is not None else self._samples
+                    self._number,
+                    self._number,
+                    self._number * _TICK_NS,
+                    samples if samples is not None else self._samples,
                 )
                 if not self._server.send(frame):
                     raise LinkClosed("companion link", f"frame {self._number} was not taken: {self._server.lost}")
                 self._number += 1
                 sent += 1
-            replies = self._server.poll(_LIMIT_S)
+            replies = self._server.poll(LIMIT_S)
             if not replies:
-                raise LinkClosed("companion link", f"no answer within {_LIMIT_S:g} s: {self._server.lost}")
+                raise LinkClosed("companion link", f"no answer within {LIMIT_S:g} s: {self._server.lost}")
             answered += len(replies)
 
     def _send_bare(self, count: int, ahead: int) -> None:
