@@ -24,7 +24,7 @@ _LIMIT_S = 20.0
 
 def main(arguments: Sequence[str]) -> None:
     """Until the input ends."""
-    from hil_companion.client import Client  # type: ignore[import-not-found]
+    from hil_companion.client import Client
 
     address, place, size = arguments[:3]
     key, bench_key = (Path(arguments[3]), Path(arguments[4])) if len(arguments) > 3 else (None, None)
