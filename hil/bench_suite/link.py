@@ -6,7 +6,8 @@ Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebod
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
-Companion  frames of a megabyte to a client under test, in flights and beside a bare socket: link_companion.py.
+Companion  frames of a megabyte to a client under test, in flights and beside a bare socket: link_companion.py. Slow
+           clients in simulated time against real time: link_latency.py.
 Firmware   the rectangle on PX4 SITL and ArduCopter SITL, if PX4_BINARY and ARDUCOPTER_BINARY name builds of yours.
 """
 
@@ -31,6 +32,7 @@ from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.links.send_stats import send_stats
 from hil.bench import run_bench
 from hil.bench_suite.link_companion import measure_companion
+from hil.bench_suite.link_latency import latency_rows
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.config import load_bench
 from hil.signals.errors import HilError
@@ -68,6 +70,12 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     _messages(result)
     with tempfile.TemporaryDirectory() as folder:
         measure_companion(result, Path(folder) / "companion", say, quick=quick)
+    if quick:
+        result.left_out.append("companion: slow clients in simulated time against real time")
+    else:
+        rows, checks = latency_rows(say)
+        result.rows += rows
+        result.checks += checks
         if quick:
             result.left_out.append("a whole flight in HITL, and flights of real firmware")
         else:
