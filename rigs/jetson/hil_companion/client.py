@@ -280,7 +280,9 @@ class Client:
         """Ask for the bench's clock; the answer goes into `clock`. Done every second by itself."""
         self._next_ping_s = time.monotonic() + PING_EVERY_S
         self._pings += 1
-        self._connections[0].send(protocol.ping(self._pings, time.monotonic_ns()))
+        self._connections[0].send(
+            protocol.ping(self._pings, time.monotonic_ns(), self.clock.bench_minus_client_ns, self.clock.round_trip_ns)
+        )
 
     # --- leaving ---
 

@@ -97,8 +97,12 @@ def done(
     )
 
 
-def ping(number: int, t_client_ns: int) -> bytes:
-    return pack({"k": "ping", "id": number, "t_client_ns": t_client_ns})
+def ping(number: int, t_client_ns: int, bench_minus_client_ns: int | None, round_trip_ns: int | None) -> bytes:
+    """The last two, where they are known, tell the bench what earlier pings have shown of the clocks."""
+    entries = {"k": "ping", "id": number, "t_client_ns": t_client_ns}
+    if bench_minus_client_ns is not None and round_trip_ns is not None:
+        entries.update(bench_minus_client_ns=bench_minus_client_ns, round_trip_ns=round_trip_ns)
+    return pack(entries)
 
 
 def bye(reason: str) -> bytes:
