@@ -50,8 +50,9 @@ class SharedRing:
             return None
         index, start = place
         for array, offset in zip(arrays, offsets, strict=True):
-            target = self._bytes[start + offset : start + offset + array.nbytes]
-            np.copyto(target.view(array.dtype).reshape(array.shape) if array.nbytes else target[:0], array)
+            if array.nbytes:  # a radar that sees nothing has no points
+                target = self._bytes[start + offset : start + offset + array.nbytes]
+                np.copyto(target.view(array.dtype).reshape(array.shape), array)
         self._slots.insert(index, (start, start + size, set(holders)))
         return start, [start + offset for offset in offsets]
 
