@@ -65,7 +65,7 @@ class Collector:
                 for channel, array in sample.channels.items():
                     if f"{port}/{channel}" in topics:
                         topic = f"{port}/{channel}"
-                        self._newest[topic] = _array_sample(topic, sample, {channel: array})
+                        self._newest[topic] = _array_sample(topic, sample, _columns(channel, array))
             elif port not in topics:
                 continue
             elif isinstance(sample, FRAME_SAMPLES):
@@ -90,6 +90,11 @@ def _array_sample(topic: str, sample: Any, arrays: Mapping[str, np.ndarray]) -> 
         if name not in _STAMPS and isinstance(value, tuple)
     }
     return CompanionSample(topic, sample.seq, sample.t_capture_ns, sample.t_available_ns, values, dict(arrays))
+
+
+def _columns(channel: str, array: np.ndarray) -> dict[str, np.ndarray]:
+    """Points and tracks of a radar are records: on the wire a column each."""
+    return {channel: array} if array.dtype.names is None else {name: array[name] for name in array.dtype.names}
 
 
 def _arrays(sample: Any) -> dict[str, np.ndarray]:
