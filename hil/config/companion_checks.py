@@ -49,5 +49,7 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
             read_bench_keys(made.keys)
             read_allowed(made.keys)
     except ConfigError as error:
-        problems += [at(settings, ("companion",), f": {p.message}", p.hint) for p in error.problems]
+        for p in error.problems:
+            where = "" if p.where == "companion" else f"{p.where} "
+            problems.append(at(settings, ("companion",), f": {where}{p.message}", p.hint))
     return problems
