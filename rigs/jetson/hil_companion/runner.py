@@ -18,6 +18,7 @@ from hil_companion.desired import Desired
 from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
 from hil_companion.frame import Frame
 from hil_companion.keys import PathLike
+from hil_companion.memory import keep_freed_memory
 
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
@@ -44,6 +45,7 @@ def run(
     say: Callable[[str], None] | None = None,
 ) -> int:
     """Run until the bench ends. The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`."""
+    keep_freed_memory()
     tell = to_stderr if say is None else say
     options = {
         "name": name,
