@@ -153,7 +153,9 @@ def replay(
         # Companions are not asked again: what they answered is in the trace.
         trace = run_dir / TRACE_NAME
         settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
-        run_bench(load_bench(config, settings=settings), folder)
+        fresh = run_bench(load_bench(config, settings=settings), folder)
+        if fresh.status == "ERROR":
+            _err.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 
     try:
         result = run_and_compare(run_dir, again, out_dir=out)

@@ -186,8 +186,10 @@ class OffboardPilot:
         self._t_ns = t_ns
         if self._wire.hand_on(frames, self._handlers) or t_ns >= self._due_ns:
             self._decide(t_ns)
+        # A tick after the grid on which frames leave: what was desired in answer to a frame is sent at once.
+        behind = t_ns // self._tick_ns - 1
         if self._streaming_since_ns is not None and is_due(
-            t_ns // self._tick_ns, event_mhz=self._setpoint_mhz, tick_mhz=self._tick_mhz
+            behind, event_mhz=self._setpoint_mhz, tick_mhz=self._tick_mhz
         ):
             self._wire.say(self._follower.message(t_ns))
             self.set_points += 1

@@ -211,7 +211,7 @@ def test_set_points_fall_on_fixed_ticks_whenever_something_is_wanted() -> None:
 def test_states_apply_at_their_times_whatever_the_order_they_came_in() -> None:
     flight = Flight(Vehicle())
     flight.fly(UP)
-    t0_ns = flight.t_ns
+    t0_ns = flight.t_ns + TICK_NS  # a tick after the grid
     for z, after_ns in ((6.0, 60_000_000), (5.0, 20_000_001), (9.0, 20_000_000)):
         flight.pilot.set_desired(DesiredState(p_W=(0.0, 0.0, z)), t0_ns + after_ns)
     flight.run(0.1)

@@ -1,6 +1,6 @@
 """A client of the bench: says hello, receives frames, answers them.
 
-    with Client.connect("tcp://bench:5760", name="slam", topics=["front/*", "imu"]) as client:
+    with Client.connect("tcp://bench:5570", name="slam", topics=["front/*", "imu"]) as client:
         for frame in client.frames():
             client.done(frame, Desired(p_W=(0, 0, 2)))
 

@@ -58,7 +58,8 @@ class Sample:
     def latest(self, name: str) -> Any:
         """The newest row of a field of a topic whose samples are stacked one a row; a single value as it is."""
         value = self[name]
-        return value[-1] if name in self.arrays else value
+        stacked = name in self.arrays or isinstance(self.values.get("seq"), list)
+        return value[-1] if stacked else value
 
     @property
     def array(self) -> np.ndarray:
