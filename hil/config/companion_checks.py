@@ -6,7 +6,7 @@ from pathlib import Path
 
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.companion.settings import link_settings
-from hil.companion.started import known_clients, unknown_clients
+from hil.companion.started import client_name, known_clients, unknown_clients
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from hil.documents.validate import at, nearest
@@ -16,13 +16,15 @@ from hil.signals.errors import ConfigError, Problem
 def companion_problems(config: BenchConfig, settings: Settings, *, scripted: bool) -> list[Problem]:
     """`scripted`: the mission is a script, with actions of its own."""
     companion = config.companion
-    if not companion.on:
-        return []
     problems: list[Problem] = []
 
     def wrong(key: str, message: str, hint: str = "") -> None:
         problems.append(at(settings, ("companion", key), message, hint))
 
+    if not companion.on:
+        if companion.control:
+            wrong("control", "is true, but there are no clients", "name some in companion.start, or their number")
+        return problems
     real_time = not config.autopilot.lockstep or config.pace == 1.0
     if companion.time == "realtime" and not real_time:
         wrong("time", "is 'realtime', but the run does not keep it", "--set pace=1")
@@ -31,6 +33,12 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
         wrong("time", message, "--set companion.time=realtime")
     for name in unknown_clients(companion.start):
         wrong("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
+    names = [client_name(cut) for cut in companion.start]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        wrong(
+            "start", f"names {', '.join(twice)} twice: clients are known by their names", "start one, or as MODULE:NAME"
+        )
     if companion.rate_hz > config.tick_hz:
         wrong("rate_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.rate_hz:g} Hz")
     elif abs(companion.rate_hz * 1000 - round(companion.rate_hz * 1000)) > 1e-6 or companion.rate_hz < 0.001:
@@ -43,13 +51,27 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
         wrong("control", f"is true, but manual.device is {config.manual.device!r}: two would fly", "leave one out")
     if companion.trace is not None and not Path(companion.trace).is_file():
         wrong("trace", f"names a file that does not exist: {companion.trace}")
+    if companion.trace is not None:
+        return problems  # there is no wire
+    groups = len(config.sensors) + 1  # and the true state
+    first = companion.sensor_port
+    if companion.arrangement == "ports" and first is not None:
+        if first <= companion.port < first + groups:
+            wrong("port", f"lies among the sensors' ports, {first} to {first + groups - 1}")
+        elif first + groups > 65536:
+            wrong("sensor_port", f"leaves no room for {groups} ports", f"at most {65536 - groups}")
+    key = "host"
     try:
         made = link_settings(companion)
+        key = "keys"
         if made.keys is not None:
             read_bench_keys(made.keys)
-            read_allowed(made.keys)
+            missing = sorted({*names} - {*read_allowed(made.keys).values()})
+            if missing and companion.arrangement != "shared_memory":
+                hint = f"hil keys {made.keys} {' '.join(missing)}"
+                wrong("keys", f"names a folder without keys of {', '.join(missing)}", hint)
     except ConfigError as error:
-        for p in error.problems:
-            where = "" if p.where == "companion" else f"{p.where} "
-            problems.append(at(settings, ("companion",), f": {where}{p.message}", p.hint))
+        for problem in error.problems:
+            place = "" if problem.where == "companion" else f"{problem.where}: "
+            wrong(key, f"cannot be used: {place}{problem.message}", problem.hint)
     return problems

@@ -270,7 +270,7 @@ class _Loading:
         if config is not None:
             config = config.model_copy(update={"sensors": sensors})
             self.problems += _cross_checks(config, self.settings)
-            if config.companion.on:
+            if config.companion.on or config.companion.control:
                 from hil.config.companion_checks import companion_problems  # loads ZeroMQ
 
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)

@@ -1,0 +1,150 @@
+"""The companion's section of a bench file: every mistake is named with its line and what to do."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.companion.keys import make_keys
+from hil.config import Bench, load_bench
+from hil.config.schema import Companion
+from hil.signals.errors import ConfigError
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def load(*lines: str, more: str = "", rig: str | None = None) -> Bench:
+    """A bench file whose companion has these lines, from line 2 on."""
+    text = "".join(f"  {line}\n" for line in lines)
+    Path("b.yaml").write_text(f"companion:\n{text}{more}")
+    return load_bench("b.yaml", rig=rig)
+
+
+def problems(*lines: str, more: str = "", rig: str | None = None) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load(*lines, more=more, rig=rig)
+    return [str(p) for p in caught.value.problems]
+
+
+def problem(*lines: str, more: str = "", rig: str | None = None) -> str:
+    (only,) = problems(*lines, more=more, rig=rig)
+    return only
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("clients: -1", "companion.clients"),
+        ("clients: 33", "companion.clients"),
+        ("clients: many", "companion.clients"),
+        ("start: waypoints", "companion.start"),
+        ("start: [echo, 1]", "companion.start"),
+        (f"start: [{', '.join(f'm:c{i}' for i in range(9))}]", "companion.start"),
+        ("settings: [1]", "companion.settings"),
+        ("control: maybe", "companion.control"),
+        ("time: soon", "companion.time"),
+        ("rate_hz: 0", "companion.rate_hz"),
+        ("rate_hz: 1001", "companion.rate_hz"),
+        ("rate_hz: .nan", "companion.rate_hz"),
+        ("arrangement: wireless", "companion.arrangement"),
+        ("host: 5", "companion.host"),
+        ("port: -1", "companion.port"),
+        ("port: 65536", "companion.port"),
+        ("sensor_port: 80", "companion.sensor_port"),
+        ("sensor_port: 65536", "companion.sensor_port"),
+        ("keys: 5", "companion.keys"),
+        ("connect_timeout_s: 0", "companion.connect_timeout_s"),
+        ("connect_timeout_s: 3601", "companion.connect_timeout_s"),
+        ("reply_timeout_s: 0", "companion.reply_timeout_s"),
+        ("reply_timeout_s: .inf", "companion.reply_timeout_s"),
+        ("reconnect_s: -1", "companion.reconnect_s"),
+        ("on_loss: panic", "companion.on_loss"),
+        ("link_delay_s: -0.1", "companion.link_delay_s"),
+        ("link_delay_s: 11", "companion.link_delay_s"),
+        ("setpoint_hz: 2", "companion.setpoint_hz"),
+        ("setpoint_hz: 251", "companion.setpoint_hz"),
+        ("trace: [a]", "companion.trace"),
+    ],
+)
+def test_a_value_that_cannot_be_is_named_with_its_line(line: str, words: str) -> None:
+    text = problem(line, *(["clients: 1"] if not line.startswith("clients") else []))
+    assert text.startswith("b.yaml:2: ")
+    assert words in text
+
+
+def test_every_key_is_tried_above_and_unknown_ones_are_refused() -> None:
+    (mark,) = [
+        m
+        for m in test_a_value_that_cannot_be_is_named_with_its_line.pytestmark
+        if m.name == "parametrize"  # type: ignore[attr-defined]
+    ]
+    assert {line.partition(":")[0] for line, _ in mark.args[1]} == set(Companion.model_fields)
+    assert "clients" in problem("client: 1")
+
+
+@pytest.mark.parametrize(
+    ("lines", "more", "where", "words"),
+    [
+        (["time: realtime", "clients: 1"], "", 2, "the run does not keep it .*pace=1"),
+        (["start: [waypoint]"], "", 2, "does not exist: 'waypoint'.*waypoints"),
+        (["start: [echo, 'm:echo']"], "", 2, "names echo twice"),
+        (["clients: 1", "rate_hz: 251"], "", 3, "at most the tick's rate, 250 Hz, not 251 Hz"),
+        (["clients: 1", "rate_hz: 10.0001"], "", 3, "whole number of millihertz"),
+        (["clients: 1", "rate_hz: 0.0001"], "", 3, "whole number of millihertz"),
+        (
+            ["clients: 1", "setpoint_hz: 200"],
+            "tick_hz: 100\n",
+            3,
+            "setpoint_hz must be",
+        ),
+        (["control: true"], "", 2, "there are no clients"),
+        (["clients: 1", "trace: nowhere.jsonl"], "", 3, "does not exist: nowhere.jsonl"),
+        (["clients: 1", "arrangement: one_port", "host: 0.0.0.0"], "", 4, "reached from outside.*hil keys"),
+        (["clients: 1", "arrangement: ports", "host: 192.168.1.5"], "", 4, "reached from outside"),
+        (["clients: 1", "arrangement: one_port", "keys: nowhere"], "", 4, "nowhere.*hil keys"),
+        (["arrangement: ports", "clients: 1", "port: 6002", "sensor_port: 6000"], "", 4, "among the sensors' ports"),
+        (["arrangement: ports", "clients: 1", "sensor_port: 65534"], "", 4, "leaves no room for 5 ports"),
+    ],
+)
+def test_what_only_the_whole_bench_can_tell(lines: list[str], more: str, where: int, words: str) -> None:
+    text = problem(*lines, more=more)
+    assert text.startswith(f"b.yaml:{where}: "), text
+    assert re.search(words, text), text
+
+
+def test_firmware_that_waits_for_nobody_wants_realtime() -> None:
+    port = "autopilot: {port: /dev/null}\n"
+    text = "; ".join(problems("clients: 1", "time: latency_true", more=port, rig="px4_hitl"))
+    assert "b.yaml:3: companion.time is 'latency_true', but px4_hitl waits for nobody" in text
+    assert "companion.time=realtime" in text
+
+
+def test_two_cannot_fly() -> None:
+    script = Path(__file__).resolve().parents[2] / "rigs" / "missions" / "rectangle_gust.yaml"
+    text = problem("clients: 1", "control: true", more=f"mission: {script}\n")
+    assert text.startswith("b.yaml:3: companion.control is true, but the mission is a script")
+    both = problems("clients: 1", "control: true", more="mission: null\nmanual: {device: keyboard}\n")
+    assert any("two would fly" in p for p in both), both
+
+
+def test_keys_are_looked_at_before_the_run() -> None:
+    make_keys(Path("keys"), ["waypoints"])
+    good = ["arrangement: one_port", "keys: keys", "host: 0.0.0.0"]
+    assert load("start: [waypoints]", *good).config.companion.keys == "keys"
+    assert "b.yaml:4: companion.keys names a folder without keys of echo" in problem("start: [waypoints, echo]", *good)
+    Path("keys/bench.key").write_text("rubbish\n")
+    text = problem("start: [waypoints]", *good)
+    assert text.startswith("b.yaml:4: companion.keys cannot be used")
+
+
+def test_all_at_once_and_a_right_one_passes() -> None:
+    found = problems("start: [nobody]", "rate_hz: 300", "time: realtime", "setpoint_hz: 200", more="tick_hz: 100\n")
+    assert {p.split(":")[1] for p in found} >= {"2", "3", "4", "5"}
+    companion = load("start: [waypoints, 'my.module:Cut']", "control: true", "rate_hz: 25").config.companion
+    assert (companion.on, companion.expected, companion.port) == (True, 2, 5570)
+    assert not load("rate_hz: 300").config.companion.on  # without clients there is nothing to be wrong
