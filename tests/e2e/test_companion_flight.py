@@ -1,0 +1,154 @@
+"""Flights that a companion flies: lockstep and latency-true, live, from the trace, and beside a busy processor."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.bench import RunResult, run_bench
+from hil.companion.trace import TRACE_NAME
+from hil.config import load_bench
+from hil.replay import replay
+from hil.report.run_json import validate_run_json
+from tests.e2e.companion_bench import CAMERAS, RECTANGLE, fly, saved
+
+PILOT = "start: [waypoints], control: true, rate_hz: 25"
+RECORDED = "record: {report: false, tlog: false}\n"
+
+
+@contextmanager
+def busy_processors(count: int = 2) -> Iterator[None]:
+    hogs = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+
+def from_trace(run: Path, out: Path, *settings: str) -> RunResult:
+    trace = f"companion.trace={run / TRACE_NAME}"
+    return run_bench(load_bench(run / "bench.yaml", settings=[trace, *settings]), out, quiet=True)
+
+
+def repeated(run: Path, out: Path) -> str:
+    def again(config: Path, folder: Path) -> None:
+        run_bench(load_bench(config, settings=[f"companion.trace={run / TRACE_NAME}"]), folder, quiet=True)
+
+    result = replay(run, again, out_dir=out)
+    assert result.identical, str(result)
+    return str(result.digests[1])
+
+
+def assert_flown(run: dict[str, Any], time: str) -> None:
+    assert run["error"] is None, run["error"]
+    assert validate_run_json(run) == []
+    assert (run["status"], run["deterministic"]) == ("PASS", True)
+    pilot = run["companion"]["clients"]["waypoints"]
+    assert (pilot["control"], pilot["finished"], pilot["malformed"]) == (True, True, 0)
+    assert run["companion"]["time"] == time
+    assert run["companion"]["refused"] == []
+    if time == "lockstep":
+        assert (pilot["frames"], pilot["dropped"]) == (run["companion"]["frames"], 0)
+    assert pilot["frames"] + pilot["dropped"] == pytest.approx(run["companion"]["frames"], abs=1)
+    assert all(pilot[part]["p50"] >= 0.0 for part in ("t1_ms", "t2_ms", "t3_ms"))
+
+
+def test_the_rectangle_in_lockstep_and_again_from_the_trace(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, PILOT, mission=RECTANGLE)
+    assert_flown(outcome.run, "lockstep")
+    assert outcome.run["mission"]["reached"] == 6
+    assert from_trace(outcome.out, tmp_path / "again").run["digest"] == outcome.run["digest"]
+
+
+def test_the_rectangle_in_latency_true_time_and_again_beside_busy_processors(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, f"{PILOT}, time: latency_true", mission=RECTANGLE)
+    assert_flown(outcome.run, "latency_true")
+    with busy_processors():
+        again = from_trace(outcome.out, tmp_path / "again")
+    assert again.run["error"] is None
+    assert again.run["digest"] == outcome.run["digest"]
+    # And it is the answers' time that counts: half a second more on the link is another flight.
+    other = from_trace(outcome.out, tmp_path / "other", "companion.link_delay_s=0.5", "duration_s=15")
+    assert other.run["digest"] != again.run["digest"]
+
+
+def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_repeats(tmp_path: Path) -> None:
+    first = fly(tmp_path / "first", PILOT, RECORDED)
+    with busy_processors():
+        second = fly(tmp_path / "second", PILOT)
+    assert_flown(first.run, "lockstep")
+    assert first.run["digest"] == second.run["digest"]
+    traced = [(r.out / TRACE_NAME).read_text().count("\n") for r in (first, second)]
+    assert traced[0] == traced[1] > 100
+    assert repeated(first.out, tmp_path / "again") == first.run["digest"]
+
+
+@pytest.mark.parametrize("arrangement", ["shared_memory", "one_port", "ports"])
+def test_every_arrangement_carries_the_same_flight(arrangement: str, tmp_path: Path) -> None:
+    companion = f"start: [waypoints, echo], control: true, rate_hz: 10, arrangement: {arrangement}"
+    outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=4",))
+    run = outcome.run
+    assert run["error"] is None, run["error"]
+    assert run["companion"]["arrangement"] == arrangement
+    echo = run["companion"]["clients"]["echo"]
+    assert (echo["frames"], echo["dropped"], echo["malformed"], echo["control"]) == (40, 0, 0, False)
+    assert {"front/rgb", "front/depth", "rear/rgb", "imu", "truth"} <= set(echo["topics"])
+    assert echo["bytes"] > 30 * 32 * 24 * (3 + 4 + 3)
+    assert run["companion"]["clients"]["waypoints"]["topics"] == ["truth"]
+    _DIGESTS.add(run["digest"])
+    assert len(_DIGESTS) == 1
+
+
+_DIGESTS: set[str] = set()  # of the flights above: one and the same
+
+
+def test_what_no_client_wants_is_not_drawn(tmp_path: Path) -> None:
+    watcher = tmp_path / "watcher.py"
+    watcher.write_text(
+        "class Watcher:\n"
+        "    topics = ('front/rgb', 'imu')\n"
+        "    def __call__(self, frame):\n"
+        "        assert frame['front/rgb']['rgb'].shape == (24, 32, 3) or frame.frame == 0\n"
+        "        assert len(frame['imu']['gyro_radps']) == (25 if frame.frame else 1)\n"
+    )
+    companion = "start: ['watcher:Watcher'], rate_hz: 10"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(tmp_path))
+        outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=2",))
+    run = outcome.run
+    assert run["error"] is None, run["error"]
+    assert run["companion"]["topics"] == ["front/rgb", "imu"]
+    skipped = {s["what"] for s in run["skipped"]}
+    assert {"front/depth", "rear/rgb"} <= skipped, run["skipped"]
+    assert "front/rgb" not in skipped
+    assert run["companion"]["clients"]["Watcher"]["frames"] == 20
+    assert run["mission"] is not None  # flown by the ground station: nobody controls
+    # Without the client the same again, and the same is drawn.
+    again = from_trace(outcome.out, tmp_path / "again")
+    assert again.run["digest"] == run["digest"]
+    assert {s["what"] for s in again.run["skipped"]} == skipped
+
+
+def test_realtime_flight_of_a_slow_companion(tmp_path: Path) -> None:
+    slow = tmp_path / "slow.py"
+    slow.write_text(
+        "import time\nclass Slow:\n    topics = ('truth',)\n    def __call__(self, frame):\n        time.sleep(0.15)\n"
+    )
+    companion = "start: ['slow:Slow'], rate_hz: 25, time: realtime"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(tmp_path))
+        run = fly(tmp_path, companion, settings=("duration_s=3", "pace=1")).run
+    assert run["error"] is None, run["error"]
+    seat = run["companion"]["clients"]["Slow"]
+    assert run["companion"]["frames"] == 75
+    assert 0 < seat["frames"] <= 21
+    assert seat["dropped"] >= 75 - 21 - 4
+    assert saved(tmp_path / "run")["deterministic"] is True  # it only looked on
