@@ -174,6 +174,10 @@ class BenchSocket:
         self._closing.set()
         self._sentry.join()
         self._end_monitor()
+        if self.endpoint.startswith("ipc://"):
+            # ZeroMQ leaves the file; while this socket still listens, no other bench can have taken the path over.
+            with suppress(OSError):
+                os.unlink(self.endpoint.removeprefix("ipc://"))
         self._socket.close(linger=linger_ms)
         self.connections.close()
 
