@@ -70,8 +70,10 @@ class LiveAnswers:
         *,
         on_sending: Callable[[str, CompanionFrame], None] = lambda _client, _frame: None,
         on_reply: Callable[[Reply], None] = lambda _reply: None,
+        ended: Callable[[str], str | None] = lambda _client: None,
     ) -> None:
-        self._server, self._on_sending, self._on_reply = server, on_sending, on_reply
+        """`ended` tells of a client that the bench started how its process ended; None of all others."""
+        self._server, self._on_sending, self._on_reply, self._ended = server, on_sending, on_reply, ended
         self._come: list[tuple[str, Answer]] = []
         self._sent_to: dict[str, int] = {}  # which of its connections, counted by its returns
 
@@ -82,7 +84,8 @@ class LiveAnswers:
     def gone(self, client: str) -> str | None:
         if self._connection(client) is not None:
             return None
-        return self._server.lost.get(client, "it is gone")
+        why, words = self._server.lost.get(client, "it is gone"), self._ended(client)
+        return why if words is None else f"{why}; {words}"
 
     def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
         connection = self._connection(client)
@@ -116,7 +119,7 @@ class LiveAnswers:
             if self._connection(client) is not None:
                 return True
             left_s = deadline - time.monotonic()
-            if left_s <= 0.0:
+            if left_s <= 0.0 or self._ended(client) is not None:
                 return False
             self._poll(min(left_s, 0.25))
 

@@ -83,7 +83,9 @@ class CompanionLink:
         self.topics = server.topics
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
-        self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied)
+        self._answers = LiveAnswers(
+            server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended
+        )
 
     def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want."""
@@ -168,6 +170,9 @@ class CompanionLink:
             sensors=calibrations(config, config.sensors),
             waypoints_W=self._waypoints_W,
         )
+
+    def _ended(self, name: str) -> str | None:
+        return next((client.how_it_ended() for client in self._started if client.name == name), None)
 
     def _server_event(self, kind: str, text: str) -> None:
         """What clients do, whoever they are: they cannot fill the recording."""

@@ -275,6 +275,8 @@ class CompanionStage:
                 self._on_event(self._t_ns, "companion_back", client.name)
                 return True
             why = f"{why}; it came back without control"
+        else:
+            why = self._answers.gone(client.name) or why
         if client.control and self._trace is not None:
             self._trace.lost(client.name, frame)
         self._part(seat, why)

@@ -40,8 +40,13 @@ class StartedClient:
 
     def check(self) -> None:
         """LinkClosed with its last words if it has ended."""
-        if not self._process.running():
-            raise LinkClosed(f"companion {self.name}", self._process.describe_end(), cause="companion")
+        ended = self.how_it_ended()
+        if ended is not None:
+            raise LinkClosed(f"companion {self.name}", ended, cause="companion")
+
+    def how_it_ended(self) -> str | None:
+        """With its last words; None while it runs."""
+        return None if self._process.running() else self._process.describe_end()
 
     @property
     def running(self) -> bool:

@@ -53,7 +53,9 @@ class Clients:
         return sorted(self.there, key=lambda c: c.name)
 
     def gone(self, client: str) -> str | None:
-        return None if any(c.name == client for c in self.there) else "its connection ended"
+        if any(c.name == client for c in self.there):
+            return None
+        return dict(self.lost).get(client, "its connection ended")
 
     def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
         if not self.takes_frames or self.gone(client):
