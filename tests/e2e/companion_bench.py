@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +56,23 @@ def saved(out: Path) -> dict[str, Any]:
     return run
 
 
-def leftovers() -> set[str]:
-    """Shared memory, sockets and processes of companion links on this machine."""
-    found = {str(path) for path in Path("/dev/shm").glob("hil-companion-*")}
-    found |= {str(path) for path in Path(tempfile.gettempdir()).glob("hil-companion-*")}
+def marked_processes(mark: str) -> set[int]:
+    """Clients that were started with this text in their environment, by whatever bench."""
+    found = set()
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if b"hil_companion" in (folder / "cmdline").read_bytes():
-                found.add(str(folder))
+            ours = mark.encode() in (folder / "environ").read_bytes()
+            if ours and b"hil_companion" in (folder / "cmdline").read_bytes():
+                found.add(int(folder.name))
         except OSError:
-            continue  # it ended while we looked
+            continue  # it ended while we looked, or is somebody else's
     return found
+
+
+def mapped_rings(pid: int) -> set[Path]:
+    """Shared memory of companion links that a process has."""
+    try:
+        lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
+    except OSError:
+        return set()
+    return {Path(line.split()[5]) for line in lines if "/hil-companion-" in line}

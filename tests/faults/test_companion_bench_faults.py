@@ -1,0 +1,391 @@
+"""Clients that die, stall, lie and flood against a whole bench: a named error, or an undisturbed flight.
+
+Nothing is left of any run: no process, no shared memory, no socket.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+
+import hil.companion.started as started
+from firmware_bridge.companion.server import CompanionServer
+from hil.bench import RunResult
+from hil.recorder.reading import Recording, read_messages
+from hil.report.run_json import validate_run_json
+from tests.e2e.companion_bench import ROOT, fly, mapped_rings, marked_processes, saved, write_bench
+from tests.links.companion_world import RawClient
+
+PILOT = "start: [waypoints], control: true, rate_hz: 25"
+SHORT = ("duration_s=6",)
+ONE_PORT = "arrangement: one_port"
+
+
+MARK = "HIL_TEST_RUN"
+
+
+@pytest.fixture(autouse=True)
+def nothing_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """No process, no shared memory, no socket of the benches in this process."""
+    monkeypatch.setenv(MARK, str(tmp_path))
+    monkeypatch.setattr(started, "_END_S", 0.3)  # clients that cannot end are many here
+    made: list[Path] = []
+    opened = CompanionServer.open
+
+    def open_and_remember(self: CompanionServer) -> None:
+        opened(self)
+        if self.endpoint.startswith("ipc://"):
+            made.append(Path(self.endpoint.removeprefix("ipc://")))
+            made.extend(mapped_rings(os.getpid()))
+            assert len(made) >= 2
+
+    monkeypatch.setattr(CompanionServer, "open", open_and_remember)
+    yield
+    assert not [path for path in made if path.exists()]
+    assert marked_processes(f"{MARK}={tmp_path}") == set()
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        number: int = probe.getsockname()[1]
+        return number
+
+
+@contextmanager
+def beside(act: Callable[[], None]) -> Iterator[list[BaseException]]:
+    """Somebody acts on the link during the flight; what went wrong with that is raised at the end."""
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            act()
+        except BaseException as error:  # noqa: BLE001 (told by the test)
+            failed.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield failed
+    finally:
+        thread.join(60)
+    assert not thread.is_alive()
+    assert not failed, failed
+
+
+def run_on(folder: Path, port: int, companion: str, *settings: str) -> RunResult:
+    """On a port that is known beforehand."""
+    return fly(folder, f"{ONE_PORT}, {companion}", settings=(f"companion.port={port}", *settings))
+
+
+def assert_error(outcome: RunResult, kind: str, *words: str) -> None:
+    run = saved(outcome.out)
+    assert validate_run_json(run) == []
+    assert (run["status"], run["error"]["type"]) == ("ERROR", kind), run["error"]
+    for word in words:
+        assert word in run["error"]["message"], run["error"]
+    assert not (outcome.out / "traceback.txt").exists()
+
+
+CUT = """
+import os, signal, sys, time
+class Cut:
+    topics = ("truth",)
+    control = True
+    def __call__(self, frame):
+        from hil_companion import Desired
+        FAULT
+        x, y, _ = frame["truth"]["p_WB"] if frame.frame == 0 else self.start
+        self.start = (x, y, 0.0)
+        return Desired(p_W=(x, y, 3.0))
+"""
+
+
+def hostile(folder: Path, fault: str, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A pilot of its own with a fault; how `start` names it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "hostile.py").write_text(CUT.replace("FAULT", fault))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    return "start: ['hostile:Cut'], control: true, rate_hz: 25"
+
+
+LIMITS = ("companion.reply_timeout_s=0.5", "companion.reconnect_s=0.5")
+
+
+@pytest.mark.parametrize("kind_of_time", ["lockstep", "latency_true", "realtime"])
+def test_a_pilot_that_is_killed_is_a_named_error(
+    kind_of_time: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dies = hostile(tmp_path, "frame.frame == 30 and os.kill(os.getpid(), signal.SIGKILL)", monkeypatch)
+    paced = ("pace=1",) if kind_of_time == "realtime" else ()
+    more = "record: {report: false, tlog: false}\n"
+    outcome = fly(tmp_path, f"{dies}, time: {kind_of_time}", more, settings=(*LIMITS, *paced, "duration_s=20"))
+    assert_error(outcome, "LinkClosed", "companion Cut", "its connection ended", "signal SIGKILL", "did not come back")
+    assert outcome.run["error"]["cause"] == "companion"
+    recording = Recording(outcome.out / "run.mcap").scan()
+    assert recording.complete
+    last_s = max(m.log_time_ns for m in read_messages(outcome.out / "run.mcap") if m.topic == "/truth/pose") * 1e-9
+    if kind_of_time == "lockstep":
+        assert last_s == pytest.approx(30 / 25, abs=0.005)
+    assert outcome.run["timing"]["total_s"] < 60.0  # a fuse, no measurement
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("frame.frame == 10 and time.sleep(60)", "no answer to frame 10 within 0.5 s"),
+        ("frame.frame == 10 and os.kill(os.getpid(), signal.SIGSTOP)", "no answer to frame 10 within 0.5 s"),
+        ("1 / (frame.frame - 10)", "the CUT failed: ZeroDivisionError"),
+        ("if frame.frame == 10: return 5", "a CUT returns a Desired or None, not int"),
+        ("if frame.frame == 10: sys.exit(0)", "its process ended with exit status 0"),
+    ],
+)
+def test_a_pilot_that_stalls_or_fails_is_a_named_error(
+    fault: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = fly(tmp_path, hostile(tmp_path, fault, monkeypatch), settings=(*LIMITS, "duration_s=20"))
+    assert_error(outcome, "LinkClosed", "companion Cut", words)
+
+
+def pilot(port: int, name: str, frames: int, *, wait_s: float = 20.0) -> int:
+    """A raw pilot that hovers for so many frames and goes without a word; the number of its last frame."""
+    with RawClient(f"tcp://127.0.0.1:{port}") as client:
+        client.hello(name, topics=["truth"], control=True, shared_memory=False)
+        number = -1
+        for _ in range(frames):
+            header, _ = client.receive(wait_s)
+            while header["k"] != "frame":
+                if header["k"] == "end":
+                    return number
+                if header["k"] == "refused":
+                    time.sleep(0.05)
+                    client.hello(name, topics=["truth"], control=True, shared_memory=False)
+                header, _ = client.receive(wait_s)
+            number = header["frame"]
+            client.done(number, desired={"p_W": [0.0, 0.0, 3.0]})
+        return number
+
+
+def test_a_pilot_that_dies_and_comes_back_flies_on(tmp_path: Path, port: int) -> None:
+    flown: list[int] = []
+
+    def act() -> None:
+        flown.append(pilot(port, "raw", 40))
+        time.sleep(0.2)
+        flown.append(pilot(port, "raw", 10_000))
+
+    with beside(act):
+        outcome = run_on(tmp_path, port, "clients: 1, control: true, rate_hz: 25", *SHORT, "companion.reconnect_s=20")
+    assert outcome.run["error"] is None, outcome.run["error"]
+    assert flown == [39, 149]
+    seat = outcome.run["companion"]["clients"]["raw"]
+    assert seat["dropped"] == 0
+    # As if nothing had happened: a flight is its answers.
+    with beside(lambda: flown.append(pilot(port, "raw", 10_000))):
+        whole = run_on(tmp_path / "whole", port, "clients: 1, control: true, rate_hz: 25", *SHORT)
+    assert whole.run["digest"] == outcome.run["digest"]
+
+
+def watch(port: int, then: Callable[[RawClient, dict[str, Any]], bool], *, credit: int = 2) -> None:
+    """An observer that does `then` with every frame until that says so; it joins during the flight."""
+    with RawClient(f"tcp://127.0.0.1:{port}") as client:
+        client.hello("watcher", topics=["truth"], credit=credit, shared_memory=False)
+        while True:
+            header, _ = client.receive(20.0)
+            if header["k"] == "end" or (header["k"] == "frame" and then(client, header)):
+                return
+
+
+def dies(client: RawClient, header: dict[str, Any]) -> bool:
+    client.done(header["frame"])
+    return header["frame"] > 30
+
+
+def stalls(client: RawClient, header: dict[str, Any]) -> bool:
+    if header["frame"] < 30:
+        client.done(header["frame"])
+    return False
+
+
+def garbles(client: RawClient, header: dict[str, Any]) -> bool:
+    for junk in (
+        b"",
+        b"\x00\xff" * 40,
+        msgpack.packb({"k": "done"}),
+        msgpack.packb([1] * 500),
+        b"\xdd\xff\xff\xff\xff",
+    ):
+        client.send(junk)
+    client.done(header["frame"] + 7)
+    client.done(header["frame"], desired={"p_W": [0.0, 0.0, 90.0]})  # it has no control
+    return header["frame"] > 40
+
+
+def floods(client: RawClient, header: dict[str, Any]) -> bool:
+    ping = msgpack.packb({"k": "ping", "id": 1, "t_client_ns": 1})
+    for _ in range(2000):
+        client.send(ping)
+    client.send(b"x" * 900_000)
+    client.done(header["frame"])
+    return header["frame"] > 20
+
+
+def leaves_and_returns(client: RawClient, header: dict[str, Any]) -> bool:
+    client.done(header["frame"])
+    client.say("bye", reason="for a moment")
+    client.hello("watcher", topics=["truth"], shared_memory=False)
+    return header["frame"] > 60
+
+
+@pytest.fixture(scope="module")
+def unobserved(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Digest of the flight without observers."""
+    outcome = fly(tmp_path_factory.mktemp("alone"), f"{ONE_PORT}, {PILOT}", settings=SHORT)
+    assert outcome.run["error"] is None
+    return str(outcome.run["digest"])
+
+
+@pytest.mark.parametrize("observer", [dies, stalls, garbles, floods, leaves_and_returns])
+def test_an_observer_changes_nothing_whatever_it_does(
+    observer: Callable[[RawClient, dict[str, Any]], bool], tmp_path: Path, port: int, unobserved: str
+) -> None:
+    companion = "start: [waypoints], clients: 2, control: true, rate_hz: 25"
+    with beside(lambda: watch(port, observer)):
+        outcome = run_on(tmp_path, port, companion, *SHORT, "companion.reply_timeout_s=0.5")
+    run = outcome.run
+    assert run["error"] is None, run["error"]
+    assert run["digest"] == unobserved
+    pilot_seat, watcher = run["companion"]["clients"]["waypoints"], run["companion"]["clients"]["watcher"]
+    assert (pilot_seat["frames"], pilot_seat["dropped"], pilot_seat["malformed"]) == (150, 0, 0)
+    assert watcher["frames"] > 0
+
+
+def test_nobody_comes(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, "clients: 2", settings=("companion.connect_timeout_s=0.3",))
+    assert_error(outcome, "HandshakeError", "0 of 2 clients within 0.3 s", "ipc://")
+
+
+def test_a_started_client_that_ends_at_once_has_the_last_word(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, "start: [waypoints], settings: {warp: 9}, control: true")
+    assert_error(outcome, "LinkClosed", "companion waypoints", "status 2", "warp")
+    assert "warp" in (outcome.out / "companion_waypoints.log").read_text()
+
+
+def test_a_started_client_that_does_not_exist(tmp_path: Path) -> None:
+    outcome = fly(tmp_path, "start: ['no.such:Cut']")
+    assert_error(outcome, "LinkClosed", "companion Cut", "no.such")
+
+
+def test_two_clients_with_one_name(tmp_path: Path, port: int) -> None:
+    def second() -> None:
+        with RawClient(f"tcp://127.0.0.1:{port}") as first, RawClient(f"tcp://127.0.0.1:{port}") as client:
+            first.hello("twin", topics=["truth"])
+            first.expect("welcome")
+            client.hello("twin", topics=["truth"])
+            assert client.expect("refused")["code"] == "name"
+            assert first.expect("end")["k"] == "end"
+
+    with beside(second):
+        outcome = run_on(tmp_path, port, "clients: 2", "companion.connect_timeout_s=2")
+    assert_error(outcome, "HandshakeError", "1 of 2 clients", "twin", "turned away: name")
+
+
+def test_a_client_that_wants_what_is_not_drawn_is_refused_in_flight(tmp_path: Path, port: int) -> None:
+    def late() -> None:
+        with RawClient(f"tcp://127.0.0.1:{port}") as client:
+            time.sleep(1.0)
+            client.hello("late", topics=["imu"])
+            answer = client.expect("refused")
+            assert (answer["code"], "planned without" in answer["text"]) == ("topic", True)
+
+    with beside(late):
+        outcome = run_on(tmp_path, port, PILOT, "duration_s=6", "pace=2")
+    assert outcome.run["error"] is None, outcome.run["error"]
+    assert any("topic" in text for text in outcome.run["companion"]["refused"])
+
+
+@pytest.mark.parametrize("arrangement", ["shared_memory", "one_port"])
+def test_a_port_in_use(arrangement: str, tmp_path: Path, port: int) -> None:
+    with socket.socket(socket.AF_UNIX if arrangement == "shared_memory" else socket.AF_INET) as other:
+        path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
+        other.bind(str(path) if arrangement == "shared_memory" else ("127.0.0.1", port))
+        other.listen()
+        settings = (f"companion.port={port}", f"companion.arrangement={arrangement}")
+        outcome = fly(tmp_path, "clients: 1", settings=settings)
+        path.unlink(missing_ok=True)
+    assert_error(outcome, "PortBusy", str(port), "another program listens there")
+
+
+@contextmanager
+def bench_process(folder: Path, companion: str, *settings: str) -> Iterator[subprocess.Popen[str]]:
+    file = write_bench(folder, companion)
+    options = [part for setting in settings for part in ("--set", setting)]
+    command = [sys.executable, "-m", "hil.cli", "run", str(file), "--out", str(folder / "run"), *options]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield bench
+    finally:
+        bench.kill()
+        bench.communicate()
+
+
+def until(what: Callable[[], bool], limit_s: float = 30.0) -> None:
+    deadline_s = time.monotonic() + limit_s
+    while not what():
+        assert time.monotonic() < deadline_s, "it did not happen"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stopped_while_it_waits_for_clients(number: signal.Signals, tmp_path: Path, port: int) -> None:
+    path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
+    with bench_process(tmp_path, "start: [echo], clients: 2", f"companion.port={port}") as bench:
+        log = tmp_path / "run" / "companion_echo.log"
+        until(lambda: log.exists() and "connected" in log.read_text())
+        rings = mapped_rings(bench.pid)
+        assert path.exists()
+        assert len(rings) == 1
+        bench.send_signal(number)
+        _, errors = bench.communicate(timeout=30)
+    assert "Traceback" not in errors
+    run = saved(tmp_path / "run")
+    assert (run["status"], run["error"]["type"]) == ("ERROR", "Interrupted")
+    assert not path.exists()
+    assert not [ring for ring in rings if ring.exists()]
+
+
+def test_a_bench_that_is_killed_takes_its_clients_with_it(tmp_path: Path, port: int) -> None:
+    with bench_process(tmp_path, PILOT, "pace=1", f"companion.port={port}") as bench:
+        until(lambda: (tmp_path / "run" / "companion.jsonl").exists())
+        rings = mapped_rings(bench.pid)
+        bench.kill()
+        bench.communicate()
+    until(lambda: marked_processes(f"{MARK}={tmp_path}") == set())
+    until(lambda: not [ring for ring in rings if ring.exists()])
+    assert saved(tmp_path / "run")["error"]["type"] == "Killed"
+    # Its socket lies there still, and is in nobody's way.
+    path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
+    assert path.exists()
+    outcome = fly(tmp_path / "next", PILOT, settings=(f"companion.port={port}", "duration_s=1"))
+    assert outcome.run["error"] is None
+    assert not path.exists()
+
+
+def test_a_frame_that_does_not_fit_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CompanionServer, "send", lambda *_a, **_k: [])
+    outcome = fly(tmp_path, PILOT, settings=LIMITS)
+    assert_error(outcome, "LinkClosed", "frame 0 cannot be given to it")
