@@ -28,10 +28,15 @@ class ClockReading(NamedTuple):
 
 
 class ClockOffset:
-    """Minimum-delay filter over the last exchanges."""
+    """Minimum-delay filter over the last exchanges.
+
+    All readings grow worse at one rate, so which is the surest does not depend on when that is asked: a reading
+    is kept until a surer one comes or the window has passed it, and the first of those kept is the one wanted.
+    """
 
     def __init__(self) -> None:
-        self._readings: deque[ClockReading] = deque(maxlen=_EXCHANGES)
+        self._kept: deque[tuple[int, float, ClockReading]] = deque()  # number, what it counts as at time 0, reading
+        self._count = 0
         self.impossible = 0  # exchanges with a negative delay: a clock jumped, or the client makes times up
 
     def add(self, t1_ns: int, t2_ns: int, t3_ns: int, t4_ns: int) -> None:
@@ -40,14 +45,23 @@ class ClockOffset:
         if delay_ns < 0 or t3_ns < t2_ns:
             self.impossible += 1
             return
-        self._readings.append(ClockReading(t4_ns, ((t2_ns - t1_ns) + (t3_ns - t4_ns)) // 2, delay_ns))
+        self._add(ClockReading(t4_ns, ((t2_ns - t1_ns) + (t3_ns - t4_ns)) // 2, delay_ns))
 
     def add_reading(self, t_ns: int, offset_ns: int, delay_ns: int) -> None:
         """What the client found out itself."""
-        self._readings.append(ClockReading(t_ns, offset_ns, delay_ns))
+        self._add(ClockReading(t_ns, offset_ns, delay_ns))
 
-    def best(self, now_ns: int) -> ClockReading | None:
-        """The surest reading at `now_ns`; None before the first."""
-        if not self._readings:
-            return None
-        return min(self._readings, key=lambda r: r.delay_ns + 2.0 * _DRIFT * (now_ns - r.t_ns))
+    def _add(self, reading: ClockReading) -> None:
+        kept = self._kept
+        counts_as = reading.delay_ns - 2.0 * _DRIFT * reading.t_ns
+        self._count += 1
+        while kept and kept[-1][1] > counts_as:
+            kept.pop()
+        kept.append((self._count, counts_as, reading))
+        while kept[0][0] <= self._count - _EXCHANGES:
+            kept.popleft()
+
+    @property
+    def best(self) -> ClockReading | None:
+        """The surest reading; None before the first."""
+        return self._kept[0][2] if self._kept else None

@@ -386,7 +386,7 @@ class CompanionServer:
             stats.skipped += number != done.frame
         client.credit = min(client.credit + 1, wire.MAX_CREDIT)
         client.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
-        reading = client.clock.best(t_ns)
+        reading = client.clock.best
         offset_ns = 0 if reading is None else reading.offset_ns
         stats.answered += 1
         stats.clock_offset_ns = offset_ns

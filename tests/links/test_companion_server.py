@@ -213,20 +213,32 @@ def test_ping_is_answered_with_the_benchs_clock() -> None:
 
 def test_clock_offset_takes_the_exchange_with_the_least_delay() -> None:
     clock = ClockOffset()
-    assert clock.best(0) is None
+    assert clock.best is None
     for t_ns, there_ns, back_ns in ((0, 9_000, 100), (1_000_000, 300, 200), (2_000_000, 100, 5_000)):
         arrived_ns = t_ns + there_ns
         clock.add(t_ns, arrived_ns + 77_000, arrived_ns + 50_000 + 77_000, arrived_ns + 50_000 + back_ns)
-    best = clock.best(3_000_000)
+    best = clock.best
     assert best is not None
     assert (best.offset_ns, best.delay_ns) == (77_050, 500)  # wrong by half the difference of the ways
     clock.add(0, 10, 5, 100)
     clock.add(0, 0, 200, 100)
     assert clock.impossible == 2
     clock.add_reading(3_000_000, 77_000, 10)
-    again = clock.best(3_000_000)
+    again = clock.best
     assert again is not None
     assert again.offset_ns == 77_000
+
+
+def test_surest_reading_is_that_of_the_window_with_drift_counted() -> None:
+    clock = ClockOffset()
+    readings: list[tuple[int, int, int]] = []
+    rng = np.random.default_rng(3)
+    for number, delay_ns in enumerate(rng.integers(1, 20_000, 400).tolist()):
+        reading = (20_000_000 * number, number, delay_ns)
+        readings.append(reading)
+        clock.add_reading(*reading)
+        now_ns = reading[0] + 5
+        assert clock.best == min(readings[-64:], key=lambda r: r[2] + 2e-4 * (now_ns - r[0]))
 
 
 def test_reply_times_allow_for_the_clients_clock() -> None:
