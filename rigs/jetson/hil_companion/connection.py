@@ -76,6 +76,8 @@ class Connection:
 
     def receive(self) -> list[Any] | None:
         """The parts of one message that is there, without copying them; None if there is none."""
+        if not _has_something(self.socket):
+            return None  # asked first: an exception costs more, and with several ports most are silent
         try:
             parts: list[Any] = self.socket.recv_multipart(zmq.NOBLOCK, copy=False)
         except zmq.Again:
@@ -85,7 +87,7 @@ class Connection:
     def watch(self) -> bool:
         """Look at what befell the connection. True if it was lost. WrongKeys."""
         lost = False
-        while self.monitor.poll(0):
+        while _has_something(self.monitor):
             event = recv_monitor_message(self.monitor)
             kind = event["event"]
             if kind == zmq.EVENT_HANDSHAKE_SUCCEEDED:
@@ -116,3 +118,7 @@ class Connection:
             self.socket.disable_monitor()
             self._monitor.close(linger=0)  # else the context would wait for it for ever
         self.socket.close(linger=linger_ms)
+
+
+def _has_something(socket: zmq.Socket[Any]) -> bool:
+    return bool(int(socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN)
