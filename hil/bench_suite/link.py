@@ -51,9 +51,7 @@ _SPEED_LIMITS = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
 
 def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     """Raises HilError if a flight ends as ERROR."""
-    result = BenchmarkResult(
-        time_label="CPU seconds per second of link, per message, wall per frame, or per simulated second"
-    )
+    result = BenchmarkResult(time_label="time, CPU (first three) or wall [s]")
     seconds = 10 if quick else 60
     for method, pace in (("native thread", _native), ("Python loop", _python)):
         say(f"pacing, {method}, {seconds} s")

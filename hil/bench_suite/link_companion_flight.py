@@ -11,6 +11,7 @@ That what arrives is what was sampled is seen in a flight with `record` as the c
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, get_args
@@ -75,6 +76,7 @@ def measure_flights(result: BenchmarkResult, folder: Path, say: Callable[[str], 
             "mb_per_s": told["bytes"] / run["wall_s"] / 1e6,
             "bytes_per_frame": told["bytes"] / max(1, told["frames"]),
             "arrays_compared": compared,
+            "load_average": os.getloadavg()[0],  # other work on the machine shows
             **{f"{name}_{q}": told[name][q] for name in ("t1_ms", "t2_ms", "t3_ms", "overhead_ms") for q in told[name]},
         }
         result.rows.append(Row(CASE, arrangement, differ + told["dropped"], "arrays", 1.0 / fps, details))

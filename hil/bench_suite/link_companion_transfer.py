@@ -171,8 +171,8 @@ class Transfer:
 
     def _probe(self, ahead: int) -> float:
         """Seconds per frame, about; warms both ends up too."""
-        link_s = self._block("link", self._link, 20, ahead, None)
-        return max(link_s, self._block("bare", self._send_bare, 20, ahead, None))
+        link_s = self._block("link", self._link, 10, ahead, None)
+        return max(link_s, self._block("bare", self._send_bare, 10, ahead, None))
 
     def _block(
         self, kind: str, send: Callable[..., None], count: int, ahead: int, times: LatencyHistogram | None
