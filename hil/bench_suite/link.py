@@ -51,7 +51,7 @@ _SPEED_LIMITS = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
 
 def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     """Raises HilError if a flight ends as ERROR."""
-    result = BenchmarkResult(time_label="time, CPU (first three) or wall [s]")
+    result = BenchmarkResult(time_label="time of one [s] (pacing: CPU per second)")
     seconds = 10 if quick else 60
     for method, pace in (("native thread", _native), ("Python loop", _python)):
         say(f"pacing, {method}, {seconds} s")
