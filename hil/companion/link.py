@@ -83,9 +83,7 @@ class CompanionLink:
         self.topics = server.topics
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
-        self._answers = LiveAnswers(
-            server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended
-        )
+        self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
     def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want."""
