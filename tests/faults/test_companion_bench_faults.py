@@ -204,8 +204,9 @@ def watch(port: int, then: Callable[[RawClient, dict[str, Any]], bool], *, credi
     """An observer that does `then` with every frame until that says so; it joins during the flight."""
     with RawClient(f"tcp://127.0.0.1:{port}") as client:
         client.hello("watcher", topics=["truth"], credit=credit, shared_memory=False)
-        while True:
-            header, _ = client.receive(20.0)
+        client.expect("welcome")
+        while not client.silent(5.0):  # silent: the bench has cut the connection, as it may
+            header, _ = client.receive()
             if header["k"] == "end" or (header["k"] == "frame" and then(client, header)):
                 return
 
@@ -307,7 +308,7 @@ def test_two_clients_with_one_name(tmp_path: Path, port: int) -> None:
 def test_a_client_that_wants_what_is_not_drawn_is_refused_in_flight(tmp_path: Path, port: int) -> None:
     def late() -> None:
         with RawClient(f"tcp://127.0.0.1:{port}") as client:
-            time.sleep(1.0)
+            until((tmp_path / "run" / "companion.jsonl").exists)  # from then on it is planned
             client.hello("late", topics=["imu"])
             answer = client.expect("refused")
             assert (answer["code"], "planned without" in answer["text"]) == ("topic", True)
