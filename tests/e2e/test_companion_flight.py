@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from firmware_bridge.companion.keys import make_keys
 from hil.bench import RunResult, run_bench
 from hil.companion.trace import TRACE_NAME
 from hil.config import load_bench
@@ -152,3 +153,12 @@ def test_realtime_flight_of_a_slow_companion(tmp_path: Path) -> None:
     assert 0 < seat["frames"] <= 21
     assert seat["dropped"] >= 75 - 21 - 4
     assert saved(tmp_path / "run")["deterministic"] is True  # it only looked on
+
+
+@pytest.mark.parametrize("arrangement", ["one_port", "ports", "shared_memory"])
+def test_started_clients_use_the_keys_of_the_bench(arrangement: str, tmp_path: Path) -> None:
+    make_keys(tmp_path / "keys", ["echo"])
+    companion = f"start: [echo], rate_hz: 10, arrangement: {arrangement}, keys: {tmp_path / 'keys'}"
+    run = fly(tmp_path, companion, settings=("duration_s=1",)).run
+    assert run["error"] is None, run["error"]
+    assert run["companion"]["clients"]["echo"]["frames"] == 10
