@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
-from firmware_bridge.codecs.companion import Hello, HelloRefused, TopicSchema, schema_hash
+from firmware_bridge.codecs.companion import Hello, HelloRefused, schema_hash
 from firmware_bridge.companion.clients import Client, Clients
+from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.settings import CompanionSettings
 
 
@@ -18,10 +19,10 @@ def group_of(topic: str) -> str:
 class Admission:
     """The rules of one session."""
 
-    def __init__(self, settings: CompanionSettings, topics: Mapping[str, TopicSchema], clients: Clients) -> None:
-        self._settings, self._clients = settings, clients
-        self.available = dict(topics)
-        self.schema = schema_hash(topics)
+    def __init__(self, settings: CompanionSettings, facts: SessionFacts, clients: Clients) -> None:
+        self._settings, self._clients, self._flown = settings, clients, facts.control
+        self.available = dict(facts.topics)
+        self.schema = schema_hash(facts.topics)
         self.limit: frozenset[str] | None = None  # of topics, once the run has been planned
 
     def topics_of(self, patterns: Iterable[str]) -> frozenset[str]:
@@ -54,6 +55,9 @@ class Admission:
             raise HelloRefused("name", f"a client named {hello.name} is here already; choose another name")
         if len(others) >= self._settings.max_clients:
             raise HelloRefused("full", f"there are {len(others)} clients, and no more than that may come")
+        if hello.control and not self._flown:
+            text = "nothing that clients desire is flown in this run (companion.control is false)"
+            raise HelloRefused("control", text)
         if hello.control:
             pilot = next((c.name for c in others if c.control), None)
             if pilot is not None:

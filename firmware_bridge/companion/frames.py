@@ -63,6 +63,7 @@ class SessionFacts:
     rate_hz: float
     sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # calibration, by sensor
     waypoints_W: tuple[tuple[float, float, float], ...] = ()
+    control: bool = True  # whether what a client desires is flown at all
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class CompanionServer:
         self._on_event: Callable[[str, str], object] = on_event if on_event is not None else _unheard
         self._clock_ns = clock_ns
         self._clients = Clients()
-        self._admission = Admission(settings, facts.topics, self._clients)
+        self._admission = Admission(settings, facts, self._clients)
         self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
         self._ring: SharedRing | None = None
         self._doorkeeper: Doorkeeper | None = None

@@ -167,6 +167,7 @@ class CompanionLink:
             rate_hz=config.companion.rate_hz,
             sensors=calibrations(config, config.sensors),
             waypoints_W=self._waypoints_W,
+            control=config.companion.control,
         )
 
     def _ended(self, name: str) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from dataclasses import replace
 from itertools import pairwise
 from multiprocessing import shared_memory
 from pathlib import Path
@@ -438,3 +439,12 @@ def test_events_tell_who_came_and_went() -> None:
         until(server, lambda: server.living == ())
         assert events == [("joined", "cut (4 topics, in control)"), ("left", "cut: it left: landed")]
         assert server.lost == {"cut": "it left: landed"}
+
+
+def test_control_is_refused_where_nothing_desired_is_flown() -> None:
+    with serving(facts=replace(FACTS, control=False)) as server, RawClient(server.endpoint) as client:
+        client.hello(topics=["imu"], control=True)
+        until(server, lambda: bool(server.refused))
+        refused = client.expect("refused")
+        assert refused["code"] == "control"
+        assert "companion.control is false" in refused["text"]

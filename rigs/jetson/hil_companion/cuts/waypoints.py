@@ -42,7 +42,7 @@ class Waypoints:
         *,
         speed_mps: float = 4.0,
         accel_mps2: float = 3.0,
-        corridor_m: float = 0.4,
+        corridor_m: float = 0.25,
         takeoff_speed_mps: float = 1.0,
         yaw: float | str = "forward",
         yaw_rate_radps: float = 1.0,
