@@ -83,6 +83,8 @@ if TYPE_CHECKING:
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
 _AFTER_DISARM_NS = 3 * NS_PER_S
+# A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
+_STALE_S, _STALE_FRAMES = 1.0, 2.5
 
 # Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: what the ground station asks of
 # them, it asks on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
@@ -266,7 +268,7 @@ class _Run:
             or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0)
             or self.drawn_elsewhere
-            or (self.config.companion.control and self.config.companion.time == "realtime"),
+            or self._times_of_companions(),
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             radars=self.radars,
@@ -449,6 +451,11 @@ class _Run:
             return None
         return self.companion.stage(self.station.set_desired if isinstance(self.station, OffboardPilot) else None)
 
+    def _times_of_companions(self) -> bool:
+        """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""
+        companion = self.config.companion
+        return companion.on and companion.control and companion.time != "lockstep" and companion.trace is None
+
     def _close_companion(self) -> None:
         assert self.companion is not None
         self.companion.close("ERROR" if sys.exc_info()[0] is not None else "over")
@@ -461,6 +468,7 @@ class _Run:
             self._geodetic_from_W(),
             tick_ns=config.tick_ns,
             setpoint_hz=config.companion.setpoint_hz,
+            stale_s=max(_STALE_S, _STALE_FRAMES / config.companion.rate_hz),
             projection=tangent_ned if config.autopilot.is_mock else None,
             target_sysid=None,
             grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,

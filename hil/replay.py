@@ -18,6 +18,7 @@ from typing import Any
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import NAME, unpack
+from hil.companion.trace_name import TRACE_NAME
 from hil.recorder.reading import RecordedChunk, RecordedMessage, Recording, causal_order
 from hil.recorder.recorder import MCAP_NAME
 from hil.signals.errors import RecordingError
@@ -142,7 +143,11 @@ def _refuse_free_running(run_dir: Path) -> None:
         run = json.loads((run_dir / "run.json").read_text())
     except (OSError, ValueError):
         return  # a killed run has none; the comparison will tell
-    if isinstance(run, dict) and run.get("deterministic") is False:
+    if not isinstance(run, dict):
+        return
+    error = run.get("error")
+    killed = isinstance(error, dict) and error.get("type") == "Killed"
+    if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
         raise RecordingError(
             f"{run_dir}: was recorded on a free-running rig ({run.get('rig')}), which never repeats bit for bit; "
             "replay wants a lockstep rig such as mock"

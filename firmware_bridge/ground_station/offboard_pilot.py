@@ -131,6 +131,7 @@ class OffboardPilot:
         self._asking = Asking(self._commands, self._heartbeats, self._texts)
         self._frame = AutopilotFrame(geodetic_from_W, projection)
         self._queue = DesiredQueue()
+        self._stale_ns = round(stale_s * NS_PER_S)
         self._follower = Follower(
             self._wire,
             self._frame,
@@ -272,7 +273,10 @@ class OffboardPilot:
                 self._retry_ns = self._streaming_since_ns + _STREAM_FIRST_NS
                 return
         applied = self._queue.current
-        if applied is None or applied.desired.land or self._commands.busy:
+        # Only a state that leads somewhere, and is no old wish, sets the motors going.
+        if applied is None or applied.desired.land or not applied.desired.moves or self._commands.busy:
+            return
+        if t_ns - applied.t_apply_ns >= self._stale_ns:
             return
         assert self._frame.p_N is not None
         self._ground_d_m = self._frame.p_N[2]

@@ -16,6 +16,7 @@ from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from hil.companion.topics import TRUTH
 from hil.signals.samples import FRAME_SAMPLES, ImageSample, RadarSample, Sample, TruthState
 
+_MOST_ROWS = 4096  # of a topic in one frame, the newest: what goes with a frame's header has a limit
 _STAMPS = ("seq", "t_capture_ns", "t_available_ns")
 
 
@@ -34,7 +35,10 @@ class Bundle:
         """This one for somebody who did not get `earlier`."""
         if earlier is None:
             return self
-        merged = {topic: [*earlier.all.get(topic, ()), *self.all.get(topic, ())] for topic in (earlier.all | self.all)}
+        merged = {
+            topic: [*earlier.all.get(topic, ()), *self.all.get(topic, ())][-_MOST_ROWS:]
+            for topic in (earlier.all | self.all)
+        }
         newest = earlier.newest | self.newest
         return Bundle(self.number, self.tick, self.t_ns, newest, merged, earlier.dropped + 1)
 

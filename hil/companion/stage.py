@@ -90,7 +90,7 @@ class CompanionStage:
         self.frames = 0
         self.seats: dict[str, Seat] = {}
         self.all_seats: dict[str, Seat] = {}  # those of clients that are gone too
-        self._look_for_clients()
+        self._look_for_clients(beginning=True)
 
     @property
     def finished(self) -> bool:
@@ -133,7 +133,7 @@ class CompanionStage:
     def waits_for_nobody(self) -> bool:
         return self._mode == "realtime"
 
-    def _look_for_clients(self) -> None:
+    def _look_for_clients(self, *, beginning: bool = False) -> None:
         """Those that came or went since."""
         there = {client.name: client for client in self._answers.clients(self.frames)}
         for name in [name for name in self.seats if name not in there]:
@@ -143,7 +143,7 @@ class CompanionStage:
             if name not in self.seats:
                 self.seats[name] = self.all_seats.setdefault(name, Seat(client))
                 self.seats[name].client = client
-                if client.control and self._trace is not None and self.frames > 0:
+                if client.control and self._trace is not None and not beginning:
                     self._trace.joined(client, self.frames)
             elif self._mode != "realtime":  # there, what is under way is lost with a connection: see below
                 self._come_back(self.seats[name], client)
@@ -153,7 +153,7 @@ class CompanionStage:
         """It may want other topics than before."""
         if seat.client.control and not client.control:
             if self._trace is not None:
-                self._trace.lost(client.name, self.frames)
+                self._trace.demoted(client.name, self.frames)
             self._part(seat, "it came back without control")
         else:
             seat.client = client
@@ -214,12 +214,13 @@ class CompanionStage:
     def _step_waiting(self, until_ns: int) -> None:
         """Every client that has a frame to take, and is free by then."""
         asked: list[tuple[Seat, Bundle, bool]] = []
-        for seat in self.seats.values():
+        # To those that control last, and from them first: what the others cost is not charged to them.
+        for seat in sorted(self.seats.values(), key=lambda seat: seat.client.control):
             pending = seat.pending
             if pending is not None and seat.free_ns <= until_ns:
                 asked.append((seat, pending, self._send(seat)))
                 seat.pending = None
-        for seat, bundle, sent in asked:
+        for seat, bundle, sent in reversed(asked):
             answer = self._answer(seat, bundle, sent)
             if answer is None:
                 continue
@@ -266,6 +267,7 @@ class CompanionStage:
     def _give_up(self, seat: Seat, frame: int, why: str, back_s: float) -> bool:
         """Let a client go that is gone or silent; True if it came back in time. An observer is not waited for."""
         client = seat.client
+        back_s = 0.0 if seat.finished else back_s  # it has done what it came for
         self._on_event(self._t_ns, "companion_lost", f"{client.name}: {why}")
         if self._answers.lose(client.name, why, max(back_s, 0.0) if client.control else 0.0) and back_s > 0.0:
             there = {c.name: c for c in self._answers.clients(self.frames)}
@@ -286,7 +288,7 @@ class CompanionStage:
         """For good. LinkClosed where that ends the run."""
         client = seat.client
         self._leave(client.name)
-        if client.control and self._waiting.lost_is_error:
+        if client.control and self._waiting.lost_is_error and not seat.finished:
             limit = f"{self._waiting.reconnect_s:g} s (companion.reply_timeout_s, companion.reconnect_s)"
             raise LinkClosed(
                 f"companion {client.name}", f"{why}, and it did not come back within {limit}", cause="companion"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -52,6 +53,10 @@ class TraceWriter:
         """Later than the others, or again after it was given up: there from this frame on."""
         self._line({"joined": _client_map(client), "frame": frame})
 
+    def demoted(self, client: str, frame: int) -> None:
+        """Back without control, noticed before this frame."""
+        self._line({"demoted": client, "frame": frame})
+
     def lost(self, client: str, frame: int) -> None:
         """Given up over this frame."""
         self._line({"client": client, "frame": frame, "lost": True})
@@ -82,6 +87,7 @@ class TracedAnswers:
         self.topics: frozenset[str] = frozenset()
         self._clients: list[Client] = []
         self._joins: list[tuple[int, Client]] = []  # still to come
+        self._demotions: list[tuple[int, str]] = []
         self._answers: dict[tuple[str, int], Answer | None] = {}
         try:
             head = json.loads(lines[0])
@@ -104,6 +110,9 @@ class TracedAnswers:
         if "joined" in values:
             self._joins.append((frame, _client(values["joined"])))
             return
+        if "demoted" in values:
+            self._demotions.append((frame, str(values["demoted"])))
+            return
         place = str(values["client"]), frame
         if place in self._answers:
             raise ValueError(f"a second answer of {place[0]} to frame {frame}")
@@ -112,7 +121,13 @@ class TracedAnswers:
     def clients(self, frame: int) -> list[Client]:
         while self._joins and self._joins[0][0] <= frame:
             self._clients.append(self._joins.pop(0)[1])
-        return sorted(self._clients, key=lambda c: c.name)
+        there = self._clients
+        while self._demotions and self._demotions[0][0] <= frame:
+            _, name = self._demotions.pop(0)
+            # Seen once without control, as in the recorded run; what it looked on at afterwards changes nothing.
+            there = [replace(c, control=False) if c.name == name else c for c in there]
+            self._clients = [c for c in self._clients if c.name != name]
+        return sorted(there, key=lambda c: c.name)
 
     def gone(self, client: str) -> str | None:
         return None if any(c.name == client for c in self._clients) else "it was given up in the recorded run"

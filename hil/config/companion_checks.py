@@ -39,6 +39,8 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
         wrong(
             "start", f"names {', '.join(twice)} twice: clients are known by their names", "start one, or as MODULE:NAME"
         )
+    if companion.trace is not None and companion.time == "realtime" and companion.control:
+        wrong("trace", "says nothing of a run in real time: its answers fell on no ticks of their own", "leave it out")
     if companion.rate_hz > config.tick_hz:
         wrong("rate_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.rate_hz:g} Hz")
     elif abs(companion.rate_hz * 1000 - round(companion.rate_hz * 1000)) > 1e-6 or companion.rate_hz < 0.001:

@@ -17,7 +17,7 @@ from math import isfinite, sqrt
 from hil.signals.samples import Quat, Vec3
 
 _LENGTHS = {"p_W": 3, "v_W": 3, "a_W": 3, "q_WB": 4, "w_B": 3}
-_PATH = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")
+_PATH = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")  # does not go with a thrust
 _NUMBERS = ("yaw_rad", "yaw_rate_radps", "thrust")
 # A quaternion in single precision, or written with a few digits, is still meant as a unit one.
 _NORM_TOLERANCE = 1e-3
@@ -64,9 +64,7 @@ class DesiredState:
             raise ValueError(f"thrust is {self.thrust:g}; it goes from 0 to 1")
         if self.q_WB is None and self.w_B is None:
             raise ValueError("thrust without q_WB or w_B: a thrust is flown with an attitude or body rates")
-        others = [
-            name for name in ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps") if getattr(self, name) is not None
-        ]
+        others = [name for name in _PATH if getattr(self, name) is not None]
         if others:
             raise ValueError(f"thrust with {', '.join(others)}: either an attitude is flown, or a path")
 

@@ -51,7 +51,8 @@ def repeated(run: Path, out: Path) -> str:
 def assert_flown(run: dict[str, Any], time: str) -> None:
     assert run["error"] is None, run["error"]
     assert validate_run_json(run) == []
-    assert (run["status"], run["deterministic"]) == ("PASS", True)
+    # How long a client took is measured; only the trace of it repeats such a flight.
+    assert (run["status"], run["deterministic"]) == ("PASS", time == "lockstep")
     pilot = run["companion"]["clients"]["waypoints"]
     assert (pilot["control"], pilot["finished"], pilot["malformed"]) == (True, True, 0)
     assert run["companion"]["time"] == time

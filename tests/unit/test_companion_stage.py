@@ -474,3 +474,66 @@ def test_a_trace_that_was_cut_off_serves_up_to_there(tmp_path: Path) -> None:
     flight.fly(10)
     with pytest.raises(LockstepLost, match="no answer of pilot to frame 1"):
         flight.fly(10)
+
+
+def repeated(path: Path, mode: TimeMode, ticks: int, waiting: Waiting = WAITING) -> list[tuple[int, int]]:
+    again = Flight(TracedAnswers(path), mode, waiting)
+    again.fly(ticks)
+    return again.applied()
+
+
+def test_a_pilot_that_comes_before_the_first_frame_is_in_the_trace(tmp_path: Path) -> None:
+    path = tmp_path / "trace.jsonl"
+    trace = TraceWriter(path, [], ["truth", "imu"])
+    clients = Clients({"pilot": lambda frame: answer(frame.frame)}, there=[])
+    flight = Flight(clients, "lockstep", trace=trace)
+    clients.there = [PILOT]
+    flight.fly(50)
+    trace.close()
+    assert len(flight.applied()) == 5
+    assert repeated(path, "lockstep", 50) == flight.applied()
+
+
+def test_a_busy_pilot_that_comes_back_without_control_is_in_the_trace(tmp_path: Path) -> None:
+    path, waiting = tmp_path / "trace.jsonl", Waiting(0.01, 0.01, False)
+    trace = TraceWriter(path, [PILOT], ["truth", "imu"])
+    clients = Clients({"pilot": lambda frame: answer(frame.frame, 200 * MS)})
+    flight = Flight(clients, "latency_true", waiting, trace=trace)
+
+    def demote(tick: int) -> None:
+        if tick == 25:
+            clients.there = [replace(PILOT, control=False, returned=1)]
+
+    flight.fly(200, demote)
+    trace.close()
+    assert repeated(path, "latency_true", 200, waiting) == flight.applied() != []
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "latency_true"])
+def test_a_pilot_may_leave_once_it_has_finished(mode: TimeMode) -> None:
+    clients = Clients({"pilot": lambda frame: answer(frame.frame, finished=frame.frame == 1)})
+    flight = Flight(clients, mode)
+
+    def leave(tick: int) -> None:
+        if tick == 25:
+            clients.there = []
+
+    flight.fly(60, leave)
+    assert [desired.land for desired, _ in flight.desired].count(True) == 1
+
+
+def test_frames_go_to_the_pilot_last_and_it_is_heard_first() -> None:
+    order: list[str] = []
+
+    class Ordered(Clients):
+        def send(self, client: str, frame: CompanionFrame, dropped: int) -> bool:
+            order.append(f"to {client}")
+            return super().send(client, frame, dropped)
+
+        def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
+            order.append(f"from {client}")
+            return super().wait(client, frame, limit_s)
+
+    cuts: dict[str, Cut] = {name: lambda frame: answer(frame.frame) for name in ("pilot", "watcher")}
+    Flight(Ordered(cuts, there=[PILOT, WATCHER]), "latency_true").fly(1)
+    assert order == ["to watcher", "to pilot", "from pilot", "from watcher"]

@@ -194,6 +194,22 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
     assert vehicle.commands()[3:] == [(SET_MODE, 1.0, 9.0)]
 
 
+@pytest.mark.parametrize("desired", [DesiredState(), DesiredState(yaw_rad=1.0)], ids=["nothing", "yaw"])
+def test_a_state_that_leads_nowhere_does_not_arm(desired: DesiredState) -> None:
+    flight = Flight(Vehicle())
+    flight.run(4.0, desired)
+    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.vehicle.commands() == []
+
+
+def test_an_old_wish_does_not_arm() -> None:
+    flight = Flight(Vehicle())
+    flight.pilot.set_desired(UP, 0)  # set-points have to come for a second before PX4 can be armed
+    flight.run(4.0)
+    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.vehicle.commands() == []
+
+
 def test_set_points_fall_on_fixed_ticks_whenever_something_is_wanted() -> None:
     def times(shift_ns: int) -> list[int]:
         flight = Flight(Vehicle(), setpoint_hz=30.0)
