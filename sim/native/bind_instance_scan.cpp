@@ -1,0 +1,91 @@
+// sim._kernels.InstanceScan: extents and masks of a picture's instances. Contract: frame/instance_scan.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+
+#include <cstdint>
+#include <cstring>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "frame/instance_scan.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using hil::sim::frame::InstanceRow;
+using hil::sim::frame::InstanceScan;
+using hil::sim::frame::LabelPicture;
+
+namespace {
+
+constexpr std::size_t kMostPixels = std::size_t{1} << 28;
+constexpr std::size_t kColumns = sizeof(InstanceRow) / sizeof(std::int32_t);
+
+using Ids = nb::ndarray<const std::uint16_t, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Classes = nb::ndarray<const std::uint8_t, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Depth = nb::ndarray<const float, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<std::int32_t, nb::numpy, nb::shape<-1, kColumns>, nb::c_contig, nb::device::cpu>;
+using ClassPixels = nb::ndarray<std::int64_t, nb::numpy, nb::shape<256>, nb::c_contig, nb::device::cpu>;
+using Chosen = nb::ndarray<const std::uint16_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+template <typename A>
+auto data_of(const std::optional<A> &array, const Ids &ids, const char *name) -> decltype(array->data()) {
+    if (!array) return nullptr;
+    if (array->shape(0) != ids.shape(0) || array->shape(1) != ids.shape(1)) {
+        throw std::invalid_argument(std::string(name) + " and instance differ in size");
+    }
+    return array->data();
+}
+
+LabelPicture picture_of(const Ids &ids) {
+    if (ids.size() == 0 || ids.size() > kMostPixels) throw std::invalid_argument("the picture is empty or too large");
+    return {ids.data(), nullptr, nullptr, static_cast<std::int32_t>(ids.shape(1)),
+            static_cast<std::int32_t>(ids.shape(0))};
+}
+
+std::size_t scan(InstanceScan &self, Ids instance, std::optional<Classes> classes, std::optional<Depth> depth_m,
+                 Rows out, ClassPixels class_pixels) {
+    LabelPicture picture = picture_of(instance);
+    picture.classes = data_of(classes, instance, "classes");
+    picture.depth = data_of(depth_m, instance, "depth_m");
+    nb::gil_scoped_release unlocked;
+    const auto &rows = self.scan(picture, class_pixels.data());
+    if (rows.size() <= out.shape(0) && !rows.empty()) {
+        std::memcpy(out.data(), rows.data(), rows.size() * sizeof(InstanceRow));
+    }
+    return rows.size();
+}
+
+nb::tuple run_lengths(InstanceScan &self, Ids instance, Chosen ids) {
+    const LabelPicture picture = picture_of(instance);
+    for (std::size_t i = 1; i < ids.size(); ++i) {
+        if (ids.data()[i] <= ids.data()[i - 1]) throw std::invalid_argument("ids must rise");
+    }
+    {
+        nb::gil_scoped_release unlocked;
+        self.run_lengths(picture, ids.data(), ids.size());
+    }
+    nb::list all;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        nb::list one;
+        for (auto at = self.offsets()[i]; at < self.offsets()[i + 1]; ++at) {
+            one.append(self.counts()[static_cast<std::size_t>(at)]);
+        }
+        all.append(one);
+    }
+    return nb::tuple(all);
+}
+
+}  // namespace
+
+void bind_instance_scan(nb::module_ &m) {
+    nb::class_<InstanceScan>(m, "InstanceScan", "For one thread at a time.")
+        .def(nb::init<>())
+        .def("scan", scan, "instance"_a.noconvert(), "classes"_a.noconvert().none(), "depth_m"_a.noconvert().none(),
+             "out"_a.noconvert(), "class_pixels"_a.noconvert(),
+             "Rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by id; how many there are. Nothing "
+             "is written where `out` has room for fewer.")
+        .def("run_lengths", run_lengths, "instance"_a.noconvert(), "ids"_a.noconvert(),
+             "Masks of rising ids as COCO's run lengths, a list of counts each.");
+}

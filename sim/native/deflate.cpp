@@ -1,0 +1,333 @@
+#include "deflate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+
+namespace hil::sim {
+namespace {
+
+constexpr int kHashBits = 14;
+constexpr std::size_t kWindow = 32768;
+constexpr std::size_t kShortest = 4, kLongest = 258;
+constexpr int kEnd = 256;       // symbol that ends a block
+constexpr int kSkipShift = 6;   // after 2^6 places without a match every second is tried, and so on
+constexpr std::size_t kStored = 65535;
+constexpr std::size_t kToken = 6;    // most bytes of one: 15 + 5 + 15 + 13 bits
+constexpr std::size_t kHead = 1024;  // more than a block's code lengths and its end can take
+
+struct Symbol {
+    std::uint16_t symbol;
+    std::uint8_t bits;     // extra
+    std::uint16_t base;
+};
+
+// Symbol of each length 3 to 258 and of each distance, by RFC 1951, 3.2.5.
+struct Tables {
+    std::array<Symbol, 259> length{};
+    std::array<Symbol, 256> near{};  // distance - 1 below 256
+    std::array<Symbol, 256> far{};   // (distance - 1) >> 7
+
+    constexpr Tables() {
+        int first = 3;
+        for (int code = 0; code < 28; ++code) {
+            const int bits = code < 8 ? 0 : code / 4 - 1;
+            for (int i = 0; i < 1 << bits && first + i < 259; ++i) {
+                length[first + i] = {static_cast<std::uint16_t>(257 + code), static_cast<std::uint8_t>(bits),
+                                     static_cast<std::uint16_t>(first)};
+            }
+            first += 1 << bits;
+        }
+        length[258] = {285, 0, 258};
+        first = 1;
+        for (int code = 0; code < 30; ++code) {
+            const int bits = code < 4 ? 0 : code / 2 - 1;
+            const Symbol s{static_cast<std::uint16_t>(code), static_cast<std::uint8_t>(bits),
+                           static_cast<std::uint16_t>(first)};
+            for (int i = 0; i < 1 << bits; ++i) {
+                const int distance = first + i;
+                if (distance <= 256) near[distance - 1] = s;
+                else if ((distance - 1) % 128 == 0) far[(distance - 1) >> 7] = s;
+            }
+            first += 1 << bits;
+        }
+    }
+
+    const Symbol &of_distance(std::uint32_t distance) const {
+        return distance <= 256 ? near[distance - 1] : far[(distance - 1) >> 7];
+    }
+};
+
+const Tables kTables;
+
+std::uint32_t load4(const std::uint8_t *p) {
+    return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8 |
+           static_cast<std::uint32_t>(p[2]) << 16 | static_cast<std::uint32_t>(p[3]) << 24;
+}
+
+std::uint32_t hash_of(std::uint32_t four) { return (four * 2654435761u) >> (32 - kHashBits); }
+
+std::size_t match_length(const std::uint8_t *a, const std::uint8_t *b, std::size_t most) {
+    std::size_t n = 0;
+    if constexpr (std::endian::native == std::endian::little) {
+        while (n + 8 <= most) {
+            std::uint64_t x, y;
+            std::memcpy(&x, a + n, 8);
+            std::memcpy(&y, b + n, 8);
+            if (x != y) return n + static_cast<std::size_t>(std::countr_zero(x ^ y)) / 8;
+            n += 8;
+        }
+    }
+    while (n < most && a[n] == b[n]) ++n;
+    return n;
+}
+
+// Writes bits, the least significant first, to memory that has room for them.
+class Bits {
+public:
+    explicit Bits(std::uint8_t *to) : to_(to) {}
+
+    void put(std::uint64_t value, int count) {  // count up to 32
+        held_ |= value << fill_;
+        fill_ += count;
+        if (fill_ < 32) return;
+        for (int i = 0; i < 4; ++i) to_[i] = static_cast<std::uint8_t>(held_ >> (8 * i));
+        to_ += 4;
+        held_ >>= 32;
+        fill_ -= 32;
+    }
+
+    // Where the stream ends, filled up to a whole byte.
+    std::uint8_t *end() {
+        for (; fill_ > 0; fill_ -= 8, held_ >>= 8) *to_++ = static_cast<std::uint8_t>(held_);
+        return to_;
+    }
+
+private:
+    std::uint8_t *to_;
+    std::uint64_t held_ = 0;
+    int fill_ = 0;
+};
+
+// A canonical Huffman code of up to 288 symbols.
+struct Code {
+    std::array<std::uint8_t, 288> length{};
+    std::array<std::uint16_t, 288> bits{};  // least significant first, as they are written
+
+    Code(const std::uint32_t *count, int symbols, int longest) {
+        struct Node {
+            std::uint64_t weight;
+            int parent;
+        };
+        std::array<int, 288> order;
+        int used = 0;
+        for (int s = 0; s < symbols; ++s)
+            if (count[s]) order[used++] = s;
+        // At least two codes: some readers refuse a code of one symbol.
+        for (int s = 0; used < 2; ++s)
+            if (!count[s]) order[used++] = s;
+        std::sort(order.begin(), order.begin() + used, [&](int a, int b) {
+            return count[a] != count[b] ? count[a] < count[b] : a < b;
+        });
+        // Two queues: leaves in order of weight, and the nodes made of them, which come out in order too.
+        std::array<Node, 576> node;
+        for (int i = 0; i < used; ++i) node[i] = {std::max<std::uint64_t>(count[order[i]], 1), -1};
+        int leaf = 0, inner = used, made = used;
+        const auto lightest = [&] {
+            if (leaf < used && (inner >= made || node[leaf].weight <= node[inner].weight)) return leaf++;
+            return inner++;
+        };
+        while (made < 2 * used - 1) {
+            const int a = lightest(), b = lightest();
+            node[made] = {node[a].weight + node[b].weight, -1};
+            node[a].parent = node[b].parent = made++;
+        }
+        // How many codes of each length, the too long ones cut off; then Kraft's sum brought back to one.
+        std::array<int, 576> depth;
+        std::array<int, 64> of_length{};
+        depth[made - 1] = 0;
+        for (int i = made - 2; i >= 0; --i) {
+            depth[i] = depth[node[i].parent] + 1;
+            if (i < used) ++of_length[std::min(depth[i], longest)];
+        }
+        std::int64_t sum = 0;
+        for (int n = 1; n <= longest; ++n) sum += static_cast<std::int64_t>(of_length[n]) << (longest - n);
+        while (sum > std::int64_t{1} << longest) {  // one leaf moves down beside one of the longest
+            --of_length[longest];
+            int n = longest - 1;
+            while (!of_length[n]) --n;
+            --of_length[n];
+            of_length[n + 1] += 2;
+            --sum;
+        }
+        for (int n = longest, i = 0; n >= 1; --n)
+            for (int k = 0; k < of_length[n]; ++k) length[order[i++]] = static_cast<std::uint8_t>(n);
+        std::array<int, 17> next{};
+        for (int n = 1, code = 0; n <= longest; ++n) next[n] = code = (code + (n > 1 ? of_length[n - 1] : 0)) << 1;
+        for (int s = 0; s < symbols; ++s) {
+            if (!length[s]) continue;
+            int code = next[length[s]]++;
+            for (int i = 0; i < length[s]; ++i, code >>= 1)
+                bits[s] = static_cast<std::uint16_t>(bits[s] << 1 | (code & 1));
+        }
+    }
+
+    void put(Bits &to, int symbol) const { to.put(bits[symbol], length[symbol]); }
+};
+
+struct Step {
+    std::uint8_t symbol, extra, extra_bits;
+};
+
+// Code lengths as runs (RFC 1951, 3.2.7).
+int run_lengths(const std::uint8_t *lengths, int count, Step *out) {
+    int steps = 0;
+    for (int i = 0; i < count;) {
+        int run = 1;
+        while (i + run < count && lengths[i + run] == lengths[i]) ++run;
+        const std::uint8_t value = lengths[i];
+        i += run;
+        if (value) {
+            out[steps++] = {value, 0, 0};
+            --run;
+        }
+        while (run >= 3) {
+            const int most = value ? 6 : 138;
+            const int n = std::min(run, most);
+            if (value) out[steps++] = {16, static_cast<std::uint8_t>(n - 3), 2};
+            else if (n <= 10) out[steps++] = {17, static_cast<std::uint8_t>(n - 3), 3};
+            else out[steps++] = {18, static_cast<std::uint8_t>(n - 11), 7};
+            run -= n;
+        }
+        while (run-- > 0) out[steps++] = {value, 0, 0};
+    }
+    return steps;
+}
+
+void put_code_lengths(Bits &to, const Code &literals, const Code &distances) {
+    int n_literals = 286, n_distances = 30;
+    while (n_literals > 257 && !literals.length[n_literals - 1]) --n_literals;
+    while (n_distances > 1 && !distances.length[n_distances - 1]) --n_distances;
+    std::array<std::uint8_t, 320> lengths;
+    std::copy_n(literals.length.begin(), n_literals, lengths.begin());
+    std::copy_n(distances.length.begin(), n_distances, lengths.begin() + n_literals);
+    std::array<Step, 320> steps;
+    const int count = run_lengths(lengths.data(), n_literals + n_distances, steps.data());
+    std::uint32_t used[19] = {};
+    for (int i = 0; i < count; ++i) ++used[steps[i].symbol];
+    const Code code(used, 19, 7);
+    constexpr int kOrder[19] = {16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15};
+    int n_codes = 19;
+    while (n_codes > 4 && !code.length[kOrder[n_codes - 1]]) --n_codes;
+    to.put(static_cast<std::uint64_t>(n_literals - 257), 5);
+    to.put(static_cast<std::uint64_t>(n_distances - 1), 5);
+    to.put(static_cast<std::uint64_t>(n_codes - 4), 4);
+    for (int i = 0; i < n_codes; ++i) to.put(code.length[kOrder[i]], 3);
+    for (int i = 0; i < count; ++i) {
+        code.put(to, steps[i].symbol);
+        to.put(steps[i].extra, steps[i].extra_bits);
+    }
+}
+
+std::uint32_t adler32(const std::uint8_t *data, std::size_t size) {
+    std::uint32_t a = 1, b = 0;
+    for (std::size_t i = 0; i < size;) {
+        const std::size_t end = std::min(size, i + 5552);  // sums stay below 2^32
+        for (; i < end; ++i) b += a += data[i];
+        a %= 65521;
+        b %= 65521;
+    }
+    return b << 16 | a;
+}
+
+}  // namespace
+
+void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
+    head_.assign(std::size_t{1} << kHashBits, 0);
+    if (tokens_.size() < size) tokens_.resize(size);
+    std::uint32_t *token = tokens_.data();
+    std::fill(std::begin(literal_count_), std::end(literal_count_), 0);
+    std::fill(std::begin(distance_count_), std::end(distance_count_), 0);
+    std::size_t at = 0, missed = 0;
+    const auto literal = [&](std::size_t place) {
+        *token++ = data[place];
+        ++literal_count_[data[place]];
+    };
+    while (at + kShortest <= size) {
+        const std::uint32_t four = load4(data + at);
+        std::uint32_t &seen = head_[hash_of(four)];
+        const std::size_t before = seen;
+        seen = static_cast<std::uint32_t>(at + 1);
+        if (before && at + 1 - before <= kWindow && load4(data + before - 1) == four) {
+            const std::size_t distance = at + 1 - before;
+            const std::size_t length =
+                4 + match_length(data + at + 4, data + before + 3, std::min(kLongest, size - at) - 4);
+            *token++ = static_cast<std::uint32_t>(length << 16 | distance);
+            ++literal_count_[kTables.length[length].symbol];
+            ++distance_count_[kTables.of_distance(static_cast<std::uint32_t>(distance)).symbol];
+            at += length;
+            missed = 0;
+            if (at + 3 <= size) head_[hash_of(load4(data + at - 1))] = static_cast<std::uint32_t>(at);
+        } else {
+            const std::size_t end = std::min(size, at + 1 + (missed++ >> kSkipShift));
+            for (; at < end; ++at) literal(at);
+        }
+    }
+    for (; at < size; ++at) literal(at);
+    ++literal_count_[kEnd];
+    n_tokens_ = static_cast<std::size_t>(token - tokens_.data());
+}
+
+void Deflater::compress(const std::uint8_t *data, std::size_t size, std::vector<std::uint8_t> &out) {
+    const std::size_t start = out.size();
+    out.push_back(0x78);  // deflate, window of 32 KiB
+    out.push_back(0x01);  // no dictionary, the fastest level
+    find_matches(data, size);
+    const Code literals(literal_count_, 286, 15), distances(distance_count_, 30, 15);
+    out.resize(start + 2 + kHead + kToken * n_tokens_);
+    Bits to(out.data() + start + 2);
+    to.put(1, 1);  // the last block
+    to.put(2, 2);  // of codes of its own
+    put_code_lengths(to, literals, distances);
+    for (std::size_t i = 0; i < n_tokens_; ++i) {
+        const std::uint32_t token = tokens_[i];
+        if (token < 256) {
+            const std::uint32_t next = i + 1 < n_tokens_ ? tokens_[i + 1] : 256;
+            if (next < 256) {  // two at once
+                const int n = literals.length[token];
+                to.put(literals.bits[token] | std::uint64_t{literals.bits[next]} << n, n + literals.length[next]);
+                ++i;
+            } else {
+                literals.put(to, static_cast<int>(token));
+            }
+            continue;
+        }
+        const std::uint32_t length = token >> 16, distance = token & 0xffff;
+        const Symbol &by_length = kTables.length[length], &by_distance = kTables.of_distance(distance);
+        literals.put(to, by_length.symbol);
+        to.put(length - by_length.base, by_length.bits);
+        distances.put(to, by_distance.symbol);
+        to.put(distance - by_distance.base, by_distance.bits);
+    }
+    literals.put(to, kEnd);
+    out.resize(static_cast<std::size_t>(to.end() - out.data()));
+    const std::size_t blocks = size ? (size + kStored - 1) / kStored : 1;
+    if (out.size() - start - 2 > size + 5 * blocks) {
+        out.resize(start + 2);
+        for (std::size_t block = 0, at = 0; block < blocks; ++block) {
+            const std::size_t n = std::min(kStored, size - at);
+            out.push_back(block + 1 == blocks);
+            for (const std::size_t value : {n, ~n}) {
+                out.push_back(static_cast<std::uint8_t>(value));
+                out.push_back(static_cast<std::uint8_t>(value >> 8));
+            }
+            out.insert(out.end(), data + at, data + at + n);
+            at += n;
+        }
+    }
+    const std::uint32_t check = adler32(data, size);
+    for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<std::uint8_t>(check >> shift));
+}
+
+}  // namespace hil::sim

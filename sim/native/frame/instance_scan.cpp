@@ -1,0 +1,134 @@
+#include "instance_scan.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+namespace hil::sim::frame {
+namespace {
+
+float inverse(float depth) { return depth > 0.0f && depth <= std::numeric_limits<float>::max() ? 1.0f / depth : 0.0f; }
+
+}  // namespace
+
+std::int32_t InstanceScan::slot_of(std::uint16_t id) {
+    std::int32_t &slot = slot_[id];
+    if (slot < 0) {
+        slot = static_cast<std::int32_t>(rows_.size());
+        rows_.push_back({id, 0, std::numeric_limits<std::int32_t>::max(), 0, -1, -1, 0, 0});
+    }
+    return slot;
+}
+
+// Neighbours `at` and `at + step` of different ids, seen from the first: the second may stand in front.
+// `beyond`: at + 2 step lies in the picture.
+void InstanceScan::pair(const LabelPicture &p, std::int32_t at, std::int32_t step, bool beyond) {
+    const std::uint16_t id = p.instance[at];
+    if (!id) return;
+    InstanceRow &row = rows_[static_cast<std::size_t>(slot_[id])];
+    ++row.rim;
+    if (!p.depth) return;
+    const std::int32_t other = at + step, next = other + step;
+    float front = inverse(p.depth[other]);
+    if (beyond && p.instance[next] == p.instance[other]) front = 2.0f * front - inverse(p.depth[next]);
+    row.hidden += front > kInFront * inverse(p.depth[at]);
+}
+
+const std::vector<InstanceRow> &InstanceScan::scan(const LabelPicture &p, std::int64_t *class_pixels) {
+    for (const InstanceRow &row : rows_) slot_[static_cast<std::size_t>(row.id)] = -1;
+    rows_.clear();
+    if (class_pixels) std::fill_n(class_pixels, 256, 0);
+    const std::int32_t w = p.width, h = p.height;
+    for (std::int32_t y = 0; y < h; ++y) {
+        const std::uint16_t *ids = p.instance + static_cast<std::ptrdiff_t>(y) * w;
+        const std::uint8_t *classes = p.classes ? p.classes + static_cast<std::ptrdiff_t>(y) * w : nullptr;
+        for (std::int32_t x = 0; x < w;) {
+            std::int32_t end = x + 1;
+            const std::uint16_t id = ids[x];
+            while (end < w && ids[end] == id) ++end;
+            if (id) {
+                InstanceRow &row = rows_[static_cast<std::size_t>(slot_of(id))];
+                row.area += end - x;
+                row.x_min = std::min(row.x_min, x);
+                row.x_max = std::max(row.x_max, end - 1);
+                if (row.y_max < 0) row.y_min = y;
+                row.y_max = y;
+            }
+            if (classes && class_pixels) {
+                for (std::int32_t i = x; i < end;) {
+                    std::int32_t last = i + 1;
+                    while (last < end && classes[last] == classes[i]) ++last;
+                    class_pixels[classes[i]] += last - i;
+                    i = last;
+                }
+            }
+            x = end;
+        }
+    }
+    for (std::int32_t y = 0; y < h; ++y) {
+        const std::int32_t first = y * w;
+        const std::uint16_t *ids = p.instance + first;
+        for (std::int32_t x = 0; x + 1 < w; ++x) {
+            if (ids[x] == ids[x + 1]) continue;
+            pair(p, first + x, 1, x + 2 < w);
+            pair(p, first + x + 1, -1, x > 0);
+        }
+        if (y + 1 == h) break;
+        for (std::int32_t x = 0; x < w; ++x) {
+            if (x + 4 <= w && !std::memcmp(ids + x, ids + x + w, 8)) {
+                x += 3;
+                continue;
+            }
+            if (ids[x] == ids[x + w]) continue;
+            pair(p, first + x, w, y + 2 < h);
+            pair(p, first + x + w, -w, y > 0);
+        }
+    }
+    std::sort(rows_.begin(), rows_.end(), [](const InstanceRow &a, const InstanceRow &b) { return a.id < b.id; });
+    return rows_;
+}
+
+void InstanceScan::run_lengths(const LabelPicture &p, const std::uint16_t *ids, std::size_t n) {
+    constexpr std::int32_t kBlock = 32;
+    const std::int32_t w = p.width, h = p.height, pixels = w * h;
+    columns_.resize(static_cast<std::size_t>(pixels));
+    for (std::int32_t y0 = 0; y0 < h; y0 += kBlock)
+        for (std::int32_t x0 = 0; x0 < w; x0 += kBlock)
+            for (std::int32_t x = x0; x < std::min(w, x0 + kBlock); ++x)
+                for (std::int32_t y = y0; y < std::min(h, y0 + kBlock); ++y)
+                    columns_[static_cast<std::size_t>(x * h + y)] = p.instance[y * w + x];
+    for (const InstanceRow &row : rows_) slot_[static_cast<std::size_t>(row.id)] = -1;
+    rows_.clear();
+    for (std::size_t i = 0; i < n; ++i) slot_[ids[i]] = static_cast<std::int32_t>(i);
+    runs_.clear();
+    offsets_.assign(n + 1, 0);
+    end_.assign(n, 0);
+    for (std::int32_t i = 0; i < pixels;) {
+        const std::uint16_t id = columns_[static_cast<std::size_t>(i)];
+        std::int32_t end = i + 1;
+        while (end < pixels && columns_[static_cast<std::size_t>(end)] == id) ++end;
+        if (slot_[id] >= 0) {
+            runs_.push_back({slot_[id], i, end - i});
+            offsets_[static_cast<std::size_t>(slot_[id]) + 1] += 2;
+            end_[static_cast<std::size_t>(slot_[id])] = end;
+        }
+        i = end;
+    }
+    for (std::size_t i = 0; i < n; ++i) offsets_[i + 1] += offsets_[i] + (end_[i] < pixels);
+    counts_.resize(static_cast<std::size_t>(offsets_[n]));
+    next_.assign(offsets_.begin(), offsets_.end() - 1);
+    std::fill(end_.begin(), end_.end(), 0);
+    for (const Run &run : runs_) {
+        std::int64_t &at = next_[static_cast<std::size_t>(run.slot)];
+        std::int32_t &end = end_[static_cast<std::size_t>(run.slot)];
+        counts_[static_cast<std::size_t>(at++)] = run.start - end;
+        counts_[static_cast<std::size_t>(at++)] = run.length;
+        end = run.start + run.length;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+        if (end_[i] < pixels) counts_[static_cast<std::size_t>(next_[i])] = pixels - end_[i];
+        slot_[ids[i]] = -1;
+    }
+}
+
+}  // namespace hil::sim::frame

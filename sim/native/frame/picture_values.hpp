@@ -1,0 +1,16 @@
+// Depth and normals as the whole numbers that a PNG holds. What they mean: hil/dataset/formats/pictures.py.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace hil::sim::frame {
+
+// Steps of depth, rounded, 1 to 65535; 0 for what is not finite.
+void depth_values(const float *depth_m, double steps_per_m, std::size_t n, std::uint16_t *out);
+
+// Three components each: floor(127 n + 128.5); (0, 0, 0) for the zero vector. Components within [-1, 1]; outside they
+// are cut.
+void normal_values(const float *normal, std::size_t n, std::uint8_t *out);
+
+}  // namespace hil::sim::frame
