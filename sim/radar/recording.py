@@ -11,7 +11,7 @@ frame_repetition_time_s, hp_cutoff_Hz and aaf_cutoff_Hz are kept where they are 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,9 +72,35 @@ def save_recording(path: Path, recording: Recording) -> None:
     """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError, RecordingError."""
     if path.suffix not in (".npz", ".npy"):
         raise ConfigError([Problem(str(path), "a radar recording is a .npz or .npy file")])
-    chirp = recording.chirp
+    config = device_config(
+        recording.chirp,
+        recording.rx_antennas,
+        frame_repetition_s=recording.frame_repetition_s,
+        hp_cutoff_hz=recording.hp_cutoff_hz,
+        aaf_cutoff_hz=recording.aaf_cutoff_hz,
+    )
+    try:
+        if path.suffix == ".npz":
+            np.savez_compressed(path, adc=recording.adc)
+        else:
+            np.save(path, recording.adc)
+        text = json.dumps(config, indent=4) + "\n"
+        settings_path(path).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def device_config(
+    chirp: Chirp,
+    rx_antennas: Sequence[int],
+    *,
+    frame_repetition_s: float | None = None,
+    hp_cutoff_hz: float | None = None,
+    aaf_cutoff_hz: float | None = None,
+) -> dict[str, Any]:
+    """The settings as the JSON file has them."""
     shape: dict[str, Any] = {
-        "rx_antennas": list(recording.rx_antennas),
+        "rx_antennas": list(rx_antennas),
         "num_chirps_per_frame": chirp.chirps,
         "num_samples_per_chirp": chirp.samples,
         "sample_rate_Hz": chirp.sample_rate_hz,
@@ -83,21 +109,13 @@ def save_recording(path: Path, recording: Recording) -> None:
         "chirp_repetition_time_s": chirp.repetition_s,
     }
     for key, value in (
-        ("frame_repetition_time_s", recording.frame_repetition_s),
-        ("hp_cutoff_Hz", recording.hp_cutoff_hz),
-        ("aaf_cutoff_Hz", recording.aaf_cutoff_hz),
+        ("frame_repetition_time_s", frame_repetition_s),
+        ("hp_cutoff_Hz", hp_cutoff_hz),
+        ("aaf_cutoff_Hz", aaf_cutoff_hz),
     ):
         if value is not None:
             shape[key] = value
-    try:
-        if path.suffix == ".npz":
-            np.savez_compressed(path, adc=recording.adc)
-        else:
-            np.save(path, recording.adc)
-        text = json.dumps({"device_config": {_SHAPE_KEY: shape}}, indent=4) + "\n"
-        settings_path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+    return {"device_config": {_SHAPE_KEY: shape}}
 
 
 def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
