@@ -1,0 +1,1 @@
+"""`hil dataset`: labelled data of many sensors, from a flight."""

@@ -1,0 +1,141 @@
+"""Pictures of a frame as files.
+
+    colour      PNG, 8-bit RGB, exact; or JPEG
+    depth       PNG, 16-bit grey: distance along the optical axis in steps of `DepthScale.step_m`, to the nearest;
+                0: nothing there; 65535: something, but farther than 65534 steps
+    class       PNG, 8-bit grey: the class id; or the same with the classes' colours as palette, as Pascal VOC has it
+    instance    PNG, 16-bit grey: the instance id
+    normal      PNG, 8-bit RGB: (x, y, z) of the unit normal in the camera frame as floor(127 n + 128.5);
+                (0, 0, 0): nothing there
+
+The PNGs come from this project's own encoder (sim/native/png.hpp), because what a compression library makes of a
+picture may change with its version and the processor. JPEG comes from OpenCV: the same bytes only with the same OpenCV.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import RecordingError
+from sim import _kernels
+
+NOTHING = 0  # depth
+FARTHER = 65535  # depth
+_NORMAL_SCALE = 127.0
+_NORMAL_ZERO = 128.0
+
+UInt8 = NDArray[np.uint8]
+UInt16 = NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class DepthScale:
+    """Of a depth picture: value times `step_m` is the depth. 1 mm reaches to 65.5 m, 1/256 m (as KITTI) to 256 m."""
+
+    step_m: float = 0.001
+
+    def __post_init__(self) -> None:
+        if not 1e-6 <= self.step_m <= 1.0:
+            raise RecordingError(f"depth pictures: the step must be 1e-6 to 1 m, not {self.step_m:g}")
+
+    @property
+    def farthest_m(self) -> float:
+        return (FARTHER - 1) * self.step_m
+
+    def values(self, depth_m: NDArray[np.float32]) -> UInt16:
+        """What the picture holds."""
+        _check("depth", depth_m, np.float32, 1)
+        values = np.empty(depth_m.shape, np.uint16)
+        _kernels.depth_values(depth_m, 1.0 / self.step_m, values)  # a surface closer than half a step is not nothing
+        return values
+
+    def depth_m(self, values: UInt16) -> NDArray[np.float64]:
+        """Back again: +inf for nothing and for what is farther."""
+        depth = values.astype(np.float64) * self.step_m
+        depth[(values == NOTHING) | (values == FARTHER)] = np.inf
+        return depth
+
+
+class PictureEncoder:
+    """Pictures to files' bytes. One per worker: it keeps buffers. RecordingError for an array that does not fit."""
+
+    def __init__(self, depth_scale: DepthScale | None = None, palette: UInt8 | None = None) -> None:
+        self.depth_scale = depth_scale or DepthScale()
+        self._palette = palette
+        self._png = _kernels.PngEncoder()
+
+    def rgb_png(self, rgb: UInt8) -> bytes:
+        _check("rgb", rgb, np.uint8, 3)
+        return self._png.encode(rgb, "sub")  # a quarter smaller than without, where the camera has noise
+
+    def rgb_jpeg(self, rgb: UInt8, quality: int = 95) -> bytes:
+        import cv2
+
+        _check("rgb", rgb, np.uint8, 3)
+        if not 1 <= quality <= 100:
+            raise RecordingError(f"JPEG: the quality must be 1 to 100, not {quality}")
+        done, data = cv2.imencode(".jpg", rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+        if not done:
+            raise RecordingError("JPEG: OpenCV could not encode the picture")
+        return data.tobytes()
+
+    def depth_png(self, depth_m: NDArray[np.float32]) -> bytes:
+        return self._png.encode(self.depth_scale.values(depth_m), "sub")
+
+    def class_png(self, segmentation: UInt8, *, indexed: bool = False) -> bytes:
+        """`indexed`: with the palette, whose every class must have a colour."""
+        _check("segmentation", segmentation, np.uint8, 1)
+        if not indexed:
+            return self._png.encode(segmentation)
+        if self._palette is None:
+            raise RecordingError("class pictures: no palette was given for an indexed picture")
+        try:
+            return self._png.encode(segmentation, "none", self._palette)
+        except ValueError as error:
+            raise RecordingError(f"class pictures: {error}; the palette has {len(self._palette)} colours") from error
+
+    def instance_png(self, instance: UInt16) -> bytes:
+        _check("instance", instance, np.uint16, 1)
+        return self._png.encode(instance)
+
+    def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
+        return self._png.encode(normal_values(normal_C))
+
+
+def normal_values(normal_C: NDArray[np.float32]) -> UInt8:
+    """What a picture of normals holds."""
+    _check("normal", normal_C, np.float32, 3)
+    values = np.empty(normal_C.shape, np.uint8)
+    _kernels.normal_values(normal_C, values)
+    return values
+
+
+def normals(values: UInt8) -> NDArray[np.float32]:
+    """Back again, to within 1/254 in each part."""
+    result = (values.astype(np.float32) - np.float32(_NORMAL_ZERO)) / np.float32(_NORMAL_SCALE)
+    result[(values == 0).all(axis=2)] = 0.0
+    return result
+
+
+def palette_csv(names: tuple[str, ...], colours: tuple[tuple[int, int, int], ...]) -> str:
+    """Which class a value is and what colour it has in pictures."""
+    rows = [f"{index},{name},{r},{g},{b}" for index, (name, (r, g, b)) in enumerate(zip(names, colours, strict=True))]
+    return "\n".join(["#id,name,red,green,blue", *rows, ""])
+
+
+def _check(name: str, array: NDArray[Any], dtype: type[np.generic], components: int) -> None:
+    wanted = 2 if components == 1 else 3
+    fits = array.ndim == wanted and (components == 1 or array.shape[2] == components)
+    if array.dtype != dtype or not fits:
+        shape = "(height, width)" if components == 1 else f"(height, width, {components})"
+        raise RecordingError(
+            f"{name}: the picture must be {np.dtype(dtype).name} {shape}, not {array.dtype.name} {array.shape}"
+        )
+    if array.size == 0:
+        raise RecordingError(f"{name}: the picture is empty, {array.shape}")
+    if not array.flags.c_contiguous:
+        raise RecordingError(f"{name}: the picture's rows must lie one after the other; copy it first")

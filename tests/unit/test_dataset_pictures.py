@@ -1,0 +1,189 @@
+"""Pictures of a data set: what readers written by others make of the files, bit for bit."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from PIL import Image
+
+from hil.dataset.formats.pictures import (
+    FARTHER,
+    NOTHING,
+    DepthScale,
+    PictureEncoder,
+    normal_values,
+    normals,
+    palette_csv,
+)
+from hil.signals.errors import RecordingError
+from sim._kernels import PngEncoder
+
+# Of a fixed picture's files.
+DIGEST = "e418d61a75761bfab11f718160b67f8db94cd76883a571f57c67dd5dc63d3b2d"
+SIDES = st.integers(1, 40)
+
+
+def read(data: bytes) -> NDArray[np.generic]:
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert picture is not None
+    return picture[:, :, ::-1] if picture.ndim == 3 else picture
+
+
+@st.composite
+def pictures(draw: st.DrawFn) -> NDArray[np.generic]:
+    """Of few values, so that there is something to match, or of any."""
+    height, width = draw(SIDES), draw(SIDES)
+    shape = (height, width, 3) if draw(st.booleans()) else (height, width)
+    dtype = np.uint8 if len(shape) == 3 else draw(st.sampled_from([np.uint8, np.uint16]))
+    most = draw(st.sampled_from([0, 1, 3, np.iinfo(dtype).max]))
+    return draw(arrays(dtype, shape, elements=st.integers(0, int(most))))
+
+
+@settings(max_examples=150, deadline=None)
+@given(picture=pictures(), filter_=st.sampled_from(["none", "sub", "up"]))
+def test_png_reads_back_bit_for_bit(picture: NDArray[np.uint8], filter_: str) -> None:
+    data = PngEncoder().encode(picture, filter_)
+    assert np.array_equal(read(data), picture)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), picture)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 5000), (700, 900), (2, 65536)])
+@pytest.mark.parametrize("kind", ["flat", "noise", "skewed", "stripes", "far"])
+def test_png_of_hard_pictures(size: tuple[int, int], kind: str) -> None:
+    rng = np.random.default_rng(3)
+    n = size[0] * size[1]
+    values = {
+        "flat": np.zeros(n, np.uint8),
+        "noise": rng.integers(0, 256, n, dtype=np.uint8),  # does not shrink: stored
+        "skewed": np.minimum(rng.geometric(0.7, n), 255).astype(
+            np.uint8
+        ),  # codes longer than 15 bits but for the limit
+        "stripes": (np.arange(n) // 3 % 7).astype(np.uint8),
+        "far": np.tile(rng.integers(0, 256, 30_011, dtype=np.uint8), n // 30_011 + 1)[:n],  # matches far back
+    }[kind]
+    picture = values.reshape(size)
+    data = PngEncoder().encode(picture)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), picture)
+    stored = (n + size[0]) * (1 + 5 / 65535) + 200
+    assert len(data) <= stored
+
+
+def test_codes_are_limited_to_fifteen_bits() -> None:
+    """Frequencies of Fibonacci numbers make the longest codes there are."""
+    counts = [1, 1]
+    while len(counts) < 24:
+        counts.append(counts[-1] + counts[-2])
+    values = np.repeat(np.arange(24, dtype=np.uint8) * 9, counts)
+    np.random.default_rng(1).shuffle(values)
+    picture = values.reshape(1, -1)
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(PngEncoder().encode(picture)))), picture)
+
+
+def test_png_holds_nothing_but_the_picture() -> None:
+    data = PngEncoder().encode(np.arange(12, dtype=np.uint8).reshape(3, 4))
+    at, names = 8, []
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        body = data[at + 4 : at + 8 + length]
+        names.append(body[:4])
+        assert zlib.crc32(body) == struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0]
+        at += 12 + length
+    assert names == [b"IHDR", b"IDAT", b"IEND"]
+
+
+def test_bytes_are_these_on_every_machine() -> None:
+    """A change of the encoder changes data sets: only on purpose."""
+    y, x = np.mgrid[:60, :80].astype(np.uint32)
+    rgb = np.stack([x * 3, y * 4, (x * y) >> 3], axis=2).astype(np.uint8)
+    encoder = PictureEncoder()
+    digest = hashlib.sha256(encoder.rgb_png(rgb) + encoder.instance_png((x // 9 * 300).astype(np.uint16))).hexdigest()
+    assert digest == DIGEST
+    assert encoder.rgb_png(rgb) == PictureEncoder().rgb_png(rgb)
+
+
+@given(st.lists(st.floats(0.0, 65.534, width=32), min_size=1, max_size=50))
+def test_depth_comes_back_to_half_a_millimetre(depths: list[float]) -> None:
+    depth = np.array([depths], np.float32)
+    scale = DepthScale()
+    values = read(PictureEncoder(scale).depth_png(depth))
+    near = depth < 0.0005
+    assert np.all(values[near] == 1)  # something, however close
+    error = np.abs(scale.depth_m(values.astype(np.uint16)) - depth.astype(np.float64))
+    assert np.all(error[~near & (values != FARTHER)] <= 0.0005 + 1e-12)
+
+
+def test_depth_marks_nothing_and_farther() -> None:
+    depth = np.array([[np.inf, np.nan, 65.534, 65.54, 1e6, 0.0, -np.inf]], np.float32)
+    assert DepthScale().values(depth).tolist() == [[NOTHING, NOTHING, 65534, FARTHER, FARTHER, 1, NOTHING]]
+    assert DepthScale(1 / 256).values(np.array([[200.0]], np.float32)).tolist() == [[51200]]
+    assert DepthScale().depth_m(np.array([[0, 65535, 1500]], np.uint16)).tolist() == [[np.inf, np.inf, 1.5]]
+
+
+def test_normals_come_back_and_nothing_stays_nothing() -> None:
+    rng = np.random.default_rng(0)
+    normal = rng.normal(size=(40, 50, 3))
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    normal[:3] = 0.0
+    normal[3, 0] = (-1.0, 0.0, 0.0)
+    picture = normal.astype(np.float32)
+    values = read(PictureEncoder().normal_png(picture)).astype(np.uint8)
+    assert np.all(values[:3] == 0)
+    assert values[3, 0].tolist() == [1, 128, 128]
+    assert np.array_equal(values, normal_values(picture))
+    assert np.abs(normals(values) - picture).max() <= 0.5 / 127 + 1e-6
+
+
+def test_class_picture_with_palette_reads_as_ids_and_colours() -> None:
+    ids = np.arange(12, dtype=np.uint8).reshape(3, 4) % 5
+    palette = np.array([[0, 0, 0], [1, 2, 3], [4, 5, 6], [7, 8, 9], [255, 254, 253]], np.uint8)
+    data = PictureEncoder(palette=palette).class_png(ids, indexed=True)
+    image = Image.open(io.BytesIO(data))
+    assert image.mode == "P"
+    assert np.array_equal(np.asarray(image), ids)
+    assert np.array_equal(np.asarray(image.convert("RGB")), palette[ids])
+    with pytest.raises(RecordingError, match="palette has 2 colours"):
+        PictureEncoder(palette=palette[:2].copy()).class_png(ids, indexed=True)
+    with pytest.raises(RecordingError, match="no palette"):
+        PictureEncoder().class_png(ids, indexed=True)
+
+
+def test_jpeg_is_near() -> None:
+    rgb = np.full((16, 16, 3), (200, 90, 30), np.uint8)
+    assert np.abs(read(PictureEncoder().rgb_jpeg(rgb)).astype(int) - rgb).max() <= 3
+    with pytest.raises(RecordingError, match="quality"):
+        PictureEncoder().rgb_jpeg(rgb, 0)
+
+
+@pytest.mark.parametrize(
+    ("picture", "what"),
+    [
+        (np.zeros((0, 4, 3), np.uint8), "empty"),
+        (np.zeros((4, 4), np.uint8), "must be uint8"),
+        (np.zeros((4, 4, 3), np.float32), "must be uint8"),
+        (np.zeros((4, 8, 3), np.uint8)[:, ::2], "copy it first"),
+    ],
+)
+def test_refuses_what_is_no_picture(picture: NDArray[np.uint8], what: str) -> None:
+    with pytest.raises(RecordingError, match=what):
+        PictureEncoder().rgb_png(picture)
+
+
+def test_refuses_an_impossible_depth_step() -> None:
+    with pytest.raises(RecordingError, match="step"):
+        DepthScale(0.0)
+
+
+def test_palette_file() -> None:
+    assert (
+        palette_csv(("none", "tree"), ((0, 0, 0), (1, 2, 3))) == "#id,name,red,green,blue\n0,none,0,0,0\n1,tree,1,2,3\n"
+    )
