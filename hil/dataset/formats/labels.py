@@ -1,0 +1,161 @@
+"""What a picture shows: one label for each instance in it, out of the class and instance pictures.
+
+* Box: exactly the extent of the instance's visible pixels.
+* Truncated: the box touches the picture's border.
+* Hidden: share of the instance's rim (pairs of neighbouring pixels, one its own, one not) where the neighbour is in
+  front, told from depth (sim/native/frame/instance_scan.hpp). The renderer has no amodal picture, so the hidden
+  share of the area is not known; `hidden_share` is the one place that stands in for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.classes import Classes
+from hil.signals.errors import RecordingError
+from sim._kernels import InstanceScan
+
+OCCLUDED_FROM = 0.05  # hidden share of the rim
+_COLUMNS = 8
+
+# Surfaces without end or edge: seen, coloured, counted, but no objects to put a box round.
+STUFF = frozenset(
+    (
+        *("none", "ground", "path", "road", "grass", "water", "terrain", "pavement", "sidewalk", "hill", "lawn"),
+        *("crossing", "marking", "roof", "window", "door", "drop_zone", "pad"),
+    )
+)
+
+
+class ObjectLabel(NamedTuple):
+    """One instance in one picture. Pixels from 0, the last ones included."""
+
+    instance: int
+    class_id: int
+    x_min: int
+    y_min: int
+    x_max: int
+    y_max: int
+    area_px: int
+    truncated: bool
+    hidden: float  # 0 to 1
+
+    @property
+    def occluded(self) -> bool:
+        return self.hidden >= OCCLUDED_FROM
+
+
+class PictureLabels(NamedTuple):
+    """Of one picture: its objects by rising instance, and how many pixels each class has (256 counts)."""
+
+    width: int
+    height: int
+    objects: tuple[ObjectLabel, ...]
+    class_pixels: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """What can be in a picture: the classes, the class of each instance, and which classes are objects."""
+
+    classes: Classes
+    class_of_instance: Mapping[int, int]
+    object_classes: frozenset[int]
+
+    @classmethod
+    def of(
+        cls,
+        classes: Classes,
+        instances: Sequence[tuple[int, int]],
+        *,
+        stuff: Collection[str] = STUFF,
+    ) -> Catalogue:
+        """From (instance, class) pairs. Raises RecordingError where an instance is there twice or has no class."""
+        table: dict[int, int] = {}
+        for instance, class_id in instances:
+            if instance in table:
+                raise RecordingError(f"labels: instance {instance} is there twice; every thing needs an id of its own")
+            if not 0 < instance < 65536:
+                raise RecordingError(f"labels: instance {instance} is not 1 to 65535")
+            if not 0 <= class_id < max(len(classes.names), 1):
+                raise RecordingError(f"labels: instance {instance} is of class {class_id}, which has no name")
+            table[instance] = class_id
+        objects = frozenset(i for i, name in enumerate(classes.names) if name not in stuff)
+        return cls(classes, table, objects)
+
+    @classmethod
+    def of_geoms(
+        cls,
+        classes: Classes,
+        geom_instance: NDArray[np.uint16],
+        geom_class: NDArray[np.uint8],
+        *,
+        stuff: Collection[str] = STUFF,
+    ) -> Catalogue:
+        """From a world's geoms. An instance of several classes (a house with its door) is what most of its geoms are;
+        of equals, the lowest number."""
+        pairs = []
+        for instance in np.unique(geom_instance).tolist():
+            if instance:
+                pairs.append((instance, int(np.bincount(geom_class[geom_instance == instance]).argmax())))
+        return cls.of(classes, pairs, stuff=stuff)
+
+    @property
+    def palette(self) -> NDArray[np.uint8]:
+        """(classes, 3) sRGB."""
+        return np.array(self.classes.colours, np.uint8).reshape(-1, 3)
+
+
+class LabelReader:
+    """Pictures to labels. One per worker: it keeps buffers."""
+
+    def __init__(self, catalogue: Catalogue, *, least_area_px: int = 1) -> None:
+        self.catalogue = catalogue
+        self._least_area_px = least_area_px
+        self._scan = InstanceScan()
+        self._rows = np.empty((256, _COLUMNS), np.int32)
+
+    def read(self, channels: Mapping[str, NDArray[Any]]) -> PictureLabels:
+        """From `segmentation`, `instance` and, for what is hidden, `depth`. Raises RecordingError."""
+        segmentation, instance = channels["segmentation"], channels["instance"]
+        counts = np.empty(256, np.int64)
+        try:
+            found = self._scan.scan(instance, segmentation, channels.get("depth"), self._rows, counts)
+            if found > len(self._rows):
+                self._rows = np.empty((2 * found, _COLUMNS), np.int32)
+                found = self._scan.scan(instance, segmentation, channels.get("depth"), self._rows, counts)
+        except (ValueError, TypeError) as error:
+            raise RecordingError(f"labels: the pictures cannot be read: {error}") from error
+        height, width = instance.shape
+        objects = []
+        catalogue = self.catalogue
+        for identity, area, x_min, y_min, x_max, y_max, rim, before in self._rows[:found].tolist():
+            class_id = catalogue.class_of_instance.get(identity)
+            if class_id is None:
+                raise RecordingError(
+                    f"labels: the picture shows instance {identity}, which the scene has not; "
+                    "instances and pictures must be of the same scene"
+                )
+            if class_id not in catalogue.object_classes or area < self._least_area_px:
+                continue
+            truncated = x_min == 0 or y_min == 0 or x_max == width - 1 or y_max == height - 1
+            hidden = hidden_share(rim, before)
+            objects.append(
+                ObjectLabel(identity, class_id, x_min, y_min, x_max, y_max, area, truncated, hidden),
+            )
+        return PictureLabels(width, height, tuple(objects), counts)
+
+    def masks(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[list[int], ...]:
+        """Run lengths of each object's pixels, column by column, beginning with those that are not its own."""
+        ids = np.array([label.instance for label in labels.objects], np.uint16)
+        return self._scan.run_lengths(instance, ids)
+
+
+def hidden_share(rim: int, before: int) -> float:
+    """Of `rim` pairs of neighbours along an instance's edge, `before` have the other thing in front."""
+    return before / rim if rim else 0.0
