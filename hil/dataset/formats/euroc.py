@@ -1,0 +1,162 @@
+"""The ASL layout of the EuRoC data set: mav0/SENSOR/{sensor.yaml, data.csv, data/<t_ns>.ENDING}.
+
+    imu0                          t, angular rate, specific force, in the sensor's frame S
+    cam0, depth0, ...             t, name of the file in data/
+    state_groundtruth_estimate0   t, p_RS_R, q_RS (w-x-y-z), v_RS_R, gyro bias, accelerometer bias
+    leica0                        t, p_RS_R
+    gps0                          t, geodetic position, velocity and what the receiver says of them; not in EuRoC
+
+R is the world (east, north, up), S the body (forward, left, up; origin at the centre of mass) in the ground truth, and
+the sensor elsewhere; T_BS takes points from S to the body. As in EuRoC a CSV's first line names its columns, times are
+whole nanoseconds, quaternions begin with w. Numbers are written with as many digits as it takes to read back the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+
+from hil.signals.errors import RecordingError
+from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
+
+ROOT = "mav0"
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+_XYZ = "xyz"
+
+
+def _columns(name: str, unit: str, axes: str = _XYZ) -> list[str]:
+    return [f"{name}_{axis} [{unit}]" for axis in axes]
+
+
+_T = "#timestamp [ns]"
+FILE_HEADER = f"{_T},filename"
+IMU_HEADER = ",".join([_T, *_columns("w_RS_S", "rad s^-1"), *_columns("a_RS_S", "m s^-2")])
+TRUTH_HEADER = ",".join(
+    [
+        "#timestamp",
+        *_columns("p_RS_R", "m"),
+        *_columns("q_RS", "", "wxyz"),
+        *_columns("v_RS_R", "m s^-1"),
+        *_columns("b_w_RS_S", "rad s^-1"),
+        *_columns("b_a_RS_S", "m s^-2"),
+    ]
+)
+LEICA_HEADER = ",".join([_T, *_columns("p_RS_R", "m")])
+GPS_HEADER = ",".join(
+    [
+        _T,
+        *("latitude [deg]", "longitude [deg]", "altitude [m]", *_columns("v_RS_R", "m s^-1")),
+        *("horizontal_accuracy [m]", "vertical_accuracy [m]", "fix_type []", "satellites []"),
+    ]
+)
+_NO_BIAS: Vec3 = (0.0, 0.0, 0.0)
+
+
+def file_name(t_ns: int, ending: str) -> str:
+    """Of one sample in data/."""
+    _check_time(t_ns)
+    return f"{t_ns}.{ending}"
+
+
+def file_row(t_ns: int, ending: str) -> str:
+    return f"{t_ns},{file_name(t_ns, ending)}\n"
+
+
+def imu_row(sample: ImuSample) -> str:
+    return _row(sample.t_capture_ns, (*sample.gyro_radps, *sample.accel_mps2))
+
+
+def truth_row(truth: TruthState, *, gyro_bias_radps: Vec3 = _NO_BIAS, accel_bias_mps2: Vec3 = _NO_BIAS) -> str:
+    """Biases as far as somebody knows them; zeros say nothing."""
+    state = (*truth.p_WB, *truth.q_WB, *truth.v_WB_W)
+    return _row(truth.t_ns, (*state, *gyro_bias_radps, *accel_bias_mps2))
+
+
+def leica_row(truth: TruthState) -> str:
+    return _row(truth.t_ns, truth.p_WB)
+
+
+def gps_row(sample: GpsSample) -> str:
+    place = (sample.latitude_deg, sample.longitude_deg, sample.altitude_m, *sample.v_W)
+    accuracy = (sample.horizontal_accuracy_m, sample.vertical_accuracy_m)
+    return _row(sample.t_capture_ns, (*place, *accuracy)).rstrip("\n") + f",{sample.fix_type},{sample.satellites}\n"
+
+
+def table(header: str, rows: Iterable[str]) -> str:
+    """A whole data.csv. Raises RecordingError where time does not rise from row to row."""
+    text = [header + "\n"]
+    before = -1
+    for row in rows:
+        t_ns = int(row[: row.index(",")])
+        if t_ns <= before:
+            raise RecordingError(f"data.csv: time must rise from row to row, but {t_ns} ns follows {before} ns")
+        before = t_ns
+        text.append(row)
+    return "".join(text)
+
+
+def sensor_yaml(
+    sensor_type: str, *, comment: str, T_BS: Sequence[float], rate_hz: float, more: Mapping[str, object] | None = None
+) -> str:
+    """sensor.yaml of any sensor; cameras have their own, `sim.frame.calibration_text.euroc_yaml`.
+
+    `T_BS`: 4 x 4, row by row, sensor to body. `more`: further keys, such as the noise of an IMU.
+    """
+    if len(T_BS) != 16:
+        raise RecordingError(f"{sensor_type}: T_BS has 16 numbers, row by row, not {len(T_BS)}")
+    return "\n".join(
+        [
+            f"sensor_type: {sensor_type}",
+            f"comment: {json.dumps(comment)}",
+            "T_BS:",
+            "  cols: 4",
+            "  rows: 4",
+            f"  data: [{', '.join(repr(float(x)) for x in T_BS)}]",
+            f"rate_hz: {float(rate_hz)!r}",
+            *(f"{key}: {_value(value)}" for key, value in (more or {}).items()),
+            "",
+        ]
+    )
+
+
+def imu_yaml(
+    *,
+    comment: str,
+    T_BS: Sequence[float],
+    rate_hz: float,
+    gyro_noise_radps_per_rthz: float,
+    gyro_walk_radps2_per_rthz: float,
+    accel_noise_mps2_per_rthz: float,
+    accel_walk_mps3_per_rthz: float,
+) -> str:
+    noise = {
+        "gyroscope_noise_density": gyro_noise_radps_per_rthz,
+        "gyroscope_random_walk": gyro_walk_radps2_per_rthz,
+        "accelerometer_noise_density": accel_noise_mps2_per_rthz,
+        "accelerometer_random_walk": accel_walk_mps3_per_rthz,
+    }
+    return sensor_yaml("imu", comment=comment, T_BS=T_BS, rate_hz=rate_hz, more=noise)
+
+
+def body_yaml(comment: str) -> str:
+    """mav0/body.yaml."""
+    return f"comment: {json.dumps(comment)}\n"
+
+
+def _value(value: object) -> str:
+    """JSON is YAML, but for numbers such as 1e-05: YAML 1.1 wants a point in them."""
+    if isinstance(value, float):
+        text = repr(value)
+        return text.replace("e", ".0e") if "e" in text and "." not in text else text
+    return json.dumps(value)
+
+
+def _row(t_ns: int, values: Sequence[float]) -> str:
+    _check_time(t_ns)
+    return f"{t_ns},{','.join([repr(float(v)) for v in values])}\n"
+
+
+def _check_time(t_ns: int) -> None:
+    if t_ns < 0:
+        raise RecordingError(f"a time must be 0 ns or later, not {t_ns}")

@@ -1,0 +1,65 @@
+"""LiDAR sweeps as KITTI and SemanticKITTI have them.
+
+NAME.bin     float32, little endian: x, y, z [m] in the LiDAR's frame (forward, left, up), intensity 0 to 1
+NAME.label   uint32, little endian, one a point: class in the low 16 bits, instance in the high 16 (0: not known)
+NAME.csv     the same and more as text: slow, for who wants to look at it
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import RecordingError
+from hil.signals.samples import PointCloudSample
+
+CSV_HEADER = "x [m],y [m],z [m],intensity [],range [m],ring [],time_offset [ns],class []"
+_CSV_ROW = "%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d\n"  # nine digits read back to the same float32
+
+
+def lidar_bin(sample: PointCloudSample) -> bytes:
+    _check(sample)
+    points = np.empty((len(sample.points_L), 4), "<f4")
+    points[:, :3] = sample.points_L
+    points[:, 3] = sample.intensity
+    return points.tobytes()
+
+
+def lidar_label(sample: PointCloudSample, instance: NDArray[np.uint16] | None = None) -> bytes:
+    _check(sample)
+    labels = sample.segmentation.astype("<u4")
+    if instance is not None:
+        if len(instance) != len(labels):
+            raise RecordingError(f"LiDAR labels: {len(labels)} points, but {len(instance)} instances")
+        labels |= instance.astype("<u4") << np.uint32(16)
+    return labels.tobytes()
+
+
+def lidar_csv(sample: PointCloudSample) -> bytes:
+    _check(sample)
+    columns = [
+        *sample.points_L.T.tolist(),
+        sample.intensity.tolist(),
+        sample.range_m.tolist(),
+        sample.ring.tolist(),
+        sample.time_offset_ns.tolist(),
+        sample.segmentation.tolist(),
+    ]
+    rows = [_CSV_ROW % row for row in zip(*columns, strict=True)]
+    return "".join([CSV_HEADER + "\n", *rows]).encode()
+
+
+def read_lidar_bin(data: bytes) -> NDArray[np.float32]:
+    """(n, 4)."""
+    if len(data) % 16:
+        raise RecordingError(f"a LiDAR sweep of {len(data)} bytes was cut off: points have 16")
+    return np.frombuffer(data, "<f4").reshape(-1, 4)
+
+
+def _check(sample: PointCloudSample) -> None:
+    n = len(sample.points_L)
+    if sample.points_L.shape != (n, 3) or len(sample.intensity) != n or len(sample.segmentation) != n:
+        raise RecordingError(
+            f"LiDAR sweep {sample.seq}: points {sample.points_L.shape}, {len(sample.intensity)} intensities and "
+            f"{len(sample.segmentation)} classes do not fit together"
+        )

@@ -1,0 +1,68 @@
+"""Radar frames as numpy files.
+
+raw/<t_ns>.npy            uint16 (receivers, chirps, samples): what the ADC gave
+range_doppler/<t_ns>.npy  float32 (chirps, samples / 2): power in ADC counts squared, rows by speed, 0 in the middle
+radar.json                the chirp, in the maker's words and with what follows from it
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals.errors import RecordingError
+from sim.radar.chirp import Chirp
+from sim.radar.recording import device_config
+
+CONFIG_NAME = "radar.json"
+
+
+def npy(array: NDArray[Any]) -> bytes:
+    """A numpy file (version 1.0), little endian, rows one after the other."""
+    if array.dtype.hasobject:
+        raise RecordingError("a numpy file of a data set holds numbers, not objects")
+    file = io.BytesIO()
+    plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
+    np.lib.format.write_array(file, plain, version=(1, 0), allow_pickle=False)
+    return file.getvalue()
+
+
+def raw_npy(adc: NDArray[np.uint16], chirp: Chirp) -> bytes:
+    if adc.dtype != np.uint16 or adc.ndim != 3 or adc.shape[1:] != (chirp.chirps, chirp.samples):
+        raise RecordingError(
+            f"radar: raw samples must be uint16 (receivers, {chirp.chirps}, {chirp.samples}), "
+            f"not {adc.dtype} {adc.shape}"
+        )
+    return npy(adc)
+
+
+def range_doppler_npy(power: NDArray[np.float32], chirp: Chirp) -> bytes:
+    wanted = (chirp.chirps, chirp.samples // 2)
+    if power.dtype != np.float32 or power.shape != wanted:
+        raise RecordingError(f"radar: a range-Doppler map must be float32 {wanted}, not {power.dtype} {power.shape}")
+    return npy(power)
+
+
+def radar_json(chirp: Chirp, rx_antennas: Sequence[int], *, rate_hz: float) -> str:
+    """`hil radar` reads `device_config`."""
+    config = {
+        **device_config(chirp, rx_antennas, frame_repetition_s=1.0 / rate_hz),
+        "raw": {"dtype": "uint16", "axes": ["receiver", "chirp", "sample"], "unit": "ADC count"},
+        "range_doppler": {
+            "dtype": "float32",
+            "axes": ["speed", "range"],
+            "unit": "ADC count squared",
+            "range_step_m": chirp.range_resolution_m,
+            "speed_step_mps": chirp.speed_resolution_mps,
+            "zero_speed_row": chirp.chirps // 2,
+        },
+        "max_range_m": chirp.max_range_m,
+        "max_speed_mps": chirp.max_speed_mps,
+        "wavelength_m": chirp.wavelength_m,
+    }
+    return json.dumps(config, indent=2) + "\n"
