@@ -18,6 +18,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from hil.signals.errors import RecordingError
 from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
+from sim.frame.calibration_text import euroc_yaml
+from sim.frame.camera_model import CameraModel
 
 ROOT = "mav0"
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -99,7 +101,7 @@ def table(header: str, rows: Iterable[str]) -> str:
 def sensor_yaml(
     sensor_type: str, *, comment: str, T_BS: Sequence[float], rate_hz: float, more: Mapping[str, object] | None = None
 ) -> str:
-    """sensor.yaml of any sensor; cameras have their own, `sim.frame.calibration_text.euroc_yaml`.
+    """sensor.yaml of any sensor; pictures have their own, `picture_yaml`.
 
     `T_BS`: 4 x 4, row by row, sensor to body. `more`: further keys, such as the noise of an IMU.
     """
@@ -118,6 +120,21 @@ def sensor_yaml(
             "",
         ]
     )
+
+
+def picture_yaml(
+    camera: CameraModel,
+    sensor_type: str = "camera",
+    *,
+    comment: str,
+    T_BS: Sequence[float],
+    rate_hz: float,
+    more: Mapping[str, object] | None = None,
+) -> str:
+    """Of a camera, or of another picture through the same lens, such as depth. `more`: what its values mean."""
+    text = euroc_yaml(camera, rate_hz=rate_hz, T_BS=T_BS, comment=json.dumps(comment))
+    text = text.replace("sensor_type: camera\n", f"sensor_type: {sensor_type}\n", 1)
+    return text + "".join(f"{key}: {_value(value)}\n" for key, value in (more or {}).items())
 
 
 def imu_yaml(

@@ -5,14 +5,15 @@ one set, and where two sets meet, the first `guard_frames` of the later segment 
 are counted without the guards.
 
 Segments go, along the trajectory, to the set that lags most behind its share; then single segments move or change
-places while that brings the counts nearer to the shares. The same input always gives the same split.
+places while that brings the counts nearer to the shares. No set stays empty that could have frames. The same input
+always gives the same split.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 from hil.signals.errors import RecordingError
 
@@ -21,6 +22,8 @@ SHARES = (0.6, 0.2, 0.2)
 GUARD = "guard"
 _SEGMENTS = 20  # of a trajectory that has none of its own
 _LEAST_FRAMES = 10  # of such a segment
+_FIFTHS = 5
+_ALL_TRIED = 7  # segments: 2187 ways
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,15 @@ class Split:
         return {name: counts[name] / used if used else 0.0 for name in SETS}
 
 
-def equal_segments(frames: int, segments: int = 0) -> list[int]:
-    """First frames of segments as long as one another; without a number, of a sensible one."""
+def equal_segments(frames: int, segments: int = 0, *, guard_frames: int = 0) -> list[int]:
+    """First frames of segments as long as one another; without a number, of a sensible one, longer than the guard."""
     if frames < 1:
         raise RecordingError("split: there are no frames")
     count = segments or min(_SEGMENTS, max(len(SETS), frames // _LEAST_FRAMES))
+    if not segments and count > _FIFTHS:
+        count -= count % _FIFTHS  # of fifths three, one and one make the shares
+    if not segments:
+        count = max(1, min(count, frames // (guard_frames + 1)))
     count = min(count, frames)
     return [i * frames // count for i in range(count)]
 
@@ -63,7 +70,7 @@ def split_frames(
     With fewer than three segments some set stays empty. Raises RecordingError for no frames, starts that do not rise
     from 0, and segments that are no longer than the guard.
     """
-    firsts = equal_segments(frames) if starts is None else list(starts)
+    firsts = equal_segments(frames, guard_frames=max(guard_frames, 0)) if starts is None else list(starts)
     _check(frames, firsts, guard_frames, shares)
     lengths = [end - first for first, end in zip(firsts, [*firsts[1:], frames], strict=True)]
     sets = _nearest(lengths, _assigned(lengths, shares), guard_frames, shares)
@@ -116,12 +123,19 @@ def _error(lengths: Sequence[int], sets: Sequence[int], guard: int, shares: Sequ
     for index, (length, chosen) in enumerate(zip(lengths, sets, strict=True)):
         counts[chosen] += length - (guard if index and sets[index - 1] != chosen else 0)
     used = sum(counts)
-    return sum(abs(count - share * used) for count, share in zip(counts, shares, strict=True)) / used
+    empty = sum(count == 0 and share > 0.0 for count, share in zip(counts, shares, strict=True))
+    return empty + sum(abs(count - share * used) for count, share in zip(counts, shares, strict=True)) / used
 
 
 def _nearest(lengths: Sequence[int], sets: list[int], guard: int, shares: Sequence[float]) -> list[int]:
-    """The best change of one segment or of two, again and again until there is none."""
+    """The best of all where there are few segments; else the best change of one or of two, again and again."""
     best, best_error = sets, _error(lengths, sets, guard, shares)
+    if len(lengths) <= _ALL_TRIED:
+        for tried in product(range(len(SETS)), repeat=len(lengths)):
+            error = _error(lengths, tried, guard, shares)
+            if error < best_error - 1e-12:
+                best, best_error = list(tried), error
+        return best
     while True:
         now = best
         for changed in _changes(now):

@@ -1,0 +1,264 @@
+"""CSV, YAML, LiDAR, radar and the datasheet of a data set, read back."""
+
+from __future__ import annotations
+
+import io
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.dataset.formats import euroc
+from hil.dataset.formats.datasheet import Datasheet, SamplePicture, SensorRow, datasheet_html, histogram_svg
+from hil.dataset.formats.labels import ObjectLabel, PictureLabels
+from hil.dataset.formats.lidar_bin import CSV_HEADER, lidar_bin, lidar_csv, lidar_label, read_lidar_bin
+from hil.dataset.formats.looks import cloud_look, radar_look, with_boxes
+from hil.dataset.formats.pictures import PictureEncoder
+from hil.dataset.formats.radar_npy import radar_json, range_doppler_npy, raw_npy
+from hil.dataset.formats.split import split_frames
+from hil.signals.classes import Classes
+from hil.signals.errors import RecordingError
+from hil.signals.samples import GpsSample, ImuSample, PointCloudSample, TruthState
+from sim.frame.camera_model import CameraModel
+from sim.radar.chirp import Chirp
+from sim.radar.recording import load_recording
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
+CLASSES = Classes(("none", "tree"), ((0, 0, 0), (0, 200, 0)))
+
+
+def truth(t_ns: int, x: float = 0.0) -> TruthState:
+    zero = (0.0, 0.0, 0.0)
+    return TruthState(0, t_ns, (x, 1.5, -2.0), (0.5, -0.5, 0.5, 0.5), (0.1, 0.2, 0.3), zero, zero, zero, (), False)
+
+
+def rows_of(text: str) -> tuple[list[str], list[list[float]]]:
+    head, *rows = text.splitlines()
+    return head.split(","), [[float(value) for value in row.split(",")] for row in rows]
+
+
+@given(st.tuples(FINITE, FINITE, FINITE), st.tuples(FINITE, FINITE, FINITE), st.integers(0, 2**62))
+def test_imu_rows_read_back_to_the_same_numbers(
+    accel: tuple[float, float, float], gyro: tuple[float, float, float], t_ns: int
+) -> None:
+    sample = ImuSample(0, t_ns, t_ns, accel, gyro, 20.0)
+    text = euroc.table(euroc.IMU_HEADER, [euroc.imu_row(sample)])
+    head, (row,) = rows_of(text)
+    assert len(head) == 7
+    assert tuple(row[1:]) == (*gyro, *accel)
+    assert int(text.splitlines()[1].split(",")[0]) == t_ns
+
+
+def test_truth_has_the_columns_of_euroc() -> None:
+    text = euroc.table(euroc.TRUTH_HEADER, [euroc.truth_row(truth(0)), euroc.truth_row(truth(4, 0.25))])
+    head, rows = rows_of(text)
+    assert len(head) == 17
+    assert head[0] == "#timestamp"
+    assert head[4].startswith("q_RS_w")
+    assert rows[1] == [4.0, 0.25, 1.5, -2.0, 0.5, -0.5, 0.5, 0.5, 0.1, 0.2, 0.3, *[0.0] * 6]
+    assert rows_of(euroc.table(euroc.LEICA_HEADER, [euroc.leica_row(truth(0))]))[1] == [[0.0, 0.0, 1.5, -2.0]]
+
+
+def test_gps_row() -> None:
+    sample = GpsSample(0, 5, 9, 47.1, 8.5, 400.25, (1.0, 2.0, 3.0), 0.8, 1.2, 3, 11)
+    head, (row,) = rows_of(euroc.table(euroc.GPS_HEADER, [euroc.gps_row(sample)]))
+    assert len(head) == len(row)
+    assert row == [5.0, 47.1, 8.5, 400.25, 1.0, 2.0, 3.0, 0.8, 1.2, 3.0, 11.0]
+
+
+@pytest.mark.parametrize("times", [(0, 0), (5, 4)])
+def test_time_must_rise(times: tuple[int, int]) -> None:
+    with pytest.raises(RecordingError, match="time must rise"):
+        euroc.table(euroc.FILE_HEADER, [euroc.file_row(t, "png") for t in times])
+
+
+def test_no_rows_and_no_negative_time() -> None:
+    assert euroc.table(euroc.FILE_HEADER, []) == "#timestamp [ns],filename\n"
+    assert euroc.file_row(100, "png") == "100,100.png\n"
+    with pytest.raises(RecordingError, match="0 ns or later"):
+        euroc.file_row(-1, "png")
+
+
+def test_sensor_yaml_reads_as_yaml_with_numbers() -> None:
+    text = euroc.imu_yaml(
+        comment="an IMU: of a bench",
+        T_BS=euroc.IDENTITY,
+        rate_hz=250.0,
+        gyro_noise_radps_per_rthz=1e-05,
+        gyro_walk_radps2_per_rthz=2.5e-07,
+        accel_noise_mps2_per_rthz=0.002,
+        accel_walk_mps3_per_rthz=0.0,
+    )
+    data = yaml.safe_load(text)
+    assert data["sensor_type"] == "imu"
+    assert data["comment"] == "an IMU: of a bench"
+    assert data["T_BS"] == {"cols": 4, "rows": 4, "data": list(euroc.IDENTITY)}
+    assert data["rate_hz"] == 250.0
+    assert data["gyroscope_noise_density"] == 1e-5
+    assert data["gyroscope_random_walk"] == 2.5e-7
+    assert data["accelerometer_noise_density"] == 0.002
+    assert data["accelerometer_random_walk"] == 0.0
+    assert yaml.safe_load(euroc.body_yaml("a: b")) == {"comment": "a: b"}
+    with pytest.raises(RecordingError, match="16 numbers"):
+        euroc.sensor_yaml("lidar", comment="", T_BS=(1.0,), rate_hz=10.0)
+
+
+def test_depth_has_the_camera_s_calibration_and_its_own_scale() -> None:
+    camera = CameraModel.from_opencv(320, 240, 160.0, 161.0, 159.5, 119.5)
+    text = euroc.picture_yaml(
+        camera, "depth", comment="depth: 1 mm", T_BS=euroc.IDENTITY, rate_hz=10.0, more={"step_m": 0.001}
+    )
+    data = yaml.safe_load(text)
+    assert data["sensor_type"] == "depth"
+    assert data["comment"] == "depth: 1 mm"
+    assert data["intrinsics"] == [160.0, 161.0, 159.5, 119.5]
+    assert data["resolution"] == [320, 240]
+    assert data["distortion_model"] == "radial-tangential"
+    assert data["distortion_coefficients"] == [0.0] * 4
+    assert data["step_m"] == 0.001
+
+
+def test_evo_reads_the_ground_truth(tmp_path: Path) -> None:
+    file_interface = pytest.importorskip("evo.tools.file_interface", reason="evo is not installed")
+    path = tmp_path / "data.csv"
+    path.write_text(euroc.table(euroc.TRUTH_HEADER, [euroc.truth_row(truth(i * 4_000_000, i)) for i in range(50)]))
+    trajectory = file_interface.read_euroc_csv_trajectory(str(path))
+    assert trajectory.check()[0]
+    assert trajectory.num_poses == 50
+    assert trajectory.positions_xyz[7].tolist() == [7.0, 1.5, -2.0]
+    assert trajectory.orientations_quat_wxyz[7].tolist() == [0.5, -0.5, 0.5, 0.5]
+
+
+def cloud(n: int = 200) -> PointCloudSample:
+    rng = np.random.default_rng(2)
+    return PointCloudSample(
+        3,
+        0,
+        0,
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0, 0.0),
+        rng.normal(size=(n, 3)).astype(np.float32),
+        rng.random(n).astype(np.float32),
+        rng.random(n).astype(np.float32),
+        rng.integers(0, 16, n).astype(np.uint8),
+        rng.integers(-1000, 1000, n).astype(np.int32),
+        rng.integers(0, 200, n).astype(np.uint8),
+    )
+
+
+@pytest.mark.parametrize("n", [0, 1, 200])
+def test_lidar_reads_back_bit_for_bit(n: int) -> None:
+    sample = cloud(n)
+    points = read_lidar_bin(lidar_bin(sample))
+    assert np.array_equal(points[:, :3], sample.points_L)
+    assert np.array_equal(points[:, 3], sample.intensity)
+    labels = np.frombuffer(lidar_label(sample, np.full(n, 77, np.uint16)), "<u4")
+    assert np.array_equal(labels & 0xFFFF, sample.segmentation)
+    assert np.all(labels >> 16 == 77)
+    head, rows = rows_of(lidar_csv(sample).decode())
+    assert len(head) == len(CSV_HEADER.split(","))
+    table = np.array(rows, np.float32).reshape(-1, 8)
+    assert np.array_equal(table[:, :3], sample.points_L)
+    assert np.array_equal(table[:, 3], sample.intensity)
+    assert np.array_equal(table[:, 4], sample.range_m)
+    assert np.array_equal(table[:, 5:].astype(int).T, [sample.ring, sample.time_offset_ns, sample.segmentation])
+
+
+def test_lidar_refusals() -> None:
+    with pytest.raises(RecordingError, match="cut off"):
+        read_lidar_bin(b"123")
+    with pytest.raises(RecordingError, match="do not fit together"):
+        lidar_bin(cloud()._replace(intensity=np.zeros(3, np.float32)))
+    with pytest.raises(RecordingError, match="200 points, but 3 instances"):
+        lidar_label(cloud(), np.zeros(3, np.uint16))
+
+
+def test_radar_reads_back_and_its_settings_open_as_a_recording(tmp_path: Path) -> None:
+    adc = np.arange(3 * 4 * 16, dtype=np.uint16).reshape(3, 4, 16)
+    power = np.random.default_rng(0).random((4, 8)).astype(np.float32)
+    assert np.array_equal(np.load(io.BytesIO(raw_npy(adc, CHIRP))), adc)
+    assert np.array_equal(np.load(io.BytesIO(range_doppler_npy(power, CHIRP))), power)
+    assert raw_npy(adc, CHIRP) == raw_npy(adc.copy(order="F"), CHIRP)
+    text = radar_json(CHIRP, (1, 2, 3), rate_hz=10.0)
+    assert json.loads(text)["range_doppler"]["zero_speed_row"] == 2
+    (tmp_path / "raw.json").write_text(text)
+    np.save(tmp_path / "raw.npy", adc[None])
+    recording = load_recording(tmp_path / "raw.npy")
+    assert recording.chirp.bandwidth_hz == pytest.approx(CHIRP.bandwidth_hz)
+    assert recording.frame_repetition_s == pytest.approx(0.1)
+    assert recording.rx_antennas == (1, 2, 3)
+    with pytest.raises(RecordingError, match=r"uint16 \(receivers, 4, 16\)"):
+        raw_npy(adc[0], CHIRP)
+    with pytest.raises(RecordingError, match="float32"):
+        range_doppler_npy(power.astype(np.float64), CHIRP)  # type: ignore[arg-type]
+
+
+class Page(HTMLParser):
+    """Tags that were opened and closed, what the page wants from outside, and its text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.outside: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.outside += [v or "" for k, v in attrs if k in ("src", "href") and not (v or "").startswith("data:")]
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data + " "
+
+
+def sheet() -> Datasheet:
+    pixels = [0] * 256
+    pixels[0], pixels[1] = 750, 250
+    picture = PictureEncoder().rgb_png(np.zeros((4, 4, 3), np.uint8))
+    return Datasheet(
+        title="park & <tree>",
+        about=["a < b"],
+        made={"scene": "park"},
+        frames=100,
+        duration_s=10.0,
+        sensors=[SensorRow("cam0", "mav0/cam0", "colour", 10.0, 100)],
+        classes=CLASSES,
+        class_pixels=pixels,
+        class_objects={1: (3, 2, 1, 0)},
+        split=split_frames(100),
+        pictures=[SamplePicture("rgb", picture)],
+    )
+
+
+def test_datasheet_stands_alone_and_says_what_is_in_it() -> None:
+    text = datasheet_html(sheet())
+    page = Page()
+    page.feed(text)
+    assert page.open == []
+    assert page.outside == []
+    for wanted in ("park & <tree>", "a < b", "mav0/cam0", "6 labelled objects", "75 %", "CC0-1.0", "validation"):
+        assert wanted in page.text, wanted
+    assert text == datasheet_html(sheet())
+    assert "No pixels" in histogram_svg(CLASSES, [0] * 256)
+
+
+def test_looks_show_boxes_points_and_echoes() -> None:
+    labels = PictureLabels(20, 10, (ObjectLabel(1, 1, 2, 3, 6, 8, 9, False, 0.0),), np.zeros(256, np.int64))
+    marked = with_boxes(np.zeros((10, 20, 3), np.uint8), labels)
+    assert marked.any(axis=2).sum() == 2 * 5 + 2 * 4
+    assert marked[3, 2].tolist() == marked[8, 6].tolist() == [255, 255, 0]
+    points = np.array([[39.9, 39.9, 0.0], [100.0, 0.0, 0.0]], np.float32)
+    assert cloud_look(points, np.array([1, 1], np.uint8), CLASSES).data[:4] == b"\x89PNG"
+    assert radar_look(np.zeros((4, 8), np.float32)).data[:4] == b"\x89PNG"
