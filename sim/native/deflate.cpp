@@ -8,11 +8,12 @@
 namespace hil::sim {
 namespace {
 
-constexpr int kHashBits = 14;
+constexpr int kHashBits = 13;
 constexpr std::size_t kWindow = 32768;
-constexpr std::size_t kShortest = 4, kLongest = 258;
+// Shorter matches than two RGB pixels cost time and, in noise, more bits than they save.
+constexpr std::size_t kShortest = 6, kLongest = 258;
 constexpr int kEnd = 256;       // symbol that ends a block
-constexpr int kSkipShift = 6;   // after 2^6 places without a match every second is tried, and so on
+constexpr int kSkipShift = 5;   // after 2^5 places without a match every second is tried, and so on
 constexpr std::size_t kStored = 65535;
 constexpr std::size_t kToken = 6;    // most bytes of one: 15 + 5 + 15 + 13 bits
 constexpr std::size_t kHead = 1024;  // more than a block's code lengths and its end can take
@@ -61,12 +62,16 @@ struct Tables {
 
 const Tables kTables;
 
-std::uint32_t load4(const std::uint8_t *p) {
-    return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8 |
-           static_cast<std::uint32_t>(p[2]) << 16 | static_cast<std::uint32_t>(p[3]) << 24;
+// The next `kShortest` bytes, of eight that there must be.
+std::uint64_t load(const std::uint8_t *p) {
+    std::uint64_t value = 0;
+    for (int i = 0; i < 8; ++i) value |= std::uint64_t{p[i]} << (8 * i);
+    return value << (64 - 8 * kShortest);
 }
 
-std::uint32_t hash_of(std::uint32_t four) { return (four * 2654435761u) >> (32 - kHashBits); }
+std::uint32_t hash_of(std::uint64_t bytes) {
+    return static_cast<std::uint32_t>((bytes * 0x9e3779b97f4a7c15u) >> (64 - kHashBits));
+}
 
 std::size_t match_length(const std::uint8_t *a, const std::uint8_t *b, std::size_t most) {
     std::size_t n = 0;
@@ -254,21 +259,22 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
         *token++ = data[place];
         ++literal_count_[data[place]];
     };
-    while (at + kShortest <= size) {
-        const std::uint32_t four = load4(data + at);
-        std::uint32_t &seen = head_[hash_of(four)];
+    while (at + 8 <= size) {
+        const std::uint64_t bytes = load(data + at);
+        std::uint32_t &seen = head_[hash_of(bytes)];
         const std::size_t before = seen;
         seen = static_cast<std::uint32_t>(at + 1);
-        if (before && at + 1 - before <= kWindow && load4(data + before - 1) == four) {
+        if (before && at + 1 - before <= kWindow && load(data + before - 1) == bytes) {
             const std::size_t distance = at + 1 - before;
             const std::size_t length =
-                4 + match_length(data + at + 4, data + before + 3, std::min(kLongest, size - at) - 4);
+                kShortest + match_length(data + at + kShortest, data + before - 1 + kShortest,
+                                         std::min(kLongest, size - at) - kShortest);
             *token++ = static_cast<std::uint32_t>(length << 16 | distance);
             ++literal_count_[kTables.length[length].symbol];
             ++distance_count_[kTables.of_distance(static_cast<std::uint32_t>(distance)).symbol];
             at += length;
             missed = 0;
-            if (at + 3 <= size) head_[hash_of(load4(data + at - 1))] = static_cast<std::uint32_t>(at);
+            if (at + 7 <= size) head_[hash_of(load(data + at - 1))] = static_cast<std::uint32_t>(at);
         } else {
             const std::size_t end = std::min(size, at + 1 + (missed++ >> kSkipShift));
             for (; at < end; ++at) literal(at);

@@ -6,6 +6,7 @@ import hashlib
 import io
 import struct
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -29,7 +30,7 @@ from hil.signals.errors import RecordingError
 from sim._kernels import PngEncoder
 
 # Of a fixed picture's files.
-DIGEST = "e418d61a75761bfab11f718160b67f8db94cd76883a571f57c67dd5dc63d3b2d"
+DIGEST = "d679f5e55b597d2dde27a17347c77849d5251e9e27f3350e40d424f027d7e76a"
 SIDES = st.integers(1, 40)
 
 
@@ -107,6 +108,15 @@ def test_bytes_are_these_on_every_machine() -> None:
     digest = hashlib.sha256(encoder.rgb_png(rgb) + encoder.instance_png((x // 9 * 300).astype(np.uint16))).hexdigest()
     assert digest == DIGEST
     assert encoder.rgb_png(rgb) == PictureEncoder().rgb_png(rgb)
+
+
+def test_workers_write_the_same_bytes() -> None:
+    rng = np.random.default_rng(5)
+    frames = [rng.integers(0, 1 << bits, (48, 64, 3), dtype=np.uint8) for bits in (1, 2, 4, 8)] * 4
+    encoder = PictureEncoder()
+    alone = [encoder.rgb_png(frame) for frame in frames]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(lambda frame: PictureEncoder().rgb_png(frame), frames)) == alone
 
 
 @given(st.lists(st.floats(0.0, 65.5, width=32), min_size=1, max_size=50))

@@ -7,7 +7,7 @@
 namespace hil::sim::frame {
 namespace {
 
-float inverse(float depth) { return depth > 0.0f && depth <= std::numeric_limits<float>::max() ? 1.0f / depth : 0.0f; }
+bool real(float depth) { return depth > 0.0f && depth <= std::numeric_limits<float>::max(); }
 
 }  // namespace
 
@@ -21,17 +21,18 @@ std::int32_t InstanceScan::slot_of(std::uint16_t id) {
 }
 
 // Neighbours `at` and `at + step` of different ids, seen from the first: the second may stand in front.
-// `beyond`: at + 2 step lies in the picture.
+// `beyond`: at + 2 step lies in the picture. The inequality of the header, times all three depths.
 void InstanceScan::pair(const LabelPicture &p, std::int32_t at, std::int32_t step, bool beyond) {
     const std::uint16_t id = p.instance[at];
     if (!id) return;
     InstanceRow &row = rows_[static_cast<std::size_t>(slot_[id])];
     ++row.rim;
-    if (!p.depth) return;
     const std::int32_t other = at + step, next = other + step;
-    float front = inverse(p.depth[other]);
-    if (beyond && p.instance[next] == p.instance[other]) front = 2.0f * front - inverse(p.depth[next]);
-    row.hidden += front > kInFront * inverse(p.depth[at]);
+    if (!p.depth || !real(p.depth[other])) return;
+    const double z_p = p.depth[at], z_q = p.depth[other];
+    double z_r = z_q;
+    if (beyond && p.instance[next] == p.instance[other] && real(p.depth[next])) z_r = p.depth[next];
+    row.hidden += z_p * (2.0 * z_r - z_q) > kInFront * z_q * z_r;
 }
 
 const std::vector<InstanceRow> &InstanceScan::scan(const LabelPicture &p, std::int64_t *class_pixels) {

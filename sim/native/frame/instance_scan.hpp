@@ -18,7 +18,7 @@ struct InstanceRow {
 // at the instance's pixel is 2 / z_q - 1 / z_r, where q is the neighbour and r the next pixel of the same thing beyond
 // it (1 / z_q where there is none). Nearer than the instance by more than kInFront: it stands in front. Ground under a
 // wall touches it at that pixel and does not.
-constexpr float kInFront = 1.03f;
+constexpr double kInFront = 1.03;
 
 struct LabelPicture {
     const std::uint16_t *instance;  // 0: nothing
