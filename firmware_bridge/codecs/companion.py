@@ -33,6 +33,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _PATTERN = re.compile(r"[A-Za-z0-9_./*?\[\]!-]{1,128}")
 _MAX_TOPICS = 256
 _MAX_INT = 2**63 - 1
+_MAX_TIME_NS = 2**62  # sums and differences of two times stay within 64 bits
 _MAX_REASON = 1000  # characters of a client's own words that are kept
 _UNIT_TOLERANCE = 1e-3
 _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it stay finite
@@ -357,20 +358,20 @@ def _done(m: dict[str, Any]) -> Done:
     desired = m.get("desired")
     return Done(
         _integer(m, "frame", 0, _MAX_INT),
-        _integer(m, "t_received_ns", 0, _MAX_INT),
-        _integer(m, "t_sent_ns", 0, _MAX_INT),
-        _integer(m, "t2_ns", 0, _MAX_INT),
+        _integer(m, "t_received_ns", 0, _MAX_TIME_NS),
+        _integer(m, "t_sent_ns", 0, _MAX_TIME_NS),
+        _integer(m, "t2_ns", 0, _MAX_TIME_NS),
         None if desired is None else desired_from_map(desired),
         _flag(m, "finished"),
     )
 
 
 def _ping(m: dict[str, Any]) -> Ping:
-    number, t_client_ns = _integer(m, "id", 0, _MAX_INT), _integer(m, "t_client_ns", 0, _MAX_INT)
+    number, t_client_ns = _integer(m, "id", 0, _MAX_INT), _integer(m, "t_client_ns", 0, _MAX_TIME_NS)
     if m.get("bench_minus_client_ns") is None or m.get("round_trip_ns") is None:
         return Ping(number, t_client_ns)
-    offset_ns = _integer(m, "bench_minus_client_ns", -_MAX_INT, _MAX_INT)
-    return Ping(number, t_client_ns, offset_ns, _integer(m, "round_trip_ns", 0, _MAX_INT))
+    offset_ns = _integer(m, "bench_minus_client_ns", -_MAX_TIME_NS, _MAX_TIME_NS)
+    return Ping(number, t_client_ns, offset_ns, _integer(m, "round_trip_ns", 0, _MAX_TIME_NS))
 
 
 def _bye(m: dict[str, Any]) -> Bye:

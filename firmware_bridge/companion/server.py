@@ -36,6 +36,7 @@ _MESSAGES_PER_ROUND = 256  # then the clock is looked at: a flood cannot hold th
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
 _LINGER_MS = 300  # for the last words to leave
 _REFUSALS_KEPT = 20
+_CLOCKS_APART_NS = 1_000_000  # how much longer than here a function may seem to have taken by another clock
 
 
 class CompanionServer:
@@ -379,6 +380,8 @@ class CompanionServer:
         if done.desired is not None and not client.control:
             raise CodecError("done: a desired state of a client that has no control")
         sent = client.under_way[done.frame]
+        if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
+            raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
         stats = client.stats
         # Frames are answered in order: what is older, the client has passed over.
         for number in [n for n in client.under_way if n <= done.frame]:

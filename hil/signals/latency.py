@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+_LONGEST_NS = 2**63 - 1
 _SUB_BITS = 5  # 32 bins per factor of two: a quantile is within 1/32 = 3 % of the true value
 
 
@@ -21,9 +22,11 @@ class LatencyHistogram:
         self.max_ns = 0
 
     def add(self, duration_ns: int) -> None:
-        """Count one duration; a negative one, of a clock that was set back, counts as 0."""
+        """Count one duration; a negative one, of a clock that was set back, counts as 0, one of centuries as 2^63 - 1."""
         if duration_ns < 0:
             duration_ns = 0
+        elif duration_ns > _LONGEST_NS:
+            duration_ns = _LONGEST_NS
         shift = duration_ns.bit_length() - 1 - _SUB_BITS
         if shift > 0:
             self._bins[(shift << _SUB_BITS) + (duration_ns >> shift)] += 1
