@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections.abc import Iterable
 
 from firmware_bridge.codecs.companion import Hello, HelloRefused, schema_hash
 from firmware_bridge.companion.clients import Client, Clients
 from firmware_bridge.companion.frames import SessionFacts
+from firmware_bridge.companion.patterns import matching
 from firmware_bridge.companion.settings import CompanionSettings
+
+_NAMES = 256  # of clients in a session: what is counted is kept for each of them to the end
 
 
 def group_of(topic: str) -> str:
@@ -28,8 +30,8 @@ class Admission:
     def topics_of(self, patterns: Iterable[str]) -> frozenset[str]:
         """The topics that these patterns name. HelloRefused if one names none, or one that is not to be had."""
         wanted: set[str] = set()
-        for pattern in patterns:
-            named = fnmatch.filter(self.available, pattern)
+        for pattern in dict.fromkeys(patterns):
+            named = matching(self.available, pattern)
             if not named:
                 raise HelloRefused(
                     "topic", f"no topic fits {pattern!r}; there are: {', '.join(sorted(self.available)) or 'none'}"
@@ -53,6 +55,8 @@ class Admission:
         others = [c for c in self._clients.by_name.values() if c.identity != identity]
         if any(c.name == hello.name for c in others):
             raise HelloRefused("name", f"a client named {hello.name} is here already; choose another name")
+        if hello.name not in self._clients.stats and len(self._clients.stats) >= _NAMES:
+            raise HelloRefused("full", f"{_NAMES} names have been here; only they may come back")
         if len(others) >= self._settings.max_clients:
             raise HelloRefused("full", f"there are {len(others)} clients, and no more than that may come")
         if hello.control and not self._flown:

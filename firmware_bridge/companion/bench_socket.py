@@ -100,8 +100,8 @@ class BenchSocket:
         self._sentry.start()
 
     def register(self, poller: zmq.Poller) -> None:
+        """Only what the caller's thread alone uses; the monitor is read under a lock."""
         poller.register(self._socket, zmq.POLLIN)
-        poller.register(self._monitor, zmq.POLLIN)
 
     def receive(self) -> Received | None:
         """The next message; None while there is none."""

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from firmware_bridge.codecs.companion import MAX_CREDIT, Hello
+from firmware_bridge.codecs.companion import MAX_CREDIT, Hello, HelloRefused
 from firmware_bridge.companion.clock_offset import ClockOffset
 from firmware_bridge.companion.frames import ClientInfo
 from hil.signals.latency import LatencyHistogram
@@ -48,6 +48,7 @@ class Client:
     def __init__(
         self, hello: Hello, identity: bytes, fd: int, topics: frozenset[str], groups: frozenset[str], stats: ClientStats
     ) -> None:
+        self.hello = hello
         self.name, self.control, self.topics, self.stats = hello.name, hello.control, topics, stats
         self.identity, self.fd = identity, fd
         self.credit = hello.credit
@@ -85,6 +86,7 @@ class Clients:
         self._by_identity: dict[bytes, Client] = {}
         self.stats: dict[str, ClientStats] = {}
         self.lost: dict[str, str] = {}  # why, by name; those that came back are not in it
+        self._names: dict[int, tuple[bytes, str]] = {}  # by connection: who has had a place there
         self._strangers: OrderedDict[bytes, int] = OrderedDict()
 
     def at(self, identity: bytes) -> Client | None:
@@ -96,9 +98,19 @@ class Clients:
     def stats_of(self, name: str) -> ClientStats:
         return self.stats.setdefault(name, ClientStats())
 
+    def check_name(self, identity: bytes, fd: int, name: str) -> None:
+        """HelloRefused for a second name on one connection."""
+        before = self._names.get(fd)
+        if before is not None and before[0] == identity and before[1] != name:
+            raise HelloRefused("name", f"this connection is {before[1]}'s; {name} needs one of its own")
+
+    def connection_ended(self, fd: int) -> None:
+        self._names.pop(fd, None)
+
     def add(self, client: Client) -> None:
         self.by_name[client.name] = client
         self._by_identity[client.identity] = client
+        self._names[client.fd] = (client.identity, client.name)
         self._strangers.pop(client.identity, None)
         if self.lost.pop(client.name, None) is not None:
             client.stats.returned += 1

@@ -14,7 +14,6 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from math import ceil
 
 import zmq
 
@@ -32,7 +31,9 @@ from firmware_bridge.companion.shared_ring import SharedRing
 from hil.signals.errors import HandshakeError, LinkClosed
 
 _CONTROL = ""  # the group of the first socket
-_MESSAGES_PER_ROUND = 256  # then the clock is looked at: a flood cannot hold the bench
+_SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
+_MS = 1_000_000
+_NAP_NS = 100_000
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
 _LINGER_MS = 300  # for the last words to leave
 _REFUSALS_KEPT = 20
@@ -63,6 +64,7 @@ class CompanionServer:
         self._doorkeeper: Doorkeeper | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._poller = zmq.Poller()
+        self._turn = 0  # which socket is served first
 
     # --- beginning and end ---
 
@@ -298,25 +300,32 @@ class CompanionServer:
         replies: list[Reply] = []
         while self._sockets:
             self._serve(replies)
-            left_ms = (deadline_ns - self._clock_ns()) / 1e6
-            if replies or left_ms <= 0:
+            left_ns = deadline_ns - self._clock_ns()
+            if replies or left_ns <= 0:
                 break
-            self._poller.poll(ceil(min(left_ms, _ROUND_MS)))
+            if left_ns < _MS:  # the poller counts whole milliseconds
+                time.sleep(min(left_ns, _NAP_NS) * 1e-9)
+            else:
+                self._poller.poll(min(left_ns // _MS, _ROUND_MS))
         return replies
 
     def _serve(self, replies: list[Reply]) -> None:
-        """One message of each socket in turn, a bounded number in all."""
+        """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
+        holds the bench."""
         self._watch()
+        end_ns = self._clock_ns() + _SERVE_NS
         waiting = list(self._sockets.items())
-        handled = 0
-        while waiting and handled < _MESSAGES_PER_ROUND:
+        self._turn = (self._turn + 1) % len(waiting)
+        waiting = waiting[self._turn :] + waiting[: self._turn]
+        while waiting:
             still = []
             for group, bound in waiting:
                 message = bound.receive()
                 if message is not None:
-                    handled += 1
                     still.append((group, bound))
                     self._take(group, message, replies)
+                    if self._clock_ns() >= end_ns:
+                        return
             waiting = still
 
     def _watch(self) -> None:
@@ -327,6 +336,7 @@ class CompanionServer:
                 self._refuse_text(f"{bound.endpoint}: {text}", kind="wire")
             for fd in ended:
                 if group == _CONTROL:
+                    self._clients.connection_ended(fd)
                     client = self._clients.on_connection(fd)
                     if client is not None:
                         self._lose(client, "its connection ended")
@@ -422,11 +432,16 @@ class CompanionServer:
             if client.ready:
                 self._joined(client)
             return
+        here = self._clients.at(message.identity)
+        if here is not None:
+            # A client that was cut off while it joined cannot know whether its first hello went with the old
+            # connection, and sends it once more.
+            if hello == here.hello:
+                return
+            raise CodecError("hello: it has a place already; say bye first")
         self._watch()  # a predecessor that has just gone makes its place free
+        self._clients.check_name(message.identity, message.fd, hello.name)
         topics = self._admission.check(hello, message.identity)
-        old = self._clients.at(message.identity)
-        if old is not None:
-            self._lose(old, "it said hello again")
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
         client.credit = min(client.credit, self.settings.max_credit)

@@ -184,7 +184,7 @@ def test_ten_thousand_messages_of_garbage(known: bool) -> None:
         ({"schema": 5}, "malformed"),
         ({"topics": ["sonar"]}, "topic"),
         ({"topics": []}, "malformed"),
-        ({"topics": ["*"] * 257}, "malformed"),
+        ({"topics": ["*"] * 33}, "malformed"),
         ({"topics": "imu"}, "malformed"),
         ({"topics": ["imu\n"]}, "malformed"),
         ({"name": ""}, "name"),

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import fnmatch
+import itertools
+import random
+import time
+from string import ascii_uppercase
+
 import msgpack
 import pytest
 
 from firmware_bridge.codecs.companion import decode_client
 from firmware_bridge.codecs.errors import CodecError
-from tests.links.companion_world import RawClient, answered, frame_of, join, serving, step, until
+from firmware_bridge.companion.server import CompanionServer
+from firmware_bridge.companion.settings import CompanionSettings
+from tests.links.companion_world import FACTS, RawClient, answered, frame_of, join, serving, step, until
 
 MAX_INT = 2**63 - 1
 
@@ -57,3 +65,68 @@ def test_function_cannot_have_taken_longer_than_the_frame_was_away() -> None:
         client.done(0)  # it can still be answered
         answered(server)
         assert server.stats()["cut"].t2.max_ns == 0
+
+
+def costly_patterns(rng: random.Random) -> list[str]:
+    """32 that fit `imu`, none like another."""
+    return ["*[" + "".join(rng.choices(ascii_uppercase, k=100)) + "imu]*" for _ in range(32)]
+
+
+def test_poll_of_no_time_leaves_a_flood_for_later() -> None:
+    """By a clock that goes on by 0.1 ms a look, so that it does not depend on the machine."""
+    looks = itertools.count()
+    server = CompanionServer(CompanionSettings(bind="tcp://127.0.0.1:*"), FACTS, clock_ns=lambda: next(looks) * 100_000)
+    server.open()
+    try:
+        with RawClient(server.endpoint) as client:
+            for number in range(200):
+                client.say("ping", id=number, t_client_ns=0)
+            time.sleep(0.2)  # for them to arrive; fewer would only make it easier
+            server.poll(0.0)
+            assert 0 < server.malformed < 10
+    finally:
+        server.close()
+
+
+def test_second_hello_is_malformed_and_the_same_once_more_is_passed_over() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, topics=["imu"])
+        client.hello(topics=["imu"])
+        client.hello(topics=["*"])
+        until(server, lambda: server.malformed == 1)
+        assert "bye" in client.expect("refused")["text"]
+        assert server.topics == {"imu"}
+        assert server.lost == {}
+        step(server, client, 0)
+        client.say("bye", reason="")
+        until(server, lambda: "cut" in server.lost)
+        join(server, client, topics=["*"])
+
+
+def test_patterns_leave_nothing_in_the_caches_of_python() -> None:
+    rng = random.Random(1)
+    with serving() as server, RawClient(server.endpoint) as client:
+        cache = fnmatch._compile_pattern  # type: ignore[attr-defined]
+        cache.cache_clear()
+        join(server, client, topics=costly_patterns(rng))
+        assert server.topics == {"imu"}
+        assert cache.cache_info().currsize == 0
+
+
+def test_one_connection_has_one_name_and_a_session_256() -> None:
+    with serving() as server, RawClient(server.endpoint) as client:
+        join(server, client, "first")
+        client.say("bye", reason="")
+        client.hello("second")
+        until(server, lambda: bool(server.refused))
+        assert client.expect("refused")["code"] == "name"
+        for number in range(255):
+            with RawClient(server.endpoint) as other:
+                join(server, other, f"n{number}")
+        with RawClient(server.endpoint) as late:
+            late.hello("late")
+            until(server, lambda: len(server.refused) == 2)
+            refused = late.expect("refused")
+            assert (refused["code"], "256" in refused["text"]) == ("full", True)
+        assert len(server.stats()) == 256
+        join(server, client, "first")  # who has been here may come back

@@ -75,7 +75,7 @@ class Client:
             raise OptionError(f"name {name!r}: 1 to 64 of letters, digits, _ . - are needed")
         if type(credit) is not int or not 1 <= credit <= protocol.MAX_CREDIT:
             raise OptionError(f"credit {credit!r}: 1 to {protocol.MAX_CREDIT} is needed")
-        if isinstance(topics, str) or not topics or not all(isinstance(t, str) and 0 < len(t) <= 200 for t in topics):
+        if isinstance(topics, str) or not topics or not all(isinstance(t, str) and 0 < len(t) <= 128 for t in topics):
             raise OptionError(f"topics {topics!r}: a list of patterns is needed, such as ['front/*', 'imu']")
         if (key is None) != (bench_key is None):
             raise OptionError("a key needs the bench's public key, and the other way round: give both or neither")
