@@ -8,8 +8,16 @@ name costs more than a look at its length.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
-_Token = str | tuple[bool, str, list[tuple[str, str]]]  # "*", "?", one character; or a class: negated, chars, ranges
+
+class _Class(NamedTuple):
+    negated: bool
+    chars: str
+    ranges: list[tuple[str, str]]
+
+
+_Token = str | _Class  # "*", "?", one character, or a class
 
 
 def matching(names: Iterable[str], pattern: str) -> list[str]:
@@ -21,8 +29,8 @@ def matching(names: Iterable[str], pattern: str) -> list[str]:
 def matcher(pattern: str) -> Callable[[str], bool]:
     """Whether a name fits."""
     tokens = _tokens(pattern)
-    shortest = sum(token != "*" for token in tokens)
-    if shortest == len(tokens) and all(type(token) is str and token != "?" for token in tokens):
+    shortest = sum(t != "*" for t in tokens)
+    if shortest == len(tokens) and all(type(t) is str and t != "?" for t in tokens):
         return "".join(map(str, tokens)).__eq__
 
     def fits(name: str) -> bool:
@@ -41,18 +49,18 @@ def _tokens(pattern: str) -> list[_Token]:
             tokens.append(_class(pattern[at + 1 : end]))
             at = end
         elif char != "*" or not tokens or tokens[-1] != "*":
-            tokens.append((False, "[", []) if char == "[" else char)
+            tokens.append(_Class(False, "[", []) if char == "[" else char)
         at += 1
     return tokens
 
 
 def _class_end(pattern: str, at: int) -> int:
-    """Where the class that begins here closes; -1: nowhere, it is a plain bracket. One right behind [ or [! is in it."""
+    """Where the class that begins here closes; -1: nowhere, it is a plain bracket. One behind [ or [! is in it."""
     first = at + 2 if pattern[at + 1 : at + 2] == "!" else at + 1
     return pattern.find("]", first + 1)
 
 
-def _class(inside: str) -> _Token:
+def _class(inside: str) -> _Class:
     negated = inside.startswith("!")
     inside = inside[negated:]
     chars, ranges, at = "", [], 0
@@ -63,7 +71,7 @@ def _class(inside: str) -> _Token:
         else:
             chars += inside[at]
             at += 1
-    return negated, chars, ranges
+    return _Class(negated, chars, ranges)
 
 
 def _fits(tokens: list[_Token], name: str) -> bool:
@@ -81,11 +89,11 @@ def _fits(tokens: list[_Token], name: str) -> bool:
             t, n = star + 1, star_n
         else:
             return False
-    return all(token == "*" for token in tokens[t:])
+    return all(left == "*" for left in tokens[t:])
 
 
 def _is(token: _Token, char: str) -> bool:
-    if type(token) is str:
+    if isinstance(token, str):
         return token in ("?", char)
     negated, chars, ranges = token
     return (char in chars or any(low <= char <= high for low, high in ranges)) != negated

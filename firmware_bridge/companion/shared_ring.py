@@ -10,26 +10,37 @@ of its own, takes it away. What a client has mapped stays readable to it until i
 
 from __future__ import annotations
 
+import errno
+import os
 import secrets
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from multiprocessing import shared_memory
+from pathlib import Path
 
 import numpy as np
 
 from hil.signals.errors import PortNotFound
 
 _ALIGN = 64
+_FOLDER = Path("/dev/shm")  # noqa: S108
 
 
 class SharedRing:
     """One block of shared memory, and who holds which part of it."""
 
     def __init__(self, size: int) -> None:
+        name = f"hil-companion-{secrets.token_hex(8)}"
         try:
-            self._memory = shared_memory.SharedMemory(f"hil-companion-{secrets.token_hex(8)}", create=True, size=size)
+            self._memory = shared_memory.SharedMemory(name, create=True, size=size)
         except OSError as error:
-            raise PortNotFound("shared memory", f"{size} bytes cannot be had ({error.strerror or error})") from error
+            raise _none(size, error) from error
+        try:
+            _allocate(name, size)
+        except OSError as error:
+            self._memory.unlink()
+            self._memory.close()
+            raise _none(size, error) from error
         self.name = self._memory.name
         self.size = size
         self._bytes: np.ndarray | None = np.ndarray((size,), np.uint8, self._memory.buf)
@@ -86,3 +97,24 @@ class SharedRing:
             self._memory.unlink()
         with suppress(BufferError):  # somebody still has a view: the memory goes when that does
             self._memory.close()
+
+
+def _allocate(name: str, size: int) -> None:
+    """Memory that is only promised ends the process when it is touched and there is none. OSError."""
+    path = _FOLDER / name
+    if path.exists():
+        descriptor = os.open(path, os.O_RDWR)
+        try:
+            os.posix_fallocate(descriptor, 0, size)
+        finally:
+            os.close(descriptor)
+
+
+def _none(size: int, error: OSError) -> PortNotFound:
+    what = f"{size / 2**20:g} MiB of shared memory cannot be had ({error.strerror or error})"
+    if error.errno in (errno.ENOSPC, errno.ENOMEM, errno.EFBIG):
+        what += (
+            "; give more room (docker run --shm-size=256m), take less (--set companion.ring_mb), "
+            "or do without (--set companion.arrangement=one_port)"
+        )
+    return PortNotFound(str(_FOLDER), what)

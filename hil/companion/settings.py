@@ -18,6 +18,7 @@ def link_settings(companion: Companion) -> CompanionSettings:
         keys=keys,
         first_port=companion.sensor_port,
         max_clients=32,
+        ring_bytes=companion.ring_mb << 20,
     )
 
 

@@ -172,6 +172,7 @@ class Companion(Section):
     host: str = "127.0.0.1"  # of one_port and ports; one that others can reach needs `keys`
     port: Annotated[int, Field(ge=0, le=65535)] = 5570  # 0: any that is free
     sensor_port: Annotated[int, Field(ge=1024, le=65535)] | None = None  # of `ports`: the first of the sensors' own
+    ring_mb: Annotated[int, Field(ge=1, le=4096)] = 64  # of shared_memory: MiB for the frames under way
     keys: str | None = None  # folder made by `hil keys`
     connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 30.0  # wall clock, for all clients to come
     reply_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 5.0  # wall clock, for the answer to a frame

@@ -22,7 +22,7 @@ class LatencyHistogram:
         self.max_ns = 0
 
     def add(self, duration_ns: int) -> None:
-        """Count one duration; a negative one, of a clock that was set back, counts as 0, one of centuries as 2^63 - 1."""
+        """Count one duration; a negative one, of a clock that was set back, counts as 0; none as more than 2^63 - 1."""
         if duration_ns < 0:
             duration_ns = 0
         elif duration_ns > _LONGEST_NS:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import fnmatch
 import itertools
+import os
 import random
 import time
+from pathlib import Path
 from string import ascii_uppercase
 
 import msgpack
@@ -15,6 +18,10 @@ from firmware_bridge.codecs.companion import decode_client
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
+from firmware_bridge.companion.shared_ring import SharedRing
+from hil.companion.settings import link_settings
+from hil.config.schema import Companion
+from hil.signals.errors import PortNotFound
 from tests.links.companion_world import FACTS, RawClient, answered, frame_of, join, serving, step, until
 
 MAX_INT = 2**63 - 1
@@ -130,3 +137,24 @@ def test_one_connection_has_one_name_and_a_session_256() -> None:
             assert (refused["code"], "256" in refused["text"]) == ("full", True)
         assert len(server.stats()) == 256
         join(server, client, "first")  # who has been here may come back
+
+
+def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container's /dev/shm has 64 MB; a page that cannot be had ends the process at the first touch (SIGBUS)."""
+    before = sorted(Path("/dev/shm").iterdir())
+    asked: list[int] = []
+
+    def nothing_left(descriptor: int, start: int, size: int) -> None:
+        asked.append(size)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", nothing_left)
+    with pytest.raises(PortNotFound, match=r"/dev/shm: 3 MiB .*--shm-size.*ring_mb.*arrangement=one_port"):
+        SharedRing(3 << 20)
+    assert asked == [3 << 20]
+    assert sorted(Path("/dev/shm").iterdir()) == before
+
+
+def test_size_of_the_ring_is_a_setting() -> None:
+    assert link_settings(Companion(ring_mb=5)).ring_bytes == 5 << 20
+    assert link_settings(Companion()).ring_bytes == 64 << 20

@@ -57,6 +57,8 @@ def problem(*lines: str, more: str = "", rig: str | None = None) -> str:
         ("port: 65536", "companion.port"),
         ("sensor_port: 80", "companion.sensor_port"),
         ("sensor_port: 65536", "companion.sensor_port"),
+        ("ring_mb: 0", "companion.ring_mb"),
+        ("ring_mb: 4097", "companion.ring_mb"),
         ("keys: 5", "companion.keys"),
         ("connect_timeout_s: 0", "companion.connect_timeout_s"),
         ("connect_timeout_s: 3601", "companion.connect_timeout_s"),
