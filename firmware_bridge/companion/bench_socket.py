@@ -9,24 +9,23 @@ who flood.
 
 from __future__ import annotations
 
-import errno
-import os
-import socket
 import threading
-from contextlib import suppress
 from typing import NamedTuple
 
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
+from firmware_bridge.companion.binding import Binding
 from firmware_bridge.companion.connections import Connections
 from firmware_bridge.companion.doorkeeper import DOMAIN
 from firmware_bridge.companion.keys import KeyPair
 from firmware_bridge.companion.settings import CompanionSettings
-from hil.signals.errors import PortBusy, PortNotFound
 
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
-_IPC_RECEIVE_HWM = 1000  # messages of one client that wait here; of TCP, bytes are counted (`Connections`)
+# Of TCP, bytes are counted (`Connections`). The kernel counts none of a local socket: there, messages are limited in
+# number and size. Parts of a message without end are not; only processes of the bench's own user could send it one.
+_IPC_RECEIVE_HWM = 256  # messages of one client that wait here
+_IPC_BYTES = 64 << 10  # of one part
 _HANDSHAKE_MS = 3000
 _EVENTS = (
     zmq.EVENT_ACCEPTED
@@ -58,15 +57,23 @@ class BenchSocket:
     """A bound ROUTER. `endpoint` is where it listens, with the port that it got."""
 
     def __init__(
-        self, context: zmq.Context[zmq.Socket[bytes]], address: str, settings: CompanionSettings, keys: KeyPair | None
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        address: str,
+        settings: CompanionSettings,
+        keys: KeyPair | None,
+        *,
+        any_free: str = "companion.port=0",
     ) -> None:
+        """`any_free`: the setting that a person is told of where the address is taken."""
         self._socket = context.socket(zmq.ROUTER)
         s = self._socket
         s.setsockopt(zmq.LINGER, 0)
         s.setsockopt(zmq.ROUTER_MANDATORY, 1)
         s.setsockopt(zmq.SNDHWM, _SEND_HWM)
-        s.setsockopt(zmq.RCVHWM, 0 if address.startswith("tcp://") else _IPC_RECEIVE_HWM)
-        s.setsockopt(zmq.MAXMSGSIZE, settings.max_message_bytes)
+        tcp = address.startswith("tcp://")
+        s.setsockopt(zmq.RCVHWM, 0 if tcp else _IPC_RECEIVE_HWM)
+        s.setsockopt(zmq.MAXMSGSIZE, settings.max_message_bytes if tcp else min(settings.max_message_bytes, _IPC_BYTES))
         s.setsockopt(zmq.HANDSHAKE_IVL, _HANDSHAKE_MS)
         # The kernel asks whether the other machine is alive. Not ZeroMQ's heartbeats, see the module's header.
         s.setsockopt(zmq.TCP_KEEPALIVE, 1)
@@ -86,12 +93,12 @@ class BenchSocket:
         )
         self._monitor = s.get_monitor_socket(_EVENTS)
         try:
-            _bind(s, address)
+            self._binding = Binding(s, address, any_free)
         except BaseException:
             self._end_monitor()
             s.close()
             raise
-        self.endpoint = s.getsockopt_string(zmq.LAST_ENDPOINT)
+        self.endpoint = self._binding.endpoint
         self._lock = threading.Lock()  # of the monitor and the connections: a thread of its own looks too
         self._ended: list[int] = []
         self._texts: list[str] = []
@@ -176,36 +183,10 @@ class BenchSocket:
         self._closing.set()
         self._sentry.join()
         self._end_monitor()
-        if self.endpoint.startswith("ipc://"):
-            # ZeroMQ leaves the file; while this socket still listens, no other bench can have taken the path over.
-            with suppress(OSError):
-                os.unlink(self.endpoint.removeprefix("ipc://"))
+        self._binding.remove()
         self._socket.close(linger=linger_ms)
         self.connections.close()
 
     def _end_monitor(self) -> None:
         self._socket.disable_monitor()
         self._monitor.close(linger=0)  # else the context would wait for it
-
-
-def _bind(s: zmq.Socket[bytes], address: str) -> None:
-    path = address.removeprefix("ipc://")
-    if path != address and path not in ("", "*") and _somebody_listens(path):
-        raise PortBusy(address, "another program listens there (a second bench?)")
-    try:
-        s.bind(address)
-    except zmq.ZMQError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise PortBusy(address, "another program listens there (a second bench?)") from error
-        raise PortNotFound(address, f"cannot be listened on ({error.strerror})") from error
-
-
-def _somebody_listens(path: str) -> bool:
-    """ZeroMQ would take the path of a living listener away."""
-    if not os.path.exists(path):
-        return False
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, suppress(OSError):
-        probe.settimeout(0.2)
-        probe.connect(path)
-        return True
-    return False

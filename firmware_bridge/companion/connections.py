@@ -98,7 +98,7 @@ class Connections:
 
 
 def _bytes_received(wire: socket.socket) -> int:
-    """Of a TCP connection since it began; 0 where the kernel does not count."""
+    """Of a TCP connection since it began; 0 of a local socket, of which the kernel does not count them."""
     with suppress(OSError, struct.error):
         if wire.family != socket.AF_UNIX:
             info = wire.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 192)

@@ -49,7 +49,7 @@ def _tokens(pattern: str) -> list[_Token]:
             tokens.append(_class(pattern[at + 1 : end]))
             at = end
         elif char != "*" or not tokens or tokens[-1] != "*":
-            tokens.append(_Class(False, "[", []) if char == "[" else char)
+            tokens.append(char)
         at += 1
     return tokens
 

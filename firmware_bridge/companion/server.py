@@ -80,7 +80,9 @@ class CompanionServer:
             if s.arrangement == "ports":
                 for i, group in enumerate(sorted({group_of(topic) for topic in self.facts.topics})):
                     port = "*" if s.first_port is None else str(s.first_port + i)
-                    self._sockets[group] = BenchSocket(self._context, f"tcp://{s.host}:{port}", s, keys)
+                    self._sockets[group] = BenchSocket(
+                        self._context, f"tcp://{s.host}:{port}", s, keys, any_free="companion.sensor_port=null"
+                    )
             if s.arrangement == "shared_memory":
                 self._ring = SharedRing(s.ring_bytes)
             for bound in self._sockets.values():

@@ -35,7 +35,7 @@ _HOP = """QGC WPL 110
 """
 _BENCH = """mission: hop.waypoints
 autopilot: {transport: loopback}
-companion: {start: [waypoints], control: true, rate_hz: 25}
+companion: {start: [waypoints], control: true, rate_hz: 25, port: 0}
 record: {report: false, tlog: false}
 duration_s: 60
 """

@@ -7,9 +7,12 @@ import fnmatch
 import itertools
 import os
 import random
+import stat
+import tempfile
 import time
 from pathlib import Path
 from string import ascii_uppercase
+from types import SimpleNamespace
 
 import msgpack
 import pytest
@@ -21,7 +24,7 @@ from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from hil.companion.settings import link_settings
 from hil.config.schema import Companion
-from hil.signals.errors import PortNotFound
+from hil.signals.errors import PortBusy, PortNotFound
 from tests.links.companion_world import FACTS, RawClient, answered, frame_of, join, serving, step, until
 
 MAX_INT = 2**63 - 1
@@ -158,3 +161,54 @@ def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: p
 def test_size_of_the_ring_is_a_setting() -> None:
     assert link_settings(Companion(ring_mb=5)).ring_bytes == 5 << 20
     assert link_settings(Companion()).ring_bytes == 64 << 20
+
+
+def test_local_socket_is_the_users_own_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    settings = link_settings(Companion(port=0, clients=1))
+    with serving(arrangement="shared_memory", bind=settings.bind, ring_bytes=1 << 20) as server:
+        file = Path(server.endpoint.removeprefix("ipc://"))
+        assert file.is_absolute()
+        assert file.parent.parent == tmp_path
+        assert (stat.S_IMODE(file.stat().st_mode), stat.S_IMODE(file.parent.stat().st_mode)) == (0o600, 0o700)
+        with RawClient(server.endpoint) as client, serving(arrangement="shared_memory", bind="ipc://*") as second:
+            assert second.endpoint != server.endpoint
+            join(server, client)
+            step(server, client, 0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_named_local_socket_is_the_users_own_too(tmp_path: Path) -> None:
+    with serving(arrangement="shared_memory", bind=f"ipc://{tmp_path}/socket", ring_bytes=1 << 20):
+        assert stat.S_IMODE((tmp_path / "socket").stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_large_parts_do_not_come_through_a_local_socket(parts: int, tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/socket"
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=1 << 20) as server, RawClient(bind) as client:
+        join(server, client)
+        client.send(*[bytes(100_000)] * parts)
+        until(server, lambda: "cut" in server.lost)
+        assert (server.lost["cut"], server.malformed) == ("its connection ended", 0)
+
+
+def test_port_in_use_says_how_to_do_without(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/socket"
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=1 << 20) as server, RawClient(bind) as client:
+        with pytest.raises(PortBusy, match=r"--set companion\.port=0"), serving(arrangement="shared_memory", bind=bind):
+            pass
+        join(server, client)  # and the first one goes on
+
+
+def test_silence_is_waited_for_no_longer_than_asked() -> None:
+    """The poller counts whole milliseconds: it must never be asked for more than is left."""
+    with serving() as server:
+        asked: list[int] = []
+        poller = server._poller
+        server._poller = SimpleNamespace(poll=lambda ms: asked.append(ms) or poller.poll(ms))  # type: ignore[assignment, func-returns-value]
+        server.poll(0.0024)
+        assert set(asked) <= {1, 2}
+        asked.clear()
+        server.poll(0.0008)
+        assert asked == []
