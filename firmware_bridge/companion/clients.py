@@ -74,6 +74,11 @@ class Client:
         self.credit += n
         return True
 
+    def count_dropped(self, frames: int = 1) -> None:
+        """Frames that passed it by."""
+        self.stats.dropped += frames
+        self.dropped_since += frames
+
     def info(self) -> ClientInfo:
         return ClientInfo(self.name, self.topics, self.control, self.credit, self.address, self.stats.returned)
 

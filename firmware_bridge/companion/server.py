@@ -19,18 +19,18 @@ import zmq
 
 from firmware_bridge.codecs import companion as wire
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.companion.admission import Admission, group_of
+from firmware_bridge.companion.admission import CONTROL, Admission, group_of
 from firmware_bridge.companion.bench_socket import BenchSocket, Received, Unreachable
-from firmware_bridge.companion.clients import Client, Clients, ClientStats, UnderWay
+from firmware_bridge.companion.clients import Client, Clients, ClientStats
 from firmware_bridge.companion.doorkeeper import Doorkeeper
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from firmware_bridge.companion.outgoing import Outgoing
+from firmware_bridge.companion.sender import Sender
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from hil.signals.errors import HandshakeError, LinkClosed
 
-_CONTROL = ""  # the group of the first socket
 _SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
 _MS = 1_000_000
 _NAP_NS = 100_000
@@ -61,6 +61,7 @@ class CompanionServer:
         self._admission = Admission(settings, facts, self._clients)
         self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
         self._ring: SharedRing | None = None
+        self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._poller = zmq.Poller()
@@ -76,7 +77,7 @@ class CompanionServer:
         try:
             if keys is not None and s.keys is not None:
                 self._doorkeeper = Doorkeeper(self._context, read_allowed(s.keys))
-            self._sockets[_CONTROL] = BenchSocket(self._context, s.bind, s, keys)
+            self._sockets[CONTROL] = BenchSocket(self._context, s.bind, s, keys)
             if s.arrangement == "ports":
                 for i, group in enumerate(sorted({group_of(topic) for topic in self.facts.topics})):
                     port = "*" if s.first_port is None else str(s.first_port + i)
@@ -85,6 +86,7 @@ class CompanionServer:
                     )
             if s.arrangement == "shared_memory":
                 self._ring = SharedRing(s.ring_bytes)
+                self._sender = Sender(self._sockets, self._ring, self._clock_ns)
             for bound in self._sockets.values():
                 bound.register(self._poller)
         except BaseException:
@@ -94,7 +96,7 @@ class CompanionServer:
     @property
     def endpoint(self) -> str:
         """Where clients connect to, with the port that was given."""
-        return self._sockets[_CONTROL].endpoint
+        return self._sockets[CONTROL].endpoint
 
     def close(self, status: str = "", text: str = "") -> None:
         """Tell every client that it is over, and let go of everything. Within a second; may be called twice."""
@@ -193,106 +195,19 @@ class CompanionServer:
         for name in self._clients.by_name if to is None else to:
             client = self._clients.by_name.get(name)
             if client is not None and client.ready and client.credit > 0 and frame.frame not in client.under_way:
-                self._count_dropped(client, dropped)
+                client.count_dropped(dropped)
                 targets.append(client)
             elif client is not None:
-                self._count_dropped(client)
-        slot = self._fill_ring(out, [c for c in targets if c.in_ring])
+                client.count_dropped()
+        slot = self._sender.fill_ring(out, [c for c in targets if c.in_ring])
         return [client.name for client in targets if self._send_to(client, out, slot, t_begun_ns)]
 
-    def _fill_ring(self, out: Outgoing, clients: list[Client]) -> int | None:
-        if not clients or self._ring is None:
-            return None
-        topics = frozenset().union(*(client.topics for client in clients))
-        place = self._ring.put(out.arrays_of(topics), [client.name for client in clients])
-        if place is None:
-            return None
-        out.placed(place[1])
-        return place[0]
-
     def _send_to(self, client: Client, out: Outgoing, slot: int | None, t_begun_ns: int) -> bool:
-        if client.in_ring and slot is None:
-            self._count_dropped(client)
-            return False
-        t_sent_ns = self._clock_ns()
         try:
-            if client.in_ring:
-                sent = self._send_in_ring(client, out, t_sent_ns, slot)
-            elif client.groups:
-                sent = self._send_by_ports(client, out, t_sent_ns)
-            else:
-                sent = self._send_whole(client, out, client.topics, _CONTROL, t_sent_ns)
+            return self._sender.send(client, out, slot, t_begun_ns)
         except Unreachable:
             self._lose(client, "its connection has gone")
             return False
-        if not sent:
-            self._give_back(client, slot)
-            self._count_dropped(client)
-            return False
-        client.credit -= 1
-        client.dropped_since = 0
-        client.under_way[out.frame.frame] = UnderWay(t_begun_ns, t_sent_ns, slot if client.in_ring else None)
-        client.stats.frames += 1
-        return True
-
-    def _send_in_ring(self, client: Client, out: Outgoing, t_sent_ns: int, slot: int | None) -> bool:
-        samples, size = out.in_ring(client.topics)
-        header = self._header(client, out, t_sent_ns, samples, release=slot or 0)
-        client.stats.bytes += len(header) + size
-        return self._sockets[_CONTROL].send(client.identity, [header])
-
-    def _send_by_ports(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
-        topics = sorted(client.topics & out.topics)
-        if not topics:
-            return self._send_whole(client, out, client.topics, _CONTROL, t_sent_ns)
-        sent = True
-        for group in sorted({group_of(topic) for topic in topics}):
-            mine = frozenset(topic for topic in topics if group_of(topic) == group)
-            sent = self._send_whole(client, out, mine, group, t_sent_ns, ports_of_frame=topics) and sent
-        return sent
-
-    def _send_whole(
-        self,
-        client: Client,
-        out: Outgoing,
-        topics: frozenset[str],
-        group: str,
-        t_sent_ns: int,
-        *,
-        ports_of_frame: list[str] | None = None,
-    ) -> bool:
-        samples, parts, size = out.on_wire(topics)
-        header = self._header(client, out, t_sent_ns, samples, ports_of_frame=ports_of_frame)
-        identity = client.identity if group == _CONTROL else client.ports[group][0]
-        client.stats.bytes += len(header) + size
-        return self._sockets[group].send(identity, [header, *parts])
-
-    @staticmethod
-    def _header(
-        client: Client,
-        out: Outgoing,
-        t_sent_ns: int,
-        samples: bytes,
-        *,
-        release: int = 0,
-        ports_of_frame: list[str] | None = None,
-    ) -> bytes:
-        f = out.frame
-        return wire.encode_frame(
-            f.frame,
-            f.tick,
-            f.t_ns,
-            t_sent_ns=t_sent_ns,
-            dropped=client.dropped_since,
-            samples=samples,
-            release=release,
-            ports_of_frame=ports_of_frame,
-        )
-
-    @staticmethod
-    def _count_dropped(client: Client, frames: int = 1) -> None:
-        client.stats.dropped += frames
-        client.dropped_since += frames
 
     # --- what comes in ---
 
@@ -337,7 +252,7 @@ class CompanionServer:
             for text in texts:
                 self._refuse_text(f"{bound.endpoint}: {text}", kind="wire")
             for fd in ended:
-                if group == _CONTROL:
+                if group == CONTROL:
                     self._clients.connection_ended(fd)
                     client = self._clients.on_connection(fd)
                     if client is not None:
@@ -350,7 +265,7 @@ class CompanionServer:
 
     def _take(self, group: str, message: Received, replies: list[Reply]) -> None:
         t_ns = self._clock_ns()
-        client = self._clients.at(message.identity) if group == _CONTROL else None
+        client = self._clients.at(message.identity) if group == CONTROL else None
         try:
             if message.parts != 1:
                 raise CodecError(f"{message.parts} parts; a client sends headers only, one part each")
@@ -397,7 +312,7 @@ class CompanionServer:
         stats = client.stats
         # Frames are answered in order: what is older, the client has passed over.
         for number in [n for n in client.under_way if n <= done.frame]:
-            self._give_back(client, client.under_way.pop(number).slot)
+            self._sender.give_back(client, client.under_way.pop(number).slot)
             stats.skipped += number != done.frame
         client.credit = min(client.credit + 1, wire.MAX_CREDIT)
         client.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
@@ -428,7 +343,7 @@ class CompanionServer:
 
     def _welcome(self, group: str, message: Received, hello: wire.Hello) -> None:
         user = _user(message)
-        if group != _CONTROL:
+        if group != CONTROL:
             client = self._admission.check_port(hello, group, user, self.session)
             client.ports[group] = (message.identity, message.fd)
             if client.ready:
@@ -506,16 +421,12 @@ class CompanionServer:
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
         for under_way in client.under_way.values():
-            self._give_back(client, under_way.slot)
+            self._sender.give_back(client, under_way.slot)
         client.under_way.clear()
         self._clients.remove(client, why)
         self._on_event(kind, f"{client.name}: {why}")
 
-    def _give_back(self, client: Client, slot: int | None) -> None:
-        if self._ring is not None and slot is not None:
-            self._ring.give_back(slot, client.name)
-
-    def _tell(self, identity: bytes, message: bytes, group: str = _CONTROL) -> None:
+    def _tell(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
         """A word to a client, if it can take one."""
         bound = self._sockets.get(group)
         if bound is not None:

@@ -1,0 +1,113 @@
+"""The ways of a frame to a client: through the ring, whole over one socket, or by its sensors' ports. Never waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from firmware_bridge.codecs import companion as wire
+from firmware_bridge.companion.admission import CONTROL, group_of
+from firmware_bridge.companion.bench_socket import BenchSocket
+from firmware_bridge.companion.clients import Client, UnderWay
+from firmware_bridge.companion.outgoing import Outgoing
+from firmware_bridge.companion.shared_ring import SharedRing
+
+
+class Sender:
+    """Over these sockets, by group, and this ring, if there is one."""
+
+    def __init__(
+        self, sockets: Mapping[str, BenchSocket], ring: SharedRing | None, clock_ns: Callable[[], int]
+    ) -> None:
+        self._sockets, self._ring, self._clock_ns = sockets, ring, clock_ns
+
+    def fill_ring(self, out: Outgoing, clients: list[Client]) -> int | None:
+        """Copy in what these clients want of a frame: the slot; None if there is no room, or nobody wants it."""
+        if not clients or self._ring is None:
+            return None
+        topics = frozenset().union(*(client.topics for client in clients))
+        place = self._ring.put(out.arrays_of(topics), [client.name for client in clients])
+        if place is None:
+            return None
+        out.placed(place[1])
+        return place[0]
+
+    def send(self, client: Client, out: Outgoing, slot: int | None, t_begun_ns: int) -> bool:
+        """Whether there was room; else it counts as dropped. Unreachable if the client has gone."""
+        if client.in_ring and slot is None:
+            client.count_dropped()
+            return False
+        t_sent_ns = self._clock_ns()
+        if client.in_ring:
+            sent = self._send_in_ring(client, out, t_sent_ns, slot)
+        elif client.groups:
+            sent = self._send_by_ports(client, out, t_sent_ns)
+        else:
+            sent = self._send_whole(client, out, client.topics, CONTROL, t_sent_ns)
+        if not sent:
+            self.give_back(client, slot)
+            client.count_dropped()
+            return False
+        client.credit -= 1
+        client.dropped_since = 0
+        client.under_way[out.frame.frame] = UnderWay(t_begun_ns, t_sent_ns, slot if client.in_ring else None)
+        client.stats.frames += 1
+        return True
+
+    def give_back(self, client: Client, slot: int | None) -> None:
+        """The client has read the slot, or never will."""
+        if self._ring is not None and slot is not None:
+            self._ring.give_back(slot, client.name)
+
+    def _send_in_ring(self, client: Client, out: Outgoing, t_sent_ns: int, slot: int | None) -> bool:
+        samples, size = out.in_ring(client.topics)
+        header = self._header(client, out, t_sent_ns, samples, release=slot or 0)
+        client.stats.bytes += len(header) + size
+        return self._sockets[CONTROL].send(client.identity, [header])
+
+    def _send_by_ports(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
+        topics = sorted(client.topics & out.topics)
+        if not topics:
+            return self._send_whole(client, out, client.topics, CONTROL, t_sent_ns)
+        sent = True
+        for group in sorted({group_of(topic) for topic in topics}):
+            mine = frozenset(topic for topic in topics if group_of(topic) == group)
+            sent = self._send_whole(client, out, mine, group, t_sent_ns, ports_of_frame=topics) and sent
+        return sent
+
+    def _send_whole(
+        self,
+        client: Client,
+        out: Outgoing,
+        topics: frozenset[str],
+        group: str,
+        t_sent_ns: int,
+        *,
+        ports_of_frame: list[str] | None = None,
+    ) -> bool:
+        samples, parts, size = out.on_wire(topics)
+        header = self._header(client, out, t_sent_ns, samples, ports_of_frame=ports_of_frame)
+        identity = client.identity if group == CONTROL else client.ports[group][0]
+        client.stats.bytes += len(header) + size
+        return self._sockets[group].send(identity, [header, *parts])
+
+    @staticmethod
+    def _header(
+        client: Client,
+        out: Outgoing,
+        t_sent_ns: int,
+        samples: bytes,
+        *,
+        release: int = 0,
+        ports_of_frame: list[str] | None = None,
+    ) -> bytes:
+        f = out.frame
+        return wire.encode_frame(
+            f.frame,
+            f.tick,
+            f.t_ns,
+            t_sent_ns=t_sent_ns,
+            dropped=client.dropped_since,
+            samples=samples,
+            release=release,
+            ports_of_frame=ports_of_frame,
+        )
