@@ -206,6 +206,7 @@ class CompanionServer:
         try:
             return self._sender.send(client, out, slot, t_begun_ns)
         except Unreachable:
+            self._sender.give_back(client, slot)  # it was not under way yet
             self._lose(client, "its connection has gone")
             return False
 

@@ -212,3 +212,19 @@ def test_silence_is_waited_for_no_longer_than_asked() -> None:
         asked.clear()
         server.poll(0.0008)
         assert asked == []
+
+
+def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/socket"
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server:
+        for number in range(17):  # sixteen such frames fit
+            with RawClient(bind) as client:
+                join(server, client)
+            end_s = time.monotonic() + 5.0
+            while server.living and time.monotonic() < end_s:
+                time.sleep(0.01)  # for ZeroMQ to notice; the server is not asked meanwhile
+                server.send(frame_of(number))
+            assert server.living == ()
+        with RawClient(bind) as client:
+            join(server, client)
+            step(server, client, 100)
