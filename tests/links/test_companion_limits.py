@@ -16,6 +16,7 @@ from types import SimpleNamespace
 
 import msgpack
 import pytest
+import zmq
 
 from firmware_bridge.codecs.companion import decode_client
 from firmware_bridge.codecs.errors import CodecError
@@ -228,3 +229,9 @@ def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path)
         with RawClient(bind) as client:
             join(server, client)
             step(server, client, 100)
+
+
+def test_what_the_sentry_reads_the_caller_does_not_wait_for() -> None:
+    """A ZeroMQ socket is for one thread at a time; the monitors are read under a lock, by two."""
+    with serving(arrangement="ports") as server:
+        assert [s.type for s, _ in server._poller.sockets] == [zmq.ROUTER] * 4
