@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge.ground_station.commands import ACCEPTED, FAILED, TEMPORARILY_REJECTED, Commands
+from firmware_bridge.ground_station.commands import ACCEPTED, Commands
 from firmware_bridge.ground_station.heartbeat import Heartbeats
-from firmware_bridge.ground_station.modes import ARDUPILOT
-from firmware_bridge.ground_station.procedure import Step
+from firmware_bridge.ground_station.procedure import Step, declined_for_now
 from firmware_bridge.ground_station.status_texts import StatusTexts
 from firmware_bridge.ground_station.wire import NS_PER_S, enum_name, refused
 
@@ -71,12 +70,8 @@ class Asking:
                 )
             return
         waited_ns = t_ns - self._since_ns
-        if result not in self._for_now() or waited_ns >= self._limit_ns:
+        if result not in declined_for_now(self._heartbeats.autopilot) or waited_ns >= self._limit_ns:
             raise refused(
                 f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
                 f"{waited_ns / NS_PER_S:.1f} s after the first request{self._texts.last()}"
             )
-
-    def _for_now(self) -> tuple[int, ...]:
-        """Results that may be another one a second later. ArduPilot says FAILED for everything that is not yet so."""
-        return (TEMPORARILY_REJECTED, FAILED) if self._heartbeats.autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)

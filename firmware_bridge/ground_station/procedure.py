@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from firmware_bridge.ground_station.commands import FAILED, TEMPORARILY_REJECTED
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from hil.signals.mission import MissionItem
 
@@ -46,6 +47,11 @@ def start_steps(autopilot: int) -> tuple[Step, ...]:
             Step("start the mission", _MISSION_START, (0.0, 0.0)),
         )
     return (Step("enter mode AUTO.MISSION", _DO_SET_MODE, mode_params(autopilot, "MISSION")), arm)
+
+
+def declined_for_now(autopilot: int) -> tuple[int, ...]:
+    """Results that may be another one a second later. ArduPilot says FAILED for everything that is not yet so."""
+    return (TEMPORARILY_REJECTED, FAILED) if autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)
 
 
 def first_seq(autopilot: int) -> int:

@@ -21,12 +21,12 @@ from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.ground_station.commands import ACCEPTED, FAILED, TEMPORARILY_REJECTED, Commands
+from firmware_bridge.ground_station.commands import ACCEPTED, Commands
 from firmware_bridge.ground_station.health import Health
 from firmware_bridge.ground_station.heartbeat import Heartbeats
 from firmware_bridge.ground_station.mission_upload import MissionUpload
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
-from firmware_bridge.ground_station.procedure import Step, first_seq, items_for, start_steps
+from firmware_bridge.ground_station.procedure import Step, declined_for_now, first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
 from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
@@ -247,7 +247,7 @@ class GroundStation:
             return
         if result is not None and asked is not None:
             waited_ns = t_ns - self._preflight_since_ns
-            if result not in self._for_now() or waited_ns >= self._preflight_limit_ns:
+            if result not in declined_for_now(self._heartbeats.autopilot) or waited_ns >= self._preflight_limit_ns:
                 raise refused(
                     f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
                     f"{waited_ns / NS_PER_S:.1f} s after the upload{self._texts.last()}"
@@ -257,10 +257,6 @@ class GroundStation:
         self._retry_ns = 0
         self._asked = self._steps[0]
         commands.ask(t_ns, self._asked.command, self._asked.params)
-
-    def _for_now(self) -> tuple[int, ...]:
-        """Results that may be another one a second later. ArduPilot says FAILED for everything that is not yet so."""
-        return (TEMPORARILY_REJECTED, FAILED) if self._heartbeats.autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)
 
     def _flying(self, t_ns: int) -> None:
         progress = self._progress
