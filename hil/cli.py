@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -56,6 +56,16 @@ def complain(error: HilError) -> None:
     with contextlib.suppress(OSError, ValueError):  # nobody may be there to read it; the status tells
         for line in lines:
             _err.print(f"[bold red]error:[/] {escape(line)}")
+
+
+@contextlib.contextmanager
+def told() -> Iterator[None]:
+    """Errors of the block on standard error, and the exit status that goes with them."""
+    try:
+        yield
+    except HilError as error:
+        complain(error)
+        raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else ERROR_STATUS) from None
 
 
 def new_run_dir(out: Path | None, rig: str) -> Path:
@@ -157,14 +167,8 @@ def replay(
         if fresh.status == "ERROR":
             _err.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 
-    try:
+    with told():
         result = run_and_compare(run_dir, again, out_dir=out)
-    except ConfigError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS) from None
-    except HilError as error:
-        complain(error)
-        raise typer.Exit(ERROR_STATUS) from None
     _out.print(str(result))
     raise typer.Exit(0 if result.identical else 1)
 
@@ -228,14 +232,8 @@ def view(
     """Pictures of a scene in every channel that a camera can have."""
     from hil.view_command import view_scene
 
-    try:
+    with told():
         files = view_scene(scene, out, seed=seed, at=at, look=look, size=size)
-    except ConfigError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS) from None
-    except HilError as error:
-        complain(error)
-        raise typer.Exit(ERROR_STATUS) from None
     _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
 
 
@@ -324,14 +322,8 @@ def calibrate_radar(
     """Fit leakage, noise and converter to a recording of an empty, still scene."""
     from hil.calibrate_command import calibrate_radar as fit_radar
 
-    try:
+    with told():
         files = fit_radar(recording, _out, frames=frames, out=out, name=name, keep_echoes=keep_echoes)
-    except ConfigError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS) from None
-    except HilError as error:
-        complain(error)
-        raise typer.Exit(ERROR_STATUS) from None
     _out.print(f"{files.preset}  and its picture {files.picture}", markup=False)
 
 
@@ -361,7 +353,7 @@ def radar(
     """Radar data of a recording to maps, points and tracks; without radar data, made from its pictures."""
     from hil.radar_command import process_radar
 
-    try:
+    with told():
         files = process_radar(
             target,
             _out,
@@ -373,12 +365,6 @@ def radar(
             until_s=until_s,
             quiet=quiet,
         )
-    except ConfigError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS) from None
-    except HilError as error:
-        complain(error)
-        raise typer.Exit(ERROR_STATUS) from None
     _out.print(f"{files[0]}  and {len(files) - 1} more files beside it", markup=False)
 
 
