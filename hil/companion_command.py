@@ -6,13 +6,10 @@ a companion computer. From here it is found by that path.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import rigs
-
-FOLDER = Path(rigs.__file__).parent / "jetson"
+from hil.companion.started import use_client
 
 
 def run_companion(
@@ -31,8 +28,7 @@ def run_companion(
     reconnect_s: float,
 ) -> int:
     """Run it until the bench ends; the exit status is the client's own, its errors are told by itself."""
-    if str(FOLDER) not in sys.path:
-        sys.path.insert(0, str(FOLDER))
+    use_client()
     from hil_companion.command import start, topic_list
 
     status: int = start(

@@ -71,10 +71,15 @@ def client_name(cut: str) -> str:
     return cut.rpartition(":")[2]
 
 
+def use_client() -> None:
+    """From here on its package can be imported."""
+    if str(CLIENT_PATH) not in sys.path:
+        sys.path.insert(0, str(CLIENT_PATH))
+
+
 def known_clients() -> tuple[str, ...]:
     """Names that `hil companion` knows."""
-    if str(CLIENT_PATH) not in sys.path:
-        sys.path.append(str(CLIENT_PATH))
+    use_client()
     from hil_companion.catalog import SHIPPED
 
     return tuple(SHIPPED)
