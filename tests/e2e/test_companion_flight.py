@@ -70,9 +70,9 @@ def test_the_rectangle_in_lockstep_and_again_from_the_trace(tmp_path: Path) -> N
     assert from_trace(outcome.out, tmp_path / "again").run["digest"] == outcome.run["digest"]
 
 
-@pytest.mark.slow
-def test_the_rectangle_in_latency_true_time_and_again_beside_busy_processors(tmp_path: Path) -> None:
-    outcome = fly(tmp_path, f"{PILOT}, time: latency_true", mission=RECTANGLE)
+@pytest.mark.parametrize("mission", ["hop", pytest.param("rectangle", marks=pytest.mark.slow)])
+def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path: Path, mission: str) -> None:
+    outcome = fly(tmp_path, f"{PILOT}, time: latency_true", mission=RECTANGLE if mission == "rectangle" else None)
     assert_flown(outcome.run, "latency_true")
     with busy_processors():
         again = from_trace(outcome.out, tmp_path / "again")
