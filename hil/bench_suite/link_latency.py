@@ -42,7 +42,7 @@ duration_s: 60
 
 
 def latency_rows(say: Callable[[str], None]) -> tuple[list[Row], list[Check]]:
-    """Raises HilError if a flight ends as ERROR."""
+    """Raises HilError if a flight does not PASS."""
     rows: list[Row] = []
     checks: list[Check] = []
     with tempfile.TemporaryDirectory() as folder:

@@ -39,7 +39,7 @@ class SynthesisReport:
     dropped: int  # of those, too weak to matter
     dropped_bound: float
     error_bound: float
-    terms: int  # grids, summed over the panels
+    terms: int  # of the interpolation between speeds, summed over the panels
     panels: int  # of speeds
     width: int  # of the spreading kernel, 0 where no grid was used
     direct: int  # echoes summed one by one

@@ -3,7 +3,8 @@
 // Methods: the direct sum (the reference), and a type-1 non-uniform FFT in two dimensions (Dutt and Rokhlin, SIAM J. Sci.
 // Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, the kernel
 // divided out. What does not separate into chirps and samples is a phase that depends on the speed alone: it is
-// interpolated between a few speeds, one grid each (speed_nodes.hpp, speed_panels.hpp).
+// interpolated between a few speeds, a term each (speed_nodes.hpp, speed_panels.hpp); terms are transformed one by one,
+// or two in one grid of single precision where the tolerance allows it (synthesis_kernels.hpp).
 //
 // Error of the second, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. What the echoes come to
 // together is known only afterwards; where they cancel so far that the bound would not hold, it is done again with more
@@ -31,7 +32,7 @@ struct SynthesisReport {
     std::size_t dropped = 0;   // of those
     double dropped_bound = 0.0;  // greatest share of ||x|| that the dropped ones can have
     double error_bound = 0.0;    // of everything, the dropped included; 0 for a direct sum
-    int terms = 0;             // grids transformed, per group of four receivers
+    int terms = 0;             // of the interpolation, summed over the panels
     int panels = 0;            // of speeds
     int width = 0;             // of the kernel; 0: no grid was used
     std::size_t direct = 0;    // echoes summed one by one
