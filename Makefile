@@ -17,11 +17,14 @@ setup:
 run: setup
 	$(HIL) run $(ARGS)
 
+# Tests share no state but the machine; each worker keeps the fixtures of its own files.
+PARALLEL := -n auto --maxprocesses 4 --dist worksteal
+
 test: setup
-	$(PY) -m pytest -m "not slow" $(ARGS)
+	$(PY) -m pytest -m "not slow" $(PARALLEL) $(ARGS)
 
 test-all: setup
-	$(PY) -m pytest $(ARGS)
+	$(PY) -m pytest $(PARALLEL) $(ARGS)
 
 lint: setup
 	.venv/bin/ruff check .
