@@ -19,6 +19,17 @@ HIL_INLINE I widened(const std::uint8_t *from) {
     return load<I>(wide);
 }
 
+HIL_INLINE D widened(const float *from) {
+    typedef float Half __attribute__((vector_size(kRegisterBytes / 2)));
+    D v;
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) {
+        Half h;
+        __builtin_memcpy(&h, from + i * (kRegisterBytes / 8), sizeof h);
+        v.r[i] = __builtin_convertvector(h, DoubleRegister);
+    }
+    return v;
+}
+
 // What is left of `from`, without the lanes of `out`.
 HIL_INLINE I without(const I &from, const I &out) { return from & ~out; }
 
@@ -86,6 +97,17 @@ HIL_INLINE long collect_block(const PixelPlan &plan, const PixelPicture &picture
     float strengths[kLanes];
     store(strengths, strength);
     unsigned set = bits(sends);
+    if (set == (1u << kLanes) - 1) {  // mostly: the same, all at once
+        for (int i = 0; i < kLanes; i += D::kCount) {
+            const D range_m = widened(picture.range_m + i);
+            store(out.range_m + at + i, range_m);
+            store(out.speed_mps + at + i, widened(picture.radial_velocity_mps + i));
+            store(out.amplitude + at + i, widened(strengths + i) / range_m);
+        }
+        __builtin_memcpy(out.direction_R + 3 * at, plan.direction_R + 3 * first, 3 * kLanes * sizeof(double));
+        counts.kept += kLanes;
+        return kLanes;
+    }
     const long start = at;
     while (set != 0) {
         const int i = __builtin_ctz(set);
