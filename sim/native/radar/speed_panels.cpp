@@ -68,15 +68,32 @@ SpeedHistogram speed_histogram(const double *speed_mps, const std::int32_t *inde
     histogram.least = least;
     histogram.per_bin = (greatest - least) / kSpeedBins;
     const double per_mps = histogram.per_bin > 0.0 ? 1.0 / histogram.per_bin : 0.0;
-    std::fill_n(histogram.low, kSpeedBins, std::numeric_limits<double>::infinity());
-    std::fill_n(histogram.high, kSpeedBins, -std::numeric_limits<double>::infinity());
+    // Neighbours mostly fall into the same bin, and each would wait for the one before: in turns into a few histograms.
+    constexpr std::size_t kTurns = 4;
+    struct Bin {
+        double low = std::numeric_limits<double>::infinity(), high = -low;
+        std::size_t count = 0;
+    };
+    Bin bins[kTurns][kSpeedBins];
     for (std::size_t i = 0; i < count; ++i) {
         const double v = speed_mps[index[i]];
         const int b = std::min(static_cast<int>((v - least) * per_mps), kSpeedBins - 1);
         bin[i] = static_cast<std::uint8_t>(b);
-        ++histogram.count[b];
-        histogram.low[b] = std::min(histogram.low[b], v);
-        histogram.high[b] = std::max(histogram.high[b], v);
+        Bin &into = bins[i % kTurns][b];
+        into.low = std::min(into.low, v);
+        into.high = std::max(into.high, v);
+        ++into.count;
+    }
+    for (int b = 0; b < kSpeedBins; ++b) {
+        Bin all;
+        for (std::size_t turn = 0; turn < kTurns; ++turn) {
+            all.low = std::min(all.low, bins[turn][b].low);
+            all.high = std::max(all.high, bins[turn][b].high);
+            all.count += bins[turn][b].count;
+        }
+        histogram.low[b] = all.low;
+        histogram.high[b] = all.high;
+        histogram.count[b] = all.count;
     }
     return histogram;
 }
