@@ -38,16 +38,35 @@ HIL_INLINE void filtered(const EchoModel &model, const D &f, const D &amplitude,
     }
 }
 
-// from[kStep * at[lane]], put together in registers: eight stores and a load of all would wait for one another.
+// from[kStep * at[lane]], put together in registers: eight stores and a load of all would wait for one another, and so
+// would eight assignments of one lane each.
 template <int kStep>
 HIL_INLINE D picked(const double *from, const std::int32_t *at) {
     constexpr int kLanes = kRegisterBytes / 8;
+    const auto lane = [from, at](int k) __attribute__((always_inline)) { return from[kStep * (long)at[k]]; };
     D v;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
-#pragma GCC unroll 8
-        for (int k = 0; k < kLanes; ++k) v.r[i][k] = from[kStep * (long)at[i * kLanes + k]];
+        const int k = i * kLanes;
+        if constexpr (kLanes == 8) {
+            v.r[i] = DoubleRegister{lane(k),     lane(k + 1), lane(k + 2), lane(k + 3),
+                                    lane(k + 4), lane(k + 5), lane(k + 6), lane(k + 7)};
+        } else if constexpr (kLanes == 4) {
+            v.r[i] = DoubleRegister{lane(k), lane(k + 1), lane(k + 2), lane(k + 3)};
+        } else {
+            v.r[i] = DoubleRegister{lane(k), lane(k + 1)};
+        }
     }
     return v;
+}
+
+typedef float Four __attribute__((vector_size(16)));
+
+HIL_INLINE void store_single(float *to, const D &x) {
+    typedef float Half __attribute__((vector_size(kRegisterBytes / 2)));
+    HIL_UNROLL for (int i = 0; i < kParts; ++i) {
+        const Half h = __builtin_convertvector(x.r[i], Half);
+        __builtin_memcpy(to + i * (kRegisterBytes / 8), &h, sizeof h);
+    }
 }
 
 // Echoes index[0 .. count) into the block; rows from count on, up to a whole pack, weigh nothing. count >= 1.

@@ -1,4 +1,4 @@
-// Echoes onto the oversampled grid (synthesis_kernels.hpp). Tables of all three files of an instruction set end here.
+// Echoes onto a grid of one term in double (synthesis_kernels.hpp). Tables of all files of an instruction set end here.
 #include "echo_lanes.hpp"
 #include "synthesis_kernels.hpp"
 
@@ -13,30 +13,22 @@ extern template void transform(const EchoModel &, const Grid<double> &, int, int
                                const Transform<double> &);
 extern template void transform(const EchoModel &, const Grid<float> &, int, int, const double *,
                                const Transform<float> &);
+void spread_pairs(const EchoModel &, const EchoView &, const std::int32_t *, std::size_t, int, const SpreadKernel &,
+                  const SpeedNodes &, int, int, const Grid<float> &);
 
 namespace {
 
-template <class Real>
 struct alignas(64) BlockPlaces {
-    Real tap[2][kMaxWidth][kBlock];     // kernel across chirps, across samples
-    double term[kMaxNodes + 1][kBlock];  // L_k of each echo's speed; a last one of zeros fills up a cell
-    Real weight[kBlock][kCell<Real>];
-    std::int64_t start[2][kBlock];      // first row, first column
+    double tap[2][kMaxWidth][kBlock];  // kernel across chirps, across samples
+    double term[kMaxNodes][kBlock];    // L_k of each echo's speed
+    double weight[kBlock][kCell<double>];
+    std::int64_t start[2][kBlock];     // first row, first column
 };
 
-HIL_INLINE void store_as(double *to, const D &x) { store(to, x); }
-HIL_INLINE void store_as(float *to, const D &x) {
-    typedef float Half __attribute__((vector_size(kRegisterBytes / 2)));
-    HIL_UNROLL for (int i = 0; i < kParts; ++i) {
-        const Half h = __builtin_convertvector(x.r[i], Half);
-        __builtin_memcpy(to + i * (kRegisterBytes / 8), &h, sizeof h);
-    }
-}
-
 // First grid point under the kernel and the taps' values, eight echoes at a time.
-template <int kWidth, class Real>
+template <int kWidth>
 HIL_INLINE void place(const SpreadKernel &kernel, const double *frequency, int size, int count, std::int64_t *start,
-                      Real (*tap)[kBlock]) {
+                      double (*tap)[kBlock]) {
     for (int first = 0; first < count; first += D::kCount) {
         const D left = load<D>(frequency + first) * (double)size - 0.5 * kWidth;
         const D shifted = left + 0.5 + kNearest;  // up to a whole point; on one, either of the two will do
@@ -52,8 +44,8 @@ HIL_INLINE void place(const SpreadKernel &kernel, const double *frequency, int s
             for (int d = kEven - 2; d >= 0; d -= 2) even = even * t2 + c[d];
             for (int d = kOdd - 2; d >= 1; d -= 2) odd = odd * t2 + c[d];
             odd = odd * t;
-            store_as(tap[i] + first, even + odd);
-            if (i != kWidth - 1 - i) store_as(tap[kWidth - 1 - i] + first, even - odd);
+            store(tap[i] + first, even + odd);
+            if (i != kWidth - 1 - i) store(tap[kWidth - 1 - i] + first, even - odd);
         }
     }
 }
@@ -75,91 +67,57 @@ HIL_INLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count
     }
 }
 
-// Each echo's weight in the cells of the plane whose first term is `first_term`.
-template <class Real>
-HIL_INLINE void weigh_terms(const EchoBlock &block, int receivers, int first_term, double scale, int count,
-                            BlockPlaces<Real> &places) {
-    constexpr int kHalf = kGroup * kTerms<Real>;
+// Each echo's weight in the cells of a term's plane.
+HIL_INLINE void weigh_term(const EchoBlock &block, int receivers, int term, int count, BlockPlaces &places) {
     for (int k = 0; k < receivers; ++k) {
         for (int first = 0; first < count; first += D::kCount) {
-            const D re = load<D>(block.re[k] + first) * scale, im = load<D>(block.im[k] + first) * scale;
-            for (int t = 0; t < kTerms<Real>; ++t) {
-                const D term = load<D>(places.term[first_term + t] + first);
-                alignas(64) Real a[D::kCount], b[D::kCount];
-                store_as(a, re * term);
-                store_as(b, im * term);
-                for (int e = 0; e < D::kCount; ++e) {
-                    places.weight[first + e][t * kGroup + k] = a[e];
-                    places.weight[first + e][kHalf + t * kGroup + k] = b[e];
-                }
+            const D share = load<D>(places.term[term] + first);
+            alignas(64) double re[D::kCount], im[D::kCount];
+            store(re, load<D>(block.re[k] + first) * share);
+            store(im, load<D>(block.im[k] + first) * share);
+            for (int e = 0; e < D::kCount; ++e) {
+                places.weight[first + e][k] = re[e];
+                places.weight[first + e][kGroup + k] = im[e];
             }
         }
     }
 }
 
 // Register by register: GCC 12 takes an array of packs through memory in pieces of other sizes, ten times as slow.
-template <class Real>
-HIL_INLINE typename RegisterOf<Real>::Type load_register(const Real *from) {
-    typename RegisterOf<Real>::Type v;
+HIL_INLINE DoubleRegister load_register(const double *from) {
+    DoubleRegister v;
     __builtin_memcpy(&v, from, sizeof v);
     return v;
 }
 
 // One echo's part of a register into the width x width cells under its kernel.
-template <int kWidth, class Real>
-HIL_INLINE void add_footprint(const typename RegisterOf<Real>::Type &weight, const BlockPlaces<Real> &places, int e,
-                              Real *corner, long stride) {
-    typename RegisterOf<Real>::Type across[kWidth];
+template <int kWidth>
+HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &places, int e,
+                              double *corner, long stride) {
+    DoubleRegister across[kWidth];
 #pragma GCC unroll 16
     for (int b = 0; b < kWidth; ++b) across[b] = weight * places.tap[1][b][e];
 #pragma GCC unroll 1
     for (int a = 0; a < kWidth; ++a, corner += stride) {
-        const Real down = places.tap[0][a][e];
+        const double down = places.tap[0][a][e];
 #pragma GCC unroll 16
         for (int b = 0; b < kWidth; ++b) {
-            const auto sum = load_register<Real>(corner + b * kCell<Real>) + across[b] * down;
-            __builtin_memcpy(corner + b * kCell<Real>, &sum, sizeof sum);
+            const auto sum = load_register(corner + b * kCell<double>) + across[b] * down;
+            __builtin_memcpy(corner + b * kCell<double>, &sum, sizeof sum);
         }
     }
 }
 
-// The cells under a kernel that begins at (row, column), in every plane, into their doubles.
-void empty(const Grid<float> &grid, int planes, long row, long column, int width) {
-    for (long r = row; r < row + width; ++r) {
-        for (int j = 0; j < planes; ++j) {
-            const long line = j * grid.plane + r * grid.stride;
-            double *to = grid.emptied + line;
-            if (!grid.emptied_rows[r]) __builtin_memset(to, 0, (std::size_t)grid.stride * sizeof(double));
-            float *from = grid.cells + line;
-            for (long i = column * kCell<float>; i < (column + width) * kCell<float>; ++i) {
-                to[i] += (double)from[i];
-                from[i] = 0.0f;
-            }
-        }
-        grid.emptied_rows[r] = 1;
-    }
-}
-HIL_INLINE void count_addition(const Grid<double> &, int, long, long, int) {}
-HIL_INLINE void count_addition(const Grid<float> &grid, int planes, long row, long column, int width) {
-    std::uint8_t &additions = grid.additions[row * grid.columns + column];
-    if (++additions < kMostAdditions) return;
-    empty(grid, planes, row, column, width);
-    additions = 0;
-}
-
-template <int kWidth, class Real>
+template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
                   int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
-                  const Grid<Real> &grid) {
-    constexpr int kReals = kRegisterBytes / (int)sizeof(Real);
+                  const Grid<double> &grid) {
+    constexpr int kReals = kRegisterBytes / (int)sizeof(double);
     EchoBlock block;
-    BlockPlaces<Real> places;
+    BlockPlaces places;
     const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
     __builtin_memset(places.weight, 0, sizeof places.weight);
-    for (int e = 0; e < kBlock; ++e) {
-        places.term[0][e] = 1.0;
-        places.term[nodes.count][e] = 0.0;
-    }
+    for (int e = 0; e < kBlock; ++e) places.term[0][e] = 1.0;
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
         fill_block(model, echoes, index + from, now, first_receiver, block);
@@ -167,28 +125,26 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
         place<kWidth>(kernel, block.beta, grid.columns, now, places.start[1], places.tap[1]);
         if (nodes.count > 1) lagrange(nodes, block.speed, now, places.term);
         for (int j = 0; j < planes; ++j) {
-            weigh_terms(block, receivers, first_term + j * kTerms<Real>, grid.scale, now, places);
-            Real *plane = grid.cells + j * grid.plane;
+            weigh_term(block, receivers, first_term + j, now, places);
+            double *plane = grid.cells + j * grid.plane;
             for (int e = 0; e < now; ++e) {
-                Real *corner = plane + places.start[0][e] * grid.stride + places.start[1][e] * kCell<Real>;
+                double *corner = plane + places.start[0][e] * grid.stride + places.start[1][e] * kCell<double>;
                 for (int part = 0; part < kParts; ++part) {
-                    add_footprint<kWidth>(load_register<Real>(places.weight[e] + part * kReals), places, e,
+                    add_footprint<kWidth>(load_register(places.weight[e] + part * kReals), places, e,
                                           corner + part * kReals, grid.stride);
                 }
             }
         }
         for (int e = 0; e < now; ++e) {
-            const long row = places.start[0][e], column = places.start[1][e];
-            grid.touched[column] = 1;
-            count_addition(grid, planes, row, column, kWidth);
+            __builtin_memset(grid.rows_used + places.start[0][e], 1, kWidth);
+            __builtin_memset(grid.columns_used + places.start[1][e], 1, kWidth);
         }
     }
 }
 
-template <class Real>
 void spread(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
             int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
-            const Grid<Real> &grid) {
+            const Grid<double> &grid) {
 #define HIL_WIDTH(w)                                                                                              \
     case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, planes, grid); \
         break;
@@ -202,7 +158,7 @@ void spread(const EchoModel &model, const EchoView &echoes, const std::int32_t *
 }  // namespace
 
 extern const SynthesisKernels synthesis_kernels_of_isa;
-const SynthesisKernels synthesis_kernels_of_isa{weigh, count_below, direct, {spread<double>, transform<double>},
-                                                {spread<float>, transform<float>}};
+const SynthesisKernels synthesis_kernels_of_isa{weigh, count_below, direct, {spread, transform<double>},
+                                                {spread_pairs, transform<float>}};
 
 }  // namespace hil::sim::radar::HIL_ISA

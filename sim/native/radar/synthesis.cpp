@@ -71,7 +71,7 @@ Synthesis::Aligned<T> Synthesis::aligned(std::size_t count) {
 }
 
 template <class Real>
-void Synthesis::Cells<Real>::prepare(int rows, int columns) {
+void Synthesis::Cells<Real>::prepare(int rows, int columns, const EchoModel &model) {
     grid.rows = rows;
     grid.columns = columns;
     grid.stride = static_cast<long>(columns + kHalo) * kCell<Real>;
@@ -79,8 +79,10 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns) {
     grid.plane = grid.stride * (rows + kHalo) + 5 * kCell<Real>;
     const std::size_t each = sizeof(Real) + (kTerms<Real> > 1 ? sizeof(double) : 0);
     most_planes = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid.plane) * each)), 1, kMaxNodes);
-    touched.resize(static_cast<std::size_t>(columns));
-    grid.touched = touched.data();
+    rows_used.resize(static_cast<std::size_t>(rows + kHalo));
+    columns_used.resize(static_cast<std::size_t>(columns + kHalo));
+    grid.rows_used = rows_used.data();
+    grid.columns_used = columns_used.data();
     if constexpr (kTerms<Real> > 1) {
         emptied_rows.resize(static_cast<std::size_t>(rows + kHalo));
         grid.emptied_rows = emptied_rows.data();
@@ -90,12 +92,14 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns) {
     chirp_twiddle = twiddles<Real>(rows);
     sample_twiddle = twiddles<Real>(columns);
     work = aligned<Real>(2 * static_cast<std::size_t>(std::max(rows, columns)) * kCell<Real>);
+    by_chirp = aligned<Real>(static_cast<std::size_t>(model.chirps) * static_cast<std::size_t>(columns + 1) * kCell<Real>);
+    factor = aligned<Real>(2 * kTerms<Real> * static_cast<std::size_t>((model.samples + 7) / 8 * 8));
 }
 
 template <class Real>
 void Synthesis::Cells<Real>::clear(int wanted, double scale) {
     if (wanted > planes) {
-        planes = 0;  // should there be no room
+        planes = planes_used = 0;  // should there be no room
         const auto count = static_cast<std::size_t>(wanted) * static_cast<std::size_t>(grid.plane);
         cells = aligned<Real>(count);
         grid.cells = cells.get();
@@ -103,11 +107,24 @@ void Synthesis::Cells<Real>::clear(int wanted, double scale) {
             emptied = aligned<double>(count);
             grid.emptied = emptied.get();
         }
+        std::memset(cells.get(), 0, count * sizeof(Real));
         planes = wanted;
+        planes_used = 0;
     }
     grid.scale = scale;
-    std::memset(cells.get(), 0, static_cast<std::size_t>(wanted * grid.plane) * sizeof(Real));
-    std::fill(touched.begin(), touched.end(), std::uint8_t{0});
+    for (int r = 0; r < grid.rows + kHalo; ++r) {
+        if (!rows_used[static_cast<std::size_t>(r)]) continue;
+        for (int c = 0; c < grid.columns + kHalo; ++c) {
+            if (!columns_used[static_cast<std::size_t>(c)]) continue;
+            for (int j = 0; j < planes_used; ++j) {
+                std::memset(cells.get() + j * grid.plane + grid.row(r) + static_cast<long>(c) * kCell<Real>, 0,
+                            kCell<Real> * sizeof(Real));
+            }
+        }
+    }
+    planes_used = wanted;
+    std::fill(rows_used.begin(), rows_used.end(), std::uint8_t{0});
+    std::fill(columns_used.begin(), columns_used.end(), std::uint8_t{0});
     std::fill(emptied_rows.begin(), emptied_rows.end(), std::uint8_t{0});
     std::fill(additions.begin(), additions.end(), std::uint8_t{0});
 }
@@ -133,9 +150,8 @@ Synthesis::Synthesis(const ChirpFigures &chirp, const std::vector<std::array<dou
 void Synthesis::prepare_grid() {
     rows_ = grid_size(2 * model_.chirps);
     columns_ = grid_size(2 * model_.samples);
-    one_term_.prepare(rows_, columns_);
-    two_terms_.prepare(rows_, columns_);
-    factor_ = aligned<double>(2 * kTerms<float> * static_cast<std::size_t>(wide_));
+    one_term_.prepare(rows_, columns_, model_);
+    two_terms_.prepare(rows_, columns_, model_);
     const double oversampling = std::min(static_cast<double>(rows_) / model_.chirps,
                                          static_cast<double>(columns_) / model_.samples);
     for (int w = kMinWidth; w <= kMaxWidth; ++w) {
@@ -240,7 +256,7 @@ void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const
     for (int g = 0; g < groups_; ++g) {
         const Transform<Real> transform{
             chirp_scale_[w].data(), sample_scale_[w].data(), cells.chirp_twiddle.data(), cells.sample_twiddle.data(),
-            cells.work.get(), factor_.get(),
+            cells.work.get(), cells.by_chirp.get(), cells.factor.get(),
             grid_sum_.get() + static_cast<std::ptrdiff_t>(g) * kChannel * model_.chirps * model_.samples,
             chirp_outer_[w].data(), sample_outer_[w].data(), static_cast<int>(chirp_outer_[w].size()),
             static_cast<int>(sample_outer_[w].size()), &growth_};
@@ -284,7 +300,7 @@ void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &w
         if (panel.nodes == 0) {
             add_direct(echoes, index, panel.count, report);
         } else {
-            if (plan_.single && panel.nodes > 1) {
+            if (plan_.single) {
                 add_panel(echoes, panel, index, plan_.width, scale, two_terms_, kernels_.two_terms);
             } else {
                 add_panel(echoes, panel, index, plan_.width, 1.0, one_term_, kernels_.one_term);

@@ -4,7 +4,7 @@
 // Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, the kernel
 // divided out. What does not separate into chirps and samples is a phase that depends on the speed alone: it is
 // interpolated between a few speeds, a term each (speed_nodes.hpp, speed_panels.hpp); terms are transformed one by one,
-// or two in one grid of single precision where the tolerance allows it (synthesis_kernels.hpp).
+// or two in one grid of single precision where the tolerance allows it (synthesis_kernels.hpp, pair_block.hpp).
 //
 // Error of the second, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. What the echoes come to
 // together is known only afterwards; where they cancel so far that the bound would not hold, it is done again with more
@@ -66,17 +66,18 @@ private:
     template <class Real>
     struct Cells {
         Grid<Real> grid{};
-        Aligned<Real> cells, work;
+        Aligned<Real> cells, work, by_chirp, factor;
         Aligned<double> emptied;
-        std::vector<std::uint8_t> touched, emptied_rows, additions;
+        std::vector<std::uint8_t> rows_used, columns_used, emptied_rows, additions;
         std::vector<Real> chirp_twiddle, sample_twiddle;
         int planes = 0, most_planes = 0;
-        void prepare(int rows, int columns);
+        int planes_used = 0;  // what is not zero is in these
+        void prepare(int rows, int columns, const EchoModel &model);
         void clear(int planes, double scale);
     };
 
     struct Plan {
-        bool single;   // two terms and more in single precision
+        bool single;   // grids in single precision
         int width;
         double error;  // of the sum of squares of the weights
         PanelPlan panels;
@@ -122,7 +123,7 @@ private:
     int rows_ = 0, columns_ = 0;  // of the grids
     Cells<double> one_term_;
     Cells<float> two_terms_;
-    Aligned<double> factor_, grid_sum_, direct_sum_;
+    Aligned<double> grid_sum_, direct_sum_;
     bool grid_used_ = false, direct_used_ = false;
 };
 

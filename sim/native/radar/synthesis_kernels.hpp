@@ -31,7 +31,7 @@ struct Weighing {
 template <class Real>
 struct Grid {
     Real *cells;
-    std::uint8_t *touched;  // columns in which a kernel began
+    std::uint8_t *rows_used, *columns_used;  // under a kernel, with the halo: all else is zero
     int rows, columns;      // powers of two, without the halo
     long stride;            // Reals from one row to the next
     long plane;             // and from one plane to the next
@@ -55,7 +55,8 @@ struct Transform {
     const double *chirp_scale, *sample_scale;  // one over the kernel's transform, (chirps,) and (samples,)
     const Real *chirp_twiddle, *sample_twiddle;  // cos, sin of 2 pi j / rows and / columns
     Real *work;        // 2 * max(rows, columns) cells
-    double *factor;    // for each term of a cell 2 * samples rounded up to 8
+    Real *by_chirp;    // chirps * (columns + 1) cells
+    Real *factor;      // for each term of a cell 2 * samples rounded up to 8
     double *sum;       // [chirps][samples][kChannel], complex, added to
     // One over the kernel's transform at count/2 .. count/2 + outer - 1, and as far below.
     const double *chirp_outer_scale, *sample_outer_scale;
@@ -70,7 +71,7 @@ struct GridKernels {
     void (*spread)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
                    int first_receiver, const SpreadKernel &, const SpeedNodes &, int first_term, int planes,
                    const Grid<Real> &);
-    // Transforms one plane (destroyed), applies the remainder of each term, adds to transform.sum.
+    // Transforms one plane (its halo is folded in), applies the remainder of each term, adds to transform.sum.
     void (*transform)(const EchoModel &, const Grid<Real> &, int plane, int width, const double *speed,
                       const Transform<Real> &);
 };

@@ -139,26 +139,34 @@ void refill(const Grid<float> &grid, float *plane, int width) {
     }
 }
 
-// The halo back to where it belongs.
+// The halo back to where it belongs. Marks what is used then; twice the same of a grid's next plane.
 template <class Real>
 void fold(const Grid<Real> &grid, Real *plane, int width) {
     const int columns = grid.columns + width;
     for (int r = 0; r < width; ++r) {
+        if (!grid.rows_used[grid.rows + r]) continue;
+        grid.rows_used[r] = 1;
         Real *to = plane + grid.row(r), *from = plane + grid.row(grid.rows + r);
         for (long i = 0; i < (long)columns * kCell<Real>; i += kCell<Real>) put(to + i, cell(to + i) + cell(from + i));
     }
-    for (int r = 0; r < grid.rows; ++r) {
-        Real *row = plane + grid.row(r);
-        for (long i = 0; i < (long)width * kCell<Real>; i += kCell<Real>) {
-            const long beyond = (long)grid.columns * kCell<Real> + i;
-            put(row + i, cell(row + i) + cell(row + beyond));
+    for (int c = 0; c < width; ++c) {
+        if (!grid.columns_used[grid.columns + c]) continue;
+        grid.columns_used[c] = 1;
+        for (int r = 0; r < grid.rows; ++r) {
+            if (!grid.rows_used[r]) continue;
+            Real *to = plane + grid.row(r) + (long)c * kCell<Real>;
+            put(to, cell(to) + cell(to + (long)grid.columns * kCell<Real>));
         }
     }
 }
 
+HIL_INLINE void store_factor(double *to, const D &x) { store(to, x); }
+HIL_INLINE void store_factor(float *to, const D &x) { store_single(to, x); }
+
 // factor: cos and sin, times the scales, of the remainder at chirp m: samples in packs of eight, cos then sin.
+template <class Real>
 void remainder_row(const EchoModel &model, double speed, int m, double chirp_scale, const double *sample_scale,
-                   double *factor) {
+                   Real *factor) {
     const Remainder g = remainder_at(model, splat<D>(speed));
     const double mu = m - model.middle_chirp + model.chirp_offset;
     for (int n = 0; n < model.samples; n += D::kCount) {
@@ -170,29 +178,36 @@ void remainder_row(const EchoModel &model, double speed, int m, double chirp_sca
         const D nu = load<D>(lane), size = load<D>(scale) * chirp_scale;
         D c = splat<D>(1.0), s = splat<D>(0.0);
         if (speed != 0.0) turn((g.mixed * mu + g.sample * nu) * nu + g.chirp * (mu * mu), c, s);
-        store(factor + 2 * n, c * size);
-        store(factor + 2 * n + D::kCount, s * size);
+        store_factor(factor + 2 * n, c * size);
+        store_factor(factor + 2 * n + D::kCount, s * size);
     }
 }
 
-// Adds value times each term's factor, times `unscale`, to the doubles of the sum. `unscale` may be beyond a float.
-HIL_INLINE void add_turned(const Cell<double> &value, const double *factor, long, double, double *sum) {
+// Adds the cell times each term's factor, times `unscale`, to the doubles of the sum. `unscale` may be beyond a float.
+HIL_INLINE void add_turned(const double *from, const double *factor, long, double, double *sum) {
+    const Cell<double> value = cell(from);
     const double c = factor[0], d = factor[D::kCount];
     put(sum, cell<double>(sum) + Cell<double>{value.re * c - value.im * d, value.re * d + value.im * c});
 }
-HIL_INLINE void add_turned(const Cell<float> &value, const double *factor, long next_term, double unscale, double *sum) {
-    alignas(32) float c[kChannel], d[kChannel], re[kChannel], im[kChannel];
-    for (int i = 0; i < kGroup; ++i) {
-        c[i] = (float)factor[0], c[kGroup + i] = (float)factor[next_term];
-        d[i] = (float)factor[D::kCount], d[kGroup + i] = (float)factor[next_term + D::kCount];
+HIL_INLINE void add_turned(const float *from, const float *factor, long next_term, double unscale, double *sum) {
+    typedef double FourDoubles __attribute__((vector_size(32)));
+    Four v[4];  // re of both terms, im of both
+    __builtin_memcpy(v, from, sizeof v);
+    const float c = factor[0], d = factor[D::kCount], e = factor[next_term], f = factor[next_term + D::kCount];
+    const Four part[4] = {v[0] * c - v[2] * d, v[1] * e - v[3] * f, v[0] * d + v[2] * c, v[1] * f + v[3] * e};
+    for (int i = 0; i < 2; ++i) {
+        FourDoubles to;
+        __builtin_memcpy(&to, sum + i * kGroup, sizeof to);
+        to += (__builtin_convertvector(part[2 * i], FourDoubles) + __builtin_convertvector(part[2 * i + 1], FourDoubles)) * unscale;
+        __builtin_memcpy(sum + i * kGroup, &to, sizeof to);
     }
-    const Half<float> cosine = half<float>(c), sine = half<float>(d);
-    put(re, value.re * cosine - value.im * sine);
-    put(im, value.re * sine + value.im * cosine);
-    for (int i = 0; i < kGroup; ++i) {
-        sum[i] += ((double)re[i] + (double)re[kGroup + i]) * unscale;
-        sum[kGroup + i] += ((double)im[i] + (double)im[kGroup + i]) * unscale;
-    }
+}
+
+// Of the lines under a kernel only; the others are zero.
+template <class Real>
+HIL_INLINE void gather_used(const Real *from, long step, int count, const std::uint8_t *used, Real *x) {
+    const Cell<Real> none{};
+    for (int i = 0; i < count; ++i) put(x + (long)kCell<Real> * i, used[i] ? cell(from + i * step) : none);
 }
 
 }  // namespace
@@ -205,13 +220,10 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
     fold(grid, plane, width);
     Real *x = t.work, *y = t.work + (long)kCell<Real> * (grid.rows > grid.columns ? grid.rows : grid.columns);
     const double unscale = 1.0 / grid.scale, squared = unscale * unscale;
-    int since = width;  // columns since the last one in which a kernel began
-    for (int c = grid.columns - width; c < grid.columns; ++c) since = grid.touched[c] ? 0 : since + 1;
+    const long line = (long)kCell<Real> * (grid.columns + 1);  // not a power of two: a column's cells apart in the cache
     for (int c = 0; c < grid.columns; ++c) {
-        since = grid.touched[c] ? 0 : since + 1;
-        if (since >= width) continue;
-        Real *column = plane + (long)c * kCell<Real>;
-        for (int r = 0; r < grid.rows; ++r) put(x + (long)kCell<Real> * r, cell<Real>(column + grid.row(r)));
+        if (!grid.columns_used[c]) continue;
+        gather_used(plane + (long)c * kCell<Real>, grid.stride, grid.rows, grid.rows_used, x);
         const Real *found = fft(x, y, grid.rows, t.chirp_twiddle);
         if (c % 4 == 0) {
             add_growth(found, grid.rows, model.chirps, t.chirp_outer, t.chirp_scale, t.chirp_outer_scale, squared, 1,
@@ -219,13 +231,12 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
         }
         for (int m = 0; m < model.chirps; ++m) {
             const int at = (m - model.middle_chirp) & (grid.rows - 1);
-            put(column + grid.row(m), cell<Real>(found + (long)kCell<Real> * at));
+            put(t.by_chirp + m * line + (long)c * kCell<Real>, cell<Real>(found + (long)kCell<Real> * at));
         }
     }
     const long next_term = 2l * ((model.samples + D::kCount - 1) / D::kCount * D::kCount);
     for (int m = 0; m < model.chirps; ++m) {
-        Real *row = plane + grid.row(m);
-        for (long c = 0; c < grid.columns; ++c) put(x + kCell<Real> * c, cell<Real>(row + kCell<Real> * c));
+        gather_used(t.by_chirp + m * line, kCell<Real>, grid.columns, grid.columns_used, x);
         const Real *found = fft(x, y, grid.columns, t.sample_twiddle);
         if (m % 4 == 0) {
             add_growth(found, grid.columns, model.samples, t.sample_outer, t.sample_scale, t.sample_outer_scale,
@@ -237,8 +248,8 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
         double *sum = t.sum + (long)m * model.samples * kChannel;
         for (int n = 0; n < model.samples; ++n, sum += kChannel) {
             const int at = (n - model.middle_sample) & (grid.columns - 1);
-            const double *factor = t.factor + 2 * (n & ~(D::kCount - 1)) + (n & (D::kCount - 1));
-            add_turned(cell<Real>(found + (long)kCell<Real> * at), factor, next_term, unscale, sum);
+            const Real *factor = t.factor + 2 * (n & ~(D::kCount - 1)) + (n & (D::kCount - 1));
+            add_turned(found + (long)kCell<Real> * at, factor, next_term, unscale, sum);
         }
     }
 }
