@@ -113,12 +113,37 @@ HIL_INLINE void add_lines(const PairBlock &block, const Run &run, int row, const
     }
 }
 
+// One echo's part of a register into the cells under its kernel.
+template <int kWidth>
+HIL_INLINE void add_echo(const PairBlock &block, int e, const float (*weight)[kCell<float>], int part, float *corner,
+                         long stride) {
+    const FloatRegister w = *(const CellRegister *)(weight[e] + part * kReals);
+    FloatRegister across[kWidth];
+#pragma GCC unroll 16
+    for (int b = 0; b < kWidth; ++b) across[b] = w * block.tap[1][b][e];
+#pragma GCC unroll 1
+    for (int a = 0; a < kWidth; ++a, corner += stride) {
+        const float down = block.tap[0][a][e];
+#pragma GCC unroll 16
+        for (int b = 0; b < kWidth; ++b) {
+            CellRegister *cell = (CellRegister *)(corner + b * kCell<float>);
+            *cell = *cell + across[b] * down;
+        }
+    }
+}
+
 template <int kWidth>
 HIL_INLINE void add_run(const PairBlock &block, const Run &run, const float (*weight)[kCell<float>], float *plane,
                         long stride) {
     constexpr int kFit = kCellsInRegisters / kWidth;
     constexpr int kRows = kFit < 1 ? 1 : kFit < kWidth ? kFit : kWidth;
     float *corner = plane + run.row * stride + run.column * (long)kCell<float>;
+    if (run.last - run.first == 1) {
+        for (int part = 0; part < kParts; ++part) {
+            add_echo<kWidth>(block, run.first, weight, part, corner + part * kReals, stride);
+        }
+        return;
+    }
     for (int part = 0; part < kParts; ++part) {
         int row = 0;
 #pragma GCC unroll 1
