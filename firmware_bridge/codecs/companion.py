@@ -43,6 +43,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
     "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished"),
+    "desired": ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps", "q_WB", "thrust", "w_B", "land", "hold"),
     "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
     "bye": ("reason",),
     "welcome": (
@@ -68,7 +69,7 @@ def desired_from_map(values: object) -> DesiredState:
     """Checked from what a message holds. CodecError naming the entry that is wrong."""
     if type(values) is not dict:
         raise CodecError(f"desired: {_shown(values)} is not a map")
-    unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key != "land"]
+    unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key not in _DESIRED_FLAGS]
     if unknown:
         raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
     made: dict[str, Any] = {}
@@ -76,11 +77,13 @@ def desired_from_map(values: object) -> DesiredState:
         value = values.get(key)
         if value is not None:
             made[key] = _number(key, value) if length == 1 else _vector(key, value, length)
-    land = values.get("land")
-    if land is not None and type(land) is not bool:
-        raise CodecError(f"desired.land: {_shown(land)} is neither true nor false")
+    for key in _DESIRED_FLAGS:
+        flag = values.get(key)
+        if flag is not None and type(flag) is not bool:
+            raise CodecError(f"desired.{key}: {_shown(flag)} is neither true nor false")
+        made[key] = bool(flag)
     try:
-        return DesiredState(**made, land=bool(land))
+        return DesiredState(**made)
     except ValueError as error:
         raise CodecError(f"desired: {error}") from error
 
@@ -92,7 +95,7 @@ def desired_map(desired: DesiredState) -> dict[str, Any]:
         value = getattr(desired, key)
         if value is not None:
             out[key] = list(value) if isinstance(value, tuple) else value
-    return out | ({"land": True} if desired.land else {})
+    return out | {key: True for key in _DESIRED_FLAGS if getattr(desired, key)}
 
 
 _DESIRED_LENGTHS = {
@@ -105,6 +108,7 @@ _DESIRED_LENGTHS = {
     "thrust": 1,
     "w_B": 3,
 }
+_DESIRED_FLAGS = ("land", "hold")
 
 
 @dataclass(frozen=True)

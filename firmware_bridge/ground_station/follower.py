@@ -5,7 +5,9 @@
     one that does not             hold the position commanded last, or where the vehicle is, with the yaw wanted
     none new for `stale_ns`       the same, with the yaw commanded last, and say so once
 
-With `extrapolate`, a position with a velocity goes on along it, for half a second at most.
+A desired state speaks of one instant: that of the frame which it answers. What it says of change carries it on from
+there to the instant t of each set-point (`carried_on`), unless it says `hold`. So it matters little which of two frames
+an answer is to, and which set-point is the first to carry it.
 """
 
 from __future__ import annotations
@@ -17,11 +19,11 @@ from firmware_bridge.ground_station.autopilot_frame import AutopilotFrame
 from firmware_bridge.ground_station.desired_queue import Applied, DesiredQueue
 from firmware_bridge.ground_station.set_points import attitude_target, heading_N, position_target
 from firmware_bridge.ground_station.wire import NS_PER_S, Wire
-from hil.signals.desired import DesiredState
+from hil.signals.desired import DesiredState, carried_on
 from hil.signals.frames import ned_from_enu
 from hil.signals.samples import Vec3
 
-_EXTRAPOLATION_LIMIT_NS = NS_PER_S // 2
+_CARRIED_ON_NS = NS_PER_S // 2  # at most: beyond, what was said of change is too old
 
 
 class Follower:
@@ -34,11 +36,10 @@ class Follower:
         queue: DesiredQueue,
         *,
         stale_ns: int,
-        extrapolate: bool,
         tell: Callable[[int, str, str], None],
     ) -> None:
         self._wire, self._frame, self._queue = wire, frame, queue
-        self._stale_ns, self._extrapolate, self._tell = stale_ns, extrapolate, tell
+        self._stale_ns, self._tell = stale_ns, tell
         self.plain_masks = False  # ArduPilot: a position with an acceleration but no velocity is no set-point
         self.stale = False
         self._hold_N: Vec3 | None = None  # where it stays, while it stays
@@ -55,7 +56,7 @@ class Follower:
         self._watch(t_ns, applied)
         if self.stale:
             return self._stay(t_ns, None)
-        desired = applied.desired
+        desired = self._at(t_ns, applied)
         if desired.thrust is not None:
             self._hold_N = self._commanded_N = self._yaw_N = None
             return attitude_target(self._wire, t_ns, desired)
@@ -64,7 +65,7 @@ class Follower:
         if not desired.moves:
             return self._stay(t_ns, desired)
         self._hold_N = None
-        p_N = self._commanded_N = self._position(t_ns, applied)
+        p_N = self._commanded_N = self._position(desired)
         v_N, a_N = _turned(desired.v_W), _turned(desired.a_W)
         if self.plain_masks and p_N is not None and v_N is None:
             a_N = None
@@ -91,16 +92,17 @@ class Follower:
         rate_radps = None if desired is None else _clockwise(desired)
         return position_target(self._wire, t_ns, p_N=self._hold_N, yaw_rad=self._yaw_N, yaw_rate_radps=rate_radps)
 
-    def _position(self, t_ns: int, applied: Applied) -> Vec3 | None:
+    @staticmethod
+    def _at(t_ns: int, applied: Applied) -> DesiredState:
         desired = applied.desired
-        p_W, v_W = desired.p_W, desired.v_W
+        if desired.hold or not desired.changes:
+            return desired
+        return carried_on(desired, min(t_ns - applied.t_of_ns, _CARRIED_ON_NS) / NS_PER_S)
+
+    def _position(self, desired: DesiredState) -> Vec3 | None:
+        p_W = desired.p_W
         if p_W is None:
             return None
-        if self._extrapolate and v_W is not None:
-            dt_s = min(t_ns - applied.t_apply_ns, _EXTRAPOLATION_LIMIT_NS) / NS_PER_S
-            return self._frame.ned_from_W(
-                (p_W[0] + v_W[0] * dt_s, p_W[1] + v_W[1] * dt_s, p_W[2] + v_W[2] * dt_s),
-            )
         if self._converted is None or self._converted[0] is not desired:
             self._converted = (desired, self._frame.ned_from_W(p_W))
         return self._converted[1]

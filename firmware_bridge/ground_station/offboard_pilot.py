@@ -95,7 +95,6 @@ class OffboardPilot:
         tick_ns: int,
         setpoint_hz: float = 50.0,
         stale_s: float = 1.0,
-        extrapolate: bool = False,
         takeoff_height_m: float = 2.0,
         projection: Projection | None = None,
         target_sysid: int | None = 1,
@@ -137,7 +136,6 @@ class OffboardPilot:
             self._frame,
             self._queue,
             stale_ns=round(stale_s * NS_PER_S),
-            extrapolate=extrapolate,
             tell=self._tell,
         )
         self.phase = PilotPhase.CONNECTING
@@ -177,9 +175,12 @@ class OffboardPilot:
         """The companion has wanted nothing new for too long, and the vehicle holds its position."""
         return self._follower.stale
 
-    def set_desired(self, desired: DesiredState, t_apply_ns: int) -> None:
-        """`desired` counts from the first step with t_ns >= `t_apply_ns` on, until the next one does."""
-        self._queue.put(desired, t_apply_ns)
+    def set_desired(self, desired: DesiredState, t_apply_ns: int, t_of_ns: int | None = None) -> None:
+        """`desired` counts from the first step with t_ns >= `t_apply_ns` on, until the next one does.
+
+        `t_of_ns`: the instant that it speaks of, that of the frame it answers; None: when it begins to count.
+        """
+        self._queue.put(desired, t_apply_ns, t_apply_ns if t_of_ns is None else t_of_ns)
         self._due_ns = min(self._due_ns, t_apply_ns)
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:

@@ -85,7 +85,7 @@ class CompanionLink:
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
         self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
-    def stage(self, desire: Callable[[DesiredState, int], None] | None) -> CompanionStage:
+    def stage(self, desire: Callable[[DesiredState, int, int], None] | None) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want."""
         companion, config = self.config.companion, self.config
         if self._server is not None and not (companion.control and companion.time == "realtime"):

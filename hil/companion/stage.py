@@ -17,7 +17,8 @@ latency_true  As realtime would have it, but in simulated time: the bench waits 
               The answer holds from t_free' on, and until then the client gets nothing. So a slow computer flies as it
               would fly live, however fast or busy this one is, and the trace of answers repeats the run bit for bit.
 
-`step` is called once a tick with everything released; `desire` takes what a controlling client wants and from when.
+`step` is called once a tick with everything released; `desire` takes what a controlling client wants, from when on, and
+the time of the frame that it wants it in answer to.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ class Seat:
     pending: Bundle | None = None
     free_ns: int = 0  # simulated; latency_true
     under_way: int | None = None  # frame it has not answered yet; realtime
+    under_way_t_ns: int = 0  # its simulated time
     sent_s: float = 0.0  # when, wall clock
     away: bool = False  # realtime
     missed_s: float | None = None  # since when it has been away without an answer, wall clock; realtime
@@ -76,7 +78,7 @@ class CompanionStage:
         rate: RateAccumulator,
         waiting: Waiting,
         link_delay_ns: int | None = None,
-        desire: Callable[[DesiredState, int], None] | None = None,
+        desire: Callable[[DesiredState, int, int], None] | None = None,
         on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
         trace: TraceWriter | None = None,
         timing: TimingLog | None = None,
@@ -168,12 +170,13 @@ class CompanionStage:
             seat = self.seats.get(name)
             if seat is not None and seat.under_way is not None and answer.frame >= seat.under_way:
                 seat.under_way = seat.missed_s = None
-                self._take(seat, answer, self._t_ns)
+                self._take(seat, answer, self._t_ns, seat.under_way_t_ns)
                 self._give(seat)
 
     def _give(self, seat: Seat) -> None:
         if seat.pending is not None and seat.under_way is None and self._send(seat):
-            seat.under_way, seat.sent_s = seat.pending.number, time.monotonic()
+            seat.under_way, seat.under_way_t_ns = seat.pending.number, seat.pending.t_ns
+            seat.sent_s = time.monotonic()
             seat.pending = None
 
     def _step_realtime(self) -> None:
@@ -225,12 +228,12 @@ class CompanionStage:
             if answer is None:
                 continue
             if self._mode == "lockstep":
-                self._take(seat, answer, self._t_ns)
+                self._take(seat, answer, self._t_ns, bundle.t_ns)
                 continue
             taken_ns = max(bundle.t_ns, seat.free_ns)
             link_ns = answer.link_ns if self._link_delay_ns is None else self._link_delay_ns
             seat.free_ns = taken_ns + answer.t2_ns + link_ns
-            self._take(seat, answer, seat.free_ns)
+            self._take(seat, answer, seat.free_ns, bundle.t_ns)
 
     def _send(self, seat: Seat) -> bool:
         assert seat.pending is not None
@@ -294,8 +297,8 @@ class CompanionStage:
                 f"companion {client.name}", f"{why}, and it did not come back within {limit}", cause="companion"
             )
 
-    def _take(self, seat: Seat, answer: Answer, from_ns: int) -> None:
-        """An answer that holds from `from_ns` on."""
+    def _take(self, seat: Seat, answer: Answer, from_ns: int, frame_ns: int) -> None:
+        """An answer that holds from `from_ns` on, to the frame of `frame_ns`."""
         if not seat.client.control:
             return
         if self._trace is not None:
@@ -303,10 +306,10 @@ class CompanionStage:
         if self._desire is None:
             return
         if answer.desired is not None:
-            self._desire(answer.desired, from_ns)
+            self._desire(answer.desired, from_ns, frame_ns)
             if self._timing is not None:
                 self._timing.desired(seat.client.name, answer.frame, from_ns)
         if answer.finished and not seat.finished:
             seat.finished = True
             if self.finished:
-                self._desire(DesiredState(land=True), from_ns)
+                self._desire(DesiredState(land=True), from_ns, frame_ns)

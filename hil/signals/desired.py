@@ -6,12 +6,14 @@ World frame W is ENU, body frame B is FLU, SI units. None is "not commanded". Wh
     q_WB, w_B           either or both, with thrust; then nothing of the line above
     land                alone or with anything: the vehicle lands where it is
     nothing             stay
+
+It is said of one instant. `carried_on` says what it amounts to a little later; `hold` asks not to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, sqrt
 
 from hil.signals.samples import Quat, Vec3
@@ -36,6 +38,7 @@ class DesiredState:
     thrust: float | None = None  # collective, 0 to 1 of what the vehicle has
     w_B: Vec3 | None = None  # angular velocity [rad/s]
     land: bool = False
+    hold: bool = False  # as it stands, until the next one: not carried on
 
     def __post_init__(self) -> None:
         for name, length in _LENGTHS.items():
@@ -51,8 +54,9 @@ class DesiredState:
             if not abs(norm - 1.0) <= _NORM_TOLERANCE:
                 raise ValueError(f"q_WB has norm {norm:g}; an attitude has norm 1")
             object.__setattr__(self, "q_WB", tuple(c / norm for c in self.q_WB))
-        if not isinstance(self.land, bool):
-            raise ValueError(f"land is true or false, not {self.land!r}")
+        for name in ("land", "hold"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"{name} is true or false, not {getattr(self, name)!r}")
         self._check_combination()
 
     def _check_combination(self) -> None:
@@ -72,6 +76,36 @@ class DesiredState:
     def moves(self) -> bool:
         """It says where to go, by a path or an attitude; otherwise the vehicle stays where it is."""
         return not (self.p_W is None and self.v_W is None and self.a_W is None and self.thrust is None)
+
+    @property
+    def changes(self) -> bool:
+        """It says how what it wants goes on: `carried_on` makes another of it."""
+        moving = self.v_W is not None and (self.p_W is not None or self.a_W is not None)
+        return moving or (self.yaw_rad is not None and self.yaw_rate_radps is not None)
+
+
+def carried_on(desired: DesiredState, dt_s: float) -> DesiredState:
+    """What is wanted `dt_s` later, as far as it is said:
+
+        p + v dt + a dt^2 / 2      v + a dt      a      yaw + yaw_rate dt
+
+    A position without a velocity stays where it is, whatever else is said; so does one whose acceleration is not
+    given go on straight.
+    """
+    p_W, v_W, a_W, yaw_rad = desired.p_W, desired.v_W, desired.a_W, desired.yaw_rad
+    if v_W is not None:
+        a = (0.0, 0.0, 0.0) if a_W is None else a_W
+        if p_W is not None:
+            half = _along(v_W, a, 0.5 * dt_s)
+            p_W = _along(p_W, half, dt_s)
+        v_W = _along(v_W, a, dt_s)
+    if yaw_rad is not None and desired.yaw_rate_radps is not None:
+        yaw_rad = yaw_rad + desired.yaw_rate_radps * dt_s
+    return replace(desired, p_W=p_W, v_W=v_W, yaw_rad=yaw_rad)
+
+
+def _along(x: Vec3, rate: Vec3, dt_s: float) -> Vec3:
+    return x[0] + rate[0] * dt_s, x[1] + rate[1] * dt_s, x[2] + rate[2] * dt_s
 
 
 def _finite(name: str, values: Iterable[float], length: int) -> tuple[float, ...]:

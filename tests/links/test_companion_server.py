@@ -340,7 +340,7 @@ def test_schema_changes_with_any_unit() -> None:
 
 
 def test_desired_state_survives_its_map() -> None:
-    path = DesiredState(p_W=(1.0, 2.0, 3.0), a_W=(0.0, 0.0, -1.0), yaw_rad=0.5, land=True)
+    path = DesiredState(p_W=(1.0, 2.0, 3.0), a_W=(0.0, 0.0, -1.0), yaw_rad=0.5, land=True, hold=True)
     attitude = DesiredState(q_WB=(0.6, 0.8, 0.0, 0.0), thrust=0.4, w_B=(0.0, 0.0, 0.1))
     for desired in (path, attitude):
         assert desired_from_map(desired_map(desired)) == desired

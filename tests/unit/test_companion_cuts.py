@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -66,25 +67,35 @@ def test_a_recording_stays_below_its_size(tmp_path: Path) -> None:
     assert cut.full
 
 
-def fly(cut: Waypoints, *, lag: float = 0.0, land: bool = True) -> list[tuple[float, dict[str, Any], np.ndarray]]:
-    """A vehicle that is where it was told to be, or a share of the way there; it sinks when told to land."""
+def fly(
+    cut: Waypoints, *, lag: float = 0.0, ground_m: float = 0.1, every: Callable[[int], bool] = lambda _: True
+) -> list[tuple[float, dict[str, Any], np.ndarray]]:
+    """A vehicle that is where it was told to be, or a share of the way there; it sinks when told to land.
+
+    `ground_m`: below the last waypoint. `every`: which of the frames there are; between them it goes on as told.
+    """
     cut.start(read_welcome(welcome(waypoints_W=SQUARE)))
     p_W, v_W = np.array([1.0, 0.5, 0.1]), np.zeros(3)
     flown = []
+    desired = None
     for n in range(6000):
-        desired = cut(truth_frame(n, p_W, v_W))
+        if every(n):
+            desired = cut(truth_frame(n, p_W, v_W))
         assert desired is not None
         flown.append((n * DT_NS * 1e-9, desired.as_map(), p_W.copy()))
         if cut.finished:
             return flown
         if desired.land:
-            v_W = np.array([0.0, 0.0, -0.5 if land and p_W[2] > 0.1 else 0.0])
+            v_W = np.array([0.0, 0.0, -0.5])
             p_W = p_W + v_W * DT_NS * 1e-9
         else:
             assert desired.p_W is not None
             assert desired.v_W is not None
             p_W = np.array(desired.p_W) * (1 - lag) + p_W * lag
             v_W = np.array(desired.v_W)
+        floor_m = ground_m if np.linalg.norm(p_W[:2] - np.array(SQUARE[-1][:2])) < 0.5 else 0.1
+        if p_W[2] < floor_m:
+            p_W[2], v_W = floor_m, np.zeros(3)
     raise AssertionError("it never finished")
 
 
@@ -99,8 +110,9 @@ def test_a_flight_takes_off_straight_up_passes_every_waypoint_lands_and_says_so(
     assert np.linalg.norm(np.diff(commanded, axis=0), axis=1).max() <= 4.0 * DT_NS * 1e-9 + 1e-9
     lands = [m.get("land", False) for _, m, _ in flown]
     assert lands == sorted(lands)
-    np.testing.assert_allclose(flown[lands.index(True)][2], SQUARE[-1], atol=1e-6)
-    assert flown[-1][2][2] < 0.2
+    # Down by its own path; where the ground is, the landing is asked for.
+    np.testing.assert_allclose(flown[lands.index(True)][2], [*SQUARE[-1][:2], 0.1], atol=1e-6)
+    assert np.diff([p_W[2] for _, _, p_W in flown]).min() > -1.1 * DT_NS * 1e-9
     yaws = np.array([m["yaw_rad"] for _, m, _ in flown])
     assert yaws[0] == pytest.approx(math.pi / 2)  # where it stood
     steps = np.abs([math.remainder(d, 2 * math.pi) for d in np.diff(yaws)])
@@ -109,6 +121,14 @@ def test_a_flight_takes_off_straight_up_passes_every_waypoint_lands_and_says_so(
 
 def test_the_same_frames_give_the_same_flight() -> None:
     assert [m for _, m, _ in fly(Waypoints(), lag=0.8)] == [m for _, m, _ in fly(Waypoints(), lag=0.8)]
+
+
+def test_a_phase_begins_when_the_one_before_is_over_and_not_when_a_frame_shows_it() -> None:
+    whole, some = fly(Waypoints()), fly(Waypoints(), every=lambda n: n % 10 == 7 or n == 0)
+    told = {t_s: m["p_W"] for t_s, m, _ in whole if "p_W" in m}
+    compared = [(m["p_W"], told[t_s]) for t_s, m, _ in some[7::10] if "p_W" in m and t_s in told]
+    assert len(compared) > 50
+    np.testing.assert_allclose(*zip(*compared, strict=True), atol=1e-6)
 
 
 def test_without_truth_it_flies_by_its_clock_and_ends_by_it() -> None:
@@ -128,7 +148,8 @@ def test_without_truth_it_flies_by_its_clock_and_ends_by_it() -> None:
 
 
 def test_one_that_never_comes_down_is_given_up_after_a_time() -> None:
-    flown = fly(Waypoints(land_s=3.0), land=False)
+    flown = fly(Waypoints(land_s=3.0), ground_m=2.0)  # it stands on a roof
+    assert flown[-1][2][2] == 2.0
     lands = [t_s for t_s, m, _ in flown if m.get("land")]
     assert lands[-1] - lands[0] == pytest.approx(3.0, abs=0.03)
 

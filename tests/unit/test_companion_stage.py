@@ -113,10 +113,17 @@ class Flight:
             rate=RateAccumulator(event_mhz=FRAME_HZ * 1000, tick_mhz=TICK_HZ * 1000),
             waiting=self.waiting,
             link_delay_ns=self.link_delay_ns,
-            desire=lambda desired, from_ns: self.desired.append((desired, from_ns)),
+            desire=self._desire,
             on_event=lambda _t_ns, kind, text: self.events.append((kind, text)),
             trace=self.trace,
         )
+
+    def _desire(self, desired: DesiredState, from_ns: int, frame_ns: int) -> None:
+        # In every kind of time an answer speaks of its own frame's instant, and counts from then on at the earliest.
+        assert frame_ns <= from_ns
+        if desired.p_W is not None:
+            assert frame_ns == int(desired.p_W[0]) * FRAME_NS
+        self.desired.append((desired, from_ns))
 
     def fly(self, ticks: int, each: Callable[[int], None] = lambda _tick: None) -> None:
         for _ in range(ticks):

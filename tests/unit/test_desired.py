@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.signals.desired import DesiredState
+from hil.signals.desired import DesiredState, carried_on
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -55,8 +55,29 @@ def test_some_desired_states_move_the_vehicle_and_others_do_not(fields: dict[str
         ({"thrust": 0.5}, "without q_WB or w_B"),
         ({"q_WB": LEVEL, "thrust": 0.5, "p_W": (0, 0, 1), "yaw_rad": 0}, "thrust with p_W, yaw_rad"),
         ({"land": 1}, "land"),
+        ({"hold": "yes"}, "hold"),
     ],
 )
 def test_what_cannot_be_flown_is_refused(fields: dict[str, Any], why: str) -> None:
     with pytest.raises(ValueError, match=why):
         DesiredState(**fields)
+
+
+def test_what_is_said_of_change_carries_a_desired_state_on_and_nothing_else_does() -> None:
+    """A parabola, and a turn at a constant rate: carrying on twice is carrying on once for as long as both."""
+    whole = DesiredState(p_W=(1, 2, 3), v_W=(4, -5, 6), a_W=(0.5, 1, -2), yaw_rad=1.0, yaw_rate_radps=-0.5)
+    assert whole.changes
+    later = carried_on(whole, 0.4)
+    assert later.p_W == pytest.approx((2.64, 0.08, 5.24))
+    assert later.v_W == pytest.approx((4.2, -4.6, 5.2))
+    assert (later.a_W, later.yaw_rate_radps, later.yaw_rad) == (whole.a_W, -0.5, pytest.approx(0.8))
+    twice = carried_on(carried_on(whole, 0.15), 0.25)
+    assert (twice.p_W, twice.v_W) == (pytest.approx(later.p_W), pytest.approx(later.v_W))
+    for still in (
+        DesiredState(p_W=(1, 2, 3), a_W=(1, 1, 1), yaw_rad=1.0),
+        DesiredState(v_W=(1, 2, 3), yaw_rate_radps=1.0),
+        DesiredState(q_WB=LEVEL, thrust=0.5),
+        DesiredState(land=True),
+    ):
+        assert not still.changes
+        assert carried_on(still, 0.4) == still

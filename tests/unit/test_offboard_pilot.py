@@ -261,7 +261,7 @@ NO_P, NO_V, NO_A, NO_YAW, NO_RATE = 0x7, 0x38, 0x1C0, 0x400, 0x800
 def test_masks_name_what_is_not_given_and_axes_are_turned(fields: dict[str, Any], mask: int) -> None:
     flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
-    flight.run(0.1, DesiredState(**fields))
+    flight.run(0.1, DesiredState(**fields, hold=True))
     m = flight.last()
     if set(fields) == {"p_W", "a_W"}:
         mask |= NO_A  # which ArduPilot would take for no set-point at all
@@ -318,7 +318,8 @@ def test_a_silent_companion_is_said_once_and_the_vehicle_holds() -> None:
     assert [(kind, "holding" in text) for _, kind, text in flight.events] == [("warning", True)]
     assert flight.pilot.stale
     m = flight.last()
-    assert (m.x, m.y) == pytest.approx((20.0, 10.0), abs=0.1)  # commanded last; PX4's map is another one
+    # Commanded last, which went on for half a second; PX4's map is another one.
+    assert (m.x, m.y) == pytest.approx((21.0, 10.5), abs=0.1)
     assert m.type_mask == NO_V | NO_A | NO_RATE
     flight.vehicle.p_N = (4.0, 5.0, -6.0)
     flight.run(0.2, DesiredState(v_W=V))
@@ -331,16 +332,23 @@ def test_a_silent_companion_is_said_once_and_the_vehicle_holds() -> None:
     assert len(flight.events) == 3
 
 
-@pytest.mark.parametrize(("extrapolate", "after_s"), [(False, 0.0), (True, 0.5)])
-def test_positions_go_on_along_their_velocity_only_if_asked_to(extrapolate: bool, after_s: float) -> None:
-    flight = Flight(Vehicle(ARDUPILOT), extrapolate=extrapolate)
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("late_s", [0.0, 0.2])
+def test_what_is_desired_is_carried_on_from_the_time_it_speaks_of(hold: bool, late_s: float) -> None:
+    """p + v dt + a dt^2 / 2 and so on, north and east being the other way round; half a second at most."""
+    flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
     t0_ns = flight.t_ns
-    flight.pilot.set_desired(DesiredState(p_W=P, v_W=V), t0_ns)
+    desired = DesiredState(p_W=P, v_W=V, a_W=(0.0, 3.0, 0.0), yaw_rad=0.5, yaw_rate_radps=0.25, hold=hold)
+    flight.pilot.set_desired(desired, t0_ns, t0_ns - round(late_s * S))
     flight.run(0.8)
-    told = {t - t0_ns: m.x for t, m in flight.vehicle.set_points() if t >= t0_ns}
-    for dt_ns, x in told.items():
-        assert x == pytest.approx(20.0 + 2.0 * min(dt_ns / S, after_s), abs=1e-3), dt_ns
+    told = [(t - t0_ns, m) for t, m in flight.vehicle.set_points() if t >= t0_ns]
+    assert len(told) > 30
+    for dt_ns, m in told:
+        dt_s = 0.0 if hold else min(dt_ns / S + late_s, 0.5)
+        assert m.x == pytest.approx(20.0 + V[1] * dt_s + 1.5 * dt_s**2, abs=1e-3), dt_ns
+        assert m.vx == pytest.approx(V[1] + 3.0 * dt_s, abs=1e-6)
+        assert m.yaw == pytest.approx(math.pi / 2 - 0.5 - 0.25 * dt_s, abs=1e-6)
 
 
 def test_an_origin_that_nobody_tells_is_inferred() -> None:

@@ -61,6 +61,7 @@ class Client:
         name: str,
         topics: Sequence[str] = ("*",),
         control: bool = False,
+        hold: bool = False,
         credit: int = 1,
         shared_memory: bool = True,
         schema: str | None = None,
@@ -70,7 +71,10 @@ class Client:
         max_message_bytes: int = MAX_MESSAGE_BYTES,
         context: zmq.Context[Any] | None = None,
     ) -> Client:
-        """Say hello and wait for the welcome. OptionError, NoBench, WrongKeys, Refused, SchemaChanged."""
+        """Say hello and wait for the welcome. OptionError, NoBench, WrongKeys, Refused, SchemaChanged.
+
+        `hold`: everything desired is flown as it stands (`Desired.hold`).
+        """
         if not _NAME.match(name):
             raise OptionError(f"name {name!r}: 1 to 64 of letters, digits, _ . - are needed")
         if type(credit) is not int or not 1 <= credit <= protocol.MAX_CREDIT:
@@ -81,6 +85,7 @@ class Client:
             raise OptionError("a key needs the bench's public key, and the other way round: give both or neither")
         keys = None if key is None or bench_key is None else Keys(key, bench_key)
         self = cls(context, keys, max_message_bytes)
+        self._hold = hold
         self._hello = {"name": name, "topics": topics, "control": control, "credit": credit}
         try:
             self._join(address, schema, shared_memory and can_map(), wait_s)
@@ -101,6 +106,7 @@ class Client:
         self._connections: list[Connection] = []  # the first is the one that speaks
         self._poller = zmq.Poller()
         self._hello: dict[str, Any] = {}
+        self._hold = False
         self._ring: RingView | None = None
         self._ready: deque[Frame] = deque()
         self._unanswered: deque[Frame] = deque()
@@ -261,13 +267,16 @@ class Client:
             raise CompanionError(f"frame {frame.frame} has been answered before")
         self._unanswered.remove(frame)
         self._last_t2_ns = t2_ns
+        wanted = None if desired is None else desired.as_map()
+        if wanted is not None and self._hold:
+            wanted["hold"] = True
         self._connections[0].send(
             protocol.done(
                 frame.frame,
                 t_received_ns=frame.t_received_ns,
                 t_sent_ns=time.monotonic_ns(),
                 t2_ns=t2_ns,
-                desired=None if desired is None else desired.as_map(),
+                desired=wanted,
                 finished=finished,
             )
         )

@@ -21,9 +21,10 @@ def start(
     topics: Sequence[str] | None = None,
     settings: Sequence[str] = (),
     control: bool = False,
+    hold: bool = False,
     **options: Any,
 ) -> int:
-    """Make a CUT by name and run it; what it does not say of itself (topics, control) comes from the options."""
+    """Make a CUT by name and run it; what it does not say of itself (topics, control, hold) comes from the options."""
     try:
         cut = make_cut(cut_name, settings)
     except OptionError as error:
@@ -35,6 +36,7 @@ def start(
         name=name if name is not None else cut_name.rpartition(":")[2],
         topics=list(topics) if topics else list(getattr(cut, "topics", ("*",))),
         control=control or bool(getattr(cut, "control", False)),
+        hold=hold or bool(getattr(cut, "hold", False)),
         **options,
     )
 
@@ -56,6 +58,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--bench-key", metavar="FILE", help="the bench's public key")
     made.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of the CUT")
     made.add_argument("--control", action="store_true", help="ask to command, for a CUT that does not by itself")
+    made.add_argument("--hold", action="store_true", help="what it desires is flown as it stands, not carried on")
     made.add_argument("--credit", type=int, default=1, help="frames on the way at once; default 1")
     made.add_argument("--no-shared-memory", action="store_true", help="even where the bench is on this machine")
     made.add_argument("--wait", type=float, default=DEFAULT_WAIT_S, metavar="S", help="for the bench to be there")
@@ -83,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         topics=topic_list(given.topics),
         settings=given.set,
         control=given.control,
+        hold=given.hold,
         credit=given.credit,
         shared_memory=not given.no_shared_memory,
         key=given.key,

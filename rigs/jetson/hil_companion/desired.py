@@ -13,12 +13,18 @@ from typing import Any, Sequence
 from hil_companion.errors import CutError
 
 UNIT_NORM_TOLERANCE = 1e-3
+FLAGS = ("land", "hold")
 LARGEST = 1e9  # m, m/s, ...: what the bench takes; nothing commanded comes near
 
 
 @dataclass(frozen=True)
 class Desired:
-    """A desired state. Checked when made: CutError where a number is not finite or has no meaning."""
+    """A desired state, at the time of the frame that it answers. Checked when made: CutError where a number is not
+    finite or has no meaning.
+
+    What it says of change carries it on from there, until the next one: p_W along v_W and a_W, v_W along a_W, yaw_rad
+    along yaw_rate_radps, for half a second at most. Not so with `hold`: then it is flown as it stands.
+    """
 
     p_W: Sequence[float] | None = None  # [m]
     v_W: Sequence[float] | None = None  # [m/s]
@@ -29,6 +35,7 @@ class Desired:
     thrust: float | None = None  # 0..1 of what there is
     w_B: Sequence[float] | None = None  # [rad/s]
     land: bool = False
+    hold: bool = False
 
     def __post_init__(self) -> None:
         for name in ("p_W", "v_W", "a_W", "w_B"):
@@ -41,8 +48,9 @@ class Desired:
         if self.thrust is not None and not 0.0 <= self.thrust <= 1.0:
             raise CutError(f"desired thrust {self.thrust}: 0 to 1 is needed")
         self._check_combination()
-        if not isinstance(self.land, bool):
-            raise CutError(f"desired land {self.land!r}: True or False is needed")
+        for name in FLAGS:
+            if not isinstance(getattr(self, name), bool):
+                raise CutError(f"desired {name} {getattr(self, name)!r}: True or False is needed")
 
     def _check_combination(self) -> None:
         """The bench refuses what does not go together; better that the CUT hears of it."""
@@ -62,11 +70,8 @@ class Desired:
 
     def as_map(self) -> dict[str, Any]:
         """What goes on the wire: plain floats and lists, only what is commanded."""
-        entries = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "land"}
-        entries = {name: value for name, value in entries.items() if value is not None}
-        if self.land:
-            entries["land"] = True
-        return entries
+        entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {name: value for name, value in entries.items() if value is not None and value is not False}
 
 
 def _number(name: str, value: Any) -> float | None:

@@ -2,10 +2,12 @@
 
     take-off   straight up to the first waypoint's height, and across to it where it is not above
     path       through the waypoints, at simulated time; planned before the first frame comes
-    land       asked for at the last waypoint, until the vehicle is down or `land_s` have passed
+    descent    straight down from the last waypoint, until it stands on the ground: the path leads below it
+    land       asked for there, until the vehicle is down or `land_s` have passed
 
 Where the vehicle is is read from `truth` if that is among the topics; else it is taken to be below the first waypoint,
-and on time. What is commanded depends on the frames only, so the same frames give the same flight.
+and on time, and the descent is left to the landing. What is commanded depends on the frames only, so the same frames
+give the same flight.
 """
 
 from __future__ import annotations
@@ -24,15 +26,18 @@ from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
 
 ARRIVED_M = 0.3
+BELOW_M = 0.5  # the place of the start: how far the descent aims, so that it ends at the ground and not above it
+SINK_MPS, SINK_MPS2 = 0.7, 0.5  # the descent: gentle, since it meets the ground
 DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: as low as it started, this slow, for this long
 TURN_FROM_MPS = 0.3  # horizontal speed below which the path says nothing of where to look
 TRUTH = "truth"
 
 
 class Waypoints:
-    """`lookahead_s`: how far ahead of the frame's time to command, or "measured": the latency of the frame before
-    (then the flight depends on how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every
-    answer takes at least so long, computing: what a slower computer would fly like."""
+    """`lookahead_s`: how far ahead of the vehicle to command. The bench carries what is desired on from the frame's time;
+    with "measured" it does not, and the latency of the frame before is made up for here (then the flight depends on
+    how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every answer takes at least so
+    long, computing: what a slower computer would fly like."""
 
     topics = (TRUTH,)
     control = True
@@ -62,8 +67,10 @@ class Waypoints:
         if lookahead_s != "measured":
             _number("lookahead_s", lookahead_s)
         self.finished = False
+        self.hold = lookahead_s == "measured"
         self._limits = Limits(speed_mps, accel_mps2, corridor_m)
         self._climb = Limits(takeoff_speed_mps, accel_mps2, corridor_m)
+        self._sink = Limits(min(takeoff_speed_mps, SINK_MPS), min(accel_mps2, SINK_MPS2), corridor_m)
         self._yaw, self._yaw_rate_radps, self._lookahead_s = yaw, yaw_rate_radps, lookahead_s
         self._wait_s, self._land_s = wait_s, land_s
         self._busy_s = float(busy_s)
@@ -77,6 +84,7 @@ class Waypoints:
         self._phases = []
         self._begun = False
         self._phase = 0
+        self._descent = -1  # which of the phases, if any
         self._phase_t_ns = 0  # when it began
         self._t_ns: int | None = None  # of the frame before
         self._yaw_rad = 0.0
@@ -104,9 +112,14 @@ class Waypoints:
         dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
         self._t_ns = frame.t_ns
         t_s = (frame.t_ns - self._phase_t_ns) * 1e-9
-        if self._phase < len(self._phases) and self._over(t_s, p_W):
+        while self._phase < len(self._phases):
+            over_s = self._over_since(t_s, p_W, v_W)
+            if over_s is None:
+                break
+            # Not when a frame shows it: which frames there are should not move the flight.
             self._phase += 1
-            self._phase_t_ns, t_s = frame.t_ns, 0.0
+            self._phase_t_ns += round((t_s - over_s) * 1e9)
+            t_s = over_s
         if self._phase == len(self._phases):
             return self._land(frame, t_s, p_W, v_W)
         point = self._phases[self._phase].at(t_s + self._ahead_s(frame))
@@ -122,6 +135,12 @@ class Waypoints:
                 self._phases.append(plan(np.array(points), limits))
         if self._path is not None:
             self._phases.append(self._path)
+        self._descent = -1
+        last = self._waypoints_W[-1]
+        if p_W is not None:
+            self._descent = len(self._phases)
+            ground = [last[0], last[1], min(p_W[2], last[2]) - BELOW_M]
+            self._phases.append(plan(np.array([last, ground]), self._sink))
         self._begun = True
         self._phase_t_ns = frame.t_ns
         q_WB = frame[TRUTH]["q_WB"] if TRUTH in frame and "q_WB" in frame[TRUTH] else None
@@ -131,13 +150,27 @@ class Waypoints:
             w, x, y, z = np.asarray(q_WB, float).reshape(-1, 4)[-1]
             self._yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
-    def _over(self, t_s: float, p_W: np.ndarray | None) -> bool:
-        """Whether the phase's time has passed and the vehicle has come to its end; it is not waited for for ever."""
+    def _over_since(self, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> float | None:
+        """For how long the phase's time has passed and the vehicle has been at its end; it is not waited for for ever.
+
+        When it came there follows from how far inside it is by now, and how fast it moved in.
+        """
         path = self._phases[self._phase]
-        if t_s < path.duration_s:
-            return False
-        late = t_s > path.duration_s + self._wait_s
-        return late or p_W is None or float(np.linalg.norm(p_W - path.at(t_s).p_W)) < ARRIVED_M
+        past_s = t_s - path.duration_s
+        if self._phase == self._descent and p_W is not None and v_W is not None:
+            above_m = float(p_W[2] - path.at(t_s).p_W[2])
+            if above_m > ARRIVED_M and float(np.linalg.norm(v_W)) < DOWN_MPS:
+                return 0.0  # it stands
+        if past_s < 0.0:
+            return None
+        if p_W is None:
+            return past_s
+        off = p_W - path.at(t_s).p_W
+        inside_m = ARRIVED_M - float(np.linalg.norm(off))
+        if inside_m <= 0.0:
+            return past_s - self._wait_s if past_s > self._wait_s else None
+        inwards_mps = 0.0 if v_W is None else -float(off @ v_W) / max(ARRIVED_M - inside_m, 1e-9)
+        return min(past_s, inside_m / inwards_mps) if inwards_mps > 0.0 else past_s
 
     def _land(self, frame: Frame, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> Desired:
         down = p_W is not None and v_W is not None and p_W[2] - self._start_W[2] < DOWN_M
