@@ -1,6 +1,7 @@
-"""Messages of the companion link, version 1, as pure functions: msgpack headers in and out. No I/O.
+"""Messages of the companion link, version 2, as pure functions: msgpack headers in and out. No I/O.
 
-Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian).
+Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian). To a
+client that reads shared memory a frame is one small packet: the arrays and the samples' header lie in the memory.
 A client sends hello, credit, done, ping and bye: `decode_client` turns their bytes into frozen dataclasses and refuses
 everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is told).
 The bench sends welcome, refused, frame, pong and end: the `encode_` functions.
@@ -15,9 +16,9 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 
@@ -26,7 +27,7 @@ from hil.signals.desired import DesiredState
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
-VERSION = 1
+VERSION = 2
 MAX_CREDIT = 64
 REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
@@ -51,7 +52,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
         *("topics", "sensors", "waypoints_W", "ports", "ring", "control"),
     ),
     "refused": ("code", "text"),
-    "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "release", "ports_of_frame"),
+    "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "samples_at", "release", "ports_of_frame"),
     "pong": ("id", "t_client_ns", "t_bench_received_ns", "t_bench_sent_ns"),
     "end": ("status", "text"),
 }
@@ -129,8 +130,7 @@ class Credit:
     n: int
 
 
-@dataclass(frozen=True)
-class Done:
+class Done(NamedTuple):
     """The answer to a frame. Times are the client's monotonic clock."""
 
     frame: int
@@ -178,6 +178,16 @@ def topic_schema(sample_type: type, channel: str | None = None) -> TopicSchema:
 
 
 @dataclass(frozen=True)
+class Ring:
+    """Shared memory, and where a client of it is heard."""
+
+    name: str
+    bytes: int
+    door: str  # file of a local socket
+    word: str  # to say there first
+
+
+@dataclass(frozen=True)
 class Welcome:
     """What a client is told at the beginning."""
 
@@ -190,7 +200,7 @@ class Welcome:
     sensors: Mapping[str, Mapping[str, Any]]
     waypoints_W: Sequence[Sequence[float]]
     ports: Mapping[str, str]
-    ring: tuple[str, int] | None  # name of the shared memory, bytes
+    ring: Ring | None
     control: bool
 
 
@@ -254,7 +264,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
             "sensors": welcome.sensors,
             "waypoints_W": [list(p) for p in welcome.waypoints_W],
             "ports": welcome.ports,
-            "ring": None if welcome.ring is None else {"name": welcome.ring[0], "bytes": welcome.ring[1]},
+            "ring": None if welcome.ring is None else asdict(welcome.ring),
             "control": welcome.control,
         }
     )
@@ -285,6 +295,36 @@ def pack_samples(samples: Sequence[Mapping[str, Any]]) -> bytes:
     return _pack(samples)
 
 
+def pack_arrays(arrays: Sequence[Mapping[str, Any]]) -> bytes:
+    """What a sample says of its arrays: bytes in the header, known again as a whole."""
+    return _pack(arrays)
+
+
+def encode_frame_in_ring(
+    frame: int,
+    tick: int,
+    t_ns: int,
+    *,
+    t_sent_ns: int,
+    dropped: int,
+    release: int,
+    samples_at: tuple[int, int],
+) -> bytes:
+    """A frame in shared memory: from `release` on; `samples_at`: the samples, from there on, and their bytes."""
+    return _pack(
+        {
+            "k": "frame",
+            "frame": frame,
+            "tick": tick,
+            "t_ns": t_ns,
+            "t_sent_ns": t_sent_ns,
+            "dropped": dropped,
+            "release": release,
+            "samples_at": samples_at,
+        }
+    )
+
+
 def encode_frame(
     frame: int,
     tick: int,
@@ -293,7 +333,6 @@ def encode_frame(
     t_sent_ns: int,
     dropped: int,
     samples: bytes,
-    release: int = 0,
     ports_of_frame: Sequence[str] | None = None,
 ) -> bytes:
     """The header of a frame, round `samples` packed before. A map is its entries one behind the other."""
@@ -304,7 +343,6 @@ def encode_frame(
         "t_ns": t_ns,
         "t_sent_ns": t_sent_ns,
         "dropped": dropped,
-        "release": release,
     }
     if ports_of_frame is not None:
         head["ports_of_frame"] = list(ports_of_frame)

@@ -20,6 +20,7 @@ from firmware_bridge.companion.connections import Connections
 from firmware_bridge.companion.doorkeeper import DOMAIN
 from firmware_bridge.companion.keys import KeyPair
 from firmware_bridge.companion.settings import CompanionSettings
+from firmware_bridge.companion.unreachable import Unreachable
 
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
 # Of TCP, bytes are counted (`Connections`). The kernel counts none of a local socket: there, messages are limited in
@@ -47,10 +48,6 @@ class Received(NamedTuple):
     raw: memoryview  # part 0
     parts: int
     frame: zmq.Frame  # of part 0, for what else ZeroMQ knows
-
-
-class Unreachable(Exception):  # never leaves the companion package
-    """The peer has gone."""
 
 
 class BenchSocket:
@@ -109,6 +106,10 @@ class BenchSocket:
     def register(self, poller: zmq.Poller) -> None:
         """Only what the caller's thread alone uses; the monitor is read under a lock."""
         poller.register(self._socket, zmq.POLLIN)
+
+    def fileno(self) -> int:
+        """Of what becomes readable when something has come; a change only, told once: `receive` first."""
+        return int(self._socket.getsockopt(zmq.FD))
 
     def receive(self) -> Received | None:
         """The next message; None while there is none."""

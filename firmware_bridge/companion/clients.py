@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from firmware_bridge.codecs.companion import MAX_CREDIT, Hello, HelloRefused
 from firmware_bridge.companion.clock_offset import ClockOffset
+from firmware_bridge.companion.doors import Door
 from firmware_bridge.companion.frames import ClientInfo
 from hil.signals.latency import LatencyHistogram
 
@@ -59,13 +60,15 @@ class Client:
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
         self.in_ring = False
+        self.word = ""  # by which it is known at the door; of one in the ring
+        self.door: Door | None = None
         self.address = ""
         self.user = ""  # public key, where there is one
 
     @property
     def ready(self) -> bool:
-        """Whether frames can go: it has said on every sensor's port who it is."""
-        return self.groups <= self.ports.keys()
+        """Whether frames can go: it has said on every sensor's port, or at the door of the ring, who it is."""
+        return self.groups <= self.ports.keys() and (self.door is not None or not self.in_ring)
 
     def add_credit(self, n: int) -> bool:
         """Whether that was within what a client may have."""

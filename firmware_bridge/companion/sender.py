@@ -8,6 +8,7 @@ from firmware_bridge.codecs import companion as wire
 from firmware_bridge.companion.admission import CONTROL, group_of
 from firmware_bridge.companion.bench_socket import BenchSocket
 from firmware_bridge.companion.clients import Client, UnderWay
+from firmware_bridge.companion.doors import Door
 from firmware_bridge.companion.outgoing import Outgoing
 from firmware_bridge.companion.shared_ring import SharedRing
 
@@ -24,12 +25,8 @@ class Sender:
         """Copy in what these clients want of a frame: the slot; None if there is no room, or nobody wants it."""
         if not clients or self._ring is None:
             return None
-        topics = frozenset().union(*(client.topics for client in clients))
-        place = self._ring.put(out.arrays_of(topics), [client.name for client in clients])
-        if place is None:
-            return None
-        out.placed(place[1])
-        return place[0]
+        block = out.for_ring([client.topics for client in clients])
+        return self._ring.put(block, [client.name for client in clients])
 
     def send(self, client: Client, out: Outgoing, slot: int | None, t_begun_ns: int) -> bool:
         """Whether there was room; else it counts as dropped. Unreachable if the client has gone."""
@@ -37,8 +34,8 @@ class Sender:
             client.count_dropped()
             return False
         t_sent_ns = self._clock_ns()
-        if client.in_ring:
-            sent = self._send_in_ring(client, out, t_sent_ns, slot)
+        if slot is not None and client.door is not None:
+            sent = self._send_in_ring(client, client.door, out, t_sent_ns, slot)
         elif client.groups:
             sent = self._send_by_ports(client, out, t_sent_ns)
         else:
@@ -58,11 +55,21 @@ class Sender:
         if self._ring is not None and slot is not None:
             self._ring.give_back(slot, client.name)
 
-    def _send_in_ring(self, client: Client, out: Outgoing, t_sent_ns: int, slot: int | None) -> bool:
-        samples, size = out.in_ring(client.topics)
-        header = self._header(client, out, t_sent_ns, samples, release=slot or 0)
-        client.stats.bytes += len(header) + size
-        return self._sockets[CONTROL].send(client.identity, [header])
+    @staticmethod
+    def _send_in_ring(client: Client, door: Door, out: Outgoing, t_sent_ns: int, slot: int) -> bool:
+        f = out.frame
+        offset, length, size = out.in_ring(client.topics)
+        packet = wire.encode_frame_in_ring(
+            f.frame,
+            f.tick,
+            f.t_ns,
+            t_sent_ns=t_sent_ns,
+            dropped=client.dropped_since,
+            release=slot,
+            samples_at=(offset, length),
+        )
+        client.stats.bytes += len(packet) + length + size
+        return door.send(packet)
 
     def _send_by_ports(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
         topics = sorted(client.topics & out.topics)
@@ -97,7 +104,6 @@ class Sender:
         t_sent_ns: int,
         samples: bytes,
         *,
-        release: int = 0,
         ports_of_frame: list[str] | None = None,
     ) -> bytes:
         f = out.frame
@@ -108,6 +114,5 @@ class Sender:
             t_sent_ns=t_sent_ns,
             dropped=client.dropped_since,
             samples=samples,
-            release=release,
             ports_of_frame=ports_of_frame,
         )

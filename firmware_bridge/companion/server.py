@@ -11,27 +11,32 @@ What is wrong on a wire never raises here: it is counted, told to the client whe
 from __future__ import annotations
 
 import secrets
+import select
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import Any
 
 import zmq
 
 from firmware_bridge.codecs import companion as wire
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.admission import CONTROL, Admission, group_of
-from firmware_bridge.companion.bench_socket import BenchSocket, Received, Unreachable
+from firmware_bridge.companion.bench_socket import BenchSocket, Received
 from firmware_bridge.companion.clients import Client, Clients, ClientStats
 from firmware_bridge.companion.doorkeeper import Doorkeeper
+from firmware_bridge.companion.doors import Door, Doors
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
-from firmware_bridge.companion.outgoing import Outgoing
+from firmware_bridge.companion.outgoing import Descriptions, Outgoing
 from firmware_bridge.companion.sender import Sender
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
+from firmware_bridge.companion.unreachable import Unreachable
 from hil.signals.errors import HandshakeError, LinkClosed
 
 _SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
+_LOOK_NS = 5_000_000
 _MS = 1_000_000
 _NAP_NS = 100_000
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
@@ -61,10 +66,13 @@ class CompanionServer:
         self._admission = Admission(settings, facts, self._clients)
         self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
         self._ring: SharedRing | None = None
+        self._doors: Doors | None = None
+        self._descriptions = Descriptions()
+        self._look_ns = 0  # when all sockets are looked at again, and not the doors alone
         self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
-        self._poller = zmq.Poller()
+        self._poller: Any = zmq.Poller()
         self._turn = 0  # which socket is served first
 
     # --- beginning and end ---
@@ -86,9 +94,16 @@ class CompanionServer:
                     )
             if s.arrangement == "shared_memory":
                 self._ring = SharedRing(s.ring_bytes)
+                self._doors = Doors(self.endpoint.removeprefix("ipc://"))
+                # Of descriptors: ZeroMQ's own poller takes as long as a frame is on its way.
+                self._poller = select.poll()
+                self._poller.register(self._doors, select.POLLIN)
                 self._sender = Sender(self._sockets, self._ring, self._clock_ns)
             for bound in self._sockets.values():
-                bound.register(self._poller)
+                if self._doors is None:
+                    bound.register(self._poller)
+                else:
+                    self._poller.register(bound, select.POLLIN)
         except BaseException:
             self._release(0)
             raise
@@ -103,10 +118,13 @@ class CompanionServer:
         last = wire.encode_end(status, text)
         for client in list(self._clients.by_name.values()):
             self._tell(client.identity, last)
-            self._clients.remove(client, "the session ended")
+            self._remove(client, "the session ended")
         self._release(_LINGER_MS)
 
     def _release(self, linger_ms: int) -> None:
+        if self._doors is not None:
+            self._doors.close()
+            self._doors = None
         for bound in self._sockets.values():
             bound.close(linger_ms)
         self._sockets.clear()
@@ -168,10 +186,6 @@ class CompanionServer:
         """What was counted, by name, of all that were ever here."""
         return dict(self._clients.stats)
 
-    def credits(self) -> dict[str, int]:
-        """Frames that each client could be sent now."""
-        return {name: client.credit for name, client in self._clients.by_name.items() if client.ready}
-
     def drop(self, name: str, why: str) -> None:
         """End a client's place; it is told, and may come back. Nothing if it is not here."""
         client = self._clients.by_name.get(name)
@@ -190,7 +204,7 @@ class CompanionServer:
         if not self._sockets:
             raise LinkClosed("companion", "the session is closed")
         t_begun_ns = self._clock_ns()
-        out = Outgoing(frame)
+        out = Outgoing(frame, self._descriptions)
         targets: list[Client] = []
         for name in self._clients.by_name if to is None else to:
             client = self._clients.by_name.get(name)
@@ -217,21 +231,25 @@ class CompanionServer:
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
         replies: list[Reply] = []
         while self._sockets:
-            self._serve(replies)
+            self._serve_doors(replies)
+            more = (not replies or self._clock_ns() >= self._look_ns) and self._serve(replies)
             left_ns = deadline_ns - self._clock_ns()
             if replies or left_ns <= 0:
                 break
+            if more:
+                continue  # sockets tell of changes only, where they are waited for by their descriptors
             if left_ns < _MS:  # the poller counts whole milliseconds
                 time.sleep(min(left_ns, _NAP_NS) * 1e-9)
             else:
                 self._poller.poll(min(left_ns // _MS, _ROUND_MS))
         return replies
 
-    def _serve(self, replies: list[Reply]) -> None:
+    def _serve(self, replies: list[Reply]) -> bool:
         """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
-        holds the bench."""
+        holds the bench. Whether something may be left."""
         self._watch()
-        end_ns = self._clock_ns() + _SERVE_NS
+        begun_ns = self._clock_ns()
+        end_ns, self._look_ns = begun_ns + _SERVE_NS, begun_ns + _LOOK_NS
         waiting = list(self._sockets.items())
         self._turn = (self._turn + 1) % len(waiting)
         waiting = waiting[self._turn :] + waiting[: self._turn]
@@ -243,11 +261,49 @@ class CompanionServer:
                     still.append((group, bound))
                     self._take(group, message, replies)
                     if self._clock_ns() >= end_ns:
-                        return
+                        return True
             waiting = still
+        return False
+
+    def _serve_doors(self, replies: list[Reply]) -> None:
+        """One packet of each in turn, until there is an answer, or for a moment."""
+        if self._doors is None:
+            return
+        end_ns = self._clock_ns() + _SERVE_NS
+        talking = [client for client in self._clients.by_name.values() if client.door is not None]
+        while talking and not replies:
+            talking = [client for client in talking if self._hear_at_door(client, replies)]
+            if talking and self._clock_ns() >= end_ns:
+                return
+
+    def _hear_at_door(self, client: Client, replies: list[Reply]) -> bool:
+        """Whether there was a packet, and may be another."""
+        if client.door is None:
+            return False  # it was lost meanwhile
+        try:
+            packet = client.door.receive()
+        except Unreachable:
+            self._lose(client, "its connection ended")
+            return False
+        if packet is not None:
+            self._take_at_door(client, packet, replies)
+        return packet is not None
+
+    def _let_in(self, word: bytes, door: Door) -> bool:
+        """Whether it is the word of a client that has no door yet: then this is its."""
+        without = (c for c in self._clients.by_name.values() if c.in_ring and c.door is None)
+        client = next((c for c in without if secrets.compare_digest(c.word.encode("ascii"), word)), None)
+        if client is None:
+            return False
+        client.door = door
+        self._poller.register(door, select.POLLIN)
+        self._joined(client)
+        return True
 
     def _watch(self) -> None:
-        """Who has gone."""
+        """Who has come to the door, and who has gone."""
+        if self._doors is not None:
+            self._doors.serve(self._let_in)
         for group, bound in self._sockets.items():
             ended, texts = bound.gone()
             for text in texts:
@@ -263,6 +319,17 @@ class CompanionServer:
                     if client.ports.get(group, (b"", -1))[1] == fd:
                         del client.ports[group]
                         self._on_event("wire", f"{client.name}: its connection to the port of {group} ended")
+
+    def _take_at_door(self, client: Client, packet: memoryview, replies: list[Reply]) -> None:
+        t_ns = self._clock_ns()
+        try:
+            decoded = wire.decode_client(packet)
+            if isinstance(decoded, wire.Hello):
+                raise CodecError("hello: it has a place already; say bye first")
+            self._hear(client, decoded, t_ns, replies)
+            client.malformed_in_a_row = 0
+        except CodecError as error:
+            self._malformed(CONTROL, client.identity, client.fd, client, str(error))
 
     def _take(self, group: str, message: Received, replies: list[Reply]) -> None:
         t_ns = self._clock_ns()
@@ -281,7 +348,7 @@ class CompanionServer:
         except wire.HelloRefused as error:
             self._refuse(group, message, error)
         except CodecError as error:
-            self._malformed(group, message, client, str(error))
+            self._malformed(group, message.identity, message.fd, client, str(error))
 
     def _hear(
         self,
@@ -364,6 +431,7 @@ class CompanionServer:
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
         client.credit = min(client.credit, self.settings.max_credit)
         client.in_ring = self._ring is not None and hello.shared_memory
+        client.word = secrets.token_hex(16)
         client.user, client.address = user, _property(message, "Peer-Address")
         self._clients.add(client)
         self._tell(client.identity, wire.encode_welcome(self._welcome_of(client)))
@@ -383,9 +451,14 @@ class CompanionServer:
             sensors={name: values for name, values in f.sensors.items() if name in sensors},
             waypoints_W=f.waypoints_W,
             ports={t: self._sockets[group_of(t)].endpoint for t in sorted(client.topics)} if client.groups else {},
-            ring=(self._ring.name, self._ring.size) if client.in_ring and self._ring is not None else None,
+            ring=self._ring_of(client),
             control=client.control,
         )
+
+    def _ring_of(self, client: Client) -> wire.Ring | None:
+        if not client.in_ring or self._ring is None or self._doors is None:
+            return None
+        return wire.Ring(self._ring.name, self._ring.size, self._doors.path, client.word)
 
     def _joined(self, client: Client) -> None:
         again = "again, " if client.stats.returned else ""
@@ -405,12 +478,12 @@ class CompanionServer:
             self.refused = [*self.refused, text][-_REFUSALS_KEPT:]
             self._on_event(kind, text)
 
-    def _malformed(self, group: str, message: Received, client: Client | None, why: str) -> None:
+    def _malformed(self, group: str, identity: bytes, fd: int, client: Client | None, why: str) -> None:
         self.malformed += 1
-        in_a_row = self._clients.strike(message.identity) if client is None else client.malformed_in_a_row + 1
+        in_a_row = self._clients.strike(identity) if client is None else client.malformed_in_a_row + 1
         limit = self.settings.malformed_in_a_row
         if in_a_row <= limit:
-            self._tell(message.identity, wire.encode_refused("malformed", why), group)
+            self._tell(identity, wire.encode_refused("malformed", why), group)
             self._on_event("malformed", f"{client.name if client else 'a stranger'}: {why}")
         if client is not None:
             client.malformed_in_a_row = in_a_row
@@ -418,17 +491,29 @@ class CompanionServer:
             if in_a_row >= limit:
                 self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
         if in_a_row >= limit:
-            self._sockets[group].cut(message.fd)
+            self._sockets[group].cut(fd)
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
         for under_way in client.under_way.values():
             self._sender.give_back(client, under_way.slot)
         client.under_way.clear()
-        self._clients.remove(client, why)
+        self._remove(client, why)
         self._on_event(kind, f"{client.name}: {why}")
+
+    def _remove(self, client: Client, why: str) -> None:
+        self._clients.remove(client, why)
+        if client.door is not None:
+            self._poller.unregister(client.door)
+            client.door.close()
+            client.door = None
 
     def _tell(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
         """A word to a client, if it can take one."""
+        client = self._clients.at(identity) if group == CONTROL else None
+        if client is not None and client.door is not None:
+            with suppress(Unreachable):
+                client.door.send(message)
+            return
         bound = self._sockets.get(group)
         if bound is not None:
             with suppress(Unreachable):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from multiprocessing import shared_memory
 from pathlib import Path
@@ -24,6 +24,24 @@ from hil.signals.errors import PortNotFound
 
 _ALIGN = 64
 _FOLDER = Path("/dev/shm")  # noqa: S108
+
+
+class Block:
+    """Arrays in C order that are to lie together, each on a boundary of 64 bytes."""
+
+    __slots__ = ("arrays", "size")
+
+    def __init__(self) -> None:
+        self.arrays: list[tuple[np.ndarray, int]] = []  # each with its offset
+        self.size = 0
+
+    def add(self, array: np.ndarray) -> int:
+        """Its offset."""
+        offset, size = self.size, array.nbytes
+        if size:  # a radar that sees nothing has no points
+            self.arrays.append((array, offset))
+            self.size += -(-size // _ALIGN) * _ALIGN
+        return offset
 
 
 class SharedRing:
@@ -44,28 +62,25 @@ class SharedRing:
         self.name = self._memory.name
         self.size = size
         self._bytes: np.ndarray | None = np.ndarray((size,), np.uint8, self._memory.buf)
+        self._view = self._bytes.data
         self._bytes[::4096] = 0  # pages are made now, not under the first frames
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
         self.full = 0  # frames for which there was no room
 
-    def put(self, arrays: Sequence[np.ndarray], holders: Iterable[str]) -> tuple[int, list[int]] | None:
-        """Copy the arrays in: (slot, offset of each in the block); None if there is no room."""
-        offsets, size = [], 0
-        for array in arrays:
-            offsets.append(size)
-            size += -(-array.nbytes // _ALIGN) * _ALIGN
-        size = max(size, _ALIGN)
+    def put(self, block: Block, holders: Iterable[str]) -> int | None:
+        """Copy a block in; where it begins. None if there is no room."""
+        size = max(block.size, _ALIGN)
         place = self._gap(size)
         if place is None or self._bytes is None:
             self.full += 1
             return None
         index, start = place
-        for array, offset in zip(arrays, offsets, strict=True):
-            if array.nbytes:  # a radar that sees nothing has no points
-                target = self._bytes[start + offset : start + offset + array.nbytes]
-                np.copyto(target.view(array.dtype).reshape(array.shape), array)
+        view = self._view
+        for array, offset in block.arrays:
+            at = start + offset
+            view[at : at + array.nbytes] = _bytes_of(array)
         self._slots.insert(index, (start, start + size, set(holders)))
-        return start, [start + offset for offset in offsets]
+        return start
 
     def _gap(self, size: int) -> tuple[int, int] | None:
         """(index among the slots, start) of the first free place."""
@@ -85,18 +100,21 @@ class SharedRing:
                     del self._slots[index]
                 return
 
-    @property
-    def held(self) -> int:
-        """Slots in use."""
-        return len(self._slots)
-
     def close(self) -> None:
         """Take the name away and let go. May be called twice."""
         self._bytes = None
+        self._view = memoryview(b"")
         with suppress(FileNotFoundError):
             self._memory.unlink()
         with suppress(BufferError):  # somebody still has a view: the memory goes when that does
             self._memory.close()
+
+
+def _bytes_of(array: np.ndarray) -> memoryview:
+    try:
+        return array.data.cast("B")
+    except (TypeError, ValueError):  # complex numbers are none of memoryview's
+        return array.reshape(-1).view(np.uint8).data
 
 
 def _allocate(name: str, size: int) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 import zmq
 
-from firmware_bridge.codecs.companion import Bye, Credit, Done, Hello, Ping, decode_client
+from firmware_bridge.codecs.companion import VERSION, Bye, Credit, Done, Hello, Ping, decode_client
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.keys import make_keys, read_pair
 from firmware_bridge.companion.server import CompanionServer
@@ -95,7 +95,7 @@ def test_killed_process_is_noticed_and_a_stopped_one_is_the_callers_to_drop() ->
     code = (
         "import sys, zmq, msgpack\n"
         "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=1, schema=None, name=sys.argv[2],"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=2, schema=None, name=sys.argv[2],"
         " topics=['*'], control=False, credit=4, shared_memory=True)))\n"
         "while True: s.recv_multipart()\n"
     )
@@ -178,7 +178,7 @@ def test_ten_thousand_messages_of_garbage(known: bool) -> None:
     [
         ({"magic": "other"}, "magic"),
         ({"magic": None}, "magic"),
-        ({"version": 2}, "version"),
+        ({"version": 1}, "version"),
         ({"version": True}, "version"),
         ({"schema": "0123456789abcdef"}, "schema"),
         ({"schema": 5}, "malformed"),
@@ -257,7 +257,7 @@ def test_answer_without_sense_is_refused_and_the_right_one_still_counts(change: 
         client.say(**{"kind": "done", **{k: v for k, v in DONE.items() if k != "k"}, **change})  # type: ignore[arg-type]
         assert server.poll(0.02) == []
         assert client.expect("refused")["code"] == "malformed"
-        assert server.credits() == {"cut": 1}
+        assert [(c.name, c.credit) for c in server.clients] == [("cut", 1)]
         client.done(0)
         assert answered(server)[0].frame == 0
         assert server.stats()["cut"].malformed == 1
@@ -275,9 +275,9 @@ def test_commands_need_control_and_credits_have_a_limit() -> None:
             client.say("credit", n=n)
             server.poll(0.02)
             assert client.expect("refused")["code"] == "malformed", n
-        assert server.credits() == {"cut": 59}
+        assert [(c.name, c.credit) for c in server.clients] == [("cut", 59)]
         client.say("credit", n=5)
-        until(server, lambda: server.credits() == {"cut": 64})
+        until(server, lambda: [(c.name, c.credit) for c in server.clients] == [("cut", 64)])
 
 
 def test_answering_a_frame_twice_gives_no_second_credit() -> None:
@@ -287,7 +287,7 @@ def test_answering_a_frame_twice_gives_no_second_credit() -> None:
         client.done(0)
         server.poll(0.02)
         assert client.expect("refused")["code"] == "malformed"
-        assert server.credits() == {"cut": 1}
+        assert [(c.name, c.credit) for c in server.clients] == [("cut", 1)]
 
 
 def test_hundred_megabytes_in_one_part_never_get_in() -> None:
@@ -454,11 +454,13 @@ def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_mem
     code = (
         "import os, sys, zmq, msgpack\n"
         "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=1, schema=None, name='killed',"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=2, schema=None, name='killed',"
         " topics=['imu'], control=False, credit=64, shared_memory=True)))\n"
-        "name = msgpack.unpackb(s.recv())['ring']['name']\n"
-        "import mmap; m = mmap.mmap(os.open('/dev/shm/' + name, os.O_RDONLY), 4096, prot=mmap.PROT_READ)\n"
-        "while True: s.recv_multipart()\n"
+        "ring = msgpack.unpackb(s.recv())['ring']\n"
+        "import mmap; m = mmap.mmap(os.open('/dev/shm/' + ring['name'], os.O_RDONLY), 4096, prot=mmap.PROT_READ)\n"
+        "import socket; d = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)\n"
+        "d.connect(ring['door']); d.send(ring['word'].encode())\n"
+        "while True: d.recv(1000)\n"
     )
     with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server, RawClient(bind) as client:
         join(server, client, credit=1, topics=["imu"])
@@ -468,7 +470,7 @@ def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_mem
             number = 0
             while server.send(frame_of(number), to=["killed"]):
                 number += 1
-            assert number == 4096 // 128
+            assert 4096 // 512 <= number <= 4096 // 192
             assert server.send(frame_of(number)) == []  # full: dropped, nobody waits
             child.kill()
             until(server, lambda: "killed" in server.lost)
@@ -516,7 +518,7 @@ def test_decoder_never_raises_anything_else() -> None:
         {"k": "credit", "n": 3},
         {"k": "ping", "id": 1, "t_client_ns": 5},
         {"k": "bye", "reason": "x"},
-        {"k": "hello", "magic": "hil-companion", "version": 1, "schema": None, "name": "a", "topics": ["*"]}
+        {"k": "hello", "magic": "hil-companion", "version": VERSION, "schema": None, "name": "a", "topics": ["*"]}
         | {"control": True, "credit": 1, "shared_memory": False},
     ]
     kinds = (Done, Credit, Ping, Bye, Hello)

@@ -1,17 +1,21 @@
-"""A companion server in this process and raw ZeroMQ clients that say what they like."""
+"""A companion server in this process and raw clients, by ZeroMQ and at the ring's door, that say what they like."""
 
 from __future__ import annotations
 
+import mmap
+import select
+import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import msgpack
 import numpy as np
 import zmq
 
-from firmware_bridge.codecs.companion import topic_schema
+from firmware_bridge.codecs.companion import VERSION, topic_schema
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample, Reply, SessionFacts
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
@@ -61,9 +65,22 @@ class RawClient:
         for name, value in options.items():
             setattr(self.socket, name, value)
         self.socket.connect(address)
+        self.door: socket.socket | None = None
+        self.memory: mmap.mmap | None = None
+
+    def enter(self, ring: Mapping[str, Any]) -> None:
+        """The ring that a welcome told of: from here on everything goes through its door."""
+        with Path("/dev/shm", ring["name"]).open("rb") as file:
+            self.memory = mmap.mmap(file.fileno(), ring["bytes"], access=mmap.ACCESS_READ)
+        self.door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.door.connect(ring["door"])
+        self.door.send(ring["word"].encode())
 
     def send(self, *parts: bytes) -> None:
-        self.socket.send_multipart(parts)
+        if self.door is None:
+            self.socket.send_multipart(parts)
+        else:
+            self.door.send(*parts)
 
     def say(self, kind: str, **entries: Any) -> None:
         self.send(msgpack.packb({"k": kind, **entries}))
@@ -71,7 +88,7 @@ class RawClient:
     def hello(self, name: str = "cut", **changes: Any) -> None:
         entries: dict[str, Any] = {
             "magic": "hil-companion",
-            "version": 1,
+            "version": VERSION,
             "schema": None,
             "name": name,
             "topics": ["*"],
@@ -87,10 +104,23 @@ class RawClient:
         self.say("done", frame=frame, **{**entries, **changes})
 
     def receive(self, wait_s: float = WAIT_S) -> tuple[dict[str, Any], list[bytes]]:
-        if not self.socket.poll(wait_s * 1000):
+        """A header, with what its samples say of arrays unpacked, and the other parts."""
+        if self.silent(wait_s):
             raise AssertionError("nothing came")
-        parts = self.socket.recv_multipart()
-        return msgpack.unpackb(parts[0]), parts[1:]
+        parts = self.socket.recv_multipart() if self.door is None else [self.door.recv(1 << 16)]
+        header = msgpack.unpackb(parts[0])
+        if "samples_at" in header:
+            assert self.memory is not None
+            begin, size = header["release"] + header["samples_at"][0], header["samples_at"][1]
+            header["samples"] = msgpack.unpackb(self.memory[begin : begin + size])
+        for sample in header.get("samples", ()):
+            sample["arrays"] = msgpack.unpackb(sample["arrays"])
+        return header, parts[1:]
+
+    def array(self, header: Mapping[str, Any], described: Mapping[str, Any]) -> np.ndarray:
+        """One that lies in the ring, copied out."""
+        at = header["release"] + described["offset"]
+        return np.ndarray(described["shape"], described["dtype"], self.memory, at).copy()
 
     def expect(self, kind: str) -> dict[str, Any]:
         header, _ = self.receive()
@@ -98,9 +128,13 @@ class RawClient:
         return header
 
     def silent(self, wait_s: float = 0.05) -> bool:
-        return not self.socket.poll(wait_s * 1000)
+        if self.door is None:
+            return not self.socket.poll(wait_s * 1000)
+        return not select.select([self.door], [], [], wait_s)[0]
 
     def close(self) -> None:
+        if self.door is not None:
+            self.door.close()
         self.context.destroy(linger=0)
 
     def __enter__(self) -> RawClient:
@@ -132,8 +166,12 @@ def answered(server: CompanionServer, count: int = 1) -> list[Reply]:
 def join(server: CompanionServer, client: RawClient, name: str = "cut", **changes: Any) -> dict[str, Any]:
     """Let a client in; its welcome."""
     client.hello(name, **changes)
+    until(server, lambda: not client.silent(0.0))
+    welcome = client.expect("welcome")
+    if welcome["ring"] is not None:
+        client.enter(welcome["ring"])
     until(server, lambda: name in server.living)
-    return client.expect("welcome")
+    return welcome
 
 
 def step(server: CompanionServer, client: RawClient, number: int, name: str = "cut") -> Reply:

@@ -181,7 +181,36 @@ def test_local_socket_is_the_users_own_and_leaves_nothing(monkeypatch: pytest.Mo
 
 def test_named_local_socket_is_the_users_own_too(tmp_path: Path) -> None:
     with serving(arrangement="shared_memory", bind=f"ipc://{tmp_path}/socket", ring_bytes=1 << 20):
-        assert stat.S_IMODE((tmp_path / "socket").stat().st_mode) == 0o600
+        for name in ("socket", "socket-door"):
+            assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o600
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_door_of_a_long_path_lies_elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = tmp_path / ("x" * (100 - len(str(tmp_path))))
+    folder.mkdir()
+    elsewhere = tmp_path / "t"
+    elsewhere.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(elsewhere))
+    bind = f"ipc://{folder}/s"
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=8192) as server, RawClient(bind) as client:
+        assert Path(join(server, client)["ring"]["door"]).parent.parent == elsewhere
+        step(server, client, 0)
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_packets_too_large_for_the_door_are_no_messages(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/socket"
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=8192) as server, RawClient(bind) as client:
+        join(server, client)
+        client.send(msgpack.packb({"k": "bye", "reason": "x" * 70_000}))
+        until(server, lambda: server.malformed == 1)
+        assert client.expect("refused")["code"] == "malformed"
+        step(server, client, 0)
+        for _ in range(10):
+            client.send(b"?")
+        until(server, lambda: "cut" in server.lost)
+        assert server.lost["cut"].startswith("10 messages without sense")
 
 
 @pytest.mark.parametrize("parts", [1, 2])
@@ -189,7 +218,7 @@ def test_large_parts_do_not_come_through_a_local_socket(parts: int, tmp_path: Pa
     bind = f"ipc://{tmp_path}/socket"
     with serving(arrangement="shared_memory", bind=bind, ring_bytes=1 << 20) as server, RawClient(bind) as client:
         join(server, client)
-        client.send(*[bytes(100_000)] * parts)
+        client.socket.send_multipart([bytes(100_000)] * parts)
         until(server, lambda: "cut" in server.lost)
         assert (server.lost["cut"], server.malformed) == ("its connection ended", 0)
 

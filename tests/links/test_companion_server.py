@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import socket
 import stat
 from dataclasses import replace
 from itertools import pairwise
-from multiprocessing import shared_memory
 from pathlib import Path
 
 import msgpack
@@ -28,7 +28,7 @@ from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys, read_pair
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
-from firmware_bridge.companion.shared_ring import SharedRing
+from firmware_bridge.companion.shared_ring import Block, SharedRing
 from hil.signals.desired import DesiredState
 from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
 from tests.links.companion_world import (
@@ -94,7 +94,7 @@ def test_frames_go_against_credits_and_drops_are_told() -> None:
         header = client.expect("frame")
         assert (header["frame"], header["dropped"]) == (5, 3)
         client.say("credit", n=1)
-        until(server, lambda: server.credits()["cut"] == 1)
+        until(server, lambda: server.clients[0].credit == 1)
         assert server.send(frame_of(6)) == ["cut"]
         assert client.expect("frame")["dropped"] == 0
         client.done(6)  # 1 and 5 are passed over
@@ -154,52 +154,136 @@ def test_several_ports_each_carry_their_sensor() -> None:
 def test_shared_memory_is_read_in_place_and_given_back(tmp_path: Path) -> None:
     bind = f"ipc://{tmp_path}/bench"
     with (
-        serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server,
+        serving(arrangement="shared_memory", bind=bind, ring_bytes=8192) as server,
         RawClient(bind) as client,
+        RawClient(bind) as other,
         RawClient(bind) as far,
     ):
-        ring = join(server, client, credit=32)["ring"]
+        assert join(server, client, credit=32)["ring"]["bytes"] == 8192
+        join(server, other, "other", credit=32, topics=["imu"])
         assert join(server, far, "far", credit=32, shared_memory=False)["ring"] is None
-        memory = shared_memory.SharedMemory(ring["name"])
-        try:
-            sent = [server.send(frame_of(k)) for k in range(18)]
-            # 64 + 64 + 128 bytes a frame: sixteen fit. `far` gets all of them over the wire.
-            assert sent == [["cut", "far"]] * 16 + [["far"]] * 2
-            for k in range(16):
-                header, parts = client.receive()
-                assert parts == []
-                for array in (x for s in header["samples"] for x in s["arrays"]):
-                    at = array["slot_offset"]
-                    assert at % 64 == 0
-                    got = np.ndarray(array["shape"], array["dtype"], memory.buf, at).copy()
-                    np.testing.assert_array_equal(got, arrays_of(k)[array["name"]], strict=True)
-            client.done(1)
-            answered(server)
-            assert [server.send(frame_of(k)) for k in range(18, 21)] == [["cut", "far"], ["cut", "far"], ["far"]]
-        finally:
-            memory.close()
+        sent = 0
+        while server.send(frame_of(sent)) == ["cut", "other", "far"]:
+            sent += 1
+        headers = [client.receive()[0] for _ in range(sent)]
+        size = headers[1]["release"]
+        # 64 + 64 + 128 bytes of arrays, and two headers; as many as fit, one behind the other.
+        assert 256 < size < 1024
+        assert [h["release"] for h in headers] == [k * size for k in range(8192 // size)]
+        for k, header in enumerate(headers):
+            seen = other.receive()[0]
+            assert [s["topic"] for s in seen["samples"]] == ["imu"]
+            for reader, told in ((client, header), (other, seen)):
+                for array in (x for s in told["samples"] for x in s["arrays"]):
+                    assert array["offset"] % 64 == 0
+                    np.testing.assert_array_equal(reader.array(told, array), arrays_of(k)[array["name"]], strict=True)
+        assert server.send(frame_of(50)) == ["far"]
+        client.done(1)
+        answered(server)
+        assert server.send(frame_of(51)) == ["far"]  # the other still reads them
+        other.done(1)
+        answered(server)
+        assert [server.send(frame_of(k)) for k in (52, 53, 54)] == [["cut", "other", "far"]] * 2 + [["far"]]
+        assert client.receive()[0]["dropped"] == 3
+
+
+def test_nobody_gets_through_the_door_without_the_word(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/bench"
+    with (
+        serving(arrangement="shared_memory", bind=bind, ring_bytes=8192) as server,
+        RawClient(bind) as client,
+        RawClient(bind) as thief,
+        socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as silent,
+    ):
+        client.hello("cut")
+        until(server, lambda: not client.silent(0.0))
+        ring = client.expect("welcome")["ring"]
+        silent.connect(ring["door"])
+        thief.enter(ring | {"word": "0" * 32})
+        until(server, lambda: not thief.silent(0.0))
+        assert thief.door is not None
+        assert thief.door.recv(100) == b""  # sent away
+        assert server.living == ()
+        client.enter(ring)
+        until(server, lambda: server.living == ("cut",))
+        thief.enter(ring)  # the right word, but it has been said
+        until(server, lambda: not thief.silent(0.0))
+        assert thief.door.recv(100) == b""
+        step(server, client, 0)
+
+
+def test_at_the_door_messages_come_in_their_order_and_the_last_before_the_end(tmp_path: Path) -> None:
+    bind = f"ipc://{tmp_path}/bench"
+    events = Events()
+    with serving(events, arrangement="shared_memory", bind=bind, ring_bytes=8192) as server, RawClient(bind) as client:
+        join(server, client, credit=1)
+        server.send(frame_of(0))
+        client.say("ping", id=3, t_client_ns=5)
+        client.done(0)
+        client.say("bye", reason="enough")
+        client.close()
+        (reply,) = answered(server)
+        assert reply.frame == 0
+        until(server, lambda: server.living == ())
+        assert server.lost == {"cut": "it left: enough"}
+    with serving(arrangement="shared_memory", bind=bind, ring_bytes=8192) as server, RawClient(bind) as client:
+        join(server, client, credit=1)
+        server.send(frame_of(0))
+        client.done(0)  # unread by the bench as it ends
+        server.close("over", "so it is")
+        assert client.expect("frame")["frame"] == 0
+        assert client.expect("end")["text"] == "so it is"
+
+
+def blocks(*arrays: np.ndarray) -> Block:
+    block = Block()
+    for array in arrays:
+        block.add(array)
+    return block
 
 
 def test_ring_goes_round_a_slot_that_is_not_given_back() -> None:
     ring = SharedRing(640)
     try:
         a = np.arange(16, dtype=np.int64)
-        stuck = ring.put([a], ["stuck"])
+        stuck = ring.put(blocks(a), ["stuck"])
         assert stuck is not None
         for _ in range(50):
-            place = ring.put([a, a[:3]], ["x", "y"])
-            assert place is not None
-            assert place[0] != stuck[0]
-            ring.give_back(place[0], "x")
-            assert ring.held == 2
-            ring.give_back(place[0], "y")
-        assert ring.put([np.zeros(640, np.uint8)], ["x"]) is None
-        assert (ring.full, ring.held) == (1, 1)
+            place = ring.put(blocks(a, a[:3]), ["x", "y"])
+            assert place not in (None, stuck)
+            ring.give_back(place, "x")
+            assert ring.put(blocks(np.zeros(512, np.uint8)), ["x"]) is None  # y still holds it
+            ring.give_back(place, "y")
+        assert ring.put(blocks(np.zeros(640, np.uint8)), ["x"]) is None
+        whole = ring.put(blocks(np.zeros(512, np.uint8)), ["x"])
+        assert (ring.full, whole) == (51, 128)
         name = ring.name
     finally:
         ring.close()
     assert not Path("/dev/shm", name).exists()
     ring.close()
+
+
+def test_arrays_of_every_kind_lie_in_the_ring_as_they_are() -> None:
+    arrays = [
+        np.arange(6, dtype=np.complex64).reshape(2, 3),
+        np.array([True, False]),
+        np.arange(5, dtype=np.float16),
+        np.zeros((0, 3), np.float32),
+        np.array(2.5),
+    ]
+    block = Block()
+    offsets = [block.add(a) for a in arrays]
+    assert all(offset % 64 == 0 for offset in offsets)
+    ring = SharedRing(4096)
+    try:
+        start = ring.put(block, ["x"])
+        assert start is not None
+        held = Path("/dev/shm", ring.name).read_bytes()
+        for array, offset in zip(arrays, offsets, strict=True):
+            assert held[start + offset : start + offset + array.nbytes] == array.tobytes()
+    finally:
+        ring.close()
 
 
 def test_ping_is_answered_with_the_benchs_clock() -> None:
@@ -314,9 +398,7 @@ def test_arrays_are_sent_in_c_order_and_little_endian() -> None:
 
 def test_frame_header_is_what_packing_it_at_once_gives() -> None:
     samples = [{"topic": "imu", "arrays": []}]
-    raw = encode_frame(
-        1, 2, 3, t_sent_ns=4, dropped=5, samples=pack_samples(samples), release=6, ports_of_frame=["imu"]
-    )
+    raw = encode_frame(1, 2, 3, t_sent_ns=4, dropped=5, samples=pack_samples(samples), ports_of_frame=["imu"])
     assert msgpack.unpackb(raw) == {
         "k": "frame",
         "frame": 1,
@@ -324,7 +406,6 @@ def test_frame_header_is_what_packing_it_at_once_gives() -> None:
         "t_ns": 3,
         "t_sent_ns": 4,
         "dropped": 5,
-        "release": 6,
         "ports_of_frame": ["imu"],
         "samples": samples,
     }

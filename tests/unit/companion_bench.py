@@ -28,7 +28,7 @@ Header = dict[str, Any]
 def welcome(**changes: Any) -> Header:
     header: Header = {
         "k": "welcome",
-        "version": 1,
+        "version": 2,
         "schema": "a" * 16,
         "session": SESSION,
         "mode": "lockstep",
@@ -65,7 +65,7 @@ def sample(topic: str, *, values: Header | None = None, arrays: list[Header] | N
         "t_capture_ns": 0,
         "t_available_ns": 0,
         "values": values or {},
-        "arrays": arrays or [],
+        "arrays": pack(arrays or []),
     }
 
 
@@ -73,7 +73,7 @@ def array(name: str, values: np.ndarray, part: int = 1) -> Header:
     return {"name": name, "dtype": values.dtype.str, "shape": list(values.shape), "part": part}
 
 
-def pack(header: Header) -> bytes:
+def pack(header: Any) -> bytes:
     return msgpack.packb(header, use_bin_type=True)
 
 

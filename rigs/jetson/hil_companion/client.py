@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+import select
 import time
 from collections import deque
 from typing import Any, Iterator, Sequence
@@ -25,6 +26,7 @@ from hil_companion.barrier import Barrier
 from hil_companion.clock import BenchClock
 from hil_companion.connection import BYE_LINGER_MS, Connection
 from hil_companion.desired import Desired
+from hil_companion.door import Door
 from hil_companion.errors import (
     BadMessage,
     CompanionError,
@@ -35,7 +37,7 @@ from hil_companion.errors import (
     Refused,
     SchemaChanged,
 )
-from hil_companion.frame import Frame, read_samples
+from hil_companion.frame import Frame, SampleReader
 from hil_companion.keys import Keys, PathLike
 from hil_companion.protocol import End, Welcome
 from hil_companion.ring import RingView, can_map
@@ -104,10 +106,11 @@ class Client:
         self._keys = keys
         self._max_message_bytes = max_message_bytes
         self._connections: list[Connection] = []  # the first is the one that speaks
-        self._poller = zmq.Poller()
+        self._poller: Any = zmq.Poller()
         self._hello: dict[str, Any] = {}
         self._hold = False
-        self._ring: RingView | None = None
+        self._samples = SampleReader()
+        self._door: Door | None = None  # of the ring; where there is one, all goes through it
         self._ready: deque[Frame] = deque()
         self._unanswered: deque[Frame] = deque()
         self._bad_in_a_row = 0
@@ -140,7 +143,9 @@ class Client:
         if self._hello["control"] and not self.welcome.control:
             raise Refused("control", "the bench takes no commands from this client")
         if self.welcome.ring is not None:
-            self._ring = RingView(self.welcome.ring)
+            self._samples = SampleReader(RingView(self.welcome.ring))
+            self._door = Door(self.welcome.ring.door, self.welcome.ring.word)
+            self._wait_at(self._door)
         # Each port learns by a hello of its own who is at the other end.
         greeting = protocol.hello(
             schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
@@ -154,6 +159,17 @@ class Client:
         self._poller.register(connection.socket, zmq.POLLIN)
         self._poller.register(connection.monitor, zmq.POLLIN)
         return connection
+
+    def _wait_at(self, door: Door) -> None:
+        """From here on by descriptors: ZeroMQ's own poller takes as long as a frame is on its way.
+
+        Its descriptors tell of changes only, so it has to be asked before each wait, as `_drain` does.
+        """
+        self._poller = select.poll()
+        self._poller.register(door, select.POLLIN)
+        for connection in self._connections:
+            for socket in (connection.socket, connection.monitor):
+                self._poller.register(int(socket.getsockopt(zmq.FD)), select.POLLIN)
 
     def _first_answer(self, speaking: Connection) -> protocol.Header | None:
         parts = speaking.receive()
@@ -206,6 +222,8 @@ class Client:
     def _drain(self) -> int:
         """Take in what is there; how many messages that were. A loss counts only once nothing is left to read."""
         taken = 0
+        if self._door is not None and self._drain_door(self._door):
+            return 1
         for connection in self._connections:
             parts = connection.receive()
             while parts is not None:
@@ -218,11 +236,22 @@ class Client:
                     raise ConnectionLost(f"{connection.address}: the connection was lost")
         return taken
 
+    def _drain_door(self, door: Door) -> bool:
+        """Up to the first frame: asking in vain for more would take as long as reading it."""
+        taken = False
+        while self.end is None and not self._ready:
+            packet = door.receive()
+            if packet is None:
+                break
+            taken = True
+            self._take([packet])
+        return taken
+
     def _take(self, parts: list[Any]) -> None:
         t_received_ns = time.monotonic_ns()
         header: protocol.Header = {}
         try:
-            header = protocol.unpack(parts[0].buffer)
+            header = protocol.unpack(getattr(parts[0], "buffer", parts[0]))
             self._dispatch(header, parts, t_received_ns)
         except BadMessage as error:
             self.malformed += 1
@@ -238,9 +267,9 @@ class Client:
     def _dispatch(self, header: protocol.Header, parts: list[Any], t_received_ns: int) -> None:
         kind = header["k"]
         if kind == "frame":
-            samples = read_samples(header, parts, self._ring)
+            samples = self._samples.read(header, parts)
             topics = protocol.ports_of_frame(header)
-            part = Frame(header, samples, in_ring=self._ring is not None, t_received_ns=t_received_ns)
+            part = Frame(header, samples, in_ring=self._door is not None, t_received_ns=t_received_ns)
             frame, lost = self.barrier.add(part, topics)
             if lost:
                 self.give_credit(lost)
@@ -270,7 +299,7 @@ class Client:
         wanted = None if desired is None else desired.as_map()
         if wanted is not None and self._hold:
             wanted["hold"] = True
-        self._connections[0].send(
+        self._say(
             protocol.done(
                 frame.frame,
                 t_received_ns=frame.t_received_ns,
@@ -283,15 +312,18 @@ class Client:
 
     def give_credit(self, n: int = 1) -> None:
         """Let the bench send more frames ahead of the answers."""
-        self._connections[0].send(protocol.credit(n))
+        self._say(protocol.credit(n))
 
     def ping(self) -> None:
         """Ask for the bench's clock; the answer goes into `clock`. Done every second by itself."""
         self._next_ping_s = time.monotonic() + PING_EVERY_S
         self._pings += 1
-        self._connections[0].send(
+        self._say(
             protocol.ping(self._pings, time.monotonic_ns(), self.clock.bench_minus_client_ns, self.clock.round_trip_ns)
         )
+
+    def _say(self, message: bytes) -> None:
+        (self._connections[0] if self._door is None else self._door).send(message)
 
     # --- leaving ---
 
@@ -302,7 +334,9 @@ class Client:
         self._closed = True
         if self.end is None and self._connections:
             with contextlib.suppress(ConnectionLost):  # nobody may be there to hear it
-                self._connections[0].send(protocol.bye(reason))
+                self._say(protocol.bye(reason))
+        if self._door is not None:
+            self._door.close()
         for connection in self._connections:
             connection.close(BYE_LINGER_MS)
         if self._own_context:

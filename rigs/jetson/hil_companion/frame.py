@@ -7,19 +7,21 @@ ring (`Frame.in_ring`) are overwritten after the frame has been answered: `Frame
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from hil_companion.checks import Fields
+from hil_companion.checks import INT64_MAX, Fields
 from hil_companion.errors import BadMessage
-from hil_companion.protocol import MAX_TOPICS, Header
+from hil_companion.protocol import MAX_TOPICS, Header, unpack_any
 
 if TYPE_CHECKING:
     from hil_companion.ring import RingView
 
 MAX_DIMENSIONS = 8
+MAX_TOPIC = 200  # characters
 MAX_ARRAYS = 64  # of one sample
+KEPT = 1024  # descriptions of arrays; those of clouds, whose sizes differ from turn to turn, come and go
 _DTYPE = re.compile(r"(?:\|b1|[|<][iu]1|<[iu][248]|<f[248]|<c(?:8|16))\Z")
 
 
@@ -135,47 +137,134 @@ def _copies(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return copies
 
 
-def read_samples(header: Header, parts: Sequence[Any], ring: RingView | None) -> dict[str, Sample]:
-    """The samples of a header, their arrays laid over `parts` (all parts of the message) or the ring. BadMessage."""
-    samples: dict[str, Sample] = {}
-    for number, entries in enumerate(Fields(header, "frame").sequence("samples", MAX_TOPICS)):
-        at = Fields(entries, f"frame.samples[{number}]")
-        topic = at.text("topic", 200)
-        if topic in samples:
-            raise BadMessage(f"{at.place}: {topic!r} comes twice")
-        values = at.mapping("values")
+class SampleReader:
+    """Headers and bytes in, samples out. What headers say of arrays seldom changes: it is checked once and kept."""
+
+    def __init__(self, ring: RingView | None = None) -> None:
+        self._ring = ring
+        self._kept: dict[bytes, list[ArrayPlace]] = {}
+
+    def read(self, header: Header, parts: Sequence[Any]) -> dict[str, Sample]:
+        """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
+        base = -1
+        if "samples_at" in header:
+            header, base = self._in_ring(header)
+        samples: dict[str, Sample] = {}
+        for number, entries in enumerate(Fields(header, "frame").sequence("samples", MAX_TOPICS)):
+            try:
+                sample = self._sample(entries, parts, base)
+            except (TypeError, LookupError, ValueError):
+                sample = None
+            if sample is None or sample.topic in samples:
+                raise _what_is_wrong(Fields(entries, f"frame.samples[{number}]"), samples)
+            samples[sample.topic] = sample
+        return samples
+
+    def _sample(self, entries: Any, parts: Sequence[Any], base: int) -> Sample | None:
+        """In a few steps, since a frame has many; None, or whatever error, where something is not as it should be."""
+        topic, values, described = entries["topic"], entries["values"], entries["arrays"]
+        seq, taken_ns, out_ns = entries["seq"], entries["t_capture_ns"], entries["t_available_ns"]
+        if not (type(seq) is type(taken_ns) is type(out_ns) is int and min(seq, taken_ns, out_ns) >= 0):
+            return None
+        if (
+            type(topic) is not str
+            or len(topic) > MAX_TOPIC
+            or type(values) is not dict
+            or max(seq, taken_ns, out_ns) > INT64_MAX
+        ):
+            return None
+        for key in values:
+            if type(key) is not str:
+                return None
+        places = self._kept.get(described)
+        if places is None:
+            places = self._described(described)
         arrays: dict[str, np.ndarray] = {}
-        for described in at.sequence("arrays", MAX_ARRAYS):
-            name, array = _array(Fields(described, f"{at.place} ({topic}) array"), parts, ring)
-            if name in arrays or name in values:
-                raise BadMessage(f"{at.place} ({topic}): {name!r} comes twice")
-            arrays[name] = array
-        samples[topic] = Sample(
-            topic, at.integer("seq"), at.integer("t_capture_ns"), at.integer("t_available_ns"), values, arrays
-        )
-    return samples
+        for place in places:
+            if place.name in values:
+                raise BadMessage(f"{topic}: {place.name!r} comes twice")
+            arrays[place.name] = place.over_parts(parts) if base < 0 else self._over_ring(place, base)
+        return Sample(topic, seq, taken_ns, out_ns, values, arrays)
+
+    def _in_ring(self, header: Header) -> tuple[Header, int]:
+        """The header that lies in the ring, and where the arrays are counted from."""
+        if self._ring is None:
+            raise BadMessage("a frame in a ring, where no ring was agreed on")
+        at = Fields(header, "frame")
+        base, place = at.integer("release"), at.sequence("samples_at", 2)
+        if len(place) != 2 or not all(type(n) is int for n in place):
+            raise at.wrong("samples_at", "a place and a number of bytes")
+        return {"samples": unpack_any(self._ring.view(base + place[0], place[1]))}, base
+
+    def _over_ring(self, place: ArrayPlace, base: int) -> np.ndarray:
+        assert self._ring is not None
+        if place.in_parts:
+            raise BadMessage(f"{place.name}: in a part, where there is a ring")
+        if not place.size:
+            return place.empty()
+        self._ring.check(base + place.at, place.size)
+        # Mapped for reading only: so is the array.
+        return np.ndarray(place.shape, place.dtype, self._ring.memory, base + place.at)
+
+    def _described(self, described: Any) -> list[ArrayPlace]:
+        entries = unpack_any(described)
+        if not isinstance(entries, list) or len(entries) > MAX_ARRAYS:
+            raise BadMessage(f"frame.samples.arrays: a list of at most {MAX_ARRAYS} is needed")
+        places = [ArrayPlace(Fields(one, f"frame.samples.arrays[{i}]")) for i, one in enumerate(entries)]
+        if len({place.name for place in places}) != len(places):
+            raise BadMessage("frame.samples.arrays: an array comes twice")
+        if len(self._kept) >= KEPT:
+            self._kept.clear()
+        self._kept[described] = places
+        return places
 
 
-def _array(at: Fields, parts: Sequence[Any], ring: RingView | None) -> Any:
-    name, kind = at.text("name", 100), at.text("dtype", 8)
-    if not _DTYPE.match(kind):
-        raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
-    dtype = np.dtype(kind)
-    shape: list[int] = at.sequence("shape", MAX_DIMENSIONS)
-    size = dtype.itemsize
-    for n in shape:
-        if type(n) is not int or not 0 <= n < 2**31:
-            raise at.wrong("shape", "whole numbers, not negative,")
-        size *= n
-    if "slot_offset" in at.entries:
-        if ring is None:
-            raise BadMessage(f"{at.place} {name}: in a ring, where no ring was agreed on")
-        view = ring.view(at.integer("slot_offset"), size)
-    else:
-        part = at.integer("part", 1, len(parts) - 1)
-        view = getattr(parts[part], "buffer", parts[part])
-    if len(view) != size:
-        raise BadMessage(f"{at.place} {name}: {len(view)} bytes, where {kind} {shape} needs {size}")
-    array = np.frombuffer(view, dtype=dtype).reshape(shape) if size else np.empty(shape, dtype)
-    array.flags.writeable = False
-    return name, array
+def _what_is_wrong(at: Fields, samples: Mapping[str, Sample]) -> BadMessage:
+    """Of a sample that could not be read, entry by entry."""
+    topic = at.text("topic", MAX_TOPIC)
+    if topic in samples:
+        return BadMessage(f"{at.place}: {topic!r} comes twice")
+    for name in ("seq", "t_capture_ns", "t_available_ns"):
+        at.integer(name)
+    at.mapping("values")
+    return at.wrong("arrays", "msgpack in bytes")
+
+
+class ArrayPlace:
+    """What a header says of one array, checked."""
+
+    __slots__ = ("at", "dtype", "in_parts", "name", "shape", "size")
+
+    def __init__(self, at: Fields) -> None:
+        self.name, kind = at.text("name", 100), at.text("dtype", 8)
+        if not _DTYPE.match(kind):
+            raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
+        self.dtype = np.dtype(kind)
+        shape: list[int] = at.sequence("shape", MAX_DIMENSIONS)
+        self.size = self.dtype.itemsize
+        for n in shape:
+            if type(n) is not int or not 0 <= n < 2**31:
+                raise at.wrong("shape", "whole numbers, not negative,")
+            self.size *= n
+        self.shape = tuple(shape)
+        self.in_parts = "offset" not in at.entries
+        self.at = at.integer("part", 1) if self.in_parts else at.integer("offset")
+
+    def empty(self) -> np.ndarray:
+        array = np.empty(self.shape, self.dtype)
+        array.flags.writeable = False
+        return array
+
+    def over_parts(self, parts: Sequence[Any]) -> np.ndarray:
+        if not self.in_parts:
+            raise BadMessage(f"{self.name}: in a ring, where no ring was agreed on")
+        if self.at >= len(parts):
+            raise BadMessage(f"{self.name}: in part {self.at} of {len(parts)}")
+        view = getattr(parts[self.at], "buffer", parts[self.at])
+        if len(view) != self.size:
+            raise BadMessage(f"{self.name}: {len(view)} bytes, where {self.dtype} {self.shape} needs {self.size}")
+        if not self.size:
+            return self.empty()
+        array: np.ndarray = np.ndarray(self.shape, self.dtype, view)
+        array.flags.writeable = False
+        return array

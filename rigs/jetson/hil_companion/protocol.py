@@ -1,7 +1,8 @@
-"""The wire, version 1, as the client sees it: headers out, headers in, and checks of all that comes in.
+"""The wire, version 2, as the client sees it: headers out, headers in, and checks of all that comes in.
 
 Every message is multipart. Part 0 is a msgpack map, the header; further parts are the bytes of arrays, C order, little
-endian. Nothing of a header is used before it has been checked: kinds, ranges, sizes.
+endian. In shared memory a frame is a packet that says where its samples' header lies. Nothing of a header is used
+before it has been checked: kinds, ranges, sizes.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from hil_companion.checks import Fields
 from hil_companion.errors import BadMessage
 
 MAGIC = "hil-companion"
-VERSION = 1
+VERSION = 2
 MODES = ("lockstep", "realtime", "latency_true")
 REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
 
@@ -34,17 +35,22 @@ def pack(header: Mapping[str, Any]) -> bytes:
 
 def unpack(data: Any) -> Header:
     """The header in these bytes: a map that says its kind. BadMessage."""
+    header = unpack_any(data)
+    if not isinstance(header, dict) or not isinstance(header.get("k"), str):
+        raise BadMessage("a header that does not say its kind (k)")
+    return header
+
+
+def unpack_any(data: Any) -> Any:
+    """What msgpack makes of these bytes. BadMessage."""
     size = len(data)
     if size > MAX_HEADER_BYTES:
         raise BadMessage(f"a header of {size} bytes; the limit is {MAX_HEADER_BYTES}")
     try:
-        header = msgpack.unpackb(data, raw=False)
+        return msgpack.unpackb(data, raw=False)
     # msgpack has no common base for what damaged bytes can raise.
     except (ValueError, TypeError, RecursionError, OverflowError, msgpack.UnpackException) as error:
-        raise BadMessage(f"no msgpack map in a header of {size} bytes ({type(error).__name__})") from error
-    if not isinstance(header, dict) or not isinstance(header.get("k"), str):
-        raise BadMessage("a header that does not say its kind (k)")
-    return header
+        raise BadMessage(f"no msgpack in a header of {size} bytes ({type(error).__name__})") from error
 
 
 # --- out ---
@@ -118,6 +124,8 @@ class Ring:
 
     name: str
     bytes: int
+    door: str  # file of the local socket where it is heard
+    word: str  # to say there first
 
 
 @dataclass(frozen=True)
@@ -203,7 +211,7 @@ def _ring(entries: Header | None) -> Ring | None:
     name = at.text("name", 255).lstrip("/")
     if not name or "/" in name or name.startswith("."):
         raise at.wrong("name", "the plain name of a shared memory")
-    return Ring(name, at.integer("bytes", 1))
+    return Ring(name, at.integer("bytes", 1), at.text("door", 107), at.text("word", 64))
 
 
 def read_refusal(header: Header) -> Refusal:

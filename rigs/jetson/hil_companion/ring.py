@@ -33,10 +33,14 @@ class RingView:
                 f"{path}: the bench's shared memory cannot be mapped ({error}); on another machine, or another user's,"
                 " connect without it (--no-shared-memory)"
             ) from error
-        self._view = memoryview(self._map)
+        self.memory = memoryview(self._map)
         self.bytes = ring.bytes
 
-    def view(self, offset: int, size: int) -> memoryview:
-        if offset + size > self.bytes:
+    def check(self, offset: int, size: int) -> None:
+        """BadMessage where this reaches out of it."""
+        if offset < 0 or offset + size > self.bytes:
             raise BadMessage(f"an array at {offset} + {size} bytes in a ring of {self.bytes}")
-        return self._view[offset : offset + size]
+
+    def view(self, offset: int, size: int) -> memoryview:
+        self.check(offset, size)
+        return self.memory[offset : offset + size]

@@ -34,8 +34,8 @@ TRUTH = "truth"
 
 
 class Waypoints:
-    """`lookahead_s`: how far ahead of the vehicle to command. The bench carries what is desired on from the frame's time;
-    with "measured" it does not, and the latency of the frame before is made up for here (then the flight depends on
+    """`lookahead_s`: how far ahead of the vehicle to command. The bench carries on what is desired from the frame's
+    time; with "measured" it does not, and the latency of the frame before is made up for here (then the flight depends on
     how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every answer takes at least so
     long, computing: what a slower computer would fly like."""
 
