@@ -34,10 +34,10 @@ TRUTH = "truth"
 
 
 class Waypoints:
-    """`lookahead_s`: how far ahead of the vehicle to command. The bench carries on what is desired from the frame's
-    time; with "measured" it does not, and the latency of the frame before is made up for here (then the flight depends on
-    how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every answer takes at least so
-    long, computing: what a slower computer would fly like."""
+    """`lookahead_s`: how far ahead of the vehicle to command. From the frame's time on the bench carries on what is
+    desired; with "measured" it does not, and the latency of the frame before is made up for here (then the flight
+    depends on how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every answer takes at
+    least so long, computing: what a slower computer would fly like."""
 
     topics = (TRUTH,)
     control = True
