@@ -36,7 +36,7 @@ from firmware_bridge.companion.unreachable import Unreachable
 from hil.signals.errors import HandshakeError, LinkClosed
 
 _SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
-_LOOK_NS = 5_000_000
+_LOOK_MS = 5
 _MS = 1_000_000
 _NAP_NS = 100_000
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
@@ -69,6 +69,7 @@ class CompanionServer:
         self._doors: Doors | None = None
         self._descriptions = Descriptions()
         self._look_ns = 0  # when all sockets are looked at again, and not the doors alone
+        self._looked_at: set[int] = set()  # descriptors besides those of the doors
         self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
@@ -104,6 +105,7 @@ class CompanionServer:
                     bound.register(self._poller)
                 else:
                     self._poller.register(bound, select.POLLIN)
+                    self._looked_at |= {bound.fileno(), self._doors.fileno()}
         except BaseException:
             self._release(0)
             raise
@@ -232,24 +234,34 @@ class CompanionServer:
         replies: list[Reply] = []
         while self._sockets:
             self._serve_doors(replies)
-            more = (not replies or self._clock_ns() >= self._look_ns) and self._serve(replies)
+            # Who waits for an answer at a door looks at all else every few milliseconds: that takes as long as a frame.
+            if self._doors is None or self._clock_ns() >= self._look_ns:
+                self._serve(replies)
             left_ns = deadline_ns - self._clock_ns()
             if replies or left_ns <= 0:
                 break
-            if more:
-                continue  # sockets tell of changes only, where they are waited for by their descriptors
             if left_ns < _MS:  # the poller counts whole milliseconds
                 time.sleep(min(left_ns, _NAP_NS) * 1e-9)
             else:
-                self._poller.poll(min(left_ns // _MS, _ROUND_MS))
+                self._wait(min(left_ns // _MS, _ROUND_MS))
         return replies
 
-    def _serve(self, replies: list[Reply]) -> bool:
+    def _wait(self, limit_ms: int) -> None:
+        """Until something comes."""
+        if self._doors is None:
+            self._poller.poll(limit_ms)
+            return
+        # ZeroMQ's descriptors tell of changes only, and may have told before: hence the short limit.
+        for fd, _ in self._poller.poll(min(limit_ms, _LOOK_MS)):
+            if fd in self._looked_at:
+                self._look_ns = 0
+
+    def _serve(self, replies: list[Reply]) -> None:
         """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
-        holds the bench. Whether something may be left."""
+        holds the bench."""
         self._watch()
         begun_ns = self._clock_ns()
-        end_ns, self._look_ns = begun_ns + _SERVE_NS, begun_ns + _LOOK_NS
+        end_ns = begun_ns + _SERVE_NS
         waiting = list(self._sockets.items())
         self._turn = (self._turn + 1) % len(waiting)
         waiting = waiting[self._turn :] + waiting[: self._turn]
@@ -261,9 +273,9 @@ class CompanionServer:
                     still.append((group, bound))
                     self._take(group, message, replies)
                     if self._clock_ns() >= end_ns:
-                        return True
+                        return  # and look again at once
             waiting = still
-        return False
+        self._look_ns = begun_ns + _LOOK_MS * _MS
 
     def _serve_doors(self, replies: list[Reply]) -> None:
         """One packet of each in turn, until there is an answer, or for a moment."""
