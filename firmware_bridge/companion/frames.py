@@ -14,7 +14,7 @@ from hil.signals.desired import DesiredState
 
 @dataclass(frozen=True)
 class CompanionSample:
-    """A sample of one topic. The arrays are C-contiguous, little-endian and not changed any more: they are not copied.
+    """A sample of one topic. The arrays are C-contiguous and little-endian, or made so.
 
     `values` holds what msgpack can: numbers, texts, booleans, lists of them.
     """

@@ -28,7 +28,7 @@ from firmware_bridge.companion.doorkeeper import Doorkeeper
 from firmware_bridge.companion.doors import Door, Doors
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
-from firmware_bridge.companion.outgoing import Descriptions, Outgoing
+from firmware_bridge.companion.outgoing import Outgoing, Packing
 from firmware_bridge.companion.sender import Sender
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
@@ -67,8 +67,9 @@ class CompanionServer:
         self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
         self._ring: SharedRing | None = None
         self._doors: Doors | None = None
-        self._descriptions = Descriptions()
+        self._packing = Packing()
         self._look_ns = 0  # when all sockets are looked at again, and not the doors alone
+        self._late: list[Reply] = []  # answers that came with the end of a connection
         self._looked_at: set[int] = set()  # descriptors besides those of the doors
         self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
@@ -201,12 +202,12 @@ class CompanionServer:
         """Send to these clients, or to all; returns who got it. The others' loss is counted, and the `dropped` frames
         that the caller passed them by. Never waits.
 
-        Arrays must not change until every client has answered. CodecError for arrays that cannot be sent.
+        Arrays are copied before it returns. CodecError for arrays that cannot be sent.
         """
         if not self._sockets:
             raise LinkClosed("companion", "the session is closed")
         t_begun_ns = self._clock_ns()
-        out = Outgoing(frame, self._descriptions)
+        out = Outgoing(frame, self._packing)
         targets: list[Client] = []
         for name in self._clients.by_name if to is None else to:
             client = self._clients.by_name.get(name)
@@ -231,7 +232,7 @@ class CompanionServer:
     def poll(self, limit_s: float) -> list[Reply]:
         """Answers that are here, or come within the limit; returns with the first ones. Serves all else meanwhile."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
-        replies: list[Reply] = []
+        replies, self._late = self._late, []
         while self._sockets:
             self._serve_doors(replies)
             # Who waits for an answer at a door looks at all else every few milliseconds: that takes as long as a frame.
@@ -259,7 +260,7 @@ class CompanionServer:
     def _serve(self, replies: list[Reply]) -> None:
         """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
         holds the bench."""
-        self._watch()
+        self._watch(replies)
         begun_ns = self._clock_ns()
         end_ns = begun_ns + _SERVE_NS
         waiting = list(self._sockets.items())
@@ -312,7 +313,7 @@ class CompanionServer:
         self._joined(client)
         return True
 
-    def _watch(self) -> None:
+    def _watch(self, replies: list[Reply]) -> None:
         """Who has come to the door, and who has gone."""
         if self._doors is not None:
             self._doors.serve(self._let_in)
@@ -324,7 +325,10 @@ class CompanionServer:
                 if group == CONTROL:
                     self._clients.connection_ended(fd)
                     client = self._clients.on_connection(fd)
-                    if client is not None:
+                    for _ in range(wire.MAX_CREDIT):  # what it said before it went
+                        if client is None or not self._hear_at_door(client, replies):
+                            break
+                    if client is not None and self._clients.at(client.identity) is client:
                         self._lose(client, "its connection ended")
                     continue
                 for client in self._clients.by_name.values():
@@ -436,7 +440,7 @@ class CompanionServer:
             if hello == here.hello:
                 return
             raise CodecError("hello: it has a place already; say bye first")
-        self._watch()  # a predecessor that has just gone makes its place free
+        self._watch(self._late)  # a predecessor that has just gone makes its place free
         self._clients.check_name(message.identity, message.fd, hello.name)
         topics = self._admission.check(hello, message.identity)
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()

@@ -43,6 +43,11 @@ class Block:
             self.size += -(-size // _ALIGN) * _ALIGN
         return offset
 
+    def copy_to(self, view: memoryview) -> None:
+        """The arrays, each to its offset."""
+        for array, offset in self.arrays:
+            view[offset : offset + array.nbytes] = _bytes_of(array)
+
 
 class SharedRing:
     """One block of shared memory, and who holds which part of it."""
@@ -75,10 +80,7 @@ class SharedRing:
             self.full += 1
             return None
         index, start = place
-        view = self._view
-        for array, offset in block.arrays:
-            at = start + offset
-            view[at : at + array.nbytes] = _bytes_of(array)
+        block.copy_to(self._view[start:])
         self._slots.insert(index, (start, start + size, set(holders)))
         return start
 

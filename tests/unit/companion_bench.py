@@ -69,8 +69,13 @@ def sample(topic: str, *, values: Header | None = None, arrays: list[Header] | N
     }
 
 
-def array(name: str, values: np.ndarray, part: int = 1) -> Header:
-    return {"name": name, "dtype": values.dtype.str, "shape": list(values.shape), "part": part}
+def array(name: str, values: np.ndarray, offset: int = 0) -> Header:
+    return {"name": name, "dtype": values.dtype.str, "shape": list(values.shape), "offset": offset}
+
+
+def together(*arrays: np.ndarray) -> bytes:
+    """One behind the other, each on a boundary of 64 bytes."""
+    return b"".join(np.ascontiguousarray(a).tobytes() + bytes(-a.nbytes % 64) for a in arrays)
 
 
 def pack(header: Any) -> bytes:
@@ -105,9 +110,9 @@ class Bench:
             if header["k"] == kind:
                 return identity, header
 
-    def send(self, identity: bytes, header: Header | bytes, *parts: Any) -> None:
+    def send(self, identity: bytes, header: Header | bytes, *arrays: np.ndarray) -> None:
         first = header if isinstance(header, bytes) else pack(header)
-        self.socket.send_multipart([identity, first, *(np.ascontiguousarray(p).tobytes() for p in parts)])
+        self.socket.send_multipart([identity, first, *([together(*arrays)] if arrays else [])])
 
     def greet(self, **changes: Any) -> bytes:
         identity, _ = self.receive("hello")

@@ -42,7 +42,7 @@ DEPTH = np.linspace(0.0, 1.0, 40_000, dtype="<f4").reshape(200, 200)
 
 
 def picture(number: int, **changes: Any) -> dict[str, Any]:
-    arrays = [array("rgb", RGB, 1), array("depth", DEPTH, 2)]
+    arrays = [array("rgb", RGB), array("depth", DEPTH, 64)]
     return frame(number, [sample("front/rgb", values={"k": 2.5}, arrays=arrays, seq=number)], **changes)
 
 
@@ -248,9 +248,9 @@ def damaged() -> list[list[bytes]]:
         {"shape": [-3]},
         {"shape": [2**40, 2**40]},
         {"shape": [1.5]},
-        {"part": 0},
-        {"part": 2},
-        {"offset": 0},
+        {"offset": -1},
+        {"offset": 1},
+        {"offset": None},
     ]
     headers = [frame(1, [sample("t", arrays=[at | change])]) for change in bad]
     headers += [frame(1, [sample("t", arrays=[at, at])]), frame(1, [sample("t"), sample("t")])]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.companion_bench import array, frame, sample, welcome
+from tests.unit.companion_bench import array, frame, sample, together, welcome
 
 from hil_companion.cuts.record import Record  # isort: skip
 from hil_companion.cuts.waypoints import Waypoints  # isort: skip
@@ -24,7 +24,7 @@ SQUARE = [[0.0, 0.0, 3.0], [6.0, 0.0, 3.0], [6.0, 6.0, 3.0]]
 
 
 def made(header: dict[str, Any], *arrays: np.ndarray) -> Frame:
-    parts = [b"", *(a.tobytes() for a in arrays)]
+    parts = [b"", together(*arrays)]
     return Frame(header, SampleReader().read(header, parts), in_ring=False, t_received_ns=0)
 
 

@@ -146,13 +146,14 @@ class SampleReader:
 
     def read(self, header: Header, parts: Sequence[Any]) -> dict[str, Sample]:
         """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
-        base = -1
         if "samples_at" in header:
-            header, base = self._in_ring(header)
+            header, memory, base = self._in_ring(header)
+        else:
+            memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
         samples: dict[str, Sample] = {}
         for number, entries in enumerate(Fields(header, "frame").sequence("samples", MAX_TOPICS)):
             try:
-                sample = self._sample(entries, parts, base)
+                sample = self._sample(entries, memory, base)
             except (TypeError, LookupError, ValueError):
                 sample = None
             if sample is None or sample.topic in samples:
@@ -160,7 +161,7 @@ class SampleReader:
             samples[sample.topic] = sample
         return samples
 
-    def _sample(self, entries: Any, parts: Sequence[Any], base: int) -> Sample | None:
+    def _sample(self, entries: Any, memory: Any, base: int) -> Sample | None:
         """In a few steps, since a frame has many; None, or whatever error, where something is not as it should be."""
         topic, values, described = entries["topic"], entries["values"], entries["arrays"]
         seq, taken_ns, out_ns = entries["seq"], entries["t_capture_ns"], entries["t_available_ns"]
@@ -183,28 +184,18 @@ class SampleReader:
         for place in places:
             if place.name in values:
                 raise BadMessage(f"{topic}: {place.name!r} comes twice")
-            arrays[place.name] = place.over_parts(parts) if base < 0 else self._over_ring(place, base)
+            arrays[place.name] = place.over(memory, base)
         return Sample(topic, seq, taken_ns, out_ns, values, arrays)
 
-    def _in_ring(self, header: Header) -> tuple[Header, int]:
-        """The header that lies in the ring, and where the arrays are counted from."""
+    def _in_ring(self, header: Header) -> tuple[Header, memoryview, int]:
+        """The header that lies in the ring, the ring, and where the arrays are counted from."""
         if self._ring is None:
             raise BadMessage("a frame in a ring, where no ring was agreed on")
         at = Fields(header, "frame")
         base, place = at.integer("release"), at.sequence("samples_at", 2)
         if len(place) != 2 or not all(type(n) is int for n in place):
             raise at.wrong("samples_at", "a place and a number of bytes")
-        return {"samples": unpack_any(self._ring.view(base + place[0], place[1]))}, base
-
-    def _over_ring(self, place: ArrayPlace, base: int) -> np.ndarray:
-        assert self._ring is not None
-        if place.in_parts:
-            raise BadMessage(f"{place.name}: in a part, where there is a ring")
-        if not place.size:
-            return place.empty()
-        self._ring.check(base + place.at, place.size)
-        # Mapped for reading only: so is the array.
-        return np.ndarray(place.shape, place.dtype, self._ring.memory, base + place.at)
+        return {"samples": unpack_any(self._ring.view(base + place[0], place[1]))}, self._ring.memory, base
 
     def _described(self, described: Any) -> list[ArrayPlace]:
         entries = unpack_any(described)
@@ -233,7 +224,7 @@ def _what_is_wrong(at: Fields, samples: Mapping[str, Sample]) -> BadMessage:
 class ArrayPlace:
     """What a header says of one array, checked."""
 
-    __slots__ = ("at", "dtype", "in_parts", "name", "shape", "size")
+    __slots__ = ("at", "dtype", "name", "shape", "size")
 
     def __init__(self, at: Fields) -> None:
         self.name, kind = at.text("name", 100), at.text("dtype", 8)
@@ -247,24 +238,15 @@ class ArrayPlace:
                 raise at.wrong("shape", "whole numbers, not negative,")
             self.size *= n
         self.shape = tuple(shape)
-        self.in_parts = "offset" not in at.entries
-        self.at = at.integer("part", 1) if self.in_parts else at.integer("offset")
+        self.at = at.integer("offset")
 
-    def empty(self) -> np.ndarray:
-        array = np.empty(self.shape, self.dtype)
-        array.flags.writeable = False
-        return array
-
-    def over_parts(self, parts: Sequence[Any]) -> np.ndarray:
-        if not self.in_parts:
-            raise BadMessage(f"{self.name}: in a ring, where no ring was agreed on")
-        if self.at >= len(parts):
-            raise BadMessage(f"{self.name}: in part {self.at} of {len(parts)}")
-        view = getattr(parts[self.at], "buffer", parts[self.at])
-        if len(view) != self.size:
-            raise BadMessage(f"{self.name}: {len(view)} bytes, where {self.dtype} {self.shape} needs {self.size}")
-        if not self.size:
-            return self.empty()
-        array: np.ndarray = np.ndarray(self.shape, self.dtype, view)
+    def over(self, memory: Any, base: int) -> np.ndarray:
+        """The array, read-only, in this memory; its offset is counted from `base`."""
+        begin = base + self.at
+        if begin + self.size > len(memory):
+            raise BadMessage(f"{self.name}: {self.size} bytes at {begin}, where there are {len(memory)}")
+        array: np.ndarray = (
+            np.ndarray(self.shape, self.dtype, memory, begin) if self.size else np.empty(self.shape, self.dtype)
+        )
         array.flags.writeable = False
         return array

@@ -36,11 +36,7 @@ class RingView:
         self.memory = memoryview(self._map)
         self.bytes = ring.bytes
 
-    def check(self, offset: int, size: int) -> None:
-        """BadMessage where this reaches out of it."""
-        if offset < 0 or offset + size > self.bytes:
-            raise BadMessage(f"an array at {offset} + {size} bytes in a ring of {self.bytes}")
-
     def view(self, offset: int, size: int) -> memoryview:
-        self.check(offset, size)
+        if offset < 0 or offset + size > self.bytes:
+            raise BadMessage(f"{size} bytes at {offset} in a ring of {self.bytes}")
         return self.memory[offset : offset + size]
