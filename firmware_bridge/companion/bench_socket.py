@@ -36,7 +36,6 @@ _EVENTS = (
     | zmq.EVENT_HANDSHAKE_FAILED_AUTH
 )
 _CONNECTIONS_PER_CLIENT = 4
-_LOOK_S = 0.02
 _TEXTS = 100
 
 
@@ -96,12 +95,9 @@ class BenchSocket:
             s.close()
             raise
         self.endpoint = self._binding.endpoint
-        self._lock = threading.Lock()  # of the monitor and the connections: a thread of its own looks too
+        self._lock = threading.Lock()  # of the monitor and the connections: the sentry looks too
         self._ended: list[int] = []
         self._texts: list[str] = []
-        self._closing = threading.Event()
-        self._sentry = threading.Thread(target=self._keep_looking, name="companion sentry", daemon=True)
-        self._sentry.start()
 
     def register(self, poller: zmq.Poller) -> None:
         """Only what the caller's thread alone uses; the monitor is read under a lock."""
@@ -151,11 +147,10 @@ class BenchSocket:
         with self._lock:
             self.connections.cut(fd)
 
-    def _keep_looking(self) -> None:
-        """Nobody may flood the bench while it is busy elsewhere."""
-        while not self._closing.wait(_LOOK_S):
-            with self._lock:
-                self._look()
+    def look(self) -> None:
+        """See who came and went, and cut who floods. From any thread."""
+        with self._lock:
+            self._look()
 
     def _look(self) -> None:
         while int(self._monitor.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
@@ -181,8 +176,6 @@ class BenchSocket:
             self._texts.append(text)
 
     def close(self, linger_ms: int) -> None:
-        self._closing.set()
-        self._sentry.join()
         self._end_monitor()
         self._binding.remove()
         self._socket.close(linger=linger_ms)

@@ -30,6 +30,7 @@ from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, 
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from firmware_bridge.companion.outgoing import Outgoing, Packing
 from firmware_bridge.companion.sender import Sender
+from firmware_bridge.companion.sentry import Sentry
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.unreachable import Unreachable
@@ -73,6 +74,7 @@ class CompanionServer:
         self._looked_at: set[int] = set()  # descriptors besides those of the doors
         self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
+        self._sentry: Sentry | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
         self._poller: Any = zmq.Poller()
         self._turn = 0  # which socket is served first
@@ -107,6 +109,7 @@ class CompanionServer:
                 else:
                     self._poller.register(bound, select.POLLIN)
                     self._looked_at |= {bound.fileno(), self._doors.fileno()}
+            self._sentry = Sentry(list(self._sockets.values()))
         except BaseException:
             self._release(0)
             raise
@@ -125,6 +128,9 @@ class CompanionServer:
         self._release(_LINGER_MS)
 
     def _release(self, linger_ms: int) -> None:
+        if self._sentry is not None:
+            self._sentry.close()
+            self._sentry = None
         if self._doors is not None:
             self._doors.close()
             self._doors = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -55,6 +56,7 @@ class CompanionLink:
         self._timing: TimingLog | None = None
         self._stage: CompanionStage | None = None
         self._told: Counter[str] = Counter()  # events, by kind
+        self._frozen = False  # what the collector knows
         self.topics: frozenset[str] = frozenset()
 
     def open(self) -> None:
@@ -83,6 +85,10 @@ class CompanionLink:
         self.topics = server.topics
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
+        # What is there now stays for the flight: the collector's long rounds would fall on single frames.
+        gc.collect()
+        gc.freeze()
+        self._frozen = True
         self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
     def stage(self, desire: Callable[[DesiredState, int, int], None] | None) -> CompanionStage:
@@ -115,6 +121,9 @@ class CompanionLink:
         if self._server is not None:
             with suppress(OSError):
                 self._server.close(status, "the run is over")
+        if self._frozen:
+            self._frozen = False
+            gc.unfreeze()
         started, self._started = self._started, []
         close_all(started)
         if self._trace is not None:

@@ -7,6 +7,7 @@ called once at the end.
 
 from __future__ import annotations
 
+import gc
 import math
 import sys
 import time
@@ -138,6 +139,9 @@ class Runner:
         if welcome.session != self._session:
             self._call(getattr(self._cut, "start", _nothing), welcome)
         self._session, self._schema = welcome.session, welcome.schema
+        # What is there now stays: the collector need not go through it again and again while frames come.
+        gc.collect()
+        gc.freeze()
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
         for frame in client.frames():
