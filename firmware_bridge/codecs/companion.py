@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import msgpack
 
 from firmware_bridge.codecs.errors import CodecError
-from hil.signals.desired import DesiredState
+from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
@@ -44,7 +44,6 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
     "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished"),
-    "desired": ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps", "q_WB", "thrust", "w_B", "land", "hold"),
     "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
     "bye": ("reason",),
     "welcome": (
@@ -70,7 +69,7 @@ def desired_from_map(values: object) -> DesiredState:
     """Checked from what a message holds. CodecError naming the entry that is wrong."""
     if type(values) is not dict:
         raise CodecError(f"desired: {_shown(values)} is not a map")
-    unknown = [str(key)[:40] for key in values if key not in _DESIRED_LENGTHS and key not in _DESIRED_FLAGS]
+    unknown = [str(key)[:40] for key in values if key not in _DESIRED_KEYS]
     if unknown:
         raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
     made: dict[str, Any] = {}
@@ -83,6 +82,9 @@ def desired_from_map(values: object) -> DesiredState:
         if flag is not None and type(flag) is not bool:
             raise CodecError(f"desired.{key}: {_shown(flag)} is neither true nor false")
         made[key] = bool(flag)
+    ahead = values.get("ahead")
+    if ahead is not None:
+        made["ahead"] = _knots(ahead)
     try:
         return DesiredState(**made)
     except ValueError as error:
@@ -96,7 +98,21 @@ def desired_map(desired: DesiredState) -> dict[str, Any]:
         value = getattr(desired, key)
         if value is not None:
             out[key] = list(value) if isinstance(value, tuple) else value
+    if desired.ahead:
+        out["ahead"] = [[knot.dt_s, list(knot.p_W), list(knot.v_W)] for knot in desired.ahead]
     return out | {key: True for key in _DESIRED_FLAGS if getattr(desired, key)}
+
+
+def _knots(values: object) -> tuple[Knot, ...]:
+    if type(values) is not list or len(values) > MOST_KNOTS:
+        raise CodecError(f"desired.ahead: {_shown(values)}; a list of at most {MOST_KNOTS} knots")
+    knots = []
+    for i, knot in enumerate(values):
+        if type(knot) is not list or len(knot) != 3:
+            raise CodecError(f"desired.ahead[{i}]: {_shown(knot)}; a time, a position and a velocity are needed")
+        p_W, v_W = (_vector(f"ahead[{i}]", v, 3) for v in knot[1:])
+        knots.append(Knot(_number(f"ahead[{i}]", knot[0]), p_W, v_W))  # type: ignore[arg-type]
+    return tuple(knots)
 
 
 _DESIRED_LENGTHS = {
@@ -110,6 +126,7 @@ _DESIRED_LENGTHS = {
     "w_B": 3,
 }
 _DESIRED_FLAGS = ("land", "hold")
+_DESIRED_KEYS = frozenset((*_DESIRED_LENGTHS, *_DESIRED_FLAGS, "ahead"))
 
 
 @dataclass(frozen=True)
@@ -207,7 +224,8 @@ class Welcome:
 def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
     """First 16 hex digits of the SHA-256 of what these topics and the messages of this version look like."""
     described = {name: [schema.type, {f: list(u) for f, u in schema.fields.items()}] for name, schema in topics.items()}
-    whole = {"version": VERSION, "topics": described, "messages": {k: list(v) for k, v in _KEYS.items()}}
+    messages = {k: list(v) for k, v in _KEYS.items()}
+    whole = {"version": VERSION, "topics": described, "messages": messages, "desired": sorted(_DESIRED_KEYS)}
     text = json.dumps(whole, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
 

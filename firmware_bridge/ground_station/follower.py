@@ -23,8 +23,6 @@ from hil.signals.desired import DesiredState, carried_on
 from hil.signals.frames import ned_from_enu
 from hil.signals.samples import Vec3
 
-_CARRIED_ON_NS = NS_PER_S // 2  # at most: beyond, what was said of change is too old
-
 
 class Follower:
     """`tell(t_ns, kind, text)` hears that the companion has fallen silent, and that it is back."""
@@ -97,7 +95,7 @@ class Follower:
         desired = applied.desired
         if desired.hold or not desired.changes:
             return desired
-        return carried_on(desired, min(t_ns - applied.t_of_ns, _CARRIED_ON_NS) / NS_PER_S)
+        return carried_on(desired, (t_ns - applied.t_of_ns) / NS_PER_S)
 
     def _position(self, desired: DesiredState) -> Vec3 | None:
         p_W = desired.p_W

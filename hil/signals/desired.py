@@ -7,14 +7,16 @@ World frame W is ENU, body frame B is FLU, SI units. None is "not commanded". Wh
     land                alone or with anything: the vehicle lands where it is
     nothing             stay
 
-It is said of one instant. `carried_on` says what it amounts to a little later; `hold` asks not to.
+It is said of one instant. `carried_on` says what it amounts to a little later; `hold` asks not to. With a position and
+a velocity may go `ahead`, the path from there on: who answers slowly keeps to it by that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, sqrt
+from typing import NamedTuple
 
 from hil.signals.samples import Quat, Vec3
 
@@ -23,6 +25,19 @@ _PATH = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")  # does not go with a
 _NUMBERS = ("yaw_rad", "yaw_rate_radps", "thrust")
 # A quaternion in single precision, or written with a few digits, is still meant as a unit one.
 _NORM_TOLERANCE = 1e-3
+
+
+MOST_KNOTS = 32
+LONGEST_AHEAD_S = 5.0
+CARRIED_ON_S = 0.5  # at most, where there is no path ahead: beyond, what was said of change is too old
+
+
+class Knot(NamedTuple):
+    """Where the path leads, some time later."""
+
+    dt_s: float
+    p_W: Vec3
+    v_W: Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +54,7 @@ class DesiredState:
     w_B: Vec3 | None = None  # angular velocity [rad/s]
     land: bool = False
     hold: bool = False  # as it stands, until the next one: not carried on
+    ahead: tuple[Knot, ...] = ()  # of the path from p_W and v_W on, in the order of time
 
     def __post_init__(self) -> None:
         for name, length in _LENGTHS.items():
@@ -57,6 +73,7 @@ class DesiredState:
         for name in ("land", "hold"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"{name} is true or false, not {getattr(self, name)!r}")
+        self._check_ahead()
         self._check_combination()
 
     def _check_combination(self) -> None:
@@ -72,6 +89,22 @@ class DesiredState:
         if others:
             raise ValueError(f"thrust with {', '.join(others)}: either an attitude is flown, or a path")
 
+    def _check_ahead(self) -> None:
+        if not self.ahead:
+            return
+        if self.p_W is None or self.v_W is None:
+            raise ValueError("ahead without p_W and v_W: a path begins somewhere")
+        if len(self.ahead) > MOST_KNOTS:
+            raise ValueError(f"ahead has {len(self.ahead)} knots; {MOST_KNOTS} are the most")
+        knots, before_s = [], 0.0
+        for dt_s, p_W, v_W in self.ahead:
+            (dt_s,) = _finite("ahead", (dt_s,), 1)
+            if not before_s < dt_s <= LONGEST_AHEAD_S:
+                raise ValueError(f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most")
+            before_s = dt_s
+            knots.append(Knot(dt_s, _finite("ahead", p_W, 3), _finite("ahead", v_W, 3)))  # type: ignore[arg-type]
+        object.__setattr__(self, "ahead", tuple(knots))
+
     @property
     def moves(self) -> bool:
         """It says where to go, by a path or an attitude; otherwise the vehicle stays where it is."""
@@ -85,15 +118,20 @@ class DesiredState:
 
 
 def carried_on(desired: DesiredState, dt_s: float) -> DesiredState:
-    """What is wanted `dt_s` later, as far as it is said:
+    """What is wanted `dt_s` later, as far as it is said, and for half a second at most:
 
         p + v dt + a dt^2 / 2      v + a dt      a      yaw + yaw_rate dt
 
     A position without a velocity stays where it is, whatever else is said; so does one whose acceleration is not
-    given go on straight.
+    given go on straight. With a path ahead position, velocity and acceleration are its: between two knots the cubic
+    that has their positions and velocities (Hermite's), behind the last one straight on.
     """
     p_W, v_W, a_W, yaw_rad = desired.p_W, desired.v_W, desired.a_W, desired.yaw_rad
-    if v_W is not None:
+    last_s = desired.ahead[-1].dt_s if desired.ahead else 0.0
+    dt_s = min(dt_s, max(last_s, CARRIED_ON_S))
+    if desired.ahead and p_W is not None and v_W is not None:
+        p_W, v_W, a_W = _on_path(Knot(0.0, p_W, v_W), desired.ahead, dt_s)
+    elif v_W is not None:
         a = (0.0, 0.0, 0.0) if a_W is None else a_W
         if p_W is not None:
             half = _along(v_W, a, 0.5 * dt_s)
@@ -101,7 +139,31 @@ def carried_on(desired: DesiredState, dt_s: float) -> DesiredState:
         v_W = _along(v_W, a, dt_s)
     if yaw_rad is not None and desired.yaw_rate_radps is not None:
         yaw_rad = yaw_rad + desired.yaw_rate_radps * dt_s
-    return replace(desired, p_W=p_W, v_W=v_W, yaw_rad=yaw_rad)
+    return replace(desired, p_W=p_W, v_W=v_W, a_W=a_W, yaw_rad=yaw_rad, ahead=())
+
+
+def _on_path(begin: Knot, ahead: Sequence[Knot], dt_s: float) -> tuple[Vec3, Vec3, Vec3]:
+    """Position, velocity, acceleration. With h the time from knot to knot and s how much of it has passed:
+
+    p = p0 + h v0 s + (3 d - 2 h v0 - h v1) s^2 + (h v0 + h v1 - 2 d) s^3      d = p1 - p0
+    """
+    end = begin
+    for knot in ahead:
+        begin, end = end, knot
+        if dt_s <= knot.dt_s:
+            break
+    else:
+        return _along(end.p_W, end.v_W, dt_s - end.dt_s), end.v_W, (0.0, 0.0, 0.0)
+    h_s = end.dt_s - begin.dt_s
+    s = (dt_s - begin.dt_s) / h_s
+    rows = []
+    for p0, v0, p1, v1 in zip(begin.p_W, begin.v_W, end.p_W, end.v_W, strict=True):
+        d, b0, b1 = p1 - p0, h_s * v0, h_s * v1
+        c2, c3 = 3.0 * d - 2.0 * b0 - b1, b0 + b1 - 2.0 * d
+        p = p0 + (b0 + (c2 + c3 * s) * s) * s
+        rows.append((p, (b0 + (2.0 * c2 + 3.0 * c3 * s) * s) / h_s, (2.0 * c2 + 6.0 * c3 * s) / (h_s * h_s)))
+    (px, vx, ax), (py, vy, ay), (pz, vz, az) = rows
+    return (px, py, pz), (vx, vy, vz), (ax, ay, az)
 
 
 def _along(x: Vec3, rate: Vec3, dt_s: float) -> Vec3:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import stat
@@ -29,7 +30,7 @@ from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_k
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import Block, SharedRing
-from hil.signals.desired import DesiredState
+from hil.signals.desired import DesiredState, Knot
 from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
 from tests.links.companion_world import (
     FACTS,
@@ -423,9 +424,13 @@ def test_schema_changes_with_any_unit() -> None:
 
 def test_desired_state_survives_its_map() -> None:
     path = DesiredState(p_W=(1.0, 2.0, 3.0), a_W=(0.0, 0.0, -1.0), yaw_rad=0.5, land=True, hold=True)
+    ahead = DesiredState(p_W=(1, 2, 3), v_W=(0, 0, 1), ahead=(Knot(0.5, (1, 2, 4), (0, 0, 2)),))
     attitude = DesiredState(q_WB=(0.6, 0.8, 0.0, 0.0), thrust=0.4, w_B=(0.0, 0.0, 0.1))
-    for desired in (path, attitude):
+    for desired in (path, ahead, attitude):
         assert desired_from_map(desired_map(desired)) == desired
+    for wrong in (3, [[0.1]], [[0.1, [0, 0], [0, 0, 0]]], [[math.nan, [0, 0, 0], [0, 0, 0]]], [0] * 99):
+        with pytest.raises(CodecError, match="ahead"):
+            desired_from_map(desired_map(ahead) | {"ahead": wrong})
     with pytest.raises(CodecError, match="thrust with p_W: either an attitude is flown, or a path"):
         desired_from_map(desired_map(path) | {"a_W": None, "yaw_rad": None, "thrust": 0.4, "w_B": [0.0, 0.0, 0.1]})
 

@@ -13,6 +13,7 @@ import pytest
 
 from tests.unit.companion_bench import array, frame, sample, together, welcome
 
+from hil_companion.cuts.arrival import Seen, came_within_s  # isort: skip
 from hil_companion.cuts.record import Record  # isort: skip
 from hil_companion.cuts.waypoints import Waypoints  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
@@ -175,3 +176,15 @@ def test_what_cannot_be_flown_is_told() -> None:
     for options in wrong:
         with pytest.raises(OptionError, match=next(iter(options))):
             Waypoints(**options)
+
+
+def test_when_it_came_is_seen_between_two_frames() -> None:
+    """With a constant acceleration, so that the cubic is the truth: p = 4 - 3 t + t^2 / 2 comes to 1 at 3 - sqrt 3."""
+
+    def seen(t_s: float) -> Seen:
+        zero = np.zeros(2)
+        return Seen(round(t_s * 1e9), np.array([*zero, 4 - 3 * t_s + 0.5 * t_s**2]), np.array([*zero, t_s - 3]))
+
+    for before_s, now_s in ((1.0, 1.4), (1.2, 1.3), (0.5, 2.5)):
+        ago_s = came_within_s(seen(before_s), seen(now_s), np.zeros(3), 1.0)
+        assert now_s - ago_s == pytest.approx(3 - math.sqrt(3), abs=1e-8)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.signals.desired import DesiredState, carried_on
+from hil.signals.desired import DesiredState, Knot, carried_on
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
@@ -56,6 +56,11 @@ def test_some_desired_states_move_the_vehicle_and_others_do_not(fields: dict[str
         ({"q_WB": LEVEL, "thrust": 0.5, "p_W": (0, 0, 1), "yaw_rad": 0}, "thrust with p_W, yaw_rad"),
         ({"land": 1}, "land"),
         ({"hold": "yes"}, "hold"),
+        ({"p_W": (0, 0, 0), "ahead": ((0.1, (0, 0, 0), (0, 0, 0)),)}, "without p_W and v_W"),
+        ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.0, (0, 0, 0), (0, 0, 0)),)}, "times rise"),
+        ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.2, (0, 0, 0), (0, 0, 0)),) * 2}, "times rise"),
+        ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.2, (0, 0), (0, 0, 0)),)}, "ahead has 2 numbers"),
+        ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((9.0, (0, 0, 0), (0, 0, 0)),)}, "times rise"),
     ],
 )
 def test_what_cannot_be_flown_is_refused(fields: dict[str, Any], why: str) -> None:
@@ -81,3 +86,23 @@ def test_what_is_said_of_change_carries_a_desired_state_on_and_nothing_else_does
     ):
         assert not still.changes
         assert carried_on(still, 0.4) == still
+
+
+def test_a_path_ahead_is_kept_to_a_cubic_exactly() -> None:
+    """Hermite's cubic through position and velocity of both ends is the path itself where that is a cubic."""
+
+    def path(t_s: float, k: int) -> tuple[float, float, float]:
+        rows = ([1, 2, -3, 4], [0, -1, 0.5, 2], [5, 0, 1, -1])
+        return tuple(float(np.polynomial.polynomial.polyval(t_s, np.polynomial.polynomial.polyder(r, k))) for r in rows)
+
+    ahead = tuple(Knot(t_s, path(t_s, 0), path(t_s, 1)) for t_s in (0.2, 0.3, 0.7))
+    desired = DesiredState(p_W=path(0.0, 0), v_W=path(0.0, 1), a_W=(9, 9, 9), ahead=ahead)
+    for t_s in (0.0, 0.1, 0.2, 0.25, 0.6, 0.7):
+        later = carried_on(desired, t_s)
+        assert later.ahead == ()
+        for k, value in enumerate((later.p_W, later.v_W, later.a_W)):
+            assert value == pytest.approx(path(t_s, k), abs=1e-9), (t_s, k)
+    assert carried_on(desired, 3.0) == carried_on(desired, 0.7)  # as far as it is known
+    short = DesiredState(p_W=(0, 0, 0), v_W=(1, 0, 0), ahead=(Knot(0.1, (0.2, 0, 0), (3, 0, 0)),))
+    assert carried_on(short, 0.3).p_W == pytest.approx((0.8, 0, 0))  # straight on behind the last
+    assert carried_on(short, 9.0).p_W == carried_on(short, 0.5).p_W == pytest.approx((1.4, 0, 0))

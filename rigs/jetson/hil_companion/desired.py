@@ -14,6 +14,7 @@ from hil_companion.errors import CutError
 
 UNIT_NORM_TOLERANCE = 1e-3
 FLAGS = ("land", "hold")
+MOST_KNOTS, LONGEST_AHEAD_S = 32, 5.0
 LARGEST = 1e9  # m, m/s, ...: what the bench takes; nothing commanded comes near
 
 
@@ -23,7 +24,8 @@ class Desired:
     finite or has no meaning.
 
     What it says of change carries it on from there, until the next one: p_W along v_W and a_W, v_W along a_W, yaw_rad
-    along yaw_rate_radps, for half a second at most. Not so with `hold`: then it is flown as it stands.
+    along yaw_rate_radps, for half a second at most. Not so with `hold`: then it is flown as it stands. `ahead` tells
+    more of the path from p_W and v_W on: (seconds later, position, velocity), in the order of time.
     """
 
     p_W: Sequence[float] | None = None  # [m]
@@ -36,6 +38,7 @@ class Desired:
     w_B: Sequence[float] | None = None  # [rad/s]
     land: bool = False
     hold: bool = False
+    ahead: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
 
     def __post_init__(self) -> None:
         for name in ("p_W", "v_W", "a_W", "w_B"):
@@ -47,10 +50,32 @@ class Desired:
             raise CutError(f"desired q_WB {list(self.q_WB)}: a quaternion of unit norm is needed")
         if self.thrust is not None and not 0.0 <= self.thrust <= 1.0:
             raise CutError(f"desired thrust {self.thrust}: 0 to 1 is needed")
+        self._keep("ahead", self._knots())
         self._check_combination()
         for name in FLAGS:
             if not isinstance(getattr(self, name), bool):
                 raise CutError(f"desired {name} {getattr(self, name)!r}: True or False is needed")
+
+    def _knots(self) -> list[list[Any]]:
+        knots: list[list[Any]] = []
+        try:
+            given = [(dt_s, p_W, v_W) for dt_s, p_W, v_W in self.ahead]
+        except (TypeError, ValueError):
+            raise CutError("desired ahead: for each knot a time, a position and a velocity are needed") from None
+        if given and (self.p_W is None or self.v_W is None):
+            raise CutError("desired ahead without p_W and v_W: a path begins somewhere")
+        if len(given) > MOST_KNOTS:
+            raise CutError(f"desired ahead: {len(given)} knots; {MOST_KNOTS} are the most")
+        before_s = 0.0
+        for at_s, p_W, v_W in given:
+            dt_s = _number("ahead", at_s)
+            if dt_s is None or not before_s < dt_s <= LONGEST_AHEAD_S:
+                raise CutError(f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most")
+            if p_W is None or v_W is None:
+                raise CutError("desired ahead: for each knot a time, a position and a velocity are needed")
+            knots.append([dt_s, _vector("ahead", p_W, 3), _vector("ahead", v_W, 3)])
+            before_s = dt_s
+        return knots
 
     def _check_combination(self) -> None:
         """The bench refuses what does not go together; better that the CUT hears of it."""
@@ -71,7 +96,9 @@ class Desired:
     def as_map(self) -> dict[str, Any]:
         """What goes on the wire: plain floats and lists, only what is commanded."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {name: value for name, value in entries.items() if value is not None and value is not False}
+        return {
+            name: value for name, value in entries.items() if value is not None and value is not False and value != []
+        }
 
 
 def _number(name: str, value: Any) -> float | None:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from hil_companion.cuts.arrival import Seen, came_within_s
 from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan, without_repeats
 from hil_companion.cuts.snap_path import PathPoint, SnapPath
 from hil_companion.desired import Desired
@@ -26,6 +27,7 @@ from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
 
 ARRIVED_M = 0.3
+AHEAD_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # what a slow computer needs to keep to its path
 BELOW_M = 0.5  # the place of the start: how far the descent aims, so that it ends at the ground and not above it
 SINK_MPS, SINK_MPS2 = 0.7, 0.5  # the descent: gentle, since it meets the ground
 DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: as low as it started, this slow, for this long
@@ -87,6 +89,8 @@ class Waypoints:
         self._descent = -1  # which of the phases, if any
         self._phase_t_ns = 0  # when it began
         self._t_ns: int | None = None  # of the frame before
+        self._before: Seen | None = None  # by it
+        self._now: Seen | None = None
         self._yaw_rad = 0.0
         self._start_W = np.zeros(3)
         self._down_since_ns: int | None = None
@@ -112,6 +116,7 @@ class Waypoints:
         dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
         self._t_ns = frame.t_ns
         t_s = (frame.t_ns - self._phase_t_ns) * 1e-9
+        self._before, self._now = self._now, None if p_W is None else Seen(frame.t_ns, p_W, v_W)
         while self._phase < len(self._phases):
             over_s = self._over_since(t_s, p_W, v_W)
             if over_s is None:
@@ -122,9 +127,30 @@ class Waypoints:
             t_s = over_s
         if self._phase == len(self._phases):
             return self._land(frame, t_s, p_W, v_W)
-        point = self._phases[self._phase].at(t_s + self._ahead_s(frame))
+        t_s += self._ahead_s(frame)
+        point = self._phases[self._phase].at(t_s)
         self._turn(point, dt_s)
-        return Desired(p_W=point.p_W.tolist(), v_W=point.v_W.tolist(), a_W=point.a_W.tolist(), yaw_rad=self._yaw_rad)
+        return Desired(
+            p_W=point.p_W.tolist(),
+            v_W=point.v_W.tolist(),
+            a_W=point.a_W.tolist(),
+            yaw_rad=self._yaw_rad,
+            ahead=[] if self.hold else self._ahead(t_s, p_W),
+        )
+
+    def _ahead(self, t_s: float, p_W: np.ndarray | None) -> list[Any]:
+        """The path from here on. Over the end of a phase only where the vehicle keeps up: else the next one waits."""
+        here = self._phases[self._phase].at(t_s).p_W
+        keeps_up = p_W is None or float(np.linalg.norm(p_W - here)) < ARRIVED_M
+        knots = []
+        for dt_s in AHEAD_S:
+            phase, at_s = self._phase, t_s + dt_s
+            while keeps_up and at_s > self._phases[phase].duration_s and phase + 1 < len(self._phases):
+                at_s -= self._phases[phase].duration_s
+                phase += 1
+            point = self._phases[phase].at(at_s)
+            knots.append((dt_s, point.p_W.tolist(), point.v_W.tolist()))
+        return knots
 
     def _begin(self, frame: Frame, p_W: np.ndarray | None) -> None:
         first = self._waypoints_W[0]
@@ -151,10 +177,7 @@ class Waypoints:
             self._yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     def _over_since(self, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> float | None:
-        """For how long the phase's time has passed and the vehicle has been at its end; it is not waited for for ever.
-
-        When it came there follows from how far inside it is by now, and how fast it moved in.
-        """
+        """For how long its time has passed and the vehicle has been at its end, which is not waited for for ever."""
         path = self._phases[self._phase]
         past_s = t_s - path.duration_s
         if self._phase == self._descent and p_W is not None and v_W is not None:
@@ -165,12 +188,13 @@ class Waypoints:
             return None
         if p_W is None:
             return past_s
-        off = p_W - path.at(t_s).p_W
-        inside_m = ARRIVED_M - float(np.linalg.norm(off))
-        if inside_m <= 0.0:
+        end_W = path.at(t_s).p_W
+        if float(np.linalg.norm(p_W - end_W)) >= ARRIVED_M:
             return past_s - self._wait_s if past_s > self._wait_s else None
-        inwards_mps = 0.0 if v_W is None else -float(off @ v_W) / max(ARRIVED_M - inside_m, 1e-9)
-        return min(past_s, inside_m / inwards_mps) if inwards_mps > 0.0 else past_s
+        before, now = self._before, self._now
+        if before is None or now is None or float(np.linalg.norm(before.p_W - end_W)) < ARRIVED_M:
+            return past_s
+        return min(past_s, came_within_s(before, now, end_W, ARRIVED_M))
 
     def _land(self, frame: Frame, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> Desired:
         down = p_W is not None and v_W is not None and p_W[2] - self._start_W[2] < DOWN_M
