@@ -22,6 +22,7 @@ import zmq
 from firmware_bridge.codecs import companion as wire
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.admission import CONTROL, Admission, group_of
+from firmware_bridge.companion.answering import take_answer
 from firmware_bridge.companion.bench_socket import BenchSocket, Received
 from firmware_bridge.companion.clients import Client, Clients, ClientStats
 from firmware_bridge.companion.doorkeeper import Doorkeeper
@@ -43,7 +44,6 @@ _NAP_NS = 100_000
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
 _LINGER_MS = 300  # for the last words to leave
 _REFUSALS_KEPT = 20
-_CLOCKS_APART_NS = 1_000_000  # how much longer than here a function may seem to have taken by another clock
 
 
 class CompanionServer:
@@ -380,7 +380,7 @@ class CompanionServer:
         replies: list[Reply],
     ) -> None:
         if isinstance(message, wire.Done):
-            replies.append(self._done(client, message, t_ns))
+            replies.append(take_answer(client, message, t_ns, self._sender))
         elif isinstance(message, wire.Ping):
             if message.bench_minus_client_ns is not None and message.round_trip_ns is not None:
                 client.clock.add_reading(t_ns, -message.bench_minus_client_ns, message.round_trip_ns)
@@ -390,44 +390,6 @@ class CompanionServer:
                 raise CodecError(f"credit: {client.credit} + {message.n} are more than {wire.MAX_CREDIT}")
         else:
             self._lose(client, f"it left: {message.reason}" if message.reason else "it left", kind="left")
-
-    def _done(self, client: Client, done: wire.Done, t_ns: int) -> Reply:
-        if done.frame not in client.under_way:
-            raise CodecError(f"done: frame {done.frame} was not sent, or has been answered")
-        if done.desired is not None and not client.control:
-            raise CodecError("done: a desired state of a client that has no control")
-        sent = client.under_way[done.frame]
-        if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
-            raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
-        stats = client.stats
-        # Frames are answered in order: what is older, the client has passed over.
-        for number in [n for n in client.under_way if n <= done.frame]:
-            self._sender.give_back(client, client.under_way.pop(number).slot)
-            stats.skipped += number != done.frame
-        client.credit = min(client.credit + 1, wire.MAX_CREDIT)
-        client.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
-        reading = client.clock.best
-        offset_ns = 0 if reading is None else reading.offset_ns
-        stats.answered += 1
-        stats.clock_offset_ns = offset_ns
-        stats.clock_delay_ns = None if reading is None else reading.delay_ns
-        stats.t1.add(done.t_received_ns - offset_ns - sent.t_sent_ns)
-        stats.t2.add(done.t2_ns)
-        stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
-        stats.round_trip.add(t_ns - sent.t_sent_ns)
-        stats.overhead.add(t_ns - sent.t_begun_ns - done.t2_ns)
-        return Reply(
-            client.name,
-            done.frame,
-            done.desired,
-            done.finished,
-            done.t2_ns,
-            done.t_received_ns,
-            done.t_sent_ns,
-            t_ns,
-            offset_ns,
-            sent.t_sent_ns,
-        )
 
     # --- in and out ---
 
