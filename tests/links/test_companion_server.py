@@ -309,7 +309,7 @@ def test_clock_offset_takes_the_exchange_with_the_least_delay() -> None:
     assert (best.offset_ns, best.delay_ns) == (77_050, 500)  # wrong by half the difference of the ways
     clock.add(0, 10, 5, 100)
     clock.add(0, 0, 200, 100)
-    assert clock.impossible == 2
+    assert clock.best == best  # such times cannot be
     clock.add_reading(3_000_000, 77_000, 10)
     again = clock.best
     assert again is not None
