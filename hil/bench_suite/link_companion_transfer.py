@@ -37,6 +37,7 @@ from hil.bench_suite.link_companion_frame import (
     frame_arrays,
     size_of,
 )
+from hil.companion.collector import QuietCollector
 from hil.companion.started import CLIENT_PATH
 from hil.signals.errors import LinkClosed
 from hil.signals.latency import LatencyHistogram
@@ -100,6 +101,7 @@ def far_end(wire: Wire, arrangement: Arrangement, folder: Path, arrays: Arrays) 
     server = CompanionServer(CompanionSettings(bind, arrangement, wire.keys), _FACTS)
     server.open()
     peer: subprocess.Popen[str] | None = None
+    collector = QuietCollector()
     try:
         with socket.create_server((wire.near, 0)) as listening:
             listening.settimeout(LIMIT_S)
@@ -119,8 +121,10 @@ def far_end(wire: Wire, arrangement: Arrangement, folder: Path, arrays: Arrays) 
         with bare:
             bare.settimeout(LIMIT_S)
             bare.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            collector.begin()  # as in a flight
             yield Transfer(server, bare, peer, arrays)
     finally:
+        collector.end()
         server.close("over", "the measurement is over")
         if peer is not None:
             _end(peer)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.companion.answers import Answers, LiveAnswers
 from hil.companion.calibrations import calibrations
+from hil.companion.collector import QuietCollector
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
 from hil.companion.started import StartedClient, close_all
@@ -56,7 +56,7 @@ class CompanionLink:
         self._timing: TimingLog | None = None
         self._stage: CompanionStage | None = None
         self._told: Counter[str] = Counter()  # events, by kind
-        self._frozen = False  # what the collector knows
+        self._collector = QuietCollector()
         self.topics: frozenset[str] = frozenset()
 
     def open(self) -> None:
@@ -85,10 +85,7 @@ class CompanionLink:
         self.topics = server.topics
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
-        # What is there now stays for the flight: the collector's long rounds would fall on single frames.
-        gc.collect()
-        gc.freeze()
-        self._frozen = True
+        self._collector.begin()
         self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
     def stage(self, desire: Callable[[DesiredState, int, int], None] | None) -> CompanionStage:
@@ -121,9 +118,7 @@ class CompanionLink:
         if self._server is not None:
             with suppress(OSError):
                 self._server.close(status, "the run is over")
-        if self._frozen:
-            self._frozen = False
-            gc.unfreeze()
+        self._collector.end()
         started, self._started = self._started, []
         close_all(started)
         if self._trace is not None:

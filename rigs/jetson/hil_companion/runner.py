@@ -7,7 +7,6 @@ called once at the end.
 
 from __future__ import annotations
 
-import gc
 import math
 import sys
 import time
@@ -19,7 +18,7 @@ from hil_companion.desired import Desired
 from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
 from hil_companion.frame import Frame
 from hil_companion.keys import PathLike
-from hil_companion.memory import keep_freed_memory
+from hil_companion.memory import keep_freed_memory, quiet_collector
 
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
@@ -139,9 +138,7 @@ class Runner:
         if welcome.session != self._session:
             self._call(getattr(self._cut, "start", _nothing), welcome)
         self._session, self._schema = welcome.session, welcome.schema
-        # What is there now stays: the collector need not go through it again and again while frames come.
-        gc.collect()
-        gc.freeze()
+        quiet_collector()
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
         for frame in client.frames():
