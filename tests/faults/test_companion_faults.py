@@ -202,7 +202,7 @@ def test_ten_thousand_messages_of_garbage(known: bool) -> None:
 def test_hello_that_is_refused(change: dict[str, object], code: str) -> None:
     with serving() as server, healthy(server), RawClient(server.endpoint) as client:
         client.hello(**{"name": "cut", **change})  # type: ignore[arg-type]
-        server.poll(0.02)
+        until(server, lambda: not client.silent(0.0))
         refused = client.expect("refused")
         assert refused["code"] == code, refused
         assert refused["text"]
