@@ -232,6 +232,7 @@ class Scenery:
     def add_geom(
         self, rgb: Sequence[float], emission: float, texture: int, repeat_u: float, repeat_v: float, per_metre: bool
     ) -> None: ...
+    def without_textures(self) -> Scenery: ...
     @property
     def geom_count(self) -> int: ...
 
@@ -244,7 +245,9 @@ class Daylight:
         ground_rgb: Sequence[float],
         zenith_rgb: Sequence[float],
         horizon_rgb: Sequence[float],
-        fog_per_m: float,
+        air_rgb: Sequence[float],
+        extinction_per_m: float,
+        haze_m: float,
     ) -> None: ...
 
 class SunShadows:
@@ -348,6 +351,7 @@ class RayCaster:
         isa: str = "",
     ) -> None: ...
 
+def extinguish(range_m: Float64, extinction_per_m: float, strength: Float64) -> None: ...
 def coherent_order(directions: Float64, out: NDArray[np.int32]) -> None: ...
 def sweep_rays(
     motion: tuple[Vec3, Vec3, Vec3, Vec3, tuple[float, float, float, float], Vec3, Vec3, Vec3],

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router_endpoint import Endpoint
+from sim.frame.quality import QualityName
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
 from sim.scene.wind import Wind
@@ -259,6 +260,8 @@ class BenchConfig(Section):
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends
+    # Of cameras that name no level of their own (sim/frame/quality.py); null: as they are.
+    quality: QualityName | None = None
     pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as it goes
     autopilot: Autopilot = Autopilot()
     router: Router = Router()

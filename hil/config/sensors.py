@@ -16,6 +16,7 @@ from hil.documents.document import Place
 from hil.documents.validate import at, nearest, shown, validate
 from hil.signals.errors import Problem
 from hil.signals.time import period_ns_from_hz
+from sim.frame.quality import QUALITIES, with_quality
 from sim.sensors.catalog import KINDS, Preset
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS
@@ -84,6 +85,8 @@ def _resolve(
     values = preset.parameters.model_dump(mode="json") if preset is not None else {}
     if own.get("frame") is not None:  # the camera's view instead of the preset's
         values = {key: value for key, value in values.items() if key not in VIEW_KEYS}
+    if kind == "camera":
+        values, own = _at_quality(values, own, settings)
     values = laid_over(KINDS[kind].parameters, values, own)
     if kind == "imu":
         # It is read at every tick and nowhere else, so its rate need not be said.
@@ -110,6 +113,21 @@ def _resolve(
         named = None  # a file of the user's, which may change: what it says is in the parameters
     flag: bool | None = built.autopilot  # type: ignore[attr-defined]
     return SensorConfig(kind=kind, preset=named, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
+
+
+def _at_quality(
+    values: dict[str, Any], own: dict[str, Any], settings: Settings
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A camera's preset, and its own keys, with the level of quality that it or the bench names."""
+    if own.get("quality") is None and settings.data.get("quality") is not None:
+        own = {**own, "quality": settings.data["quality"]}
+    quality = own.get("quality")
+    if not isinstance(quality, str) or quality not in QUALITIES:
+        return values, own  # none, or one that validation refuses
+    said = [key for key in own if key != "quality"]
+    colour = {"colour": own["colour"]} if "colour" in own else {}
+    laid = with_quality({**values, **colour}, quality, said)
+    return {key: value for key, value in laid.items() if key not in colour}, own
 
 
 def _preset_and_kind(

@@ -8,6 +8,7 @@ B are the actors' bodies, whose poses and velocities are pure functions of time 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -77,6 +78,11 @@ class FrameGeometry:
         self.native.finish()
         self.t_ns = 0
         self.pose(0)
+
+    @cached_property
+    def plain_scenery(self) -> Scenery:
+        """The same without textures: each surface in the mean colour of its own."""
+        return self.scenery.without_textures()
 
     def pose(self, t_ns: int) -> None:
         """Everything that moves, at `t_ns`. A pose that is not finite hides its geoms."""

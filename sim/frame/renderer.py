@@ -8,21 +8,25 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
-from sim._kernels import Daylight, Picture, SunShadows, mean_of_four
+from sim._kernels import Daylight, Picture, Scenery, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry, OutOfReach
+from sim.scene.haze import light_in_haze
 from sim.scene.light import Light
+from sim.scene.weather import HAZE_M
 
 __all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]
 
+SUPERSAMPLES = (1, 2, 4)  # samples of colour along the edge of a pixel
 _SHADOW_PIXELS = 2048  # along the longer edge of the scene
 _GROUND_LIGHT = 0.45  # of the ambient light: what comes back from the ground
 
@@ -46,8 +50,9 @@ class FrameRenderer:
     """One camera over a geometry.
 
     `near_m`, `far_m`: least and greatest depth that is seen (range for cameras that are no pinhole). `supersample` 2
-    averages colour over 2 x 2 rays per pixel in linear light; the other channels are those of the pixel's centre ray
-    either way. `threads`: the same picture for any number. Raises ValueError for limits out of order.
+    (4) averages colour over 2 x 2 (4 x 4) rays per pixel in linear light; the other channels are those of the pixel's
+    centre ray either way. Without `textures` surfaces have the mean colours of theirs. `threads`: the same picture for
+    any number. Raises ValueError for limits out of order.
     """
 
     def __init__(
@@ -57,6 +62,7 @@ class FrameRenderer:
         *,
         shadows: bool = False,
         supersample: int = 1,
+        textures: bool = True,
         near_m: float = 0.05,
         far_m: float = 10_000.0,
         threads: int = 1,
@@ -66,20 +72,24 @@ class FrameRenderer:
     ) -> None:
         if not 0.0 < near_m < far_m <= 1e5:
             raise ValueError(f"near_m {near_m:g} and far_m {far_m:g}: need 0 < near < far <= 100000")
-        if supersample not in (1, 2):
-            raise ValueError(f"supersample must be 1 or 2, not {supersample}")
+        if supersample not in SUPERSAMPLES:
+            raise ValueError(f"supersample must be 1, 2 or 4, not {supersample}")
         if threads < 1:
             raise ValueError(f"threads must be at least 1, not {threads}")
         self.geometry = geometry
         self.camera = camera
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, skips
-        self._picture = _picture(geometry, camera, 1, isa)
-        self._fine = _picture(geometry, camera, supersample, isa) if supersample > 1 else None
-        self._fine_rgb: NDArray[np.uint8] | None = None
-        if self._fine is not None:
-            self._fine_rgb = np.empty((2 * camera.height, 2 * camera.width, 3), np.uint8)
+        scenery = geometry.scenery if textures else geometry.plain_scenery
+        self._picture = _picture(geometry, scenery, camera, 1, isa)
+        self._fine = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
+        # The fine picture, and what becomes of it each time four pixels are made one, down to twice the camera's.
+        self._finer_rgb: list[NDArray[np.uint8]] = []
+        while supersample > 1:
+            self._finer_rgb.append(np.empty((supersample * camera.height, supersample * camera.width, 3), np.uint8))
+            supersample //= 2
         chosen = light if light is not None else geometry.world.scene.light
-        self._light = daylight(chosen)
+        extinction_per_m = geometry.world.scene.extinction_per_m if light is None else light.fog_per_m
+        self._light = daylight(chosen, extinction_per_m)
         self._shadows: SunShadows | None = None
         if shadows and chosen.sun_elevation_deg > 0.0:
             self._shadows = sun_shadows(geometry, chosen, isa)
@@ -108,9 +118,13 @@ class FrameRenderer:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)
         wanted = dict(out)
-        if self._fine is not None and self._fine_rgb is not None and "rgb" in wanted:
-            self._take(self._fine, pose, shadows, {"rgb": self._fine_rgb}, 2 * first, 2 * last)
-            mean_of_four(self._fine_rgb[2 * first : 2 * last], wanted.pop("rgb")[first:last])
+        if self._fine is not None and "rgb" in wanted:
+            finer, out_rgb = self._finer_rgb, wanted.pop("rgb")
+            scale = 1 << len(finer)
+            self._take(self._fine, pose, shadows, {"rgb": finer[0]}, scale * first, scale * last)
+            for fine, coarse in pairwise([*finer, out_rgb]):
+                scale //= 2
+                mean_of_four(fine[2 * scale * first : 2 * scale * last], coarse[scale * first : scale * last])
         if wanted:
             self._take(self._picture, pose, shadows, wanted, first, last)
 
@@ -162,11 +176,11 @@ class FrameRenderer:
         )
 
 
-def _picture(geometry: FrameGeometry, camera: CameraModel, scale: int, isa: str) -> Picture:
+def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, scale: int, isa: str) -> Picture:
     if camera.pinhole:
         return Picture(
             geometry.native,
-            geometry.scenery,
+            scenery,
             scale * camera.width,
             scale * camera.height,
             scale * camera.fx,
@@ -176,15 +190,25 @@ def _picture(geometry: FrameGeometry, camera: CameraModel, scale: int, isa: str)
             isa,
         )
     finer = camera if scale == 1 else camera.scaled(scale)
-    return Picture(geometry.native, geometry.scenery, np.ascontiguousarray(finer.rays(), np.float64), isa)
+    return Picture(geometry.native, scenery, np.ascontiguousarray(finer.rays(), np.float64), isa)
 
 
-def daylight(light: Light) -> Daylight:
+def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
     """The light of a scene as the kernels read it."""
-    ambient = light.ambient_rgb
-    sun = light.sun_rgb if light.sun_elevation_deg > 0.0 else (0.0, 0.0, 0.0)
+    hazy = light_in_haze(light, extinction_per_m)
+    ambient = hazy.ambient_rgb
     ground = (_GROUND_LIGHT * ambient[0], _GROUND_LIGHT * ambient[1], _GROUND_LIGHT * ambient[2])
-    return Daylight(light.to_sun_W, sun, ambient, ground, light.sky_zenith_rgb, light.sky_horizon_rgb, light.fog_per_m)
+    return Daylight(
+        light.to_sun_W,
+        hazy.sun_rgb,
+        ambient,
+        ground,
+        light.sky_zenith_rgb,
+        light.sky_horizon_rgb,
+        hazy.air_rgb,
+        extinction_per_m,
+        HAZE_M,
+    )
 
 
 def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShadows:

@@ -61,6 +61,7 @@ class FrameSource(Protocol):
         supersample: int,
         near_m: float,
         far_m: float,
+        textures: bool = True,
         colour: str = "native",
     ) -> Renderer:
         """A renderer for one camera; `colour`: who draws its rgb (sim.frame.mujoco_backend)."""
@@ -108,6 +109,7 @@ class SharedFrames:
         supersample: int,
         near_m: float,
         far_m: float,
+        textures: bool = True,
         colour: str = "native",
     ) -> Renderer:
         """A renderer for one camera. Raises ColourBackendError where MuJoCo's is asked for and cannot be had."""
@@ -118,6 +120,7 @@ class SharedFrames:
             camera,
             shadows=shadows,
             supersample=supersample,
+            textures=textures,
             near_m=near_m,
             far_m=far_m,
             threads=self._threads,

@@ -230,13 +230,14 @@ void bind_frame(nb::module_ &m) {
                 s.geoms.push_back(a);
             },
             "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a)
+        .def("without_textures", &fr::without_textures, "The same with each texture replaced by its mean colour.")
         .def_prop_ro("geom_count", [](const fr::Scenery &s) { return s.geoms.size(); });
 
     nb::class_<fr::Daylight>(m, "Daylight", "Sun, sky and haze in W; linear colours (frame/scenery.hpp).")
         .def(
             "__init__",
             [](fr::Daylight *self, const Rgb &sun_W, const Rgb &sun, const Rgb &sky, const Rgb &ground, const Rgb &zenith,
-               const Rgb &horizon, float fog) {
+               const Rgb &horizon, const Rgb &air, float extinction, float haze) {
                 new (self) fr::Daylight();
                 set(self->sun_W, sun_W);
                 set(self->sun_rgb, sun);
@@ -244,9 +245,12 @@ void bind_frame(nb::module_ &m) {
                 set(self->ground_rgb, ground);
                 set(self->zenith_rgb, zenith);
                 set(self->horizon_rgb, horizon);
-                self->fog_per_m = fog;
+                set(self->air_rgb, air);
+                self->extinction_per_m = extinction;
+                self->haze_m = haze;
             },
-            "sun_W"_a, "sun_rgb"_a, "sky_rgb"_a, "ground_rgb"_a, "zenith_rgb"_a, "horizon_rgb"_a, "fog_per_m"_a);
+            "sun_W"_a, "sun_rgb"_a, "sky_rgb"_a, "ground_rgb"_a, "zenith_rgb"_a, "horizon_rgb"_a, "air_rgb"_a,
+            "extinction_per_m"_a, "haze_m"_a);
 
     nb::class_<fr::SunShadows>(m, "SunShadows", "The scene as the sun sees it (frame/picture.hpp).")
         .def(

@@ -6,6 +6,7 @@
 namespace nb = nanobind;
 
 void bind_dryden(nb::module_ &m);
+void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
@@ -25,6 +26,7 @@ NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     hil::bind_detmath(m);
     bind_dryden(m);
+    bind_extinction(m);
     bind_frame(m);
     bind_image_noise(m);
     bind_imu(m);

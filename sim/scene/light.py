@@ -5,7 +5,8 @@ elevation above the horizon:
 
     to_sun_W = (sin a cos e, cos a cos e, sin e)
 
-Fog takes the share 1 - exp(-fog_per_m * range) of what is seen and puts the colour of the horizon in its place.
+`fog_per_m` is the extinction of haze, for those who have that number and not the visibility (sim/scene/weather.py);
+where both are given they add up.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from sim.scene.light import Light
 from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
 from sim.scene.scene_file import SceneFile, shown
 from sim.scene.view_point import ViewPoint
+from sim.scene.weather import Weather
 
 SCENE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "scenes"
 
@@ -59,8 +60,14 @@ class Scene(StrictModel):
     boxes: tuple[Box, ...] = ()
     map: MapSection | None = None
     light: Light = Light()
+    weather: Weather = Weather()
 
     _file: SceneFile = PrivateAttr(default_factory=SceneFile)
+
+    @property
+    def extinction_per_m(self) -> float:
+        """Of visible light by haze; 0 in clear air."""
+        return self.light.fog_per_m + self.weather.extinction_per_m
 
     @property
     def file(self) -> SceneFile:

@@ -56,6 +56,7 @@ class Camera:
             supersample=p.supersample,
             near_m=p.near_m,
             far_m=p.far_m,
+            textures=p.textures,
             colour=p.colour,
         )
         self._shared = installation.shared

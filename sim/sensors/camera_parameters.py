@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from hil.signals.samples import CHANNEL_UNITS
 from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
+from sim.frame.quality import QualityName
 from sim.model_file import StrictModel
 from sim.sensors.sensor import Position
 
@@ -121,10 +122,13 @@ class CameraParameters(StrictModel):
     mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zero looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05
     far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 10_000.0
+    # A level of sim/frame/quality.py, kept to be told: whoever puts parameters together has laid it under the others.
+    quality: QualityName | None = None
     shadows: bool = False
+    textures: bool = True  # false: surfaces in their mean colours
     # Who draws rgb: the raster, or one of MuJoCo's renderers, for machines with a GPU (docs/frames.md).
     colour: Literal["native", "egl", "filament"] = "native"
-    supersample: Literal[1, 2] = 1  # 2: four samples of colour per pixel
+    supersample: Literal[1, 2, 4] = 1  # samples of colour along a pixel's edge
     exposure: ExposureControl = ExposureControl()
     vignetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # 1: as cos^4 of the angle to the axis
     noise: LightNoise | None = None
@@ -159,7 +163,8 @@ class CameraParameters(StrictModel):
         if not self.far_m > self.near_m:
             raise ValueError(f"far_m {self.far_m:g} must be above near_m {self.near_m:g}")
         if self.supersample * max(self.resolution) > MAX_PIXELS_ACROSS:
-            raise ValueError(f"supersample 2 takes pictures of at most {MAX_PIXELS_ACROSS // 2} pixels across")
+            most = MAX_PIXELS_ACROSS // self.supersample
+            raise ValueError(f"supersample {self.supersample} takes pictures of at most {most} pixels across")
         model = self.model()
         check_invertible(model)
         if self.colour != "native":
@@ -178,6 +183,8 @@ class CameraParameters(StrictModel):
             raise ValueError(f"{who} draws the whole picture at once: no rolling_shutter_s, or use 'native'")
         if self.supersample != 1:
             raise ValueError(f"{who} draws the whole picture at once: supersample 1, or use 'native'")
+        if not self.textures:
+            raise ValueError(f"{who} draws the map's own textures: leave `textures` out, or use 'native'")
 
     def model(self) -> CameraModel:
         """The camera that these numbers describe. ValueError where there is none."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.signals.time import period_ns_from_hz
+from sim.frame.quality import QUALITIES, with_quality
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
@@ -46,7 +47,10 @@ def make_sensor(
     if kind is None:
         raise ValueError(f"sensor '{name}' needs a preset or a kind")
     entry = KINDS[kind]
-    parameters = entry.parameters.model_validate(values | dict(overrides or {}))
+    own = dict(overrides or {})
+    if kind == "camera" and own.get("quality") in QUALITIES:
+        values = with_quality(values, own["quality"])
+    parameters = entry.parameters.model_validate(values | own)
     installation = Installation(name, period_ns_from_hz(rate_hz), seed, scene, step_ns, frames, shared)
     sensor: Sensor = entry.sensor(installation, parameters)
     return sensor

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from sim._kernels import RayCaster, coherent_order, sweep_rays
+from sim._kernels import RayCaster, coherent_order, extinguish, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
@@ -83,6 +83,7 @@ class Lidar:
         self._frames = frames
         self._caster = RayCaster(frames.geometry.native)
         world = frames.geometry.world
+        self._two_way_per_m = 2.0 * installation.scene.extinction_per_m
         self._class = np.array(world.geom_class, dtype=np.uint8)
         by_surface = np.array([surface.lidar_reflectivity for surface in world.surfaces])
         self._reflectivity = by_surface[np.array(world.geom_surface)]
@@ -188,7 +189,10 @@ class Lidar:
             self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
             n, d = normal, directions_W
             cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
-            self._strength[k, part] = np.where(geom >= 0, self._reflectivity[geom] * cosine, 0.0)
+            strength = self._strength[k, part]
+            strength[:] = np.where(geom >= 0, self._reflectivity[geom] * cosine, 0.0)
+            if self._two_way_per_m > 0.0:
+                extinguish(range_m, self._two_way_per_m, strength)
 
     def _echoes(self) -> Echoes:
         if len(self._footprint) == 1:

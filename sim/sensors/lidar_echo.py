@@ -3,6 +3,8 @@
 Light. A surface of reflectivity rho met at incidence theta sends back rho cos(theta) (Lambertian). A beam with
 divergence is five rays: the middle and four at half the radius, each a fifth of the light. What returns from within
 `echo_separation_m` is one echo, at the mean range weighted by light; of several echoes the device reports one.
+Haze of extinction beta takes light on the way out and back, exp(-2 beta r) of each ray (sim/scene/weather.py); what the
+haze itself sends back is left out.
 
 Loss. An echo of strength e = rho cos(theta) is seen to
 

@@ -28,6 +28,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from hil.signals.errors import ConfigError, Problem
+from sim.frame.quality import QUALITIES, with_quality
 from sim.model_file import StrictModel, load_model
 from sim.sensors.kinds import KINDS
 
@@ -86,6 +87,8 @@ def load_preset(path: Path) -> Preset:
     """Read one preset file. Raises ConfigError with every problem found."""
     file = load_model(path, PresetFile)
     values = {name: figure.value for name, figure in file.parameters.items()}
+    if file.kind == "camera" and values.get("quality") in QUALITIES:
+        values = with_quality(values, values["quality"], said=values)
     try:
         parameters = KINDS[file.kind].parameters.model_validate(values)
     except ValueError as error:

@@ -221,7 +221,8 @@ def test_every_preset_takes_a_picture(preset: str) -> None:
     assert isinstance(sample, ImageSample)
     width, height = PRESETS[preset].parameters.resolution  # type: ignore[attr-defined]
     assert {picture.shape[:2] for picture in sample.channels.values()} == {(height, width)}
-    options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0, "colour": "native"}
+    options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0}
+    options |= {"textures": True, "colour": "native"}
     assert frames.options[0] == options
 
 

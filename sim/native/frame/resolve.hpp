@@ -7,7 +7,7 @@
 //     radial_velocity  (v_P - v_C) . d / |d| [m/s], + receding; 0 where nothing is. With v of the rigid body taken at the
 //                      camera's origin this needs no position: w x (t d) is normal to d.
 //     rgb              sRGB: Lambert's law, sun with or without shadow, light of the sky by how far up a surface faces,
-//                      fog as exp(-k range) by its Pade approximant (error below 5e-3)
+//                      haze by Koschmieder's law (scenery.hpp), in linear light, the sky's too
 //
 // A block of 4 x 4 pixels that sees one geom is resolved at once, else once for each geom in it.
 #pragma once

@@ -1,4 +1,5 @@
 // The inner loops that make channels of visible surfaces. See resolve.hpp.
+#include "lane_exp.hpp"
 #include "resolve.hpp"
 #include "shapes.hpp"
 
@@ -354,6 +355,13 @@ HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
     return {mix(0), mix(1), mix(2)};
 }
 
+// What is left of light from so far, and what the air between adds.
+HIL_INLINE Rgb through_haze(const Daylight &light, const Rgb &c, const F &range) {
+    const F through = exp_of_minus(range * light.extinction_per_m);
+    const auto mixed = [&](const F &x, int i) { return light.air_rgb[i] + through * (x - light.air_rgb[i]); };
+    return {mixed(c.r, 0), mixed(c.g, 1), mixed(c.b, 2)};
+}
+
 HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles,
                      const Vec<F> &normal, const F &u, const F &v, bool mesh_uv) {
     const Daylight &light = *job.light;
@@ -372,14 +380,7 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
         return a * (ambient + sun * light.sun_rgb[i] + look.emission);
     };
     c = {lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
-    if (light.fog_per_m > 0.0f) {
-        // exp(-x) = (1 - x/2 + x^2/12)^2-like quotient; for the half argument, squared, so that it stays within 0..1.
-        const F x = s.t * s.length * (0.5f * light.fog_per_m);
-        const F q = 1.0f / (1.0f + x + x * x * 0.5f + x * x * x * (1.0f / 6.0f));
-        const F through = q * q, fog = 1.0f - through;
-        c = {c.r * through + fog * light.horizon_rgb[0], c.g * through + fog * light.horizon_rgb[1],
-             c.b * through + fog * light.horizon_rgb[2]};
-    }
+    if (light.extinction_per_m > 0.0f) c = through_haze(light, c, s.t * s.length);
     return c;
 }
 
@@ -543,7 +544,10 @@ void resolve(const ResolveJob &job) {
             if (out.rgb) {
                 if (bits(seen) != 0xffffu) {
                     const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * per_length;
-                    const Rgb above = sky(*job.light, up);
+                    Rgb above = sky(*job.light, up);
+                    if (job.light->extinction_per_m > 0.0f) {
+                        above = through_haze(*job.light, above, job.light->haze_m / max(up, splat<F>(1e-3f)));
+                    }
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
                 }
                 put_rgb(out.rgb, b.width, x, y, columns, rows, encode(colour));

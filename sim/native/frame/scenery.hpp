@@ -30,6 +30,9 @@ struct Scenery {
     std::vector<Appearance> geoms;
 };
 
+// The same with each texture replaced by its mean colour.
+Scenery without_textures(const Scenery &scenery);
+
 // Light in W; colours linear.
 struct Daylight {
     float sun_W[3] = {0, 0, 1};  // unit, towards the sun
@@ -38,7 +41,11 @@ struct Daylight {
     float ground_rgb[3] = {0.1f, 0.1f, 0.1f};  // and on what faces down
     float zenith_rgb[3] = {0.2f, 0.4f, 0.8f};
     float horizon_rgb[3] = {0.7f, 0.8f, 0.9f};
-    float fog_per_m = 0.0f;
+    // Haze (Koschmieder): over a range r the share exp(-extinction_per_m r) of what is seen comes through, the rest is
+    // air_rgb. The sky is seen through haze_m of it straight up, through haze_m / sin(elevation) elsewhere.
+    float air_rgb[3] = {0.7f, 0.8f, 0.9f};
+    float extinction_per_m = 0.0f;
+    float haze_m = 0.0f;
 };
 
 }  // namespace hil::sim::frame

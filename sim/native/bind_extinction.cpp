@@ -1,0 +1,29 @@
+// sim._kernels.extinguish: what haze leaves of light. Contract: extinction.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <stdexcept>
+
+#include "extinction.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+}  // namespace
+
+void bind_extinction(nb::module_ &m) {
+    m.def(
+        "extinguish",
+        [](In range_m, double extinction_per_m, Out strength) {
+            if (range_m.shape(0) != strength.shape(0)) throw std::invalid_argument("ranges and strengths must be as many");
+            nb::gil_scoped_release release;
+            hil::sim::extinguish(range_m.data(), extinction_per_m, range_m.shape(0), strength.data());
+        },
+        "range_m"_a.noconvert(), "extinction_per_m"_a, "strength"_a.noconvert(),
+        "Multiplies each strength by exp(-extinction_per_m range); what has no finite range stays.");
+}
