@@ -545,7 +545,7 @@ class _Run:
     def _slot(self, name: str, sensor: SensorConfig, plan: StagePlan) -> SensorSlot:
         config = self.config
         rates = {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": config.tick_hz * 1000}
-        overrides = sensor.parameters.model_dump() | wanted_parts(name, sensor, plan)
+        overrides = self.bench.sensor_parameters(name).model_dump() | wanted_parts(name, sensor, plan)
         simulated = make_sensor(
             name,
             kind=sensor.kind,

@@ -91,6 +91,7 @@ def summarise(
         "seed": config.seed,
         "rig": config.rig,
         "scene": bench.scene.name,
+        "randomize": bench.drawn(),
         "sim_s": sim_s,
         "wall_s": wall_s,
         "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,

@@ -21,6 +21,7 @@ from hil.config import radar_checks
 from hil.config.autopilot_params import param_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
+from hil.config.randomizing import drawn_of, noise_problems, noisy_parameters
 from hil.config.scenes import read_scene, save_scene, world_problems
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, Autopilot, BenchConfig, MockFaults
 from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
@@ -33,6 +34,7 @@ from hil.missions.script_file import bench_problems, is_script, lay_script, miss
 from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
+from sim.randomize.looks import in_weather, randomized
 from sim.scene.scene import Scene
 from sim.scene.world import World, load_world
 from sim.sensors.catalog import KINDS
@@ -65,6 +67,14 @@ class Bench:
     mission: Mission | None
     files: Mapping[str, Path]
     script: MissionScript | None = None
+
+    def sensor_parameters(self, name: str) -> Any:
+        """The parameters that a sensor is made with: those of the bench, with the noise that its seed gives it."""
+        return noisy_parameters(self.config, name)
+
+    def drawn(self) -> dict[str, Any] | None:
+        """What `randomize` drew, as data; None where it is off."""
+        return drawn_of(self.config, self.scene)
 
     @property
     def world(self) -> World:
@@ -207,8 +217,8 @@ class _Loading:
         self.problems += problems
         return loaded
 
-    def _scene(self, vehicle: Vehicle | None) -> Scene | None:
-        """Load the scene's file and what it names, with the bench's own seed of the map laid over it."""
+    def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:
+        """Load the scene's file and what it names, with the bench's seed of the map, weather and looks laid over it."""
         name = self.settings.data.get("scene", BenchConfig.model_fields["scene"].default)
         path = self._file("scene", name, self.settings)
         if path is None:
@@ -226,6 +236,8 @@ class _Loading:
                 scene = scene.with_map_seed(seed)
             except ValueError as error:
                 self.problems.append(at(self.settings, ("map_seed",), f"has no meaning: {error}", "leave it out"))
+        if scene is not None and config is not None:
+            scene = randomized(in_weather(scene, config.weather), config.randomize, config.seed)
         if scene is not None and not problems:
             self.problems += world_problems(scene, vehicle)
         return scene
@@ -269,7 +281,7 @@ class _Loading:
         self.problems += wrong + problems
         if config is not None:
             config = config.model_copy(update={"sensors": sensors})
-            self.problems += _cross_checks(config, self.settings)
+            self.problems += _cross_checks(config, self.settings) + noise_problems(config, self.settings)
             if config.companion.on or config.companion.control:
                 from hil.config.companion_checks import companion_problems  # loads ZeroMQ
 
@@ -277,7 +289,7 @@ class _Loading:
         vehicle = self._model("vehicle", Vehicle)
         if config is not None and vehicle is not None:
             self.problems += _vehicle_checks(config, vehicle, self.settings)
-        scene = self._scene(vehicle)
+        scene = self._scene(vehicle, config)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
         if config is not None and scene is not None and not self.problems:

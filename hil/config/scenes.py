@@ -38,7 +38,7 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
 
 def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
     """What is wrong with the map of a scene, and with taking off there."""
-    if scene.map is None and not scene.boxes:
+    if scene.plain and not scene.boxes:
         return []
     try:
         load_world(scene)
@@ -52,7 +52,11 @@ def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
 
 
 def save_scene(scene: Scene, source: Path, folder: Path, dumper: type[yaml.SafeDumper]) -> str:
-    """Put the scene's file into a folder, with every file that its map names. Returns the new file's name."""
+    """Put the scene's file into a folder, with every file that its map names. Returns the new file's name.
+
+    As it was before the bench laid weather and looks over it: the bench will do so again.
+    """
+    scene = scene.original
     if not isinstance(scene.map, MjcfMap):
         name = f"scene{source.suffix}"
         (folder / name).write_bytes(source.read_bytes())

@@ -16,6 +16,8 @@ from firmware_bridge.router_endpoint import Endpoint
 from sim.frame.quality import QualityName
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
+from sim.randomize.settings import Randomize
+from sim.scene.weather import Weather
 from sim.scene.wind import Wind
 from sim.sensors.faults import SensorFault
 
@@ -270,6 +272,8 @@ class BenchConfig(Section):
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     physics: Physics = Physics()
     wind: Wind | None = None  # null: the scene's steady wind
+    weather: Weather | None = None  # null: the scene's
+    randomize: Randomize = Randomize()
     faults: Faults = Faults()
     record: Record = Record()
     limits: Limits = Limits()

@@ -44,7 +44,7 @@ class FrameGeometry:
         self._looked = False  # somebody, at this moment
         self._settled = False
         model = world.model
-        self.scenery: Scenery = make_scenery(model)
+        self.scenery: Scenery = make_scenery(model, looks=world.geom_look)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         actors = world.map.actors

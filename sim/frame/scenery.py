@@ -8,25 +8,37 @@ integers.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim._kernels import Scenery
+from sim.randomize.surfaces import SurfaceLook
 from sim.scene.semantics import of_material_colour
 
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _SMALLEST, _LARGEST = 4, 4096  # texels along an edge
 
 
-def make_scenery(model: mujoco.MjModel, extra_rgb: list[tuple[float, float, float]] | None = None) -> Scenery:
-    """The look of every geom of `model`, and after them of further geoms of plain colours."""
+def make_scenery(
+    model: mujoco.MjModel,
+    extra_rgb: list[tuple[float, float, float]] | None = None,
+    *,
+    looks: Sequence[SurfaceLook | None] = (),
+) -> Scenery:
+    """The look of every geom of `model`, and after them of further geoms of plain colours.
+
+    `looks`: what randomisation makes of each geom's surface, if anything.
+    """
     scenery = Scenery()
-    textures: dict[int, int] = {}
+    textures: dict[tuple[int, SurfaceLook | None], int] = {}
     of_material = of_material_colour(model)
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
+        look = looks[geom] if looks else None
         emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
         if material >= 0:
             if of_material[geom]:
@@ -34,12 +46,18 @@ def make_scenery(model: mujoco.MjModel, extra_rgb: list[tuple[float, float, floa
             emission = float(model.mat_emission[material])
             source = _rgb_texture(model, material)
             if source >= 0:
-                if source not in textures:
-                    textures[source] = _add_texture(scenery, model, source)
-                texture = textures[source]
+                key = (source, look)
+                if key not in textures:
+                    textures[key] = _add_texture(scenery, model, source, look)
+                texture = textures[key]
             u, v = (float(x) for x in model.mat_texrepeat[material])
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
         r, g, b = (float(x) for x in rgba[:3])
+        if look is not None:
+            if texture >= 0:  # its texels have changed
+                repeat = (repeat[0] / look.scale, repeat[1] / look.scale)
+            else:
+                r, g, b = look.colour((r, g, b))
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform)
     for r, g, b in extra_rgb or []:
         scenery.add_geom((r, g, b), 0.0, -1, 1.0, 1.0, False)
@@ -55,13 +73,15 @@ def _rgb_texture(model: mujoco.MjModel, material: int) -> int:
     return -1
 
 
-def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int) -> int:
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceLook | None) -> int:
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels = int(model.tex_nchannel[texture])
     begin = int(model.tex_adr[texture])
     texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
     rgb = np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
+    if look is not None:
+        rgb = look.texels(rgb, shifted=not cube)
     faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
     levels = []
     while True:

@@ -63,7 +63,7 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
     )
     world = ET.SubElement(root, "worldbody")
     scene_bits = {"contype": str(_SCENE_BIT), "conaffinity": str(_VEHICLE_BIT)}
-    if scene.map is None:
+    if scene.plain:
         ET.SubElement(world, "geom", {"name": "ground", "type": "plane", "size": "0 0 1"} | scene_bits)
         for box in scene.boxes:
             half = [0.5 * edge for edge in box.size_m]
@@ -86,7 +86,7 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
             contype=str(_VEHICLE_BIT),
             conaffinity=str(_SCENE_BIT),
         )
-    if scene.map is not None:
+    if not scene.plain:
         _add_map(root, world, load_world(scene), scene_bits)
     return ET.tostring(root, encoding="unicode")
 
@@ -150,7 +150,7 @@ _models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = Ord
 
 def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
     """The compiled model, the caller's own: nq 7, nv 6."""
-    if scene.map is None:
+    if scene.plain:
         return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
     world = load_world(scene)
     what = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"

@@ -14,6 +14,7 @@ from typing import Annotated
 from pydantic import Field, PrivateAttr
 
 from sim.model_file import StrictModel, load_located
+from sim.randomize.looks import Looks
 from sim.scene.light import Light
 from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
 from sim.scene.scene_file import SceneFile, shown
@@ -63,6 +64,7 @@ class Scene(StrictModel):
     weather: Weather = Weather()
 
     _file: SceneFile = PrivateAttr(default_factory=SceneFile)
+    _looks: Looks | None = PrivateAttr(default=None)
 
     @property
     def extinction_per_m(self) -> float:
@@ -73,6 +75,27 @@ class Scene(StrictModel):
     def file(self) -> SceneFile:
         """Where it was written."""
         return self._file
+
+    @property
+    def looks(self) -> Looks | None:
+        """What a seed drew of it, if it was randomised or put into other weather (sim/randomize/looks.py)."""
+        return self._looks
+
+    @property
+    def original(self) -> Scene:
+        """The scene as its file has it."""
+        return self if self._looks is None else self._looks.original
+
+    @property
+    def plain(self) -> bool:
+        """Whether the ground plane and boxes are all there is."""
+        return self.map is None and (self._looks is None or self._looks.people is None)
+
+    def with_looks(self, looks: Looks) -> Scene:
+        """The same scene, with surfaces and people of a seed."""
+        scene = self.model_copy()
+        scene._looks = looks
+        return scene
 
     def from_file(self, file: SceneFile) -> Scene:
         """The same scene, written in `file`."""

@@ -10,10 +10,10 @@ import hashlib
 import json
 import re
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 import mujoco
@@ -22,20 +22,27 @@ import pydantic
 from numpy.typing import NDArray
 
 from hil.signals.errors import ConfigError, Problem
+from sim.randomize.settings import PeopleLimits
+from sim.randomize.surfaces import SurfaceLook, draw_surface
 from sim.scene import semantics
 from sim.scene.classes import MAX_CLASSES, class_table
 from sim.scene.map_file import MapFile, read_map_file
 from sim.scene.map_section import GeneratedMap, MjcfMap
 from sim.scene.maps.scene_map import SceneMap, Surface
+from sim.scene.maps.surfaces import SKIN
 from sim.scene.scene import Box, Scene
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 from sim.scene.words import nearest
 
-_KEPT = 4  # worlds
+if TYPE_CHECKING:
+    from sim.randomize.people import Person
+
+_KEPT = 6  # worlds
 _SHAPES = tuple(
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
     for kind in ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
 )
+PERSON = "random_person_"  # how the names of what randomisation adds begin
 VEHICLE = "vehicle"  # the name that the vehicle's body has
 
 # A plane is drawn as far as this and goes on for ever.
@@ -57,6 +64,33 @@ class World:
     geom_instance: NDArray[np.uint16]
     geom_surface: NDArray[np.uint8]
     geom_visible: NDArray[np.bool_]
+    added_people: tuple[Person, ...] = ()  # by randomisation
+
+    @cached_property
+    def geom_look(self) -> tuple[SurfaceLook | None, ...]:
+        """What randomisation makes each geom look like; None: as the map has it."""
+        looks = self.scene.looks
+        if looks is None or looks.textures is None:
+            return (None,) * int(self.model.ngeom)
+        return tuple(self.surface_looks.get(name) for name in self._geom_surface_name)
+
+    @cached_property
+    def surface_looks(self) -> dict[str, SurfaceLook]:
+        """What randomisation makes of each surface, by name: the MJCF material, or the thing that has none."""
+        looks = self.scene.looks
+        if looks is None or looks.textures is None:
+            return {}
+        of_skin = {name for name, surface in self.map.surfaces.items() if surface == SKIN}
+        names = dict.fromkeys(name for name in self._geom_surface_name if not name.startswith(PERSON))
+        return {name: draw_surface(looks.textures, looks.seed, name, keeps_hue=name in of_skin) for name in names}
+
+    @cached_property
+    def _geom_surface_name(self) -> tuple[str, ...]:
+        names = semantics.Names.of(self.model)
+        return tuple(
+            names.materials[material] if material >= 0 else self.instance_names[instance]
+            for material, instance in zip(self.model.geom_matid.tolist(), self.geom_instance.tolist(), strict=True)
+        )
 
     @cached_property
     def geom_actor(self) -> NDArray[np.int32]:
@@ -84,12 +118,12 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
         return made
     source = _source(scene)
     key = source.key(scene)
-    world = _worlds.get(key)
-    if world is None:
-        world = _worlds[key] = _compile(scene, source)
-        while len(_worlds) > _KEPT:
-            _worlds.popitem(last=False)
-    _worlds.move_to_end(key)
+    world = _kept(key, lambda: _compile(scene, source))
+    looks = scene.looks
+    if looks is not None and looks.people is not None:
+        base, limits, seed = world, looks.people, looks.seed
+        key += f" {seed} {limits.model_dump_json()}"
+        world = _kept(key, lambda: _with_people(base, limits, seed))
     if world.scene != scene:
         world = replace(world, scene=scene)
     scene.file.made["world"] = world
@@ -97,6 +131,15 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
 
 
 _worlds: OrderedDict[str, World] = OrderedDict()
+
+
+def _kept(key: str, make: Callable[[], World]) -> World:
+    if key not in _worlds:
+        _worlds[key] = make()
+        while len(_worlds) > _KEPT:
+            _worlds.popitem(last=False)
+    _worlds.move_to_end(key)
+    return _worlds[key]
 
 
 @dataclass(frozen=True)
@@ -148,6 +191,22 @@ def _compile(scene: Scene, source: _Source) -> World:
     text = f"<mujoco><worldbody>{_GROUND}</worldbody></mujoco>"
     made = SceneMap(_with_boxes(text, scene.boxes), {}, {}, {}, ())
     return _world(scene, made, class_table(), None)
+
+
+def _with_people(base: World, limits: PeopleLimits, seed: int) -> World:
+    """The world with those in it whom a seed adds. What was there keeps its numbers."""
+    from sim.randomize.free_ground import FreeGround  # looks at geometry, and so at worlds
+    from sim.randomize.people import draw_people, map_with
+
+    people = draw_people(limits, seed, FreeGround(base))
+    if not people:
+        return base
+    table = dict(zip(base.class_names, base.class_colours, strict=True))
+    made = _world(base.scene, map_with(people, base.map), table, None)
+    # Globs of the map's own may match anything, its people's names too.
+    added = np.arange(made.model.ngeom) >= base.model.ngeom
+    geom_class = np.where(added, base.class_names.index("person"), made.geom_class).astype(np.uint8)
+    return replace(made, geom_class=_fixed(geom_class), added_people=people)
 
 
 def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:

@@ -45,7 +45,7 @@ class GroundRange:
 
 def rays_into(scene: Scene) -> Rays:
     """The ground plane and boxes in closed form, or every visible geom of a map that stands still."""
-    if scene.map is not None:
+    if not scene.plain:
         return MapRays(load_world(scene))
     return BoxScene(
         [(*box.center_m, 0.5 * box.size_m[0], 0.5 * box.size_m[1], 0.5 * box.size_m[2]) for box in scene.boxes]

@@ -12,6 +12,7 @@ Conventions that every map keeps:
 
 from __future__ import annotations
 
+import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
@@ -24,6 +25,8 @@ Quat = tuple[float, float, float, float]
 IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 # Edge of the view that the lights and MuJoCo's clip planes refer to [m]; near 0.05 m and far 1200 m follow from it.
 _EXTENT_M = 50.0
+# MuJoCo's own defaults, and those that this builder sets; exactly this grey means the colour of the material.
+_PLAIN_GEOM = {"contype": "1", "conaffinity": "1", "condim": "3", "group": "0", "rgba": "0.5 0.5 0.5 1"}
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -259,6 +262,19 @@ class MapBuilder:
     @property
     def geom_count(self) -> int:
         return len(self._geoms)
+
+    def sections(self) -> str:
+        """Materials and bodies as MJCF sections that may follow those of another map.
+
+        Geoms say in full what a default of that map could change.
+        """
+        asset, world = ET.Element("asset"), ET.Element("worldbody")
+        asset.extend(self._asset.findall("material"))
+        world.extend(copy.deepcopy(self._world.findall("body")))
+        for geom in world.iter("geom"):
+            for key, value in _PLAIN_GEOM.items():
+                geom.attrib.setdefault(key, value)
+        return ET.tostring(asset, encoding="unicode") + ET.tostring(world, encoding="unicode")
 
     def build(self) -> SceneMap:
         return SceneMap(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hil.signals.samples import Vec3
@@ -70,11 +72,13 @@ def add_walker(
     soldier: bool = False,
     height_m: float | None = None,
     ground_m: float = 0.0,
+    name: str | None = None,
+    look: Mapping[str, str] | None = None,
 ) -> Walker:
-    """A walking person on `path`: an actor of the map."""
+    """A walking person on `path`: an actor of the map. `look`: the material of each part of it, if not diced."""
     figure = Figure(height_m or dice.between(1.55, 1.93))
-    look = _look(builder, dice, soldier=soldier)
-    walker = Walker(_next_name(builder), figure, path, ground_m=ground_m)
+    look = look or _look(builder, dice, soldier=soldier)
+    walker = Walker(name or _next_name(builder), figure, path, ground_m=ground_m)
     n = len(LIMBS)
     p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     walker.pose(0, p, q, v, w)
@@ -131,14 +135,17 @@ def add_still_person(
     *,
     seat_m: float = 0.0,
     soldier: bool = False,
+    height_m: float | None = None,
     ground_m: float = 0.0,
+    name: str | None = None,
+    look: Mapping[str, str] | None = None,
 ) -> None:
     """One who stands at (x, y), or with `seat_m` sits there at that height: one static body."""
-    figure = Figure(dice.between(1.55, 1.93))
-    look = _look(builder, dice, soldier=soldier)
+    figure = Figure(height_m or dice.between(1.55, 1.93))
+    look = look or _look(builder, dice, soldier=soldier)
     rows = _sitting(figure, seat_m) if seat_m else _standing(figure, dice)
     builder.classify("person", "person_*")
-    body = builder.named_body(_next_name(builder), (x, y, ground_m), yaw_quat(heading_rad))
+    body = builder.named_body(name or _next_name(builder), (x, y, ground_m), yaw_quat(heading_rad))
     for limb, row in zip(LIMBS, rows, strict=True):
         pitch: Quat = (row[3], 0.0, row[4], 0.0)
         for shape in figure.shapes():

@@ -1,0 +1,94 @@
+"""Light and haze of a seed.
+
+With E the light on level ground in the open, s the share of it that comes from the sky and e the sun's elevation:
+
+    ambient = E s c_sky,    sun = E (1 - s) c_sun / max(sin e, 0.35)
+
+The floor under the sine keeps walls that face a low sun from going white. c_sun is the colour of a black body of the
+drawn temperature, c_sky goes from a clear sky's blue to the grey of an overcast one as s grows, and so do zenith and
+horizon; the horizon takes a little of the sun's colour where the sun is low.
+"""
+
+from __future__ import annotations
+
+from sim.randomize.draw import between, between_logarithms, dice
+from sim.randomize.settings import HazeLimits, LightLimits
+from sim.scene.light import Light, Rgb
+from sim.scene.weather import Weather
+
+_CLEAR_E = 1.05  # ambient 0.4 and the default sun at 45 degrees
+_LOWEST_SINE = 0.35
+_CLEAR_SHARE, _OVERCAST_SHARE = 0.35, 0.8  # of ambient light: below, a clear sky; above, an overcast one
+# Of brightness 1.
+_BLUE_ZENITH: Rgb = (0.16, 0.34, 0.70)
+_BLUE_HORIZON: Rgb = (0.62, 0.74, 0.88)
+_GREY_ZENITH: Rgb = (0.60, 0.63, 0.67)
+_GREY_HORIZON: Rgb = (0.74, 0.76, 0.79)
+_BLUE_LIGHT: Rgb = (0.88, 0.98, 1.13)
+_GREY_LIGHT: Rgb = (0.97, 1.0, 1.03)
+_LUMINANCE: Rgb = (0.2126, 0.7152, 0.0722)
+_WHITEST = 10.0  # what a colour of `Light` may hold
+
+
+def draw_light(limits: LightLimits, seed: int) -> Light:
+    """Sun and sky; a pure function."""
+    rolled = dice(seed, "light")
+    azimuth_deg = between(rolled, limits.sun_azimuth_deg)
+    elevation_deg = between(rolled, limits.sun_elevation_deg)
+    brightness = between(rolled, limits.brightness)
+    sun_colour = black_body(between(rolled, limits.colour_temperature_k))
+    share = between(rolled, limits.ambient_share)
+    sine = Light(sun_elevation_deg=elevation_deg).to_sun_W[2]
+    level = _CLEAR_E * brightness
+    grey = min(max((share - _CLEAR_SHARE) / (_OVERCAST_SHARE - _CLEAR_SHARE), 0.0), 1.0)
+    horizon = _mix(_BLUE_HORIZON, _GREY_HORIZON, grey)
+    glow = _mix(horizon, _times(sun_colour, 0.75), 0.35 * (1.0 - sine) * (1.0 - grey))
+    return Light(
+        sun_azimuth_deg=azimuth_deg,
+        sun_elevation_deg=elevation_deg,
+        sun_rgb=_times(sun_colour, level * (1.0 - share) / max(sine, _LOWEST_SINE)),
+        ambient_rgb=_times(_mix(_BLUE_LIGHT, _GREY_LIGHT, grey), level * share),
+        sky_zenith_rgb=_times(_mix(_BLUE_ZENITH, _GREY_ZENITH, grey), brightness),
+        sky_horizon_rgb=_times(glow, brightness),
+    )
+
+
+def draw_weather(limits: HazeLimits, seed: int) -> Weather:
+    """How far one sees; a pure function."""
+    rolled = dice(seed, "haze")
+    clear = rolled.chance(limits.clear_share)
+    visibility_m = between_logarithms(rolled, limits.visibility_m)
+    return Weather(visibility_m=None if clear else visibility_m)
+
+
+def black_body(temperature_k: float) -> Rgb:
+    """Linear sRGB of luminance 1; channels outside the gamut are 0.
+
+    Chromaticity by the cubics of Kim, Kim, Choe & Kang (US patent 7,024,034, 2006), 1667 to 25,000 K.
+    """
+    k = 1000.0 / temperature_k
+    if temperature_k <= 4000.0:
+        x = ((-0.2661239 * k - 0.2343589) * k + 0.8776956) * k + 0.179910
+    else:
+        x = ((-3.0258469 * k + 2.1070379) * k + 0.2226347) * k + 0.240390
+    if temperature_k <= 2222.0:
+        y = ((-1.1063814 * x - 1.34811020) * x + 2.18555832) * x - 0.20219683
+    elif temperature_k <= 4000.0:
+        y = ((-0.9549476 * x - 1.37418593) * x + 2.09137015) * x - 0.16748867
+    else:
+        y = ((3.0817580 * x - 5.87338670) * x + 3.75112997) * x - 0.37001483
+    X, Z = x / y, (1.0 - x - y) / y
+    rgb = (
+        max(3.2404542 * X - 1.5371385 - 0.4985314 * Z, 0.0),
+        max(-0.9692660 * X + 1.8760108 + 0.0415560 * Z, 0.0),
+        max(0.0556434 * X - 0.2040259 + 1.0572252 * Z, 0.0),
+    )
+    return _times(rgb, 1.0 / (_LUMINANCE[0] * rgb[0] + _LUMINANCE[1] * rgb[1] + _LUMINANCE[2] * rgb[2]))
+
+
+def _times(rgb: Rgb, factor: float) -> Rgb:
+    return tuple(min(factor * channel, _WHITEST) for channel in rgb)  # type: ignore[return-value]
+
+
+def _mix(a: Rgb, b: Rgb, share: float) -> Rgb:
+    return tuple(p + share * (q - p) for p, q in zip(a, b, strict=True))  # type: ignore[return-value]
