@@ -228,12 +228,21 @@ def view(
         str | None, typer.Option(help="Degrees from east to north, and downwards.", metavar="YAW,PITCH")
     ] = None,
     size: Annotated[str | None, typer.Option(help="Pixels; default 640x480.", metavar="WxH")] = None,
+    quality: Annotated[str | None, typer.Option(help="low, medium, high, epic or cinematic.")] = None,
+    variants: Annotated[
+        int, typer.Option(min=0, max=64, help="One sheet of so many seeds of `randomize` instead.", metavar="N")
+    ] = 0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="weather or randomize, e.g. --set weather.visibility_m=800.", metavar="KEY=VALUE"),
+    ] = None,
 ) -> None:
     """Pictures of a scene in every channel that a camera can have."""
     from hil.view_command import view_scene
 
     with told():
-        files = view_scene(scene, out, seed=seed, at=at, look=look, size=size)
+        chosen = [*(settings or ()), *([f"quality={quality}"] if quality is not None else ())]
+        files = view_scene(scene, out, seed=seed, at=at, look=look, size=size, variants=variants, settings=chosen)
     _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
 
 

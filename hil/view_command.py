@@ -2,7 +2,7 @@
 
 Writes `contact_sheet.png` (every channel from the first place, colour from the others, a LiDAR's sweep, a radar's
 frame), one sheet for each place, `PLACE.png`, what a radar makes of it, `PLACE_radar.png`, and every channel alone,
-`PLACE_CHANNEL.png`, pixel for pixel.
+`PLACE_CHANNEL.png`, pixel for pixel. With `--variants N`: `variants.png`, the first place as N seeds make it look.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from hil.documents.validate import nearest
 from hil.signals.classes import Classes
 from hil.signals.errors import ConfigError, Problem, RecordingError
 from hil.signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
+from hil.view_looks import ViewLooks, read_looks
 from hil.view_points import default_points, extent_of, looking_at, pose_of
 from sim.frame.camera_model import MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.mount import Mount
@@ -48,23 +50,34 @@ def view_scene(
     at: str | None = None,
     look: str | None = None,
     size: str | None = None,
+    variants: int = 0,
+    settings: Sequence[str] = (),
     load: Callable[[str, int | None], tuple[Scene, Any, FrameSource]] | None = None,
 ) -> list[Path]:
-    """Draw the scene and return the files, the contact sheet first. ConfigError, RecordingError."""
-    width, height = _size(size)
+    """Draw the scene and return the files, the contact sheet first. ConfigError, RecordingError.
+
+    `settings`: of quality, weather and randomize, as a bench takes them.
+    """
+    looks = read_looks(settings)
+    pixels, told = looks.drawing(_size(size), said=size is not None)
+    camera = CameraModel.from_fov(*pixels, FOV_DEG)
     place, direction = _numbers("--at", at, 3), _numbers("--look", look, 2)
-    scene, world, frames = (load or load_frames)(name, seed)
+    scene, world, frames = (load or partial(load_frames, looks=None if variants else looks))(name, seed)
     points = _points(scene, world, frames, place, direction)
     folder = out if out is not None else Path("runs") / f"view-{scene.name}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        return _draw(folder, scene, frames, points, CameraModel.from_fov(width, height, FOV_DEG))
+        if variants:
+            from hil.view_variants import draw_variants  # matplotlib
+
+            return draw_variants(folder, scene, looks, variants, points[0], camera)
+        return _draw(folder, scene, frames, points, camera, told)
     except OSError as error:
         raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
 
 
-def load_frames(name: str, seed: int | None) -> tuple[Scene, Any, FrameSource]:
-    """A scene by name or path, its World and its geometry. Raises ConfigError."""
+def load_frames(name: str, seed: int | None, *, looks: ViewLooks | None = None) -> tuple[Scene, Any, FrameSource]:
+    """A scene by name or path, made to look so, its World and its geometry. Raises ConfigError."""
     path = find("scene", name, ())
     if path is None:
         hint = nearest(name, available("scene", ())) if is_bare("scene", name) else "check the path"
@@ -75,8 +88,8 @@ def load_frames(name: str, seed: int | None) -> tuple[Scene, Any, FrameSource]:
     scene, problems = read_scene(path)
     if problems or scene is None:
         raise ConfigError(problems)
-    world = load_world(scene, map_seed=seed)
-    return scene, world, SharedFrames(world)
+    world = load_world(scene if looks is None else looks.of(scene), map_seed=seed)
+    return world.scene, world, SharedFrames(world)
 
 
 def _points(
@@ -100,12 +113,17 @@ def _points(
 
 
 def _draw(
-    folder: Path, scene: Scene, frames: FrameSource, points: Sequence[ViewPoint], camera: CameraModel
+    folder: Path,
+    scene: Scene,
+    frames: FrameSource,
+    points: Sequence[ViewPoint],
+    camera: CameraModel,
+    told: Mapping[str, Any],
 ) -> list[Path]:
     from hil.report import figures, frame_pictures, radar_pictures  # half a second of matplotlib, paid after all checks
 
-    supersample = 2 if 2 * max(camera.width, camera.height) <= MAX_PIXELS_ACROSS else 1
-    renderer = frames.renderer(camera, shadows=True, supersample=supersample, near_m=0.05, far_m=_FAR_M)
+    fits = told["supersample"] * max(camera.width, camera.height) <= MAX_PIXELS_ACROSS
+    renderer = frames.renderer(camera, near_m=0.05, far_m=_FAR_M, **(told if fits else {**told, "supersample": 1}))
     mount = Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     files: list[Path] = []
     seen: dict[str, Pictures] = {}

@@ -153,3 +153,19 @@ def test_a_sweep_becomes_a_picture_whatever_it_holds(tmp_path: Path, n: int) -> 
 def test_odd_sizes_are_drawn_too(tmp_path: Path, size: str) -> None:
     files, _ = view(tmp_path, at="0,0,2", look="0,0", size=size)
     assert cv2.imread(str(files[0])).shape[0] < 5000
+
+
+def test_variants_of_a_scene_on_one_sheet(tmp_path: Path) -> None:
+    settings = ["randomize={seed: 4, light: true}", "quality=low"]
+    files = view_scene("airfield", tmp_path, at="0,0,5", size="32x24", variants=2, settings=settings)
+    assert [file.name for file in files] == ["variants.png", "variant_4.png", "variant_5.png"]
+    one, other = (cv2.imread(str(file)) for file in files[1:])
+    assert one.shape == other.shape == (24, 32, 3)
+    assert not np.array_equal(one, other)
+
+
+def test_wrong_looks_are_told(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="quality: must be 'low', 'medium'"):
+        view(tmp_path, settings=["quality=best"])
+    with pytest.raises(ConfigError, match="foo: unknown key"):
+        view(tmp_path, settings=["foo=1"])
