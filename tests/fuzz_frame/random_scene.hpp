@@ -207,6 +207,7 @@ inline Scenery random_scenery(Dice &dice, std::size_t geoms) {
         a.per_metre = dice.one_in(2);
         scenery.geoms.push_back(a);
     }
+    if (dice.one_in(4)) return without_textures(scenery);
     return scenery;
 }
 
@@ -216,10 +217,11 @@ inline Daylight random_light(Dice &dice) {
     for (double &s : sun) s = dice.uniform(-1.0, 1.0);
     const double length = std::sqrt(sun[0] * sun[0] + sun[1] * sun[1] + sun[2] * sun[2]) + 1e-9;
     for (int i = 0; i < 3; ++i) light.sun_W[i] = static_cast<float>(sun[i] / length);
-    for (float *rgb : {light.sun_rgb, light.sky_rgb, light.ground_rgb, light.zenith_rgb, light.horizon_rgb}) {
+    for (float *rgb : {light.sun_rgb, light.sky_rgb, light.ground_rgb, light.zenith_rgb, light.horizon_rgb, light.air_rgb}) {
         for (int i = 0; i < 3; ++i) rgb[i] = static_cast<float>(dice.number(0.0, 1.5));
     }
-    light.fog_per_m = dice.one_in(2) ? 0.0f : static_cast<float>(dice.number(0.0, 0.2));
+    light.extinction_per_m = dice.one_in(2) ? 0.0f : static_cast<float>(dice.number(0.0, 0.2));
+    light.haze_m = static_cast<float>(dice.number(0.0, 1000.0));
     return light;
 }
 

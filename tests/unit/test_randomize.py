@@ -86,6 +86,7 @@ def test_light_and_haze_keep_to_their_limits_and_use_them() -> None:
         level = np.add(light.ambient_rgb, np.multiply(light.sun_rgb, light.to_sun_W[2]))
         assert 0.3 < level @ (0.2126, 0.7152, 0.0722) < 1.6
     azimuth, elevation = ([getattr(light, f"sun_{name}_deg") for light in lights] for name in ("azimuth", "elevation"))
+    assert len(set(lights)) == len(lights)
     assert np.ptp(azimuth) > 300.0
     assert np.ptp(elevation) > 50.0
     seen = [draw_weather(HazeLimits(), seed).visibility_m for seed in SEEDS]
@@ -158,7 +159,7 @@ def base_and_peopled(name: str, seed: int) -> tuple[World, World]:
     return load_world(scene), load_world(of(seed, scene, people={"count": (8, 8)})[0])
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize("name", sorted(set(scene_names()) - {"radar_walk_away", "radar_walk_towards"}))  # as radar_range
 def test_people_stand_on_free_ground_and_everything_keeps_its_number(name: str) -> None:
     before, after = base_and_peopled(name, 11)
     n = int(before.model.ngeom)

@@ -355,18 +355,19 @@ HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
     return {mix(0), mix(1), mix(2)};
 }
 
-// What is left of light from so far, and what the air between adds.
-HIL_INLINE Rgb through_haze(const Daylight &light, const Rgb &c, const F &range) {
+// What is left of light from so far, and what the air between adds. Not inlined: in clear air, which is most pictures,
+// its registers would be missing elsewhere.
+__attribute__((noinline)) void put_haze(const Daylight &light, const F &range, Rgb &c) {
     const F through = exp_of_minus(range * light.extinction_per_m);
     const auto mixed = [&](const F &x, int i) { return light.air_rgb[i] + through * (x - light.air_rgb[i]); };
-    return {mixed(c.r, 0), mixed(c.g, 1), mixed(c.b, 2)};
+    c = {mixed(c.r, 0), mixed(c.g, 1), mixed(c.b, 2)};
 }
 
 HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles,
                      const Vec<F> &normal, const F &u, const F &v, bool mesh_uv) {
     const Daylight &light = *job.light;
     const Appearance &look = job.scenery->geoms.data()[g.geom];
-    Rgb c = albedo(g, look, *job.scenery, s, job.pixel_angle_rad, u, v, mesh_uv);
+    const Rgb c = albedo(g, look, *job.scenery, s, job.pixel_angle_rad, u, v, mesh_uv);
     const F zero = splat<F>(0);
     F sun = normal.x * job.sun_C[0] + normal.y * job.sun_C[1] + normal.z * job.sun_C[2];
     const F up = normal.x * job.up_C[0] + normal.y * job.up_C[1] + normal.z * job.up_C[2];
@@ -379,9 +380,7 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
         const F ambient = light.ground_rgb[i] + above * (light.sky_rgb[i] - light.ground_rgb[i]);
         return a * (ambient + sun * light.sun_rgb[i] + look.emission);
     };
-    c = {lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
-    if (light.extinction_per_m > 0.0f) c = through_haze(light, c, s.t * s.length);
-    return c;
+    return {lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
 }
 
 // Writes the lanes of one block to a row-major picture.
@@ -542,14 +541,14 @@ void resolve(const ResolveJob &job) {
                 put3(out.normal, b.width, x, y, columns, rows, lanes);
             }
             if (out.rgb) {
+                F range = t * length;
                 if (bits(seen) != 0xffffu) {
                     const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * per_length;
-                    Rgb above = sky(*job.light, up);
-                    if (job.light->extinction_per_m > 0.0f) {
-                        above = through_haze(*job.light, above, job.light->haze_m / max(up, splat<F>(1e-3f)));
-                    }
+                    const Rgb above = sky(*job.light, up);
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
+                    range = select(seen, range, job.light->haze_m / max(up, splat<F>(1e-3f)));
                 }
+                if (job.light->extinction_per_m > 0.0f) put_haze(*job.light, range, colour);
                 put_rgb(out.rgb, b.width, x, y, columns, rows, encode(colour));
             }
         }
