@@ -355,9 +355,13 @@ HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
     return {mix(0), mix(1), mix(2)};
 }
 
-// What is left of light from so far, and what the air between adds. Not inlined: in clear air, which is most pictures,
-// its registers would be missing elsewhere.
-__attribute__((noinline)) void put_haze(const Daylight &light, const F &range, Rgb &c) {
+// What haze leaves of the light of a block, and what the air between adds. Not inlined: in clear air, which is most
+// pictures, its registers would be missing elsewhere.
+__attribute__((noinline)) void put_haze(const ResolveJob &job, const Vec<F> &d, const F &t, const I &seen, Rgb &c) {
+    const Daylight &light = *job.light;
+    const F length = sqrt(max(dot(d, d), splat<F>(1e-30f)));
+    const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) / length;
+    const F range = select(seen, t * length, light.haze_m / max(up, splat<F>(1e-3f)));
     const F through = exp_of_minus(range * light.extinction_per_m);
     const auto mixed = [&](const F &x, int i) { return light.air_rgb[i] + through * (x - light.air_rgb[i]); };
     c = {mixed(c.r, 0), mixed(c.g, 1), mixed(c.b, 2)};
@@ -541,14 +545,12 @@ void resolve(const ResolveJob &job) {
                 put3(out.normal, b.width, x, y, columns, rows, lanes);
             }
             if (out.rgb) {
-                F range = t * length;
                 if (bits(seen) != 0xffffu) {
                     const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * per_length;
                     const Rgb above = sky(*job.light, up);
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
-                    range = select(seen, range, job.light->haze_m / max(up, splat<F>(1e-3f)));
                 }
-                if (job.light->extinction_per_m > 0.0f) put_haze(*job.light, range, colour);
+                if (job.light->extinction_per_m > 0.0f) put_haze(job, d, t, seen, colour);
                 put_rgb(out.rgb, b.width, x, y, columns, rows, encode(colour));
             }
         }
