@@ -153,6 +153,18 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
     return run.result()
 
 
+def fly(bench: Bench, out: Path, recorder: Recorder, over: Callable[[int, bool], bool]) -> None:
+    """Fly `bench` with everything it tells going to `recorder`, without run.json, report and saved bench.
+
+    After every tick `over(waypoints reached, mission ended)` says whether that was enough. Raises HilError, whatever
+    `recorder` and `over` raise, and KeyboardInterrupt.
+    """
+    run = _Run(bench, out, quiet=True, recorder=recorder, over=over)
+    with ExitStack() as stack:
+        run.build(stack)
+        run.fly()
+
+
 def stage_specs(config: BenchConfig, topics: Collection[str] = ()) -> list[StageSpec]:
     """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all, the
     companion its `topics`."""
@@ -180,9 +192,19 @@ def make_frames(bench: Bench) -> FrameSource:
 class _Run:
     """One run on its way: what was built, and what came of it."""
 
-    def __init__(self, bench: Bench, out: Path, *, quiet: bool) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        out: Path,
+        *,
+        quiet: bool,
+        recorder: Recorder | None = None,
+        over: Callable[[int, bool], bool] | None = None,
+    ) -> None:
+        """`recorder`: instead of one of its own; `over`: see `fly`."""
         self.bench = bench
         self.config = bench.config
+        self.over = over
         self.out = out
         self.quiet = quiet
         self.error: tuple[str, str] | None = None
@@ -190,7 +212,7 @@ class _Run:
         self.timing_s: dict[str, float] = {}
         self.skipped: list[Skipped] = []
         self.legs: tuple[Leg, ...] = ()
-        self.recorder: Recorder | None = None
+        self.recorder = recorder
         self.scheduler: Scheduler | None = None
         self.link: AutopilotLink | None = None
         self.station: GroundStation | OffboardPilot | None = None
@@ -302,11 +324,11 @@ class _Run:
         except OSError as problem:
             raise RecordingError(f"{self.out}: the bench cannot be saved here ({problem})") from problem
         with ExitStack() as stack:
-            self._build(stack)
+            self.build(stack)
             self.timing_s["setup"] = time.monotonic() - began_s
-            self._fly()
+            self.fly()
 
-    def _build(self, stack: ExitStack) -> None:
+    def build(self, stack: ExitStack) -> None:
         config = self.config
 
         def vehicle() -> QuadrotorPhysics:
@@ -326,11 +348,11 @@ class _Run:
         if config.autopilot.on_restart == "reset":
             physics = RestartablePhysics(vehicle, tick_ns=config.tick_ns)
         self.physics = physics
-        if self.bench.mission is not None:
+        if self.bench.mission is not None and self.over is None:
             x, y, z = self.physics.state[:3].tolist()
             self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
         self.measurement = FlightMeasurement(self.legs, config.limits)
-        self.recorder = Recorder(
+        self.recorder = self.recorder or Recorder(
             self.out,
             mcap=config.record.mcap,
             tlog=config.record.tlog,
@@ -404,7 +426,8 @@ class _Run:
         stack.callback(self.link.close)
         self.link.open()
         chosen = config.autopilot_sensors()
-        observers: list[Callable[[TruthState], None]] = [self.measurement.add]
+        # Who flies for samples alone has nothing judged.
+        observers: list[Callable[[TruthState], None]] = [] if self.over is not None else [self.measurement.add]
         if self.bench.script is not None:
             observers.append(self.declared.add)
         for source in (self.link, self.manual):
@@ -578,7 +601,7 @@ class _Run:
         else:
             self.faulty[what.sensor].inject(what)
 
-    def _fly(self) -> None:
+    def fly(self) -> None:
         scheduler, station = self.scheduler, self.station
         assert scheduler is not None
         end_tick = round(self.config.duration_s * self.config.tick_hz)
@@ -612,6 +635,11 @@ class _Run:
                         if given_up is not None:
                             shared_ticks = 0
                             self._event("warning", given_up)
+                    if self.over is not None and self.over(
+                        0 if station is None else station.reached,
+                        station is not None and station.phase.value == "done",
+                    ):
+                        break
                     if station is not None:
                         if station.phase.value == "done":
                             break

@@ -18,7 +18,7 @@ from rich.table import Table
 from hil.config import Bench, load_bench
 from hil.entry import CONFIG_STATUS, ERROR_STATUS
 from hil.report.run_json import write_run_json
-from hil.signals.errors import ConfigError, HilError, RecordingError
+from hil.signals.errors import ConfigError, HilError, Problem, RecordingError
 
 app = typer.Typer(
     name="hil",
@@ -147,6 +147,45 @@ def check(
     if bench.script is not None:
         flown += f", {len(bench.script.script.actions)} actions"
     _out.print(f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {flown}, sensors {', '.join(c.sensors)}")
+
+
+@app.command()
+def dataset(
+    config: Annotated[
+        Path | None,
+        typer.Argument(help="Bench file; default a square over the city park, with all sensors.", metavar="[CONFIG]"),
+    ] = None,
+    frames: Annotated[int | None, typer.Option(help="How many; default 500.", show_default=False)] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for it; default runs/<time>-dataset.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that draw and write; default one a core.", show_default=False)
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with what an interrupted one left in --out.")] = False,
+    quality: Annotated[
+        str | None, typer.Option(help="low, medium, high, epic, cinematic; default as the file says.")
+    ] = None,
+    seed: SeedOption = None,
+    settings: SetOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Fly, and record labelled data of all sensors: EuRoC, VOC and COCO files, and an MCAP of it all."""
+    from hil.dataset.command import run_dataset
+
+    with told():
+        if resume and out is None:
+            raise ConfigError([Problem("--resume", "needs --out: the folder to go on with")])
+        run_dataset(
+            _out,
+            config,
+            frames=frames,
+            out=new_run_dir(out, "dataset"),
+            workers=workers,
+            resume=resume,
+            quality=quality,
+            seed=seed,
+            settings=settings or (),
+            quiet=quiet,
+        )
 
 
 @app.command()

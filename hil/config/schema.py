@@ -207,6 +207,25 @@ class Record(Section):
     report: bool = True  # the report page with its plots
 
 
+class Trajectory(Section):
+    """A course for `hil dataset`, flown round and round from the take-off place on (hil/dataset/trajectory.py)."""
+
+    preset: Literal["square", "circle", "figure_eight", "survey"] = "square"
+    side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square about it
+    height_m: Annotated[float, Field(ge=1, le=500)] = 8.0  # above the take-off place
+    speed_mps: Annotated[float, Field(ge=0.2, le=15)] = 3.0
+
+
+class DatasetSettings(Section):
+    """What `hil dataset` makes of the flight (docs/dataset.md)."""
+
+    trajectory: Trajectory | None = None  # flown instead of the mission; null: the mission
+    record: Literal["trajectory", "flight"] = "trajectory"  # from the first waypoint to the last, or all of it
+    depth_step_m: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.001  # of depth pictures, which reach to 65534 steps
+    guard_frames: Annotated[int, Field(ge=0, le=1000)] = 2  # in no set, where two sets meet
+    lidar_csv: bool = False  # sweeps as text too: slow and large
+
+
 class Limits(Section):
     """What a flight must keep to PASS; null: measured and shown, but not judged. Definitions: `hil.verdict`."""
 
@@ -276,6 +295,7 @@ class BenchConfig(Section):
     randomize: Randomize = Randomize()
     faults: Faults = Faults()
     record: Record = Record()
+    dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
 
     @property

@@ -52,6 +52,68 @@ class Block(NamedTuple):
     offsets: NDArray[np.uint64]
 
 
+class PackedChunk(NamedTuple):
+    """A chunk with its message indexes, ready to be written at any place of a file."""
+
+    parts: tuple[bytes, ...]  # what is written, in pieces
+    chunk_bytes: int  # of the chunk record alone; the message indexes follow it
+    compression: str
+    compressed_size: int
+    plain_size: int
+    first_ns: int
+    last_ns: int
+    index_offsets: dict[int, int]  # channel: where its message index begins, from the beginning of the chunk
+    counts: dict[int, int]  # channel: messages
+
+    @property
+    def size(self) -> int:
+        return sum(map(len, self.parts))
+
+
+def pack_chunk(
+    blocks: Sequence[Block], news: bytes = b"", compressor: zstandard.ZstdCompressor | None = None
+) -> PackedChunk:
+    """Blocks with messages, at least one. `news`: records of schemas and channels that the chunk carries."""
+    plain_parts = [news, *(b.data for b in blocks)]
+    plain_size = sum(map(len, plain_parts))
+    first_ns = min(int(b.log_ns.min()) for b in blocks)
+    last_ns = max(int(b.log_ns.max()) for b in blocks)
+    crc = 0
+    for part in plain_parts:
+        crc = zlib.crc32(part, crc)
+    name = b"zstd" if compressor else b""
+    data = [compressor.compress(b"".join(plain_parts))] if compressor else plain_parts
+    compressed_size = sum(map(len, data))
+    length = 8 + 8 + 8 + 4 + 4 + len(name) + 8 + compressed_size
+    head = _CHUNK_HEAD.pack(Opcode.CHUNK, length, first_ns, last_ns, plain_size, crc)
+    head += struct.pack("<I", len(name)) + name + struct.pack("<Q", compressed_size)
+    chunk_bytes = 9 + length
+    tail = []
+    at, base = chunk_bytes, len(news)
+    index_offsets: dict[int, int] = {}
+    for block in blocks:
+        pairs = np.empty((len(block.log_ns), 2), "<u8")
+        pairs[:, 0] = block.log_ns
+        pairs[:, 1] = block.offsets
+        pairs[:, 1] += base
+        raw = pairs.tobytes()
+        tail += [_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(raw), block.channel, len(raw)), raw]
+        index_offsets[block.channel] = at
+        at += _INDEX_HEAD.size + len(raw)
+        base += len(block.data)
+    return PackedChunk(
+        (head, *data, b"".join(tail)),
+        chunk_bytes,
+        name.decode(),
+        compressed_size,
+        plain_size,
+        first_ns,
+        last_ns,
+        index_offsets,
+        {block.channel: len(block.log_ns) for block in blocks},
+    )
+
+
 def open_unbuffered(path: Path) -> BinaryIO:
     """Nothing waits in the process: what was written survives a kill."""
     return open(path, "wb", buffering=0)
@@ -99,6 +161,20 @@ class SafeFile:
         self.size += len(data)
         return True
 
+    def fileno(self) -> int:
+        """For who writes past this object, and counts it in `size`."""
+        return self._file.fileno()
+
+    def skip(self, count: int) -> None:
+        """The next `count` bytes are there already."""
+        self.size += count
+        self._file.seek(self.size)
+
+    def cut(self) -> None:
+        """Leave nothing behind what was written."""
+        self._file.seek(self.size)
+        self._file.truncate(self.size)
+
     def close(self) -> None:
         """Close the file; idempotent."""
         if not self._file.closed:
@@ -113,7 +189,6 @@ class McapFile:
             raise ValueError(f"compression must be 'zstd' or 'none', not {compression!r}")
         self._file = file
         self._compressor = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
-        self._compression = "zstd" if self._compressor else ""
         self._schemas: dict[str, Schema] = {}
         self._channels: list[Channel] = []
         self._news = RecordBuilder()  # schemas and channels that the next chunk must carry
@@ -173,50 +248,38 @@ class McapFile:
         blocks = [b for b in blocks if len(b.log_ns)]
         if not blocks or self._file.broken:
             return
-        news = self._news.end()
-        parts = [news] + [b.data for b in blocks]
-        plain = b"".join(parts)
-        first_ns = min(int(b.log_ns.min()) for b in blocks)
-        last_ns = max(int(b.log_ns.max()) for b in blocks)
-        data = self._compressor.compress(plain) if self._compressor else plain
-        name = self._compression.encode()
-        length = 8 + 8 + 8 + 4 + 4 + len(name) + 8 + len(data)
-        out = [
-            _CHUNK_HEAD.pack(Opcode.CHUNK, length, first_ns, last_ns, len(plain), zlib.crc32(plain)),
-            struct.pack("<I", len(name)) + name + struct.pack("<Q", len(data)),
-            data,
-        ]
-        chunk_bytes = 9 + length
-        start, at, base = self._file.size, self._file.size + chunk_bytes, len(news)
-        index_offsets: dict[int, int] = {}
-        for block in blocks:
-            pairs = np.empty((len(block.log_ns), 2), "<u8")
-            pairs[:, 0] = block.log_ns
-            pairs[:, 1] = block.offsets
-            pairs[:, 1] += base
-            raw = pairs.tobytes()
-            out += [_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(raw), block.channel, len(raw)), raw]
-            index_offsets[block.channel] = at
-            at += _INDEX_HEAD.size + len(raw)
-            base += len(block.data)
-        self._file.write(b"".join(out), tick)
-        for block in blocks:
-            self._counts[block.channel] = self._counts.get(block.channel, 0) + len(block.log_ns)
+        packed = pack_chunk(blocks, self._news.end(), self._compressor)
+        start = self._file.size
+        self._file.write(b"".join(packed.parts), tick)
+        self.adopt(packed, start)
+
+    def adopt(self, packed: PackedChunk, start: int) -> None:
+        """Put a chunk that stands at `start` of the file into the summary."""
+        for channel, count in packed.counts.items():
+            self._counts[channel] = self._counts.get(channel, 0) + count
+        first_ns, last_ns = packed.first_ns, packed.last_ns
         self._first_ns = first_ns if self._first_ns is None else min(self._first_ns, first_ns)
         self._last_ns = max(self._last_ns, last_ns)
+        index_bytes = sum(_INDEX_HEAD.size + 16 * count for count in packed.counts.values())
         self._chunk_indexes.append(
             ChunkIndex(
-                chunk_length=chunk_bytes,
+                chunk_length=packed.chunk_bytes,
                 chunk_start_offset=start,
-                compression=self._compression,
-                compressed_size=len(data),
+                compression=packed.compression,
+                compressed_size=packed.compressed_size,
                 message_end_time=last_ns,
-                message_index_length=at - start - chunk_bytes,
-                message_index_offsets=index_offsets,
+                message_index_length=index_bytes,
+                message_index_offsets={channel: start + at for channel, at in packed.index_offsets.items()},
                 message_start_time=first_ns,
-                uncompressed_size=len(plain),
+                uncompressed_size=packed.plain_size,
             )
         )
+
+    def know(self, schema: Schema, channel: Channel) -> None:
+        """A channel that adopted chunks bring with them."""
+        self._schemas.setdefault(f"#{schema.id}", schema)  # theirs have numbers of their own, names may be there twice
+        if all(known.id != channel.id for known in self._channels):
+            self._channels.append(channel)
 
     def finish(self, tick: int) -> None:
         """Write the summary (indexes, statistics) and the closing magic."""

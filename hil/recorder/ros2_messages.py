@@ -44,6 +44,7 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\n"
         "uint32 step\nuint8[] data"
     ),
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
     "sensor_msgs/RegionOfInterest": ("uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"),
     "sensor_msgs/CameraInfo": (
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"

@@ -101,6 +101,10 @@ class Lidar:
         self._rays: _Rays | None = None
         self._before: TruthState | None = None
 
+    def follow(self, before: TruthState | None) -> None:
+        """Take `before` for the truth of the sweep before the next one, where sweeps are not taken in their order."""
+        self._before = before
+
     def sample(self, truth: TruthState, seq: int) -> PointCloudSample:
         """Sweep `seq`. The first one takes the vehicle to have moved with unchanged accelerations."""
         p, t_ns = self._p, truth.t_ns

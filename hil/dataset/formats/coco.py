@@ -60,11 +60,18 @@ def coco_picture(
     return CocoPicture(image_id, json.dumps(image, separators=_COMPACT), tuple(annotations))
 
 
-def coco_json(pictures: Iterable[CocoPicture], catalogue: Catalogue, *, description: str, licence: str) -> str:
-    """The file. Raises RecordingError for no pictures at all, or two of one number."""
+def coco_json(
+    pictures: Iterable[CocoPicture],
+    catalogue: Catalogue,
+    *,
+    description: str,
+    licence: str,
+    may_be_empty: bool = False,
+) -> str:
+    """The file. Raises RecordingError for no pictures at all (unless they may be none), or two of one number."""
     chosen = list(pictures)
-    if not chosen:
-        raise RecordingError("COCO: there are no pictures; a split that is left empty gets no file")
+    if not chosen and not may_be_empty:
+        raise RecordingError("COCO: there are no pictures; say may_be_empty where a set has none")
     if any(a.image_id >= b.image_id for a, b in pairwise(chosen)):
         raise RecordingError("COCO: pictures must come in the order of their frames, each once")
     names = catalogue.classes.names

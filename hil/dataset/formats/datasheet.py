@@ -42,6 +42,7 @@ class SamplePicture:
 
     title: str
     data: bytes
+    key: str = ""  # part of a file's name
 
 
 @dataclass(frozen=True)

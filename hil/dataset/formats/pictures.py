@@ -14,6 +14,8 @@ picture may change with its version and the processor. JPEG comes from OpenCV: t
 
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,6 +106,27 @@ class PictureEncoder:
 
     def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
         return self._png.encode(normal_values(normal_C))
+
+
+def with_palette(grey_png: bytes, palette: UInt8) -> bytes:
+    """A picture of `class_png` as the indexed one, without encoding it again: their pixels are packed the same way."""
+    header, rest = grey_png[8:33], grey_png[33:]
+    kind = struct.pack(">I", 13) + b"IHDR" + header[8:16] + b"\x08\x03" + header[18:21]
+    colours = np.ascontiguousarray(palette, np.uint8)
+    if colours.ndim != 2 or colours.shape[1] != 3 or not 1 <= len(colours) <= 256:
+        raise RecordingError(f"class pictures: a palette is 1 to 256 colours of three bytes, not {colours.shape}")
+    table = b"PLTE" + colours.tobytes()
+    return b"".join(
+        (
+            grey_png[:8],
+            kind,
+            struct.pack(">I", zlib.crc32(kind[4:])),
+            struct.pack(">I", len(table) - 4),
+            table,
+            struct.pack(">I", zlib.crc32(table)),
+            rest,
+        )
+    )
 
 
 def normal_values(normal_C: NDArray[np.float32]) -> UInt8:

@@ -1,0 +1,250 @@
+"""A batch of moments to files: drawn, swept, encoded, labelled and written. One to a process, with one thread.
+
+What comes out hangs on the plan and the batch alone.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config.radar_checks import radars, view_of
+from hil.dataset.formats import voc
+from hil.dataset.formats.coco import CocoPicture, coco_picture
+from hil.dataset.formats.euroc import ROOT
+from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels
+from hil.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
+from hil.dataset.formats.looks import camera_looks, cloud_look, radar_look
+from hil.dataset.formats.pictures import DepthScale, PictureEncoder, with_palette
+from hil.dataset.formats.radar_npy import npy
+from hil.dataset.frame_chunk import EncodedFrames, pack_frames
+from hil.dataset.journal import BatchRecord, StoredChunk
+from hil.dataset.moments import Batch, Look
+from hil.dataset.plan import EPOCH_NS, DatasetPlan
+from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
+from hil.frame_stages import description
+from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
+from hil.signals.time import is_due
+from sim.frame.source import SharedFrames
+from sim.scene.world import load_world
+from sim.sensors.catalog import make_sensor
+from sim.sensors.lidar import Lidar
+from sim.sensors.radar import Radar
+
+
+def chunk_path(root: Path, index: int) -> Path:
+    """Where a worker leaves its piece of the recording."""
+    return root / WORK / f"{index}.chunk"
+
+
+class BatchDrawer:
+    """Everything a worker needs, made once."""
+
+    def __init__(self, plan: DatasetPlan, root: Path) -> None:
+        self._plan, self._root = plan, root
+        self._tree = TreeWriter(root)
+        self._frames = SharedFrames(load_world(plan.bench.scene))
+        self._frames.expect(0)
+        self._sensors: dict[str, Any] = self._make_sensors()
+        world = self._frames.geometry.world
+        self._catalogue = Catalogue.of_geoms(
+            self._frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)
+        )
+        self._encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m))
+        self._labels = LabelReader(self._catalogue)
+        self._series = self._new_series(with_place=False)
+
+    def _make_sensors(self) -> dict[str, Any]:
+        plan, config = self._plan, self._plan.config
+        read = {p.frame for p in radars(plan.frame_sensors).values() if p.frame is not None}
+        shared = {name: view_of(config.sensors[name]) for name in sorted(read)}
+        made = {}
+        for name, sensor in plan.frame_sensors.items():
+            p = sensor.parameters
+            made[name] = simulated = make_sensor(
+                name,
+                kind=sensor.kind,
+                rate_hz=sensor.rate_hz,
+                seed=config.seed,
+                scene=plan.bench.scene,
+                step_ns=config.tick_ns,
+                overrides=p.model_dump(),
+                frames=self._frames,
+                shared=shared.get(getattr(p, "frame", None) or name),
+            )
+            if isinstance(simulated, Radar):
+                rates = {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": config.tick_hz * 1000}
+                simulated.view.add_reader(simulated.channels, lambda tick, r=rates: is_due(tick, **r))
+        return made
+
+    def _new_series(self, *, with_place: bool) -> dict[str, EncodedFrames]:
+        series = {n: EncodedFrames(n, description(n, s), i) for i, (n, s) in enumerate(self._sensors.items())}
+        for one in series.values():
+            one.with_place = with_place
+        return series
+
+    def make(self, batch: Batch) -> BatchRecord:
+        """Draw and write everything of a batch; its chunk of the recording goes to `chunk_path`. RecordingError."""
+        if batch.index == 0:
+            self._series = self._new_series(with_place=True)
+        work = _Work(self, batch)
+        for moment in batch.moments:
+            for look in moment.looks:
+                work.take(moment.truth, look, moment.frame)
+        packed, channels = pack_frames(list(self._series.values()))
+        path = chunk_path(self._root, batch.index)
+        try:
+            with open(path, "wb", buffering=0) as file:
+                os.writev(file.fileno(), packed.parts[:1])
+                for part in packed.parts[1:]:
+                    view = memoryview(part)
+                    while view:
+                        view = view[file.write(view) :]
+        except OSError as error:
+            raise unwritable(path, error) from error
+        crc = 0
+        for part in packed.parts:
+            crc = zlib.crc32(part, crc)
+        chunk = StoredChunk(
+            packed.size,
+            crc,
+            packed.chunk_bytes,
+            packed.plain_size,
+            packed.first_ns,
+            packed.last_ns,
+            packed.index_offsets,
+            packed.counts,
+            channels,
+        )
+        return work.record(chunk)
+
+    def is_whole(self, record: BatchRecord, recording: Path, offset: int) -> bool:
+        """Whether everything of a batch is there: its files, and its chunk at `offset` of the recording."""
+        if not all(self._tree.holds(file) for file in record.files):
+            return False
+        try:
+            with open(recording, "rb", buffering=0) as file:
+                data = os.pread(file.fileno(), record.chunk.size, offset)
+        except OSError:
+            return False
+        return len(data) == record.chunk.size and zlib.crc32(data) == record.chunk.crc32
+
+
+class _Work:
+    """One batch on its way."""
+
+    def __init__(self, drawer: BatchDrawer, batch: Batch) -> None:
+        self._d, self._batch = drawer, batch
+        self._plan = drawer._plan
+        self._files: list[Written] = []
+        self._samples: Counter[str] = Counter()
+        self._frame_t_ns: list[int] = []
+        self._objects: list[dict[int, int]] = []
+        self._pixels = np.zeros(256, np.int64)
+        self._pictures: list[CocoPicture] = []
+
+    def take(self, truth: TruthState, look: Look, frame: int) -> None:
+        """One sample of one sensor."""
+        sensor = self._d._sensors[look.sensor]
+        if isinstance(sensor, Lidar):
+            sensor.follow(look.before)
+        taken: FrameSample = sensor.sample(truth, look.seq)
+        sample = taken._replace(
+            t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
+        )
+        self._samples[look.sensor] += 1
+        if look.sensor == self._plan.reference:
+            self._frame_t_ns.append(sample.t_capture_ns)
+        png: dict[str, bytes] = {}
+        if isinstance(sample, ImageSample):
+            png = self._picture(look.sensor, sample, frame)
+        elif isinstance(sample, PointCloudSample):
+            self._sweep(look.sensor, sample)
+        else:
+            self._radar(look.sensor, sample)
+        self._d._series[look.sensor].add_encoded(sample, png)
+
+    def _write(self, path: str, data: bytes) -> None:
+        self._files.append(self._d._tree.write(path, data))
+
+    def _data(self, name: str, channel: str, t_ns: int, ending: str, data: bytes) -> None:
+        self._write(f"{ROOT}/{self._plan.folder(name, channel)}/data/{t_ns}.{ending}", data)
+
+    def _picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
+        encoder, channels, t_ns = self._d._encoder, sample.channels, sample.t_capture_ns
+        encoders = {
+            "rgb": encoder.rgb_png,
+            "depth": encoder.depth_png,
+            "segmentation": encoder.class_png,
+            "instance": encoder.instance_png,
+            "normal": encoder.normal_png,
+        }
+        png = {channel: encoders[channel](channels[channel]) for channel in channels if channel in encoders}
+        for channel in channels:
+            if channel in png:
+                self._data(name, channel, t_ns, "png", png[channel])
+            else:
+                self._data(name, channel, t_ns, "npy", npy(channels[channel]))
+        if name == self._plan.labelled:
+            labels = self._label(sample, png["segmentation"], frame)
+        else:
+            labels = None
+        if frame >= 0 and self._batch.index == 0 and len(self._frame_t_ns) == 1 and name == self._plan.reference:
+            self._preview(name, camera_looks(channels, self._d._catalogue.classes, labels))
+        return png
+
+    def _label(self, sample: ImageSample, segmentation_png: bytes, frame: int) -> PictureLabels:
+        d, t_ns = self._d, sample.t_capture_ns
+        labels = d._labels.read(sample.channels)
+        file_name = f"{t_ns}.png"
+        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d._catalogue.classes))
+        self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d._catalogue.palette))
+        masks = d._labels.masks(sample.channels["instance"], labels)
+        if frame >= 0:
+            self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
+            self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
+            self._pixels += labels.class_pixels
+        return labels
+
+    def _sweep(self, name: str, sample: PointCloudSample) -> None:
+        t_ns = sample.t_capture_ns
+        self._data(name, "", t_ns, "bin", lidar_bin(sample))
+        folder = f"{ROOT}/{self._plan.folder(name)}"
+        self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample))
+        if self._plan.config.dataset.lidar_csv:
+            self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
+        if self._batch.index == 0 and self._samples[name] == 1:
+            self._preview(name, [cloud_look(sample.points_L, sample.segmentation, self._d._catalogue.classes)])
+
+    def _radar(self, name: str, sample: RadarSample) -> None:
+        for channel, array in sample.channels.items():
+            self._data(name, channel, sample.t_capture_ns, "npy", npy(array))
+        if self._batch.index == 0 and self._samples[name] == 1 and "range_doppler" in sample.channels:
+            self._preview(name, [radar_look(sample.channels["range_doppler"])])
+
+    def _preview(self, name: str, looks: list[Any]) -> None:
+        for look in looks:
+            self._write(f"{PREVIEW}/{name}-{look.key}.png", look.data)
+
+    def record(self, chunk: StoredChunk) -> BatchRecord:
+        """What became of it."""
+        pixels: NDArray[np.int64] = self._pixels
+        return BatchRecord(
+            index=self._batch.index,
+            first_frame=self._batch.first_frame,
+            frames=self._batch.frames,
+            flight_crc32=self._batch.crc,
+            files=tuple(self._files),
+            samples=dict(sorted(self._samples.items())),
+            frame_t_ns=tuple(self._frame_t_ns),
+            objects=tuple(self._objects),
+            class_pixels={i: int(n) for i, n in enumerate(pixels.tolist()) if n},
+            chunk=chunk,
+            pictures=tuple(self._pictures),
+        )

@@ -1,0 +1,160 @@
+"""What stands in mav0 before the first frame: a folder for each sensor with its sensor.yaml, and the radar's chirp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.calibration_export import transform
+from hil.config import SensorConfig
+from hil.config.radar_checks import view_of
+from hil.dataset.formats import euroc
+from hil.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
+from hil.dataset.formats.radar_npy import CONFIG_NAME, radar_json
+from hil.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
+from hil.dataset.tables import HEADERS, TRUTH
+from hil.signals.classes import Classes
+from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS
+from sim.frame.mount import Mount
+from sim.sensors.catalog import KINDS, PRESETS
+from sim.sensors.radar_parameters import RadarParameters
+
+CLASSES_NAME = "classes.csv"
+_COMMENTS = {
+    "rgb": "colour, 8-bit RGB PNG",
+    "depth": "distance along the optical axis, 16-bit PNG in steps of depth_step_m",
+    "segmentation": "class ids, 8-bit PNG; names: ../classes.csv",
+    "instance": "instance ids, 16-bit PNG",
+    "normal": "unit normal in the camera's frame as floor(127 n + 128.5), RGB PNG; 0 0 0: nothing",
+}
+
+
+def headers(plan: DatasetPlan) -> dict[str, str]:
+    """By folder in mav0: the first line of its data.csv."""
+    found = {TRUTH: euroc.TRUTH_HEADER}
+    for name, sensor in plan.flight_sensors.items():
+        found[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
+    for name, sensor in plan.frame_sensors.items():
+        parts = KINDS[sensor.kind].parts
+        for channel in getattr(sensor.parameters, parts) if parts else ("",):
+            found[plan.folder(name, channel)] = euroc.FILE_HEADER
+    return found
+
+
+def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
+    """Path in the tree to text."""
+    texts = {
+        f"{euroc.ROOT}/body.yaml": euroc.body_yaml(f"{plan.config.vehicle}, simulated; x forward, y left, z up"),
+        f"{euroc.ROOT}/{CLASSES_NAME}": palette_csv(classes.names, classes.colours),
+        f"{euroc.ROOT}/{TRUTH}/sensor.yaml": euroc.sensor_yaml(
+            "ground_truth", comment="the simulator's state", T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
+        ),
+    }
+    makers: dict[str, Callable[[DatasetPlan, str, SensorConfig], dict[str, str]]] = {
+        "camera": _camera, "lidar": _lidar, "radar": _radar, "imu": _imu,
+    }  # fmt: skip
+    for name, sensor in plan.config.sensors.items():
+        made = makers.get(sensor.kind, _plain)(plan, name, sensor)
+        texts |= {f"{euroc.ROOT}/{path}": text for path, text in made.items()}
+    return texts
+
+
+def _what(name: str, sensor: SensorConfig) -> str:
+    preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
+    return f"{name}: {preset.part}" if preset is not None else f"{name}: simulated {sensor.kind}"
+
+
+def _place(p: Any) -> Any:
+    return transform(tuple(getattr(p, "mount_m", None) or (0.0, 0.0, 0.0)), (1.0, 0.0, 0.0, 0.0))
+
+
+def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p = sensor.parameters
+    mount = Mount(p.mount_m, p.mount_rpy_deg)
+    T_BS = transform(mount.p_BC, mount.q_BC)
+    found = {}
+    for channel in p.channels:
+        unit, frame = CHANNEL_UNITS[channel]
+        more: dict[str, object] = {"channel": channel, "unit": unit, "frame": frame}
+        if channel == "depth":
+            step_m = plan.config.dataset.depth_step_m
+            more = {"depth_step_m": step_m, "nothing": NOTHING, "farther": FARTHER, **more}
+        noise = p.noise if channel == "rgb" else p.depth_noise if channel == "depth" else None
+        if noise is not None:
+            more["noise"] = noise.model_dump(mode="json")
+        text = euroc.picture_yaml(
+            p.model(),
+            "camera" if channel == "rgb" else CHANNEL_FOLDERS[channel],
+            comment=f"{_what(name, sensor)}: {_COMMENTS.get(channel, channel + ', numpy')}",
+            T_BS=T_BS,
+            rate_hz=sensor.rate_hz,
+            more=more,
+        )
+        found[f"{plan.folder(name, channel)}/sensor.yaml"] = text
+    return found
+
+
+def _lidar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p = sensor.parameters
+    mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
+    text = euroc.sensor_yaml(
+        "lidar",
+        comment=f"{_what(name, sensor)}; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class",
+        T_BS=transform(mount.p_BC, mount.q_BC),
+        rate_hz=sensor.rate_hz,
+        more={
+            "range_noise_m": p.range_noise_m,
+            "range_resolution_m": p.range_resolution_m,
+            "min_range_m": p.min_range_m,
+            "max_range_m": p.max_range_m,
+            "rolling": p.rolling,
+        },
+    )
+    return {f"{plan.folder(name)}/sensor.yaml": text}
+
+
+def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p: RadarParameters = sensor.parameters
+    view = p.view() if p.frame is None else view_of(plan.config.sensors[p.frame])
+    mount = Mount(view.mount_m, view.mount_rpy_deg, optical=False)
+    found = {}
+    for channel in p.outputs:
+        unit, _ = RADAR_UNITS[channel]
+        more = {"channel": channel, "unit": unit, "config": CONFIG_NAME}
+        folder = plan.folder(name, channel)
+        found[f"{folder}/sensor.yaml"] = euroc.sensor_yaml(
+            "radar",
+            comment=f"{_what(name, sensor)}; data/*.npy",
+            T_BS=transform(mount.p_BC, mount.q_BC),
+            rate_hz=sensor.rate_hz,
+            more=more,
+        )
+        antennas = range(1, len(p.antenna.rx_positions_m) + 1)
+        found[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, antennas, rate_hz=sensor.rate_hz)
+    return found
+
+
+def _imu(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p = sensor.parameters
+    text = euroc.imu_yaml(
+        comment=_what(name, sensor),
+        T_BS=transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0)),
+        rate_hz=sensor.rate_hz,
+        gyro_noise_radps_per_rthz=p.gyro_noise_radps_per_rthz,
+        gyro_walk_radps2_per_rthz=p.gyro_walk_radps2_per_rthz,
+        accel_noise_mps2_per_rthz=p.accel_noise_mps2_per_rthz,
+        accel_walk_mps3_per_rthz=p.accel_walk_mps3_per_rthz,
+    )
+    return {f"{plan.folder(name)}/sensor.yaml": text}
+
+
+def _plain(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    numbers = {
+        key: value
+        for key, value in sensor.parameters.model_dump(mode="json").items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+    text = euroc.sensor_yaml(
+        sensor.kind, comment=_what(name, sensor), T_BS=_place(sensor.parameters), rate_hz=sensor.rate_hz, more=numbers
+    )
+    return {f"{plan.folder(name)}/sensor.yaml": text}

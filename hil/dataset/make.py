@@ -1,0 +1,196 @@
+"""Making a data set from beginning to end, or going on with one that was interrupted."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.config import load_bench
+from hil.dataset.checkpoint import Checkpoints
+from hil.dataset.drawing import BatchDrawer
+from hil.dataset.finish import finish
+from hil.dataset.flight import fly_for_frames
+from hil.dataset.formats.labels import Catalogue
+from hil.dataset.journal import BatchRecord, JournalWriter, read_journal
+from hil.dataset.layout import headers, sensor_files
+from hil.dataset.manifest import (
+    BENCH_NAME,
+    check_resumable,
+    first_manifest,
+    made_from,
+    refuse_full,
+    saved_bench,
+    write_manifest,
+)
+from hil.dataset.pipeline import Pipeline
+from hil.dataset.plan import DatasetPlan
+from hil.dataset.progress import FrameProgress
+from hil.dataset.recording import DatasetRecording, part_path
+from hil.dataset.tables import Tables
+from hil.dataset.tree import JOURNAL, WORK, TreeWriter, Written, make_folder
+from hil.dataset.workers import Job, Made, Maker, Workers
+from hil.signals.classes import Classes
+from sim.scene.world import load_world
+
+
+@dataclass(frozen=True)
+class DatasetResult:
+    """What came of it."""
+
+    out: Path
+    frames: int
+    found_batches: int  # that were there already
+    steady_frames_per_s: float  # from the first batch that came back to the last
+    wall_s: float
+
+
+@dataclass
+class DrawerFactory:
+    """Makes what a worker works with. A process that was not forked loads the bench saved in the data set."""
+
+    plan: DatasetPlan | None
+    frames: int
+    quality: str
+    root: Path
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "plan": None}
+
+    def __call__(self) -> Maker:
+        plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
+        return BatchWork(BatchDrawer(plan, self.root), self.root)
+
+
+class BatchWork:
+    """Does jobs: what is there and whole is left, the rest is made."""
+
+    def __init__(self, drawer: BatchDrawer, root: Path) -> None:
+        self._drawer, self._root = drawer, root
+
+    def __call__(self, job: Job) -> Made:
+        before = job.expected
+        if before is not None and self._drawer.is_whole(before, part_path(self._root), job.offset):
+            return Made(before, found=True)
+        return Made(self._drawer.make(job.batch), found=False)
+
+
+def make_dataset(
+    plan: DatasetPlan,
+    root: Path,
+    *,
+    workers: int | None = None,
+    resume: bool = False,
+    quiet: bool = False,
+    make_workers: Callable[[int, Callable[[], Maker]], Workers] = Workers,
+    checkpoints: Callable[[Path], Checkpoints] = Checkpoints,
+) -> DatasetResult:
+    """Raises ConfigError where `root` cannot be used, RecordingError where it cannot be written, HilError of the flight;
+    whatever it raises, what was written until then is readable and can be gone on with."""
+    began_s = time.monotonic()
+    bench_files = saved_bench(plan)
+    made = made_from(plan, bench_files)
+    old: list[tuple[BatchRecord, int]] = []
+    if resume:
+        if check_resumable(root, made, bench_files):
+            old = read_journal(root / JOURNAL)
+    else:
+        refuse_full(root)
+    world = load_world(plan.bench.scene)
+    classes = Classes(world.class_names, world.class_colours)
+    catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
+    make_folder(root / WORK)
+    tree = TreeWriter(root)
+    count = workers or cores()
+    factory = DrawerFactory(plan, plan.frames, plan.quality, root)
+    early = [tree.write(name, data) for name, data in sorted(bench_files.items())]
+    with make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=quiet) as progress:
+        write_manifest(tree, first_manifest(made))
+        early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
+        return _Making(
+            plan, root, pool, count, catalogue, early, old, made, bench_files, progress, checkpoints, began_s
+        ).result()
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else (os.cpu_count() or 1)
+
+
+@dataclass
+class _Making:
+    """The part after everything was made ready."""
+
+    plan: DatasetPlan
+    root: Path
+    pool: Workers
+    count: int
+    catalogue: Catalogue
+    early: Sequence[Written]
+    old: Sequence[tuple[BatchRecord, int]]
+    made: Mapping[str, Any]
+    bench_files: Mapping[str, bytes]
+    progress: FrameProgress
+    checkpoints: Callable[[Path], Checkpoints]
+    began_s: float
+
+    def result(self) -> DatasetResult:
+        plan, root = self.plan, self.root
+        flight_folders = {name: plan.folder(name) for name in plan.flight_sensors}
+        tables = Tables(root, headers(plan), flight_folders)
+        journal = JournalWriter(root / JOURNAL, self.old)
+        recording = DatasetRecording(
+            root,
+            tick_ns=plan.config.tick_ns,
+            metadata={"scene": plan.bench.scene.name, "seed": str(plan.config.seed), "quality": plan.quality},
+            attachments={BENCH_NAME: self.bench_files[BENCH_NAME]},
+        )
+        times: list[tuple[float, int]] = []
+
+        def on_done(frames: int) -> None:
+            times.append((time.monotonic(), frames))
+            self.progress.show(frames)
+
+        pipeline = Pipeline(
+            root,
+            self.pool,
+            recording=recording,
+            journal=journal,
+            tables=tables,
+            checkpoints=self.checkpoints(root),
+            expected=[record for record, _ in self.old],
+            offsets=[offset for _, offset in self.old],
+            on_done=on_done,
+            workers_count=self.count,
+        )
+        try:
+            fly_for_frames(plan, pipeline.add)
+            pipeline.finish()
+            journal.finish()
+            finish(
+                plan,
+                root,
+                catalogue=self.catalogue,
+                records=pipeline.records,
+                early=self.early,
+                tables=tables,
+                recording=recording,
+                journal=Written(JOURNAL, journal.size, journal.crc32),
+                made=self.made,
+            )
+            self.checkpoints(root).finish(lambda: lambda: None)
+        except BaseException:
+            pipeline.abandon()
+            raise
+        finally:
+            recording.close()
+            journal.close()
+        (first_s, before), (last_s, after) = times[0], times[-1]
+        rate = (after - before) / (last_s - first_s) if last_s > first_s else 0.0
+        return DatasetResult(root, pipeline.frames, pipeline.found, rate, time.monotonic() - self.began_s)

@@ -1,0 +1,199 @@
+"""What a data set will be: which sensors of which bench, how many frames, where each sensor's data go.
+
+A frame is a picture of the first camera of the bench file; without a camera a sweep of its first LiDAR, or a frame of
+its first radar. The other sensors keep their own rates.
+
+Each batch of frames is a pure function of the truths in it, the seed and the sample numbers; whoever makes which batch
+changes nothing. Sensors whose samples hang on the samples before are therefore refused here, or, where the recording
+loses nothing by it, told not to look back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hil.config import Bench, BenchConfig, SensorConfig, load_bench
+from hil.config.files import find
+from hil.config.schema import Record
+from hil.dataset.quality import QUALITIES, at_quality
+from hil.dataset.trajectory import waypoints_text
+from hil.documents.validate import nearest
+from hil.missions import load_mission
+from hil.signals.errors import ConfigError, Problem
+from hil.signals.time import NS_PER_S
+from sim.sensors.camera_parameters import CameraParameters
+from sim.sensors.catalog import KINDS
+from sim.sensors.radar_parameters import RadarParameters
+
+DEFAULT_BENCH = "rigs/datasets/park_square.yaml"
+DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
+EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
+BATCH_FRAMES = 10  # of the recording's chunks and the journal too, so never another number for one data set
+MISSION_NAME = "trajectory.waypoints"
+
+# Folder of a camera's channel in mav0, its number after it.
+CHANNEL_FOLDERS = {"rgb": "cam", "depth": "depth", "segmentation": "segmentation", "instance": "instance"}
+CHANNEL_FOLDERS |= {"normal": "normal", "range": "range", "geom": "geom", "radial_velocity": "radial_velocity"}
+CHANNEL_FOLDERS |= {"material": "material"}
+RADAR_FOLDERS = {"raw": "radar", "range_doppler": "range_doppler"}
+
+
+@dataclass(frozen=True)
+class DatasetPlan:
+    """A data set to be made. `bench` is what is flown and drawn, quality and all."""
+
+    bench: Bench
+    frames: int
+    quality: str
+
+    @property
+    def config(self) -> BenchConfig:
+        return self.bench.config
+
+    @property
+    def frame_sensors(self) -> dict[str, SensorConfig]:
+        """Cameras, LiDARs and radars; radars last, because they read what cameras have drawn."""
+        found = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
+        return dict(sorted(found, key=lambda pair: pair[1].kind == "radar"))
+
+    @property
+    def flight_sensors(self) -> dict[str, SensorConfig]:
+        """Those sampled in the flight."""
+        return {n: s for n, s in self.config.sensors.items() if not KINDS[s.kind].needs_frames}
+
+    @property
+    def reference(self) -> str:
+        """The sensor whose samples are counted as frames."""
+        sensors = self.frame_sensors
+        return next(name for kind in ("camera", "lidar", "radar") for name, s in sensors.items() if s.kind == kind)
+
+    @property
+    def labelled(self) -> str | None:
+        """The camera that boxes and masks are of: the first one that has what it takes."""
+        needed = {"segmentation", "instance"}
+        cameras = [n for n, s in self.frame_sensors.items() if s.kind == "camera"]
+        return next((n for n in cameras if needed <= set(self.frame_sensors[n].parameters.channels)), None)
+
+    def number(self, name: str) -> int:
+        """Of a sensor among those of its kind, from 0."""
+        kind = self.config.sensors[name].kind
+        return [n for n, s in self.config.sensors.items() if s.kind == kind].index(name)
+
+    def folder(self, name: str, channel: str = "") -> str:
+        """Of a sensor, or of a channel of it, in mav0."""
+        sensor = self.config.sensors[name]
+        base = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}.get(sensor.kind, {}).get(channel, sensor.kind)
+        return f"{base}{self.number(name)}"
+
+    @property
+    def flight_bench(self) -> Bench:
+        """The same without what is drawn."""
+        quiet = Record(mcap=False, images=False, tlog=False, report=False)
+        config = self.config.model_copy(update={"sensors": self.flight_sensors, "record": quiet})
+        return replace(self.bench, config=config)
+
+
+def make_plan(
+    config: Path | None,
+    *,
+    frames: int | None,
+    quality: str | None,
+    seed: int | None,
+    settings: tuple[str, ...],
+    work: Callable[[], Path],
+) -> DatasetPlan:
+    """Read and check everything. `work`: makes a folder where the course is put as a mission. ConfigError."""
+    path = config if config is not None else find("mission", DEFAULT_BENCH, ())
+    bench = load_bench(path, seed=seed, settings=settings)
+    problems: list[Problem] = []
+    count = DEFAULT_FRAMES if frames is None else frames
+    if not 1 <= count <= MAX_FRAMES:
+        problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
+    chosen = quality or "low"
+    if chosen not in QUALITIES:
+        problems.append(Problem("--quality", f"is unknown: {chosen!r}", nearest(chosen, QUALITIES)))
+        raise ConfigError(problems)
+    if quality is not None:
+        bench = at_quality(bench, quality)
+    bench = _with_own_outputs(bench)
+    problems += _problems(bench)
+    if problems:
+        raise ConfigError(problems)
+    return DatasetPlan(_with_course(bench, work), count, quality or "as the file says")
+
+
+def _where(bench: Bench) -> str:
+    path = bench.files.get("bench")
+    return str(path) if path is not None else "the bench"
+
+
+def _problems(bench: Bench) -> list[Problem]:
+    config, where = bench.config, _where(bench)
+    problems = []
+    drawn = {n: s for n, s in config.sensors.items() if KINDS[s.kind].needs_frames}
+    if not drawn:
+        has = ", ".join(config.sensors)
+        hint = f"it has {has}; add one under `sensors`, or leave CONFIG out for the bench that comes with `hil dataset`"
+        problems.append(Problem(where, "has no camera, LiDAR or radar, so there are no frames to record", hint))
+    if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
+        hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
+        problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
+    if not config.autopilot.lockstep:
+        kind = config.autopilot.kind
+        hint = "choose the rig mock, px4_sitl or ardupilot_sitl"
+        problems.append(Problem(where, f"has an autopilot that waits for nobody ({kind}): frames would be lost", hint))
+    if config.companion.on:
+        problems.append(Problem(where, "has companions, whose pictures are drawn in the flight", "leave them out"))
+    at_risk = {fault.sensor for fault in config.faults.sensors}
+    if bench.script is not None:
+        at_risk |= bench.script.sensors_at_risk
+    for name in sorted(at_risk & set(drawn)):
+        hint = "samples are made out of order here, and a fault hangs on those before: record it with `hil run`"
+        problems.append(Problem(f"{where}: sensors.{name}", "has faults declared", hint))
+    for name, sensor in drawn.items():
+        p = sensor.parameters
+        if isinstance(p, CameraParameters) and p.exposure.auto and "rgb" in p.channels:
+            hint = "set exposure.auto: false, or record it with `hil run`"
+            message = "has automatic exposure, which hangs on the pictures before; frames are made out of order here"
+            problems.append(Problem(f"{where}: sensors.{name}", message, hint))
+        if isinstance(p, CameraParameters) and p.colour != "native":
+            hint = "set colour: native"
+            problems.append(Problem(f"{where}: sensors.{name}", f"draws its colour with {p.colour!r}", hint))
+        if isinstance(p, RadarParameters) and not set(p.outputs) & set(RADAR_FOLDERS):
+            hint = "set outputs: [raw, range_doppler]; points and tracks come from them with `hil radar`"
+            problems.append(Problem(f"{where}: sensors.{name}", "has neither raw data nor maps to record", hint))
+    return problems
+
+
+def _with_own_outputs(bench: Bench) -> Bench:
+    """Radars without what hangs on the frames before: tracks, the points they are made of, a learnt background."""
+    sensors = dict(bench.config.sensors)
+    for name, sensor in sensors.items():
+        p = sensor.parameters
+        if not isinstance(p, RadarParameters):
+            continue
+        kept = tuple(output for output in p.outputs if output in RADAR_FOLDERS)
+        changes: dict[str, Any] = {"outputs": kept or p.outputs}
+        if p.processing.clutter == "background":
+            changes["processing"] = p.processing.model_copy(update={"clutter": "none"})
+        sensors[name] = sensor.model_copy(update={"parameters": p.model_copy(update=changes)})
+    return replace(bench, config=bench.config.model_copy(update={"sensors": sensors}))
+
+
+def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
+    """The bench with its preset course as its mission."""
+    trajectory = bench.config.dataset.trajectory
+    if trajectory is None:
+        return bench
+    path = work() / MISSION_NAME
+    path.write_text(waypoints_text(trajectory, bench.scene.site), encoding="utf-8")
+    files: Mapping[str, Path] = {k: v for k, v in bench.files.items() if k != "plan"} | {"mission": path}
+    config = bench.config.model_copy(update={"mission": str(path)})
+    from hil.config import site_of
+
+    return replace(
+        bench, config=config, mission=load_mission(path, site=site_of(bench.scene)), files=files, script=None
+    )

@@ -1,0 +1,137 @@
+"""run.mcap of a data set: after each batch's part of the flight stands the chunk with the batch's frames.
+
+Written from the front to the back under a temporary name. What is there from an earlier attempt is written over with
+the same bytes, but for chunks of frames that were found whole, which are passed over.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+from hil.dataset.flight import FlightPart
+from hil.dataset.frame_chunk import records_of
+from hil.dataset.journal import StoredChunk
+from hil.dataset.plan import EPOCH_NS
+from hil.dataset.tree import PART, RECORDING, unwritable
+from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
+from hil.recorder.mcap_sink import EventSeries, Series
+from hil.recorder.topics import SAMPLE_TOPICS, TRUTH_TOPICS
+from hil.signals.samples import TruthState
+
+_COPY_BYTES = 1 << 24
+
+
+def part_path(root: Path) -> Path:
+    """Where the recording is until it is finished."""
+    return root / f"{RECORDING}{PART}"
+
+
+class DatasetRecording:
+    """Raises RecordingError from any method where the file cannot be written."""
+
+    def __init__(
+        self, root: Path, *, tick_ns: int, metadata: Mapping[str, str], attachments: Mapping[str, bytes]
+    ) -> None:
+        self._root = root
+        self._path = part_path(root)
+        final = root / RECORDING
+        if final.exists() and not self._path.exists():
+            os.rename(final, self._path)
+        self._safe = SafeFile(self._path, _open_kept)
+        self._mcap = McapFile(self._safe)
+        self._tick_ns = tick_ns
+        self._truth = Series(TruthState, TRUTH_TOPICS, "")
+        self._samples: dict[str, Series] = {}
+        self._events = EventSeries(self._mcap)
+        self._mcap.metadata("hil_dataset", dict(metadata), 0)
+        for name, data in attachments.items():
+            self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
+
+    def add_flight(self, part: FlightPart) -> None:
+        """What the flight gave during a batch."""
+        self._truth.rows += [truth._replace(t_ns=truth.t_ns + EPOCH_NS) for truth in part.truths]
+        blocks = self._truth.blocks(self._mcap, self._tick_ns)
+        for port in sorted(part.samples):
+            rows = part.samples[port]
+            series = self._samples.get(port)
+            if series is None:
+                kind = type(rows[0][0])
+                series = self._samples[port] = Series(kind, SAMPLE_TOPICS[kind], port)
+            for sample, log_ns in rows:
+                series.rows.append(
+                    sample._replace(
+                        t_capture_ns=sample.t_capture_ns + EPOCH_NS, t_available_ns=sample.t_available_ns + EPOCH_NS
+                    )
+                )
+                series.log_ns.append(log_ns + EPOCH_NS)
+            blocks += series.blocks(self._mcap, self._tick_ns)
+        for t_ns, kind, text in part.events:
+            self._events.add(t_ns + EPOCH_NS, kind, text)
+        blocks.append(self._events.block())
+        self._mcap.chunk(blocks, 0)
+
+    @property
+    def size(self) -> int:
+        """Bytes so far: where the next chunk will stand."""
+        return self._safe.size
+
+    def add_frames(self, chunk: StoredChunk, source: Path | None) -> None:
+        """The chunk of a batch: from `source`, or, None, where it already stands."""
+        start = self._safe.size
+        if source is not None:
+            self._copy(source, chunk.size)
+        else:
+            self._safe.skip(chunk.size)
+        for declared in chunk.channels:
+            self._mcap.know(*records_of(declared))
+        packed = PackedChunk(
+            (),
+            chunk.chunk_bytes,
+            "",
+            chunk.plain_size,
+            chunk.plain_size,
+            chunk.first_ns,
+            chunk.last_ns,
+            chunk.index_offsets,
+            chunk.counts,
+        )
+        self._mcap.adopt(packed, start)
+
+    def _copy(self, source: Path, size: int) -> None:
+        """From file to file without a detour."""
+        out = self._safe.fileno()
+        try:
+            with open(source, "rb", buffering=0) as file:
+                left = size
+                while left:
+                    copied = os.sendfile(out, file.fileno(), None, min(left, _COPY_BYTES))
+                    if not copied:
+                        raise OSError(f"{source.name} ends too early")
+                    left -= copied
+        except OSError as error:
+            self._safe.cut()
+            raise unwritable(self._path, error) from error
+        self._safe.size += size
+
+    def finish(self, metadata: Mapping[str, str]) -> None:
+        """Write the summary and give the file its name."""
+        self._mcap.metadata("hil_result", dict(metadata), 0)
+        self._mcap.finish(0)
+        self._safe.cut()
+        self.close()
+        try:
+            os.rename(self._path, self._root / RECORDING)
+        except OSError as error:
+            raise unwritable(self._path, error) from error
+
+    def close(self) -> None:
+        """Idempotent."""
+        self._safe.close()
+
+
+def _open_kept(path: Path) -> BinaryIO:
+    """For writing from the front, with what is there kept."""
+    return open(os.open(path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)

@@ -1,0 +1,145 @@
+"""The growing tables of a data set: a data.csv for each sensor.
+
+Rows wait until what they speak of is safe on the disk (`write_out` comes after a sync), so a table never names a file
+that a power cut could have taken away. Times rise from row to row.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from hil.dataset.flight import FlightPart
+from hil.dataset.formats import euroc
+from hil.dataset.journal import BatchRecord
+from hil.dataset.plan import EPOCH_NS
+from hil.dataset.tree import Written, make_folder, unwritable
+from hil.signals.errors import RecordingError
+from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, Sample
+
+TABLE = "data.csv"
+TRUTH = "state_groundtruth_estimate0"
+MAG_HEADER = "#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]"
+BARO_HEADER = "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [degC]"
+RANGE_HEADER = "#timestamp [ns],distance [m],quality []"
+FLOW_HEADER = "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []"
+
+HEADERS: Mapping[type, str] = {
+    ImuSample: euroc.IMU_HEADER,
+    GpsSample: euroc.GPS_HEADER,
+    MagSample: MAG_HEADER,
+    BaroSample: BARO_HEADER,
+    RangeSample: RANGE_HEADER,
+    FlowSample: FLOW_HEADER,
+}
+
+
+def sample_row(sample: Sample) -> str:
+    """The row of a sample of the flight, its time as it is."""
+    if isinstance(sample, ImuSample):
+        return euroc.imu_row(sample)
+    if isinstance(sample, GpsSample):
+        return euroc.gps_row(sample)
+    t_ns = sample.t_capture_ns
+    if isinstance(sample, MagSample):
+        return f"{t_ns},{','.join(map(repr, sample.field_tesla))}\n"
+    if isinstance(sample, BaroSample):
+        return f"{t_ns},{sample.pressure_pa!r},{sample.pressure_altitude_m!r},{sample.temperature_degc!r}\n"
+    if isinstance(sample, RangeSample):
+        return f"{t_ns},{sample.distance_m!r},{sample.quality}\n"
+    assert isinstance(sample, FlowSample)
+    x, y = sample.flow_rad
+    return f"{t_ns},{sample.integration_ns},{x!r},{y!r},{sample.quality}\n"
+
+
+class _Table:
+    """One data.csv."""
+
+    def __init__(self, path: str, header: str) -> None:
+        self.path = path
+        self.rows = 0
+        self.size = 0
+        self.crc32 = 0
+        self.waiting = [header + "\n"]
+        self._last_ns = -1
+
+    def add(self, row: str) -> None:
+        t_ns = int(row[: row.index(",")])
+        if t_ns <= self._last_ns:
+            raise RecordingError(f"{self.path}: time must rise from row to row, but {t_ns} ns follows {self._last_ns}")
+        self._last_ns = t_ns
+        self.rows += 1
+        self.waiting.append(row)
+
+
+class Tables:
+    """All of them, below `root`."""
+
+    def __init__(self, root: Path, headers: Mapping[str, str], flight_folders: Mapping[str, str]) -> None:
+        """`headers`: by folder in mav0; `flight_folders`: of the sensors sampled in the flight."""
+        self._root = root
+        self._flight_folders = flight_folders
+        self._tables = {folder: _Table(f"{euroc.ROOT}/{folder}/{TABLE}", text) for folder, text in headers.items()}
+        for table in self._tables.values():
+            path = root / table.path
+            make_folder(path.parent)
+            try:
+                path.unlink(missing_ok=True)
+            except OSError as error:
+                raise unwritable(path, error) from error
+
+    @property
+    def rows(self) -> dict[str, int]:
+        """So far, by folder."""
+        return {folder: table.rows for folder, table in self._tables.items()}
+
+    def add_flight(self, part: FlightPart) -> None:
+        for truth in part.truths:
+            self._tables[TRUTH].add(euroc.truth_row(truth._replace(t_ns=truth.t_ns + EPOCH_NS)))
+        for port, rows in part.samples.items():
+            table = self._tables[self._flight_folders[port]]
+            for sample, _ in rows:
+                table.add(sample_row(sample._replace(t_capture_ns=sample.t_capture_ns + EPOCH_NS)))
+
+    def add_files(self, record: BatchRecord) -> None:
+        """Rows of the files in data/ folders."""
+        for file in record.files:
+            root, _, rest = file.path.partition("/")
+            folder, _, rest = rest.partition("/")
+            data, _, name = rest.partition("/")
+            if root == euroc.ROOT and data == "data":
+                self._tables[folder].add(f"{name[: name.index('.')]},{name}\n")
+
+    def take(self) -> dict[str, str]:
+        """What waits, by path, for `write_out`; it waits no longer."""
+        taken = {}
+        for table in self._tables.values():
+            if table.waiting:
+                taken[table.path] = "".join(table.waiting)
+                table.waiting.clear()
+        return taken
+
+    def write_out(self, texts: Mapping[str, str]) -> None:
+        """Append. A row is there whole or not at all, unless the disk's power is cut."""
+        by_path = {table.path: table for table in self._tables.values()}
+        for name, text in texts.items():
+            table, data = by_path[name], text.encode()
+            path = self._root / name
+            try:
+                file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+                try:
+                    if os.write(file, data) != len(data):
+                        os.ftruncate(file, table.size)
+                        raise OSError("the file system took no more bytes")
+                finally:
+                    os.close(file)
+            except OSError as error:
+                raise unwritable(path, error) from error
+            table.size += len(data)
+            table.crc32 = zlib.crc32(data, table.crc32)
+
+    def written(self) -> list[Written]:
+        """The tables as files, in order."""
+        return [Written(table.path, table.size, table.crc32) for table in self._tables.values()]

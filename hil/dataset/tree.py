@@ -1,0 +1,84 @@
+"""The folder of a data set: its layout, and files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+from hil.signals.errors import RecordingError
+
+ASL = "mav0"
+ANNOTATIONS = "annotations"  # COCO
+PREVIEW = "preview"
+RECORDING = "run.mcap"
+MANIFEST = "dataset.json"
+CHECKSUMS = "checksums.csv"
+JOURNAL = "journal.bin"
+WORK = ".work"  # gone when all is done
+PART = ".part"  # ending of what is not yet whole
+
+
+class Written(NamedTuple):
+    """A file of the tree and how to tell that it is whole. `path` is relative, with slashes."""
+
+    path: str
+    size: int
+    crc32: int
+
+
+class TreeWriter:
+    """Puts files into a folder, each under a temporary name first. Folders are made when they are needed."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._made: set[str] = set()
+
+    def write(self, path: str, data: bytes) -> Written:
+        """Raises RecordingError where it cannot be written; what was there before is then still there."""
+        folder, _, name = path.rpartition("/")
+        if folder not in self._made:
+            make_folder(self.root / folder)
+            self._made.add(folder)
+        final = f"{self.root}/{path}"
+        part = f"{self.root}/{folder}/.{name}{PART}" if folder else f"{self.root}/.{name}{PART}"
+        try:
+            file = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            try:
+                view = memoryview(data)
+                while view:
+                    view = view[os.write(file, view) :]
+            finally:
+                os.close(file)
+            os.rename(part, final)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.unlink(part)
+            raise unwritable(self.root / path, error) from error
+        return Written(path, len(data), zlib.crc32(data))
+
+    def holds(self, written: Written) -> bool:
+        """Whether that file is there, byte for byte as far as its checksum tells."""
+        try:
+            with open(f"{self.root}/{written.path}", "rb", buffering=0) as file:
+                if os.fstat(file.fileno()).st_size != written.size:
+                    return False
+                return zlib.crc32(file.readall()) == written.crc32
+        except OSError:
+            return False
+
+
+def make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+def unwritable(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"{path}: cannot be written ({error.strerror or error}); everything before is kept. Free some space or choose "
+        "another folder, then go on with --resume"
+    )
