@@ -361,6 +361,15 @@ def sweep_rays(
     origins_W: Float64,
     directions_W: Float64,
 ) -> None: ...
+def walker_pose(
+    shape: Sequence[float],
+    phase: float,
+    walk: Sequence[float],
+    p_WB: Float64,
+    q_WB: Float64,
+    v_WB_W: Float64,
+    w_WB_W: Float64,
+) -> None: ...
 def uniform_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
 def normal_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
 

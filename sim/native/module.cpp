@@ -8,6 +8,7 @@ namespace nb = nanobind;
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
+void bind_gait(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_instance_scan(nb::module_ &m);
@@ -28,6 +29,7 @@ NB_MODULE(_kernels, m) {
     bind_dryden(m);
     bind_extinction(m);
     bind_frame(m);
+    bind_gait(m);
     bind_image_noise(m);
     bind_imu(m);
     bind_instance_scan(m);

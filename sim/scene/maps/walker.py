@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from math import sqrt
 
-import numpy as np
-
 from hil.signals.samples import Vec3
+from sim._kernels import walker_pose
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.gait import Gait, natural_cycle_m
 from sim.scene.maps.scene_map import Float64
-from sim.scene.maps.walk_path import WalkPath
+from sim.scene.maps.walk_path import Place, WalkPath
 
 
 class Walker:
@@ -32,7 +31,10 @@ class Walker:
         self.gait = Gait(figure, path.speed_mps, path.lap_m / cycles)
         self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
         self._per_m = cycles / path.lap_m
+        self._shape = self.gait.kernel_values
         self._radius_m = self._bound_radius()
+        self._asked_ns: int | None = None
+        self._found: tuple[float, float, Place] = (0.0, 0.0, (0.0,) * 7)
 
     @property
     def max_speed_mps(self) -> float:
@@ -58,8 +60,7 @@ class Walker:
         return radius + 0.02  # between the sampled phases
 
     def bound(self, t_ns: int) -> tuple[Vec3, float]:
-        _, s_m, _ = self.path.progress(t_ns)
-        x, y, *_ = self.path.place(s_m)
+        x, y, *_ = self._where(t_ns)[2]
         return (x, y, self.ground_m + 0.5 * self.figure.height_m), self._radius_m
 
     def phase(self, t_ns: int) -> float:
@@ -68,31 +69,13 @@ class Walker:
         return s_m * self._per_m % 1.0
 
     def pose(self, t_ns: int, p_WB: Float64, q_WB: Float64, v_WB_W: Float64, w_WB_W: Float64) -> None:
-        _, s_m, speed = self.path.progress(t_ns)
-        x0, y0, c, s, dx_ds, dy_ds, yaw_per_m = self.path.place(s_m)
-        rate = speed * self._per_m
-        yaw_rate = speed * yaw_per_m
-        rows = np.array(self.gait.rows(s_m * self._per_m % 1.0))
-        x, y, z, tc, ts, yc, ys, dx, dy, dz, d_theta, d_yaw = rows.T
-        rx, ry = c * x - s * y, s * x + c * y
-        p_WB[:, 0] = x0 + rx
-        p_WB[:, 1] = y0 + ry
-        p_WB[:, 2] = z + self.ground_m
-        dx, dy = dx * rate, dy * rate
-        v_WB_W[:, 0] = speed * dx_ds - yaw_rate * ry + (c * dx - s * dy)
-        v_WB_W[:, 1] = speed * dy_ds + yaw_rate * rx + (s * dx + c * dy)
-        v_WB_W[:, 2] = dz * rate
-        # Half heading, without trigonometry; the sign where cos = -1 does not matter, the quaternion's two are one.
-        hc = sqrt(0.5 * (1.0 + c)) if c > -0.5 else 0.5 * abs(s) / sqrt(0.5 * (1.0 - c))
-        hs = sqrt(0.5 * (1.0 - c)) if c < 0.5 else 0.5 * abs(s) / hc
-        if s < 0.0:
-            hs = -hs
-        zc, zs = hc * yc - hs * ys, hs * yc + hc * ys  # heading and the limb's own yaw
-        q_WB[:, 0] = zc * tc
-        q_WB[:, 1] = -zs * ts
-        q_WB[:, 2] = zc * ts
-        q_WB[:, 3] = zs * tc
-        d_theta = d_theta * rate
-        w_WB_W[:, 0] = -d_theta * (2.0 * zc * zs)
-        w_WB_W[:, 1] = d_theta * (zc * zc - zs * zs)
-        w_WB_W[:, 2] = yaw_rate + d_yaw * rate
+        s_m, speed, place = self._where(t_ns)
+        walk = (*place, speed, self._per_m, self.ground_m)
+        walker_pose(self._shape, s_m * self._per_m % 1.0, walk, p_WB, q_WB, v_WB_W, w_WB_W)
+
+    def _where(self, t_ns: int) -> tuple[float, float, Place]:
+        """Metres into the lap, speed and place; `bound` and `pose` ask about the same moment one after the other."""
+        if t_ns != self._asked_ns:
+            _, s_m, speed = self.path.progress(t_ns)
+            self._asked_ns, self._found = t_ns, (s_m, speed, self.path.place(s_m))
+        return self._found
