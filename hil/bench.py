@@ -153,10 +153,13 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
     return run.result()
 
 
-def fly(bench: Bench, out: Path, recorder: Recorder, over: Callable[[int, bool], bool]) -> None:
+Reached = Callable[[], int]
+
+
+def fly(bench: Bench, out: Path, recorder: Recorder, over: Callable[[Reached, bool], bool]) -> None:
     """Fly `bench` with everything it tells going to `recorder`, without run.json, report and saved bench.
 
-    After every tick `over(waypoints reached, mission ended)` says whether that was enough. Raises HilError, whatever
+    After every tick `over(tells the waypoints reached, mission ended)` says whether that was enough. Raises HilError, whatever
     `recorder` and `over` raise, and KeyboardInterrupt.
     """
     run = _Run(bench, out, quiet=True, recorder=recorder, over=over)
@@ -199,7 +202,7 @@ class _Run:
         *,
         quiet: bool,
         recorder: Recorder | None = None,
-        over: Callable[[int, bool], bool] | None = None,
+        over: Callable[[Reached, bool], bool] | None = None,
     ) -> None:
         """`recorder`: instead of one of its own; `over`: see `fly`."""
         self.bench = bench
@@ -636,8 +639,7 @@ class _Run:
                             shared_ticks = 0
                             self._event("warning", given_up)
                     if self.over is not None and self.over(
-                        0 if station is None else station.reached,
-                        station is not None and station.phase.value == "done",
+                        self._reached, station is not None and station.phase.value == "done"
                     ):
                         break
                     if station is not None:
@@ -660,6 +662,9 @@ class _Run:
         if isinstance(link, LockstepLink | ArduPilotJsonLink) and link.caps.busy_processors > 1 and config.pace is None:
             return SharedProcessor(link.pid if config.autopilot.share_processor else None)
         return nullcontext()
+
+    def _reached(self) -> int:
+        return 0 if self.station is None else self.station.reached
 
     def _status(self) -> tuple[str, int, int]:
         if self.station is None:

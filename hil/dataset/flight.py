@@ -69,15 +69,16 @@ class FlightTap(Recorder):
         self._clock.begin_flight()
         self._recording = self._all
 
-    def over(self, reached: int, ended: bool) -> bool:
+    def over(self, reached: Callable[[], int], ended: bool) -> bool:
         """After every tick: whether the flight may end."""
         if self._last_ns >= 0:
             return self._now_ns >= self._last_ns + self._settle_ns
-        if not self._all:
-            past_last = ended or (self._waypoints > 1 and reached >= self._waypoints)
-            self._recording = reached >= 1 and not past_last
-            return ended or past_last
-        return ended
+        if self._all or (self._recording and not self._waypoints):
+            return ended
+        count = reached()
+        past_last = ended or (self._waypoints > 1 and count >= self._waypoints)
+        self._recording = count >= 1 and not past_last
+        return past_last
 
     def truth(self, truth: TruthState) -> None:
         t_ns = self._now_ns = truth.t_ns + self._base_ns
