@@ -1,5 +1,6 @@
 #include "sweep_rays.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "detmath.hpp"
@@ -7,65 +8,89 @@
 namespace hil::sim {
 namespace {
 
-struct Pose {
-    double p[3], R[9];
-};
+// Each ray has a pose of its own, and each pose is a chain of products that wait for one another: rays are taken
+// `kSide` at a time, so that the chains of several run side by side. The same products and sums in the same order.
+constexpr std::size_t kSide = 8;
+using Side = double[kSide];
 
-// cos x and sin x / x of x^2: series up to |x| = 1 (the first term left out is 1 / 20!), the functions beyond.
-void cos_and_sinc(double x2, double &cosine, double &sinc) {
-    if (x2 > 1.0) {
-        const double x = std::sqrt(x2);
-        cosine = det::cos(x);
-        sinc = det::sin(x) / x;
-        return;
-    }
-    // (-1)^k / (2k)! and (-1)^k / (2k + 1)!, highest power first.
-    static constexpr double C[10] = {-1.0 / 6402373705728000.0, 1.0 / 20922789888000.0, -1.0 / 87178291200.0,
-                                     1.0 / 479001600.0,         -1.0 / 3628800.0,       1.0 / 40320.0,
-                                     -1.0 / 720.0,              1.0 / 24.0,             -1.0 / 2.0,
-                                     1.0};
-    static constexpr double S[10] = {-1.0 / 121645100408832000.0, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0,
-                                     1.0 / 6227020800.0,          -1.0 / 39916800.0,       1.0 / 362880.0,
-                                     -1.0 / 5040.0,               1.0 / 120.0,             -1.0 / 6.0,
-                                     1.0};
-    cosine = C[0], sinc = S[0];
+// (-1)^k / (2k)! and (-1)^k / (2k + 1)!, highest power first: up to |x| = 1 the first term left out is 1 / 20!.
+constexpr double kCos[10] = {-1.0 / 6402373705728000.0, 1.0 / 20922789888000.0, -1.0 / 87178291200.0,
+                             1.0 / 479001600.0,         -1.0 / 3628800.0,       1.0 / 40320.0,
+                             -1.0 / 720.0,              1.0 / 24.0,             -1.0 / 2.0,
+                             1.0};
+constexpr double kSinc[10] = {-1.0 / 121645100408832000.0, 1.0 / 355687428096000.0, -1.0 / 1307674368000.0,
+                              1.0 / 6227020800.0,          -1.0 / 39916800.0,       1.0 / 362880.0,
+                              -1.0 / 5040.0,               1.0 / 120.0,             -1.0 / 6.0,
+                              1.0};
+
+// cos x and sin x / x of x^2: series up to |x| = 1, the functions beyond.
+void cos_and_sinc(const Side &x2, Side &cosine, Side &sinc) {
+    for (std::size_t j = 0; j < kSide; ++j) cosine[j] = kCos[0], sinc[j] = kSinc[0];
     for (int k = 1; k < 10; ++k) {
-        cosine = cosine * x2 + C[k];
-        sinc = sinc * x2 + S[k];
+        for (std::size_t j = 0; j < kSide; ++j) {
+            cosine[j] = cosine[j] * x2[j] + kCos[k];
+            sinc[j] = sinc[j] * x2[j] + kSinc[k];
+        }
+    }
+    for (std::size_t j = 0; j < kSide; ++j) {
+        if (x2[j] > 1.0) {
+            const double x = std::sqrt(x2[j]);
+            cosine[j] = det::cos(x);
+            sinc[j] = det::sin(x) / x;
+        }
     }
 }
 
-void pose_at(const SweepMotion &m, double s, Pose &out) {
-    double f[3];
+struct Poses {
+    Side p[3], R[9];
+};
+
+void poses_at(const SweepMotion &m, const Side &s, Poses &out) {
+    Side f[3], x2, cosine, sinc;
     for (int i = 0; i < 3; ++i) {
-        out.p[i] = m.p[i] + s * (m.c1[i] + s * (m.c2[i] + s * m.c3[i]));
-        f[i] = s * (m.f1[i] + s * (m.f2[i] + s * m.f3[i]));
+        const double p = m.p[i], c1 = m.c1[i], c2 = m.c2[i], c3 = m.c3[i];
+        const double f1 = m.f1[i], f2 = m.f2[i], f3 = m.f3[i];
+        for (std::size_t j = 0; j < kSide; ++j) {
+            out.p[i][j] = p + s[j] * (c1 + s[j] * (c2 + s[j] * c3));
+            f[i][j] = s[j] * (f1 + s[j] * (f2 + s[j] * f3));
+        }
     }
-    double c, k;
-    cos_and_sinc(0.25 * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]), c, k);
-    const double x = 0.5 * k * f[0], y = 0.5 * k * f[1], z = 0.5 * k * f[2];
-    const double *q = m.q_WB;
-    const double a = q[0] * c - q[1] * x - q[2] * y - q[3] * z, b = q[0] * x + q[1] * c + q[2] * z - q[3] * y;
-    const double d = q[0] * y - q[1] * z + q[2] * c + q[3] * x, e = q[0] * z + q[1] * y - q[2] * x + q[3] * c;
-    double *R = out.R;
-    R[0] = 1.0 - 2.0 * (d * d + e * e), R[1] = 2.0 * (b * d - a * e), R[2] = 2.0 * (b * e + a * d);
-    R[3] = 2.0 * (b * d + a * e), R[4] = 1.0 - 2.0 * (b * b + e * e), R[5] = 2.0 * (d * e - a * b);
-    R[6] = 2.0 * (b * e - a * d), R[7] = 2.0 * (d * e + a * b), R[8] = 1.0 - 2.0 * (b * b + d * d);
+    for (std::size_t j = 0; j < kSide; ++j) {
+        x2[j] = 0.25 * (f[0][j] * f[0][j] + f[1][j] * f[1][j] + f[2][j] * f[2][j]);
+    }
+    cos_and_sinc(x2, cosine, sinc);
+    const double q0 = m.q_WB[0], q1 = m.q_WB[1], q2 = m.q_WB[2], q3 = m.q_WB[3];
+    for (std::size_t j = 0; j < kSide; ++j) {
+        const double c = cosine[j], k = sinc[j];
+        const double x = 0.5 * k * f[0][j], y = 0.5 * k * f[1][j], z = 0.5 * k * f[2][j];
+        const double a = q0 * c - q1 * x - q2 * y - q3 * z, b = q0 * x + q1 * c + q2 * z - q3 * y;
+        const double d = q0 * y - q1 * z + q2 * c + q3 * x, e = q0 * z + q1 * y - q2 * x + q3 * c;
+        out.R[0][j] = 1.0 - 2.0 * (d * d + e * e), out.R[1][j] = 2.0 * (b * d - a * e);
+        out.R[2][j] = 2.0 * (b * e + a * d), out.R[3][j] = 2.0 * (b * d + a * e);
+        out.R[4][j] = 1.0 - 2.0 * (b * b + e * e), out.R[5][j] = 2.0 * (d * e - a * b);
+        out.R[6][j] = 2.0 * (b * e - a * d), out.R[7][j] = 2.0 * (d * e + a * b);
+        out.R[8][j] = 1.0 - 2.0 * (b * b + d * d);
+    }
 }
 
 }  // namespace
 
 void sweep_rays(const SweepMotion &motion, const std::int32_t *time_offset_ns, const double *origin_B,
                 const double *direction_B, double *origin_W, double *direction_W, std::size_t count) {
-    Pose pose{};
-    for (std::size_t i = 0; i < count; ++i) {
-        // Channels that fire together share a pose.
-        if (i == 0 || time_offset_ns[i] != time_offset_ns[i - 1]) pose_at(motion, 1e-9 * time_offset_ns[i], pose);
-        const double *o = origin_B + 3 * i, *d = direction_B + 3 * i;
-        for (std::size_t r = 0; r < 3; ++r) {
-            const double *R = pose.R + 3 * r;
-            origin_W[3 * i + r] = pose.p[r] + (R[0] * o[0] + R[1] * o[1] + R[2] * o[2]);
-            direction_W[3 * i + r] = R[0] * d[0] + R[1] * d[1] + R[2] * d[2];
+    Poses pose{};
+    for (std::size_t first = 0; first < count; first += kSide) {
+        const std::size_t n = std::min(kSide, count - first);
+        Side s;
+        for (std::size_t j = 0; j < kSide; ++j) s[j] = 1e-9 * time_offset_ns[first + std::min(j, n - 1)];
+        poses_at(motion, s, pose);
+        for (std::size_t j = 0; j < n; ++j) {
+            const std::size_t i = 3 * (first + j);
+            const double *o = origin_B + i, *d = direction_B + i;
+            for (std::size_t r = 0; r < 3; ++r) {
+                const double Rx = pose.R[3 * r][j], Ry = pose.R[3 * r + 1][j], Rz = pose.R[3 * r + 2][j];
+                origin_W[i + r] = pose.p[r][j] + (Rx * o[0] + Ry * o[1] + Rz * o[2]);
+                direction_W[i + r] = Rx * d[0] + Ry * d[1] + Rz * d[2];
+            }
         }
     }
 }
