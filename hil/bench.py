@@ -159,8 +159,8 @@ Reached = Callable[[], int]
 def fly(bench: Bench, out: Path, recorder: Recorder, over: Callable[[Reached, bool], bool]) -> None:
     """Fly `bench` with everything it tells going to `recorder`, without run.json, report and saved bench.
 
-    After every tick `over(tells the waypoints reached, mission ended)` says whether that was enough. Raises HilError, whatever
-    `recorder` and `over` raise, and KeyboardInterrupt.
+    After every tick `over` says whether that was enough; it gets who tells the waypoints reached, and whether the
+    mission has ended. Raises HilError, whatever `recorder` and `over` raise, and KeyboardInterrupt.
     """
     run = _Run(bench, out, quiet=True, recorder=recorder, over=over)
     with ExitStack() as stack:

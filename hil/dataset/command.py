@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from hil.dataset.make import DatasetResult, make_dataset
+from hil.dataset.make import DatasetResult, Means, make_dataset
 from hil.dataset.plan import make_plan
 from hil.signals.errors import ConfigError, Problem, RecordingError
 
@@ -41,7 +41,7 @@ def run_dataset(
             work=lambda: Path(folder),
         )
         try:
-            result = make_dataset(plan, out, workers=workers, resume=resume, quiet=quiet)
+            result = make_dataset(plan, out, Means(workers or 0, resume, quiet))
         except KeyboardInterrupt as stop:
             text = str(stop) or "stopped from the keyboard"
             raise RecordingError(f"{text}; what was written is kept. Go on with: --out {out} --resume") from None

@@ -8,12 +8,14 @@ from __future__ import annotations
 import os
 import zlib
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bench import make_frames
 from hil.config.radar_checks import radars, view_of
 from hil.dataset.formats import voc
 from hil.dataset.formats.coco import CocoPicture, coco_picture
@@ -31,8 +33,6 @@ from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.frame_stages import description
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from hil.signals.time import is_due
-from sim.frame.source import SharedFrames
-from sim.scene.world import load_world
 from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.radar import Radar
@@ -49,7 +49,7 @@ class BatchDrawer:
     def __init__(self, plan: DatasetPlan, root: Path) -> None:
         self._plan, self._root = plan, root
         self._tree = TreeWriter(root)
-        self._frames = SharedFrames(load_world(plan.bench.scene))
+        self._frames = make_frames(plan.bench)
         self._frames.expect(0)
         self._sensors: dict[str, Any] = self._make_sensors()
         world = self._frames.geometry.world
@@ -178,7 +178,7 @@ class _Work:
 
     def _picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
         encoder, channels, t_ns = self._d._encoder, sample.channels, sample.t_capture_ns
-        encoders = {
+        encoders: dict[str, Callable[[NDArray[Any]], bytes]] = {
             "rgb": encoder.rgb_png,
             "depth": encoder.depth_png,
             "segmentation": encoder.class_png,
@@ -191,10 +191,8 @@ class _Work:
                 self._data(name, channel, t_ns, "png", png[channel])
             else:
                 self._data(name, channel, t_ns, "npy", npy(channels[channel]))
-        if name == self._plan.labelled:
-            labels = self._label(sample, png["segmentation"], frame)
-        else:
-            labels = None
+        labelled = name == self._plan.labelled
+        labels = self._label(sample, png["segmentation"], frame) if labelled else None
         if frame >= 0 and self._batch.index == 0 and len(self._frame_t_ns) == 1 and name == self._plan.reference:
             self._preview(name, camera_looks(channels, self._d._catalogue.classes, labels))
         return png

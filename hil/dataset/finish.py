@@ -240,7 +240,8 @@ def _sensor_rows(plan: DatasetPlan, counted: Counted, tables: Tables) -> list[Se
     for name, sensor in plan.config.sensors.items():
         p = sensor.parameters
         holds = ", ".join(getattr(p, "channels", None) or getattr(p, "outputs", None) or (sensor.kind,))
-        part = f" ({PRESETS[sensor.preset].part})" if sensor.preset in PRESETS else ""
+        preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
+        part = f" ({preset.part})" if preset is not None else ""
         parts = getattr(p, "channels", None) or getattr(p, "outputs", None) or ("",)
         folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, part)}" for part in parts))
         samples = counted.samples.get(name, tables.rows.get(plan.folder(name), 0))
@@ -251,9 +252,9 @@ def _sensor_rows(plan: DatasetPlan, counted: Counted, tables: Tables) -> list[Se
 def _formats(plan: DatasetPlan) -> dict[str, str]:
     step_m = plan.config.dataset.depth_step_m
     found = {
-        f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files in data/",
+        f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files",
         f"{ROOT}/*/sensor.yaml": "intrinsics, place on the vehicle (T_BS), rate, noise",
-        f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: nothing, 65535: farther than {65534 * step_m:g} m",
+        f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: nothing, 65535: beyond {65534 * step_m:g} m",
         f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, as SemanticKITTI has them",
         f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp: radar.json",
         f"{ROOT}/range_doppler*/data": "numpy float32 (chirps, range bins), power in ADC counts squared",

@@ -1,7 +1,7 @@
 """What a batch adds to the recording: one chunk with all of its frames, complete in itself.
 
-Pictures are sensor_msgs/CompressedImage with the very bytes of the PNG files; what has no PNG is recorded as `hil run`
-does it. Numbers of channels and schemas follow from sensor and topic alone, so that chunks made by different workers fit
+Pictures are sensor_msgs/CompressedImage with the very bytes of the PNG files; what has no PNG is recorded as in a run.
+Numbers of channels and schemas follow from sensor and topic alone, so that chunks made by different workers fit
 together, and each chunk brings the declarations of what it uses. It is not compressed: pictures are so already.
 """
 

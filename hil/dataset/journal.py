@@ -1,8 +1,9 @@
 """The journal: which batches are done, what files they made and how to tell that those are whole.
 
-One entry a batch, in their order: the letters HILB, bytes of the head and of the body (uint32), where the batch's chunk
-stands in the recording (uint64), CRC-32 of head and body (uint32; all little endian), the head as JSON, the body as text. An entry that was cut off or damaged ends the journal. The body holds
-what the batch adds to the COCO files, one line a picture or annotation.
+One entry a batch, in their order: the letters HILB, bytes of the head and of the body (uint32), where the batch's
+chunk stands in the recording (uint64), CRC-32 of head and body (uint32; all little endian), the head as JSON, the body
+as text. An entry that was cut off or damaged ends the journal. The body holds what the batch adds to the COCO files,
+one line a picture or annotation.
 
 An entry says nothing of when or by whom a batch was made, so the journal of a data set is the same bytes however often
 it was interrupted.
@@ -29,7 +30,7 @@ _MAGIC = b"HILB"
 
 @dataclass(frozen=True)
 class StoredChunk:
-    """The chunk of the recording that holds the batch's frames: two checksums and what the file's summary says of it."""
+    """The chunk of the recording with the batch's frames: its checksum, and what the file's summary says of it."""
 
     size: int
     crc32: int
@@ -100,7 +101,7 @@ def _by_number(texts: dict[str, int]) -> dict[int, int]:
 
 
 def read_journal(path: Path) -> list[tuple[BatchRecord, int]]:
-    """The entries up to the first that is damaged, each with the offset of its chunk; none where there is no journal."""
+    """The entries up to the first damaged one, each with the offset of its chunk; none where there is no journal."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:

@@ -17,6 +17,7 @@ from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.drawing import BatchDrawer
 from hil.dataset.finish import finish
 from hil.dataset.flight import fly_for_frames
+from hil.dataset.folder_lock import locked
 from hil.dataset.formats.labels import Catalogue
 from hil.dataset.journal import BatchRecord, JournalWriter, read_journal
 from hil.dataset.layout import headers, sensor_files
@@ -37,7 +38,6 @@ from hil.dataset.tables import Tables
 from hil.dataset.tree import JOURNAL, WORK, TreeWriter, Written, make_folder
 from hil.dataset.workers import Job, Made, Maker, Workers
 from hil.signals.classes import Classes
-from sim.scene.world import load_world
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,17 @@ class DatasetResult:
     found_batches: int  # that were there already
     steady_frames_per_s: float  # from the first batch that came back to the last
     wall_s: float
+
+
+@dataclass(frozen=True)
+class Means:
+    """How it is made; nothing of it changes what is made."""
+
+    workers: int = 0  # 0: one a core
+    resume: bool = False
+    quiet: bool = False
+    make_workers: Callable[[int, Callable[[], Maker]], Workers] = Workers
+    make_checkpoints: Callable[[Path], Checkpoints] = Checkpoints
 
 
 @dataclass
@@ -81,41 +92,21 @@ class BatchWork:
         return Made(self._drawer.make(job.batch), found=False)
 
 
-def make_dataset(
-    plan: DatasetPlan,
-    root: Path,
-    *,
-    workers: int | None = None,
-    resume: bool = False,
-    quiet: bool = False,
-    make_workers: Callable[[int, Callable[[], Maker]], Workers] = Workers,
-    checkpoints: Callable[[Path], Checkpoints] = Checkpoints,
-) -> DatasetResult:
-    """Raises ConfigError where `root` cannot be used, RecordingError where it cannot be written, HilError of the flight;
-    whatever it raises, what was written until then is readable and can be gone on with."""
+def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> DatasetResult:
+    """Raises ConfigError where `root` cannot be used, RecordingError where it cannot be written, HilError of the
+    flight; whatever it raises, what was written until then is readable and can be gone on with."""
     began_s = time.monotonic()
     bench_files = saved_bench(plan)
     made = made_from(plan, bench_files)
-    old: list[tuple[BatchRecord, int]] = []
-    if resume:
-        if check_resumable(root, made, bench_files):
-            old = read_journal(root / JOURNAL)
-    else:
+    if not means.resume:
         refuse_full(root)
-    world = load_world(plan.bench.scene)
-    classes = Classes(world.class_names, world.class_colours)
-    catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
+    make_folder(root)
+    old: list[tuple[BatchRecord, int]] = []
+    if means.resume and check_resumable(root, made, bench_files):
+        old = read_journal(root / JOURNAL)
     make_folder(root / WORK)
-    tree = TreeWriter(root)
-    count = workers or cores()
-    factory = DrawerFactory(plan, plan.frames, plan.quality, root)
-    early = [tree.write(name, data) for name, data in sorted(bench_files.items())]
-    with make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=quiet) as progress:
-        write_manifest(tree, first_manifest(made))
-        early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
-        return _Making(
-            plan, root, pool, count, catalogue, early, old, made, bench_files, progress, checkpoints, began_s
-        ).result()
+    with locked(root / WORK):
+        return _Making(plan, root, means, bench_files, made, old, began_s).result()
 
 
 def cores() -> int:
@@ -125,25 +116,36 @@ def cores() -> int:
 
 @dataclass
 class _Making:
-    """The part after everything was made ready."""
+    """The part after it is known that it may be made."""
 
     plan: DatasetPlan
     root: Path
-    pool: Workers
-    count: int
-    catalogue: Catalogue
-    early: Sequence[Written]
-    old: Sequence[tuple[BatchRecord, int]]
-    made: Mapping[str, Any]
+    means: Means
     bench_files: Mapping[str, bytes]
-    progress: FrameProgress
-    checkpoints: Callable[[Path], Checkpoints]
+    made: Mapping[str, Any]
+    old: Sequence[tuple[BatchRecord, int]]
     began_s: float
 
     def result(self) -> DatasetResult:
+        plan, root, means = self.plan, self.root, self.means
+        world = plan.bench.world
+        classes = Classes(world.class_names, world.class_colours)
+        catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
+        count = means.workers or cores()
+        factory = DrawerFactory(plan, plan.frames, plan.quality, root)
+        tree = TreeWriter(root)
+        # Before the workers: one that was not forked reads it.
+        early = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
+        with means.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=means.quiet) as progress:
+            write_manifest(tree, first_manifest(self.made))
+            early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
+            return self._work(pool, count, catalogue, early, progress)
+
+    def _work(
+        self, pool: Workers, count: int, catalogue: Catalogue, early: Sequence[Written], progress: FrameProgress
+    ) -> DatasetResult:
         plan, root = self.plan, self.root
-        flight_folders = {name: plan.folder(name) for name in plan.flight_sensors}
-        tables = Tables(root, headers(plan), flight_folders)
+        tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
         journal = JournalWriter(root / JOURNAL, self.old)
         recording = DatasetRecording(
             root,
@@ -155,19 +157,20 @@ class _Making:
 
         def on_done(frames: int) -> None:
             times.append((time.monotonic(), frames))
-            self.progress.show(frames)
+            progress.show(frames)
 
+        checkpoints = self.means.make_checkpoints(root)
         pipeline = Pipeline(
             root,
-            self.pool,
+            pool,
             recording=recording,
             journal=journal,
             tables=tables,
-            checkpoints=self.checkpoints(root),
+            checkpoints=checkpoints,
             expected=[record for record, _ in self.old],
             offsets=[offset for _, offset in self.old],
             on_done=on_done,
-            workers_count=self.count,
+            workers_count=count,
         )
         try:
             fly_for_frames(plan, pipeline.add)
@@ -176,15 +179,15 @@ class _Making:
             finish(
                 plan,
                 root,
-                catalogue=self.catalogue,
+                catalogue=catalogue,
                 records=pipeline.records,
-                early=self.early,
+                early=early,
                 tables=tables,
                 recording=recording,
                 journal=Written(JOURNAL, journal.size, journal.crc32),
                 made=self.made,
             )
-            self.checkpoints(root).finish(lambda: lambda: None)
+            checkpoints.finish(lambda: lambda: None)
         except BaseException:
             pipeline.abandon()
             raise

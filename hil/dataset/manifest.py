@@ -20,7 +20,7 @@ import yaml
 from hil.config import save_bench
 from hil.dataset.formats.datasheet import LICENCE
 from hil.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
-from hil.dataset.tree import MANIFEST, TreeWriter
+from hil.dataset.tree import MANIFEST, WORK, TreeWriter
 from hil.signals.errors import ConfigError, Problem, RecordingError
 
 FORMAT = 1
@@ -76,8 +76,8 @@ def saved_bench(plan: DatasetPlan) -> dict[str, bytes]:
 
 
 def check_resumable(root: Path, made: Mapping[str, Any], bench_files: Mapping[str, bytes]) -> bool:
-    """Whether `root` holds an attempt at the same data set; False: it is empty. ConfigError says what differs."""
-    if not root.exists() or not any(root.iterdir()):
+    """Whether `root` holds an attempt at the same data set; False: nothing was begun. ConfigError: what differs."""
+    if all(entry.name == WORK for entry in root.iterdir()):
         return False
     path = root / MANIFEST
     try:

@@ -77,8 +77,8 @@ class Pipeline:
             return Job(batch, None, 0)  # the last one of a smaller data set
         if before.flight_crc32 != batch.crc:
             raise RecordingError(
-                f"{self._root}: the flight is another one than before, at frame {batch.first_frame}: an autopilot whose "
-                "flights do not repeat cannot be resumed. Begin anew in another folder"
+                f"{self._root}: the flight is another one than before, at frame {batch.first_frame}: with an autopilot "
+                "whose flights do not repeat nothing can be resumed. Begin anew in another folder"
             )
         return Job(batch, before, self._offsets[batch.index])
 

@@ -107,15 +107,13 @@ def make_plan(
 ) -> DatasetPlan:
     """Read and check everything. `work`: makes a folder where the course is put as a mission. ConfigError."""
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
+    if quality is not None and quality not in QUALITIES:
+        raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
     bench = load_bench(path, seed=seed, settings=settings)
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
     if not 1 <= count <= MAX_FRAMES:
         problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
-    chosen = quality or "low"
-    if chosen not in QUALITIES:
-        problems.append(Problem("--quality", f"is unknown: {chosen!r}", nearest(chosen, QUALITIES)))
-        raise ConfigError(problems)
     if quality is not None:
         bench = at_quality(bench, quality)
     bench = _with_own_outputs(bench)

@@ -44,6 +44,6 @@ def at_quality(bench: Bench, name: str) -> Bench:
             i, f = p.intrinsics, quality.factor
             # Pixel centres have whole numbers: the picture's edge is at -1/2.
             scaled = {"fx": f * i.fx, "fy": f * i.fy, "cx": f * (i.cx + 0.5) - 0.5, "cy": f * (i.cy + 0.5) - 0.5}
-            changes["intrinsics"] = i.model_copy(update=scaled)  # type: ignore[assignment]
+            changes["intrinsics"] = i.model_copy(update=scaled)
         sensors[key] = sensor.model_copy(update={"parameters": p.model_copy(update=changes)})
     return replace(bench, config=bench.config.model_copy(update={"sensors": sensors}))

@@ -68,8 +68,8 @@ class DatasetRecording:
                 )
                 series.log_ns.append(log_ns + EPOCH_NS)
             blocks += series.blocks(self._mcap, self._tick_ns)
-        for t_ns, kind, text in part.events:
-            self._events.add(t_ns + EPOCH_NS, kind, text)
+        for t_ns, what, text in part.events:
+            self._events.add(t_ns + EPOCH_NS, what, text)
         blocks.append(self._events.block())
         self._mcap.chunk(blocks, 0)
 

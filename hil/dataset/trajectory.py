@@ -15,8 +15,8 @@ import math
 from collections.abc import Sequence
 
 from hil.config.schema import Trajectory
-from hil.missions.mission import FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, JUMP, TAKEOFF, WAYPOINT
 from hil.missions.mission import CHANGE_SPEED as SPEED
+from hil.missions.mission import FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, JUMP, TAKEOFF, WAYPOINT
 from sim.scene.geodesy import LocalFrame
 from sim.scene.scene import Site
 

@@ -1,8 +1,8 @@
 """Processes that make batches.
 
-Each has one thread, its own renderer and encoder, and a pipe to the parent. A process is forked where that is safe (one
-thread, so nobody can hold a lock for ever): then the scene, compiled once, is there at no cost. Elsewhere a fresh one is
-started, which loads the bench that was saved with the data set.
+Each has one thread, its own renderer and encoder, and a pipe to the parent. A process is forked where that is safe
+(one thread, so nobody can hold a lock for ever): then the scene, compiled once, is there at no cost. Elsewhere a fresh
+one is started, which loads the bench that was saved with the data set.
 
 At most `DEPTH` batches are with a worker at a time, one in work and one that waits, so memory is bounded and nobody
 waits for the parent. A worker that dies (killed for memory, say) is told by its pipe: that ends the work with an error.
@@ -11,6 +11,7 @@ waits for the parent. A worker that dies (killed for memory, say) is told by its
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import gc
 import multiprocessing as mp
 import os
@@ -28,6 +29,7 @@ from hil.dataset.moments import Batch
 from hil.signals.errors import HilError, RecordingError
 
 DEPTH = 2
+_PR_SET_PDEATHSIG = 1  # of Linux
 
 
 class Job(NamedTuple):
@@ -152,8 +154,15 @@ class Workers:
         self._workers = []
 
 
+def _end_with_parent() -> None:
+    """However the parent ends: nobody is to write on behind its back."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+
+
 def _work(pipe: Connection, make_maker: Callable[[], Maker], close: list[Connection]) -> None:
     """A worker's life."""
+    _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if hasattr(signal, "SIGHUP"):

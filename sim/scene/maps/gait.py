@@ -135,11 +135,11 @@ class Gait:
     def kernel_values(self) -> tuple[float, ...]:
         """What `sim._kernels.walker_pose` wants to know (sim/native/gait.hpp, GaitShape)."""
         f = self.figure
-        lengths = (f.thigh_m, f.shank_m, f.ankle_m, f.heel_m, f.ball_m, f.hip_half_m, f.shoulder_half_m)
-        lengths += (f.shoulder_above_hip_m, f.head_above_hip_m, f.torso_above_hip_m)
-        lengths += (f.upper_arm_m, f.forearm_m, f.hand_m)
+        legs = (f.thigh_m, f.shank_m, f.ankle_m, f.heel_m, f.ball_m, f.hip_half_m, f.shoulder_half_m)
+        above = (f.shoulder_above_hip_m, f.head_above_hip_m, f.torso_above_hip_m)
+        arms = (f.upper_arm_m, f.forearm_m, f.hand_m)
         steps = (self.cycle_m, self.stance, self._bob_m, self._arm_rad, self._lift_m, self._ahead_m)
-        return (*lengths, *steps, *self._swing_from, *self._swing_to, self._hip_m)
+        return (*legs, *above, *arms, *steps, *self._swing_from, *self._swing_to, self._hip_m)
 
     def _place_feet(self, ahead_m: float) -> None:
         self._ahead_m = ahead_m
