@@ -1,0 +1,201 @@
+"""The parts of `hil dataset` that need no pictures: courses, flights, batches, splits, the journal, progress."""
+
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.unit.dataset_world import tiny_plan
+
+from hil.config.schema import Trajectory
+from hil.dataset.finish import split_of
+from hil.dataset.flight import FlightPart, fly_for_frames
+from hil.dataset.formats.coco import CocoPicture
+from hil.dataset.formats.split import GUARD, SETS
+from hil.dataset.journal import BatchRecord, JournalWriter, StoredChunk, read_journal
+from hil.dataset.moments import Batch
+from hil.dataset.plan import DEFAULT_BENCH, make_plan
+from hil.dataset.progress import FrameProgress
+from hil.dataset.tree import Written
+from hil.dataset.trajectory import course, waypoints_text
+from hil.missions import Geopoint, load_mission
+from hil.signals.errors import RecordingError
+from sim.scene.scene import Site
+
+SITE = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
+
+MISSION = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t47.397742\t8.545594\t488\t1
+1\t0\t3\t22\t0\t0\t0\t0\t47.397742\t8.545594\t2.5\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.397742\t8.545594\t2.5\t1
+3\t0\t3\t16\t0\t0\t0\t0\t47.397742\t8.5456338\t2.5\t1
+4\t0\t3\t21\t0\t0\t0\t0\t47.397742\t8.5456338\t0\t1
+"""
+
+
+@pytest.mark.parametrize("preset", ["square", "circle", "figure_eight", "survey"])
+def test_courses_are_as_large_and_as_high_as_asked(preset: str, tmp_path: Path) -> None:
+    trajectory = Trajectory.model_validate({"preset": preset, "side_m": 12.0, "height_m": 5.0, "speed_mps": 2.0})
+    points = course(trajectory)
+    assert points[0] == (0.0, 0.0)
+    width = max(x for x, _ in points) - min(x for x, _ in points)
+    assert width == pytest.approx(12.0, rel=0.02)
+    path = tmp_path / "a.waypoints"
+    path.write_text(waypoints_text(trajectory, SITE))
+    mission = load_mission(path, site=Geopoint(SITE.latitude_deg, SITE.longitude_deg, SITE.altitude_m))
+    assert [item.command for item in mission.items[:2]] == [22, 178]
+    assert mission.items[-1].command == 177
+    assert mission.items[-1].param1 == 2 and mission.items[-1].param2 == -1  # back to the first waypoint, for ever
+    assert mission.items[2].alt_m == 5.0
+    north_m = math.radians((mission.items[4].lat_degE7 - mission.items[2].lat_degE7) / 1e7) * 6.37e6
+    assert north_m == pytest.approx(points[2][1], abs=0.05)
+
+
+def test_recording_begins_at_the_first_waypoint_and_in_the_air() -> None:
+    plan = make_plan(None, frames=13, quality=None, seed=None, settings=("dataset.trajectory.height_m=3",), work=_folder)
+    taken: list[tuple[Batch, FlightPart]] = []
+    fly_for_frames(plan, lambda batch, part: taken.append((batch, part)))
+    assert [batch.frames for batch, _ in taken] == [10, 3]
+    assert [batch.first_frame for batch, _ in taken] == [0, 10]
+    moments = [moment for batch, _ in taken for moment in batch.moments]
+    assert all(2.0 < moment.truth.p_WB[2] < 4.5 for moment in moments)
+    frames = [moment for moment in moments if moment.frame >= 0]
+    assert [moment.frame for moment in frames] == list(range(13))
+    gaps = [b.truth.tick - a.truth.tick for a, b in zip(frames, frames[1:], strict=False)]
+    assert set(gaps) == {12, 13}  # 20 Hz on 250 Hz
+    first_seq = frames[0].looks[0].seq
+    assert first_seq == frames[0].truth.tick * 20 // 250  # the number that `hil run` would give it
+    sweeps = [look for moment in moments for look in moment.looks if look.sensor == "lidar"]
+    assert all(look.before is not None for look in sweeps)
+    truths = [truth.t_ns for _, part in taken for truth in part.truths]
+    assert truths[0] == frames[0].truth.t_ns and truths[-1] == frames[-1].truth.t_ns
+    assert truths == list(range(truths[0], truths[-1] + 1, 4_000_000))
+    gps = [sample.t_capture_ns for _, part in taken for sample, _ in part.samples["gps"]]
+    assert truths[0] <= gps[0] and gps[-1] <= truths[-1] and len(gps) >= 6
+
+
+def _folder() -> Path:
+    import tempfile
+
+    return Path(tempfile.mkdtemp(prefix="hil-test-"))
+
+
+def test_a_mission_with_an_end_is_flown_again(tmp_path: Path) -> None:
+    (tmp_path / "short.waypoints").write_text(MISSION)
+    settings = ("dataset.trajectory=null", f"mission={tmp_path}/short.waypoints", "dataset.record=trajectory")
+    plan = tiny_plan(tmp_path, frames=10**6, settings=settings)
+    once = _frames_until_second_flight(plan)
+    plan = replace(plan, frames=once + 7)
+    taken: list[Batch] = []
+    fly_for_frames(plan, lambda batch, _: taken.append(batch))
+    frames = [moment for batch in taken for moment in batch.moments if moment.frame >= 0]
+    assert len(frames) == once + 7
+    times = [moment.truth.t_ns for moment in frames]
+    assert all(a < b for a, b in zip(times, times[1:], strict=False))
+    assert times[once] - times[once - 1] > 2_000_000_000  # a landing and a take-off between
+    seqs = [look.seq for moment in frames for look in moment.looks if look.sensor == "front"]
+    assert all(a < b for a, b in zip(seqs, seqs[1:], strict=False))
+
+
+class _Enough(Exception):
+    pass
+
+
+def _frames_until_second_flight(plan: object) -> int:
+    from hil.dataset.flight import FlightTap
+
+    counts: list[int] = []
+    real = FlightTap.begin_flight
+
+    def begin(tap: FlightTap) -> None:
+        counts.append(tap.batches.frames)
+        if len(counts) == 2:
+            raise _Enough
+        real(tap)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(FlightTap, "begin_flight", begin)
+        with pytest.raises(_Enough):
+            fly_for_frames(plan, lambda _batch, _part: None)  # type: ignore[arg-type]
+    assert counts[1] > 5
+    return counts[1]
+
+
+def test_a_flight_without_frames_is_told(tmp_path: Path) -> None:
+    plan = tiny_plan(tmp_path, frames=3, settings=("dataset.record=trajectory", "duration_s=2"))
+    with pytest.raises(RecordingError, match=r"gave no frame within its 2 s.*first waypoint"):
+        fly_for_frames(plan, lambda _batch, _part: None)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 10, 29, 30, 31, 100, 500, 1234])
+def test_splits_are_sound_for_any_number_of_frames(frames: int) -> None:
+    split = split_of(frames, 2)
+    assert len(split.of_frame) == frames
+    counts = split.counts
+    assert counts["train"] > 0
+    if frames >= 3:
+        assert all(counts[name] > 0 for name in SETS)
+    if frames >= 100:
+        assert split.shares["train"] == pytest.approx(0.6, abs=0.03)
+        assert split.shares["test"] == pytest.approx(0.2, abs=0.03)
+    if frames >= 30:
+        for a, b in zip(split.of_frame, split.of_frame[1:], strict=False):
+            assert a == b or GUARD in (a, b)  # never neighbours
+
+
+def record(index: int) -> BatchRecord:
+    chunk = StoredChunk(9, 1, 8, 7, 5, 6, {300: 8}, {300: 1}, ((300, "/a", "sensor_msgs/Image"),))
+    picture = CocoPicture(index + 1, '{"id":1}', ('{"a":"\\n"}', '{"b":2}'))
+    files = (Written(f"a/{index}.png", 3, 4),)
+    return BatchRecord(index, index, 1, 77, files, {"x": 1}, (5,), ({3: 2},), {3: 9}, chunk, (picture,))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_a_journal_cut_off_or_damaged_anywhere_gives_its_beginning(
+    tmp_path_factory: pytest.TempPathFactory, at: int, cut: bool
+) -> None:
+    path = tmp_path_factory.mktemp("journal") / "journal.bin"
+    writer = JournalWriter(path)
+    ends = []
+    for index in range(3):
+        writer.append(record(index), 1000 * index)
+        ends.append(writer.size)
+    writer.close()
+    data = path.read_bytes()
+    at %= len(data)
+    path.write_bytes(data[:at] if cut else data[:at] + bytes([data[at] ^ 0x41]) + data[at + 1 :])
+    whole = sum(end <= at for end in ends)
+    found = read_journal(path)
+    # A changed offset is not covered by the checksum; the chunk that is looked for there is by its own.
+    assert len(found) >= whole
+    assert [entry for entry, _ in found[:whole]] == [record(i) for i in range(whole)]
+    again = JournalWriter(path, found[:whole])
+    for index in range(3):
+        again.append(record(index), 1000 * index)
+    again.finish()
+    again.close()
+    assert path.read_bytes() == data
+
+
+def test_progress_tells_rate_and_time_left() -> None:
+    now = [0.0]
+    stream = io.StringIO()
+    with FrameProgress(500, quiet=False, stream=stream, clock=lambda: now[0]) as progress:
+        now[0] = 3.0  # taking off
+        progress.show(10)
+        now[0] = 4.0
+        progress.show(110)  # too early for another line
+        now[0] = 9.0
+        progress.show(250)
+    lines = stream.getvalue().splitlines()
+    assert lines == ["10 of 500 frames", "250 of 500 frames, 40.0 frames/s, 6 s left"]
+
+
+def test_the_default_bench_is_shipped() -> None:
+    assert (Path(__file__).parents[2] / DEFAULT_BENCH).is_file()
