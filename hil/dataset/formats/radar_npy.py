@@ -1,8 +1,8 @@
 """Radar frames as numpy files.
 
-raw/<t_ns>.npy            uint16 (receivers, chirps, samples): what the ADC gave
-range_doppler/<t_ns>.npy  float32 (chirps, samples / 2): power in ADC counts squared, rows by speed, 0 in the middle
-radar.json                the chirp, in the maker's words and with what follows from it
+raw             uint16 (receivers, chirps, samples): what the ADC gave
+range_doppler   float32 (chirps, samples / 2): power in ADC counts squared, rows by speed, 0 in the middle
+radar.json      the chirp, in the maker's words and with what follows from it
 """
 
 from __future__ import annotations
