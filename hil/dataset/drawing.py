@@ -198,7 +198,7 @@ class StoringWork:
                 self._data(name, channel, t_ns, "npy", npy(channels[channel]))
         labelled = name == self._plan.labelled
         labels = self._label(sample, png["segmentation"], frame) if labelled else None
-        if frame >= 0 and self._batch.index == 0 and len(self._frame_t_ns) == 1 and name == self._plan.reference:
+        if self._batch.index == 0 and self._samples[name] == 1:
             self._preview(name, camera_looks(channels, self._d._catalogue.classes, labels))
         return png
 
@@ -209,10 +209,9 @@ class StoringWork:
         self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d._catalogue.classes))
         self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d._catalogue.palette))
         masks = d._labels.masks(sample.channels["instance"], labels)
-        if frame >= 0:
-            self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
-            self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
-            self._pixels += labels.class_pixels
+        self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
+        self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
+        self._pixels += labels.class_pixels
         return labels
 
     def _sweep(self, name: str, sample: PointCloudSample) -> None:

@@ -150,7 +150,7 @@ def finish(
 
 def _label_files(plan: DatasetPlan, counted: Counted, split: Split, catalogue: Catalogue) -> dict[str, str]:
     """VOC's lists and the COCO files, by path. A set without frames has its files too, empty."""
-    if plan.labelled is None or plan.labelled != plan.reference:
+    if plan.labelled is None:
         return {}
     names = [str(t_ns) for t_ns in counted.frame_t_ns]
     texts = {f"{voc.IMAGE_SETS}/{name}": text for name, text in voc.image_sets(names, split).items()}

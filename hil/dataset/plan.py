@@ -1,7 +1,8 @@
 """What a data set will be: which sensors of which bench, how many frames, where each sensor's data go.
 
-A frame is a picture of the first camera of the bench file; without a camera a sweep of its first LiDAR, or a frame of
-its first radar. The other sensors keep their own rates.
+A frame is a picture of the first camera with colour, classes and instances, which is the one that is labelled; without
+one a picture of the first camera, a sweep of the first LiDAR or a frame of the first radar. The others keep their own
+rates.
 
 Each batch of frames is a pure function of the truths in it, the seed and the sample numbers; whoever makes which batch
 changes nothing. Sensors whose samples hang on the samples before are therefore refused here, or, where the recording
@@ -68,12 +69,14 @@ class DatasetPlan:
     def reference(self) -> str:
         """The sensor whose samples are counted as frames."""
         sensors = self.frame_sensors
+        if self.labelled is not None:
+            return self.labelled
         return next(name for kind in ("camera", "lidar", "radar") for name, s in sensors.items() if s.kind == kind)
 
     @property
     def labelled(self) -> str | None:
         """The camera that boxes and masks are of: the first one that has what it takes."""
-        needed = {"segmentation", "instance"}
+        needed = {"rgb", "segmentation", "instance"}
         cameras = [n for n, s in self.frame_sensors.items() if s.kind == "camera"]
         return next((n for n in cameras if needed <= set(self.frame_sensors[n].parameters.channels)), None)
 
@@ -109,12 +112,14 @@ def make_plan(
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
-    bench = load_bench(path, seed=seed, settings=settings)
+    in_bench = "quality" in BenchConfig.model_fields  # where the bench knows levels itself
+    laid = (f"quality={quality}",) if quality is not None and in_bench else ()
+    bench = load_bench(path, seed=seed, settings=(*settings, *laid))
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
     if not 1 <= count <= MAX_FRAMES:
         problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
-    if quality is not None:
+    if quality is not None and not in_bench:
         bench = at_quality(bench, quality)
     bench = _with_own_outputs(bench)
     problems += _problems(bench)

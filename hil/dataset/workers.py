@@ -19,6 +19,7 @@ import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -78,7 +79,10 @@ class Workers:
             close = [end for j, pair in enumerate(pipes) for end in pair if end is not far] if forked else []
             arguments = (far, make_maker, close)
             process = context.Process(target=_work, args=arguments, name=f"hil-dataset-{i}", daemon=True)
-            process.start()
+            with warnings.catch_warnings():
+                # Newer Pythons count native threads too and warn; those of numpy's BLAS are put down before a fork.
+                warnings.simplefilter("ignore", DeprecationWarning)
+                process.start()
             self._workers.append(_Worker(process, near))
         for _, far in pipes:
             far.close()

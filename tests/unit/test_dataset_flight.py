@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from dataclasses import replace
+import tempfile
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from hil.dataset.flight import FlightPart, fly_for_frames
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.formats.split import GUARD, SETS
 from hil.dataset.journal import BatchRecord, JournalWriter, StoredChunk, read_journal
-from hil.dataset.moments import Batch
+from hil.dataset.moments import Batch, Moment
 from hil.dataset.plan import DEFAULT_BENCH, make_plan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.trajectory import course, waypoints_text
@@ -87,41 +87,28 @@ def test_a_mission_with_an_end_is_flown_again(tmp_path: Path) -> None:
     (tmp_path / "short.waypoints").write_text(MISSION)
     settings = ("dataset.trajectory=null", f"mission={tmp_path}/short.waypoints", "dataset.record=trajectory")
     plan = tiny_plan(tmp_path, frames=10**6, settings=settings)
-    once = _frames_until_second_flight(plan)
-    plan = replace(plan, frames=once + 7)
-    taken: list[Batch] = []
-    fly_for_frames(plan, lambda batch, _: taken.append(batch))
-    frames = [moment for batch in taken for moment in batch.moments if moment.frame >= 0]
-    assert len(frames) == once + 7
+    frames: list[Moment] = []
+
+    def until_the_second_flight(batch: Batch, part: FlightPart) -> None:
+        frames.extend(moment for moment in batch.moments if moment.frame >= 0)
+        if frames[-1].truth.t_ns - frames[0].truth.t_ns > len(frames) * 200_000_000:
+            raise _Enough
+        assert {truth.tick * 4_000_000 for truth in part.truths} >= {frames[-1].truth.t_ns}  # times of the first flight
+
+    with pytest.raises(_Enough):
+        fly_for_frames(plan, until_the_second_flight)
     times = [moment.truth.t_ns for moment in frames]
-    assert all(a < b for a, b in pairwise(times))
-    assert times[once] - times[once - 1] > 2_000_000_000  # a landing and a take-off between
+    gaps = [b - a for a, b in pairwise(times)]
+    assert min(gaps) > 0
+    assert sum(gap > 2_000_000_000 for gap in gaps) == 1  # one landing and one take-off between
+    assert sum(gap <= 52_000_000 for gap in gaps) == len(gaps) - 1
     seqs = [look.seq for moment in frames for look in moment.looks if look.sensor == "front"]
     assert all(a < b for a, b in pairwise(seqs))
+    assert [moment.frame for moment in frames] == list(range(len(frames)))
 
 
 class _Enough(Exception):
     pass
-
-
-def _frames_until_second_flight(plan: object) -> int:
-    from hil.dataset.flight import FlightTap
-
-    counts: list[int] = []
-    real = FlightTap.begin_flight
-
-    def begin(tap: FlightTap) -> None:
-        counts.append(tap.batches.frames)
-        if len(counts) == 2:
-            raise _Enough
-        real(tap)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(FlightTap, "begin_flight", begin)
-        with pytest.raises(_Enough):
-            fly_for_frames(plan, lambda _batch, _part: None)  # type: ignore[arg-type]
-    assert counts[1] > 5
-    return counts[1]
 
 
 def test_a_flight_without_frames_is_told(tmp_path: Path) -> None:
@@ -197,3 +184,27 @@ def test_progress_tells_rate_and_time_left() -> None:
 
 def test_the_default_bench_is_shipped() -> None:
     assert (Path(__file__).parents[2] / DEFAULT_BENCH).is_file()
+
+
+def test_frames_are_those_of_the_camera_that_can_be_labelled(tmp_path: Path) -> None:
+    more = (
+        "sensors.first={kind: camera, resolution: [32, 24], fov_deg: 90, rate_hz: 5, channels: [rgb, depth]}",
+        "sensors.front.rate_hz=10",
+    )
+    plan = tiny_plan(tmp_path, frames=3, settings=more)
+    assert (plan.reference, plan.labelled) == ("front", "front")
+    assert (plan.folder("front", "rgb"), plan.folder("first", "depth")) == ("cam0", "depth1")
+    plan = tiny_plan(tmp_path, frames=3, settings=(*more, "sensors.front.channels=[rgb, segmentation]"))
+    assert (plan.reference, plan.labelled) == ("front", None)
+    none = ("sensors.front=null", "sensors.radar=null")
+    assert tiny_plan(tmp_path, frames=3, settings=none).reference == "lidar"
+
+
+@pytest.mark.parametrize("quality", ["low", "high", "cinematic"])
+def test_qualities_change_how_cameras_draw(quality: str) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        plan = make_plan(None, frames=1, quality=quality, seed=None, settings=(), work=lambda: Path(folder))
+    front = plan.config.sensors["front"].parameters
+    assert front.shadows is (quality != "low")
+    assert front.resolution == ((640, 480) if quality == "cinematic" else (320, 240))
+    assert plan.quality == quality
