@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hil.dataset.formats import voc
-from hil.dataset.formats.coco import CocoPicture, coco_json
+from hil.dataset.formats.coco import CocoPicture, coco_parts
 from hil.dataset.formats.datasheet import (
     LICENCE,
     LIMITS,
@@ -46,6 +46,7 @@ from sim.sensors.catalog import PRESETS
 
 SPLIT_NAME = "split.csv"
 _COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
+_PIECE = 1 << 20  # characters of a COCO file in memory
 _WITH_GUARDS = 30  # frames; of fewer the sets are neighbours without any between them
 _TITLES = {
     "rgb": "colour",
@@ -67,7 +68,6 @@ class Counted:
     objects: list[dict[int, int]]  # by frame
     pixels: list[int]  # by class
     samples: dict[str, int]  # by sensor
-    pictures: list[CocoPicture]
 
     @classmethod
     def of(cls, records: Sequence[BatchRecord]) -> Counted:
@@ -83,7 +83,6 @@ class Counted:
             [counts for record in records for counts in record.objects],
             pixels,
             samples,
-            [picture for record in records for picture in record.pictures],
         )
 
 
@@ -101,6 +100,7 @@ def finish(
     *,
     catalogue: Catalogue,
     records: Sequence[BatchRecord],
+    pictures: Callable[[], Iterable[CocoPicture]],
     early: Iterable[Written],
     tables: Tables,
     recording: DatasetRecording,
@@ -113,8 +113,10 @@ def finish(
     split = split_of(len(counted.frame_t_ns), plan.config.dataset.guard_frames)
     files = [*early, *(file for record in records for file in record.files), *tables.written()]
     late: list[Written] = []
-    for path, text in _label_files(plan, counted, split, catalogue).items():
-        late.append(tree.write(path, text.encode()))
+    if plan.labelled is not None:
+        names = [str(t_ns) for t_ns in counted.frame_t_ns]
+        late += [tree.write(f"{voc.IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
+        late += _coco_files(plan, tree, split, catalogue, pictures)
     late.append(tree.write(SPLIT_NAME, split_text(split).encode()))
     if plan.labelled is not None:
         _link(root / voc.IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
@@ -148,19 +150,37 @@ def finish(
     shutil.rmtree(root / WORK, ignore_errors=True)
 
 
-def _label_files(plan: DatasetPlan, counted: Counted, split: Split, catalogue: Catalogue) -> dict[str, str]:
-    """VOC's lists and the COCO files, by path. A set without frames has its files too, empty."""
-    if plan.labelled is None:
-        return {}
-    names = [str(t_ns) for t_ns in counted.frame_t_ns]
-    texts = {f"{voc.IMAGE_SETS}/{name}": text for name, text in voc.image_sets(names, split).items()}
+def _coco_files(
+    plan: DatasetPlan,
+    tree: TreeWriter,
+    split: Split,
+    catalogue: Catalogue,
+    pictures: Callable[[], Iterable[CocoPicture]],
+) -> Iterator[Written]:
+    """A file for each set, and one of all. A set without frames has its file too, of no images."""
     about = f"{plan.bench.scene.name}, seed {plan.config.seed}"
     for name, short in {**_COCO_NAMES, "": "all"}.items():
-        frames = split.frames(name) if name else range(len(names))
-        texts[f"{ANNOTATIONS}/instances_{short}.json"] = coco_json(
-            [counted.pictures[i] for i in frames], catalogue, description=about, licence=LICENCE, may_be_empty=True
-        )
-    return texts
+        ids = {frame + 1 for frame in (split.frames(name) if name else range(len(split.of_frame)))}
+
+        def chosen(ids: set[int] = ids) -> Iterator[CocoPicture]:
+            return (picture for picture in pictures() if picture.image_id in ids)
+
+        parts = coco_parts(chosen, catalogue, description=about, licence=LICENCE)
+        yield tree.write_parts(f"{ANNOTATIONS}/instances_{short}.json", _pieces(parts))
+
+
+def _pieces(parts: Iterable[str]) -> Iterator[bytes]:
+    """The same in fewer, larger pieces."""
+    held: list[str] = []
+    size = 0
+    for part in parts:
+        held.append(part)
+        size += len(part)
+        if size > _PIECE:
+            yield "".join(held).encode()
+            held.clear()
+            size = 0
+    yield "".join(held).encode()
 
 
 def _link(link: Path, target: str) -> None:

@@ -15,7 +15,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -121,6 +121,17 @@ def read_journal(path: Path) -> list[tuple[BatchRecord, int]]:
         found.append((record, offset))
         at = last
     return found
+
+
+def read_pictures(path: Path) -> Iterator[CocoPicture]:
+    """What a whole journal holds for the COCO files, one batch in memory at a time."""
+    try:
+        with open(path, "rb") as file:
+            while head := file.read(_HEAD.size):
+                _, head_size, body_size, _, _ = _HEAD.unpack(head)
+                yield from BatchRecord.from_parts(file.read(head_size), file.read(body_size)).pictures
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 class JournalWriter:

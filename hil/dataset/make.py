@@ -184,6 +184,7 @@ class _Making:
                 root,
                 catalogue=catalogue,
                 records=pipeline.records,
+                pictures=pipeline.pictures,
                 early=early,
                 tables=tables,
                 recording=recording,

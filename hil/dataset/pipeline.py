@@ -9,19 +9,23 @@ from __future__ import annotations
 import contextlib
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.drawing import chunk_path
 from hil.dataset.flight import FlightPart
-from hil.dataset.journal import BatchRecord, JournalWriter
+from hil.dataset.formats.coco import CocoPicture
+from hil.dataset.journal import BatchRecord, JournalWriter, read_pictures
 from hil.dataset.moments import Batch
 from hil.dataset.recording import DatasetRecording
 from hil.dataset.tables import Tables
+from hil.dataset.tree import JOURNAL
 from hil.dataset.workers import Job, Made, Workers
 from hil.signals.errors import RecordingError
 
+_KEPT_BYTES = 64 << 20  # of COCO annotations in memory
 _AHEAD = 4  # batches that may wait for one before them, for each worker
 
 
@@ -51,7 +55,9 @@ class Pipeline:
         self._made: dict[int, Made] = {}  # came back before one that stands before it
         self._next = 0
         self._most = _AHEAD * workers_count
-        self.records: list[BatchRecord] = []
+        self._pictures: list[CocoPicture] | None = []
+        self._picture_bytes = 0
+        self.records: list[BatchRecord] = []  # without their pictures
         self.found = 0  # batches that were there already
         self.frames = 0
 
@@ -103,11 +109,25 @@ class Pipeline:
         self._journal.append(record, self._recording.size - record.chunk.size)
         self._tables.add_flight(part)
         self._tables.add_files(record)
-        self.records.append(record)
+        self.records.append(replace(record, pictures=()))
+        self._keep(record.pictures)
         self.found += made.found
         self.frames += batch.frames
         self._on_done(self.frames)
         self._checkpoints.maybe(self._after_sync)
+
+    def _keep(self, pictures: Sequence[CocoPicture]) -> None:
+        """As long as they are few: many are in the journal, and reading them back takes its time."""
+        if self._pictures is None:
+            return
+        self._pictures += pictures
+        self._picture_bytes += sum(len(text) for picture in pictures for text in picture.annotations)
+        if self._picture_bytes > _KEPT_BYTES:
+            self._pictures = None
+
+    def pictures(self) -> Iterable[CocoPicture]:
+        """What all batches add to the COCO files, in order."""
+        return read_pictures(self._root / JOURNAL) if self._pictures is None else self._pictures
 
     def _after_sync(self) -> Callable[[], None]:
         texts = self._tables.take()

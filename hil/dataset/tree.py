@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,6 +39,10 @@ class TreeWriter:
 
     def write(self, path: str, data: bytes) -> Written:
         """Raises RecordingError where it cannot be written; what was there before is then still there."""
+        return self.write_parts(path, (data,))
+
+    def write_parts(self, path: str, parts: Iterable[bytes]) -> Written:
+        """The same, of a file that need not be in memory."""
         folder, _, name = path.rpartition("/")
         if folder not in self._made:
             make_folder(self.root / folder)
@@ -46,10 +51,14 @@ class TreeWriter:
         part = f"{self.root}/{folder}/.{name}{PART}" if folder else f"{self.root}/.{name}{PART}"
         try:
             file = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            size = crc = 0
             try:
-                view = memoryview(data)
-                while view:
-                    view = view[os.write(file, view) :]
+                for data in parts:
+                    view = memoryview(data)
+                    while view:
+                        view = view[os.write(file, view) :]
+                    size += len(data)
+                    crc = zlib.crc32(data, crc)
             finally:
                 os.close(file)
             os.rename(part, final)
@@ -57,7 +66,7 @@ class TreeWriter:
             with contextlib.suppress(OSError):
                 os.unlink(part)
             raise unwritable(self.root / path, error) from error
-        return Written(path, len(data), zlib.crc32(data))
+        return Written(path, size, crc)
 
     def holds(self, written: Written) -> bool:
         """Whether that file is there, byte for byte as far as its checksum tells."""

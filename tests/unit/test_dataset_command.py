@@ -23,6 +23,7 @@ from mcap.reader import make_reader
 
 from hil.bench import make_frames
 from hil.cli import run_command_line
+from hil.dataset import pipeline as pipeline_module
 from hil.dataset import tree as tree_module
 from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.formats.datasheet import LIMITS
@@ -100,6 +101,14 @@ def test_more_frames_than_before(plan: DatasetPlan, whole: Path, tmp_path: Path)
     make_dataset(replace(plan, frames=12), root, inline())
     assert make_dataset(plan, root, inline(resume=True)).found_batches == 1
     assert tree_of(root) == tree_of(whole)
+
+
+def test_annotations_too_many_for_memory_come_from_the_journal(
+    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline_module, "_KEPT_BYTES", 2000)
+    make_dataset(plan, tmp_path / "set", inline())
+    assert tree_of(tmp_path / "set") == tree_of(whole)
 
 
 def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ A file is made of one piece a picture, which workers make, joined in the order o
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from hil.dataset.formats.labels import Catalogue, PictureLabels
@@ -60,20 +59,21 @@ def coco_picture(
     return CocoPicture(image_id, json.dumps(image, separators=_COMPACT), tuple(annotations))
 
 
-def coco_json(
-    pictures: Iterable[CocoPicture],
-    catalogue: Catalogue,
-    *,
-    description: str,
-    licence: str,
-    may_be_empty: bool = False,
-) -> str:
-    """The file. Raises RecordingError for no pictures at all (unless they may be none), or two of one number."""
+def coco_json(pictures: Iterable[CocoPicture], catalogue: Catalogue, *, description: str, licence: str) -> str:
+    """The file. Raises RecordingError for no pictures at all, or two of one number."""
     chosen = list(pictures)
-    if not chosen and not may_be_empty:
-        raise RecordingError("COCO: there are no pictures; say may_be_empty where a set has none")
-    if any(a.image_id >= b.image_id for a, b in pairwise(chosen)):
-        raise RecordingError("COCO: pictures must come in the order of their frames, each once")
+    if not chosen:
+        raise RecordingError("COCO: there are no pictures; `coco_parts` makes a file of none")
+    return "".join(coco_parts(lambda: chosen, catalogue, description=description, licence=licence))
+
+
+def coco_parts(
+    pictures: Callable[[], Iterable[CocoPicture]], catalogue: Catalogue, *, description: str, licence: str
+) -> Iterator[str]:
+    """The file piece by piece, of any number of pictures. `pictures` is called twice: images stand before annotations.
+
+    RecordingError for two pictures of one number, or not in their order.
+    """
     names = catalogue.classes.names
     categories = [
         {"id": i, "name": names[i], "supercategory": "object"}
@@ -82,17 +82,18 @@ def coco_json(
     ]
     info = {"description": description, "version": "1.0"}
     licences = [{"id": 1, "name": licence, "url": ""}]
-    return "\n".join(
-        [
-            f'{{"info":{json.dumps(info)},',
-            f'"licenses":{json.dumps(licences)},',
-            f'"categories":{json.dumps(categories)},',
-            '"images":[',
-            ",\n".join(picture.image for picture in chosen),
-            "],",
-            '"annotations":[',
-            ",\n".join(text for picture in chosen for text in picture.annotations),
-            "]}",
-            "",
-        ]
-    )
+    yield f'{{"info":{json.dumps(info)},\n"licenses":{json.dumps(licences)},\n"categories":{json.dumps(categories)},\n'
+    yield '"images":[\n'
+    before = 0
+    for picture in pictures():
+        if picture.image_id <= before:
+            raise RecordingError("COCO: pictures must come in the order of their frames, each once")
+        yield f",\n{picture.image}" if before else picture.image
+        before = picture.image_id
+    yield '\n],\n"annotations":[\n'
+    first = True
+    for picture in pictures():
+        for text in picture.annotations:
+            yield text if first else f",\n{text}"
+            first = False
+    yield "\n]}\n"
