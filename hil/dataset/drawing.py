@@ -47,21 +47,21 @@ class BatchDrawer:
     """Everything a worker needs, made once."""
 
     def __init__(self, plan: DatasetPlan, root: Path) -> None:
-        self._plan, self._root = plan, root
-        self._tree = TreeWriter(root)
-        self._frames = make_frames(plan.bench)
-        self._frames.expect(0)
-        self._sensors: dict[str, Any] = self._make_sensors()
-        world = self._frames.geometry.world
-        self._catalogue = Catalogue.of_geoms(
-            self._frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)
+        self.plan, self.root = plan, root
+        self.tree = TreeWriter(root)
+        self.frames = make_frames(plan.bench)
+        self.frames.expect(0)
+        self.sensors: dict[str, Any] = self._make_sensors()
+        world = self.frames.geometry.world
+        self.catalogue = Catalogue.of_geoms(
+            self.frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)
         )
-        self._encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m))
-        self._labels = LabelReader(self._catalogue)
-        self._series = self._new_series(with_place=False)
+        self.encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m))
+        self.labels = LabelReader(self.catalogue)
+        self.series = self.new_series(with_place=False)
 
     def _make_sensors(self) -> dict[str, Any]:
-        plan, config = self._plan, self._plan.config
+        plan, config = self.plan, self.plan.config
         read = {p.frame for p in radars(plan.frame_sensors).values() if p.frame is not None}
         shared = {name: view_of(config.sensors[name]) for name in sorted(read)}
         made = {}
@@ -75,7 +75,7 @@ class BatchDrawer:
                 scene=plan.bench.scene,
                 step_ns=config.tick_ns,
                 overrides=p.model_dump(),
-                frames=self._frames,
+                frames=self.frames,
                 shared=shared.get(getattr(p, "frame", None) or name),
             )
             if isinstance(simulated, Radar):
@@ -83,15 +83,15 @@ class BatchDrawer:
                 simulated.view.add_reader(simulated.channels, lambda tick, r=rates: is_due(tick, **r))
         return made
 
-    def _new_series(self, *, with_place: bool) -> dict[str, EncodedFrames]:
-        series = {n: EncodedFrames(n, description(n, s), i) for i, (n, s) in enumerate(self._sensors.items())}
+    def new_series(self, *, with_place: bool) -> dict[str, EncodedFrames]:
+        series = {n: EncodedFrames(n, description(n, s), i) for i, (n, s) in enumerate(self.sensors.items())}
         for one in series.values():
             one.with_place = with_place
         return series
 
     def sample(self, truth: TruthState, look: Look) -> FrameSample:
         """One sample, its times those of the files."""
-        sensor = self._sensors[look.sensor]
+        sensor = self.sensors[look.sensor]
         if isinstance(sensor, Lidar):
             sensor.follow(look.before)
         taken: FrameSample = sensor.sample(truth, look.seq)
@@ -109,7 +109,7 @@ class BatchDrawer:
 
     def is_whole(self, record: BatchRecord, recording: Path, offset: int) -> bool:
         """Whether everything of a batch is there: its files, and its chunk at `offset` of the recording."""
-        if not all(self._tree.holds(file) for file in record.files):
+        if not all(self.tree.holds(file) for file in record.files):
             return False
         try:
             with open(recording, "rb", buffering=0) as file:
@@ -124,7 +124,7 @@ class StoringWork:
 
     def __init__(self, drawer: BatchDrawer, batch: Batch) -> None:
         self._d, self._batch = drawer, batch
-        self._plan = drawer._plan
+        self.plan = drawer.plan
         self._files: list[Written] = []
         self._samples: Counter[str] = Counter()
         self._frame_t_ns: list[int] = []
@@ -132,12 +132,12 @@ class StoringWork:
         self._pixels = np.zeros(256, np.int64)
         self._pictures: list[CocoPicture] = []
         if batch.index == 0:
-            drawer._series = drawer._new_series(with_place=True)
+            drawer.series = drawer.new_series(with_place=True)
 
     def store(self, name: str, sample: FrameSample, frame: int) -> None:
         """One sample of one sensor."""
         self._samples[name] += 1
-        if name == self._plan.reference:
+        if name == self.plan.reference:
             self._frame_t_ns.append(sample.t_capture_ns)
         png: dict[str, bytes] = {}
         if isinstance(sample, ImageSample):
@@ -146,12 +146,12 @@ class StoringWork:
             self._sweep(name, sample)
         else:
             self._radar(name, sample)
-        self._d._series[name].add_encoded(sample, png)
+        self._d.series[name].add_encoded(sample, png)
 
     def finish(self) -> BatchRecord:
         """Leave the batch's chunk of the recording for who puts them together; what became of the batch."""
-        packed, channels = pack_frames(list(self._d._series.values()))
-        path = chunk_path(self._d._root, self._batch.index)
+        packed, channels = pack_frames(list(self._d.series.values()))
+        path = chunk_path(self._d.root, self._batch.index)
         crc = 0
         try:
             with open(path, "wb", buffering=0) as file:
@@ -176,13 +176,13 @@ class StoringWork:
         return self._record(chunk)
 
     def _write(self, path: str, data: bytes) -> None:
-        self._files.append(self._d._tree.write(path, data))
+        self._files.append(self._d.tree.write(path, data))
 
     def _data(self, name: str, channel: str, t_ns: int, ending: str, data: bytes) -> None:
-        self._write(f"{ROOT}/{self._plan.folder(name, channel)}/data/{t_ns}.{ending}", data)
+        self._write(f"{ROOT}/{self.plan.folder(name, channel)}/data/{t_ns}.{ending}", data)
 
     def _picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
-        encoder, channels, t_ns = self._d._encoder, sample.channels, sample.t_capture_ns
+        encoder, channels, t_ns = self._d.encoder, sample.channels, sample.t_capture_ns
         encoders: dict[str, Callable[[NDArray[Any]], bytes]] = {
             "rgb": encoder.rgb_png,
             "depth": encoder.depth_png,
@@ -196,19 +196,19 @@ class StoringWork:
                 self._data(name, channel, t_ns, "png", png[channel])
             else:
                 self._data(name, channel, t_ns, "npy", npy(channels[channel]))
-        labelled = name == self._plan.labelled
+        labelled = name == self.plan.labelled
         labels = self._label(sample, png["segmentation"], frame) if labelled else None
         if self._batch.index == 0 and self._samples[name] == 1:
-            self._preview(name, camera_looks(channels, self._d._catalogue.classes, labels))
+            self._preview(name, camera_looks(channels, self._d.catalogue.classes, labels))
         return png
 
     def _label(self, sample: ImageSample, segmentation_png: bytes, frame: int) -> PictureLabels:
         d, t_ns = self._d, sample.t_capture_ns
-        labels = d._labels.read(sample.channels)
+        labels = d.labels.read(sample.channels)
         file_name = f"{t_ns}.png"
-        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d._catalogue.classes))
-        self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d._catalogue.palette))
-        masks = d._labels.masks(sample.channels["instance"], labels)
+        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d.catalogue.classes))
+        self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d.catalogue.palette))
+        masks = d.labels.masks(sample.channels["instance"], labels)
         self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
         self._pixels += labels.class_pixels
@@ -217,12 +217,12 @@ class StoringWork:
     def _sweep(self, name: str, sample: PointCloudSample) -> None:
         t_ns = sample.t_capture_ns
         self._data(name, "", t_ns, "bin", lidar_bin(sample))
-        folder = f"{ROOT}/{self._plan.folder(name)}"
+        folder = f"{ROOT}/{self.plan.folder(name)}"
         self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample))
-        if self._plan.config.dataset.lidar_csv:
+        if self.plan.config.dataset.lidar_csv:
             self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
         if self._batch.index == 0 and self._samples[name] == 1:
-            self._preview(name, [cloud_look(sample.points_L, sample.segmentation, self._d._catalogue.classes)])
+            self._preview(name, [cloud_look(sample.points_L, sample.segmentation, self._d.catalogue.classes)])
 
     def _radar(self, name: str, sample: RadarSample) -> None:
         for channel, array in sample.channels.items():
