@@ -17,7 +17,7 @@ from pathlib import Path
 from hil.bench_suite.dataset_cases import Rate, box_errors, digest, floor_s, not_stored, plan_of, radar_error, stored
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.dataset.make import Means, cores, make_dataset
-from hil.dataset.quality import QUALITIES
+from sim.frame.quality import QUALITIES
 
 _PAPER = {(True, True): 7.17, (False, True): 20.1}  # (radar, storage): frames a second
 _FRAMES, _QUICK_FRAMES = 500, 250

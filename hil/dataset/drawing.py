@@ -74,7 +74,7 @@ class BatchDrawer:
                 seed=config.seed,
                 scene=plan.bench.scene,
                 step_ns=config.tick_ns,
-                overrides=p.model_dump(),
+                overrides=plan.bench.sensor_parameters(name).model_dump(),
                 frames=self.frames,
                 shared=shared.get(getattr(p, "frame", None) or name),
             )

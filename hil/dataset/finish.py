@@ -134,6 +134,7 @@ def finish(
         {
             "complete": True,
             "made_from": dict(made),
+            "randomize": plan.bench.drawn(),
             "licence": LICENCE,
             "frames": len(counted.frame_t_ns),
             "first_t_ns": counted.frame_t_ns[0],

@@ -19,12 +19,12 @@ from typing import Any
 from hil.config import Bench, BenchConfig, SensorConfig, load_bench
 from hil.config.files import find
 from hil.config.schema import Record
-from hil.dataset.quality import QUALITIES, at_quality
 from hil.dataset.trajectory import waypoints_text
 from hil.documents.validate import nearest
 from hil.missions import load_mission
 from hil.signals.errors import ConfigError, Problem
 from hil.signals.time import NS_PER_S
+from sim.frame.quality import QUALITIES
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.catalog import KINDS
 from sim.sensors.radar_parameters import RadarParameters
@@ -112,20 +112,17 @@ def make_plan(
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
-    in_bench = "quality" in BenchConfig.model_fields  # where the bench knows levels itself
-    laid = (f"quality={quality}",) if quality is not None and in_bench else ()
+    laid = (f"quality={quality}",) if quality is not None else ()
     bench = load_bench(path, seed=seed, settings=(*settings, *laid))
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
     if not 1 <= count <= MAX_FRAMES:
         problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
-    if quality is not None and not in_bench:
-        bench = at_quality(bench, quality)
     bench = _with_own_outputs(bench)
     problems += _problems(bench)
     if problems:
         raise ConfigError(problems)
-    return DatasetPlan(_with_course(bench, work), count, quality or "as the file says")
+    return DatasetPlan(_with_course(bench, work), count, bench.config.quality or "as the file says")
 
 
 def _where(bench: Bench) -> str:
