@@ -1,0 +1,204 @@
+"""Strapdown navigation: position, velocity and attitude from gyro and accelerometer, held by slower measurements.
+
+    q' = q exp((w - b_g) dt)     v' = v + (R (f - b_a) + g) dt     p' = p + v dt + ...
+
+Errors (position, velocity, attitude in W, b_g, b_a: 15 of them) are a Kalman filter's. It stands at the newest sweep;
+what the IMU said since waits, and is added for whoever wants to know where the vehicle is now. What comes late (GPS) is
+compared with where the vehicle was then, and corrects where it is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple, Sequence
+
+import numpy as np
+
+from hil_companion.explore.rotation import matrix_of, product, roll_pitch_yaw, skew, turned
+
+G_MPS2 = 9.80665
+_KEPT_ROWS = 1000  # of the past: a second at 1 kHz
+_MOST_WAITING = 4096
+_GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 1.5e-3, 0.02  # with what vibration and scale add
+_GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
+_GAP_S = 0.25  # a longer gap between rows is flown through at constant velocity
+
+P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+
+
+class Moment(NamedTuple):
+    """Where the vehicle was."""
+
+    t_ns: int
+    p: tuple[float, float, float]
+    v: tuple[float, float, float]
+    q: tuple[float, float, float, float]
+
+
+class InertialFilter:
+    """`start_W`: x, y, z, yaw, at rest and level to two degrees."""
+
+    def __init__(self, start_W: tuple[float, float, float, float]) -> None:
+        x, y, z, yaw = (float(c) for c in start_W)
+        self.p = np.array([x, y, z])
+        self.v = np.zeros(3)
+        self.q: tuple[float, float, float, float] = (float(np.cos(yaw / 2)), 0.0, 0.0, float(np.sin(yaw / 2)))
+        self.gyro_bias = np.zeros(3)
+        self.accel_bias = np.zeros(3)
+        sigma = [0.05] * 3 + [0.05] * 3 + [0.035, 0.035, 0.005] + [0.005] * 3 + [0.1] * 3
+        self.cov = np.diag(np.array(sigma) ** 2)
+        self.t_ns: int | None = None
+        self.last_imu_ns: int | None = None
+        self._waiting: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MOST_WAITING)
+        self._past: deque[Moment] = deque(maxlen=_KEPT_ROWS)
+
+    def take(self, t_ns: Sequence[int], gyro_radps: Sequence[Sequence[float]], accel_mps2: Sequence[Sequence[float]]) -> None:
+        """Rows of the IMU, each the mean over the time since the row before. Those that are not finite are left out."""
+        for t, w, f in zip(t_ns, gyro_radps, accel_mps2):
+            if np.isfinite(w).all() and np.isfinite(f).all() and (self.last_imu_ns is None or t > self.last_imu_ns):
+                self._waiting.append((int(t), tuple(w), tuple(f)))
+                self.last_imu_ns = int(t)
+
+    def advance(self, to_ns: int) -> None:
+        """Stand at `to_ns`: rows up to it are used up, the last part of a period without one at constant rates."""
+        if self.t_ns is None:
+            self.t_ns = self._waiting[0][0] if self._waiting else to_ns
+            self._past.append(self.moment())
+        began, f_sum, used_s = self.t_ns, np.zeros(3), 0.0
+        moment = self.moment()
+        while self._waiting and self._waiting[0][0] <= to_ns:
+            row = self._waiting.popleft()
+            if row[0] <= moment.t_ns:
+                continue
+            moment, force = self._step(moment, row)
+            f_sum += force
+            used_s += 1.0
+            self._past.append(moment)
+        if moment.t_ns < to_ns:
+            moment = self._coast(moment, to_ns)
+            self._past.append(moment)
+        self.t_ns = moment.t_ns
+        self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
+        self._spread((self.t_ns - began) * 1e-9, f_sum / used_s if used_s else np.array([0.0, 0.0, G_MPS2]), used_s > 0)
+
+    def moment(self) -> Moment:
+        """Where it stands."""
+        return Moment(self.t_ns or 0, tuple(self.p.tolist()), tuple(self.v.tolist()), self.q)  # type: ignore[arg-type]
+
+    def ahead(self, to_ns: int) -> Moment:
+        """Where the vehicle is by then, by the rows that wait."""
+        moment = self.moment()
+        for row in self._waiting:
+            if moment.t_ns < row[0] <= to_ns:
+                moment, _ = self._step(moment, row)
+        return self._coast(moment, to_ns) if moment.t_ns < to_ns else moment
+
+    def then(self, t_ns: int) -> Moment | None:
+        """Where it was; None: longer ago than is kept."""
+        past = self._past
+        if not past or t_ns < past[0].t_ns:
+            return None
+        for k in range(len(past) - 1, -1, -1):
+            if past[k].t_ns <= t_ns:
+                if k + 1 == len(past) or past[k].t_ns == t_ns:
+                    return past[k]
+                a, b = past[k], past[k + 1]
+                s = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
+                p = tuple(u + s * (w - u) for u, w in zip(a.p, b.p))
+                v = tuple(u + s * (w - u) for u, w in zip(a.v, b.v))
+                return Moment(t_ns, p, v, a.q if s < 0.5 else b.q)  # type: ignore[arg-type]
+        return None
+
+    def past(self, from_ns: int) -> list[Moment]:
+        """Moments from one before `from_ns` on, for interpolation."""
+        rows: list[Moment] = []
+        for moment in reversed(self._past):
+            rows.append(moment)
+            if moment.t_ns <= from_ns:
+                break
+        return rows[::-1]
+
+    def correct(self, H: np.ndarray, innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
+        """Measurement with independent errors; False: beyond `gate` standard deviations, and not taken."""
+        S = H @ self.cov @ H.T + np.diag(variance)
+        solved = np.linalg.solve(S, innovation)
+        if gate > 0.0 and float(innovation @ solved) > gate * gate * len(innovation):
+            return False
+        K = np.linalg.solve(S, H @ self.cov).T
+        self._apply(K @ innovation)
+        A = np.eye(15) - K @ H
+        self.cov = A @ self.cov @ A.T + (K * variance) @ K.T
+        return True
+
+    def correct_position(self, axes: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
+        """Along some axes of W."""
+        H = np.zeros((len(axes), 15))
+        H[np.arange(len(axes)), list(axes)] = 1.0
+        return self.correct(H, innovation, variance, gate)
+
+    def correct_velocity(self, innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
+        H = np.zeros((3, 15))
+        H[:, V] = np.eye(3)
+        return self.correct(H, innovation, variance, gate)
+
+    def correct_yaw(self, innovation_rad: float, variance: float) -> bool:
+        H = np.zeros((1, 15))
+        H[0, 8] = 1.0
+        return self.correct(H, np.array([innovation_rad]), np.array([variance]))
+
+    @property
+    def R(self) -> np.ndarray:
+        return matrix_of(self.q)
+
+    @property
+    def yaw_rad(self) -> float:
+        return roll_pitch_yaw(self.R)[2]
+
+    def _step(self, m: Moment, row: tuple[int, tuple[float, ...], tuple[float, ...]]) -> tuple[Moment, np.ndarray]:
+        t_ns, w, f = row
+        dt = (t_ns - m.t_ns) * 1e-9
+        if dt > _GAP_S:
+            m, dt = self._coast(m, t_ns), 0.0
+        bg, ba = self.gyro_bias, self.accel_bias
+        half = turned(m.q, 0.5 * dt * (w[0] - bg[0]), 0.5 * dt * (w[1] - bg[1]), 0.5 * dt * (w[2] - bg[2]))
+        q = turned(m.q, dt * (w[0] - bg[0]), dt * (w[1] - bg[1]), dt * (w[2] - bg[2]))
+        force = matrix_of(half) @ (np.array(f) - ba)
+        ax, ay, az = float(force[0]), float(force[1]), float(force[2]) - G_MPS2
+        (px, py, pz), (vx, vy, vz) = m.p, m.v
+        h = 0.5 * dt
+        p = (px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az))
+        return Moment(t_ns, p, (vx + dt * ax, vy + dt * ay, vz + dt * az), q), force
+
+    def _coast(self, m: Moment, to_ns: int) -> Moment:
+        dt = (to_ns - m.t_ns) * 1e-9
+        return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
+
+    def _spread(self, T: float, force_W: np.ndarray, sensed: bool) -> None:
+        """Covariance over T seconds with the mean force."""
+        if T <= 0.0:
+            return
+        F = np.eye(15)
+        R = self.R
+        F[P, V] = T * np.eye(3)
+        F[V, TH] = -T * skew(force_W)
+        F[P, TH] = -0.5 * T * T * skew(force_W)
+        F[V, BA] = -T * R
+        F[TH, BG] = -T * R
+        noise = np.zeros(15)
+        noise[V] = T * (_ACCEL_MPS_PER_RTS**2 if sensed else 4.0)
+        noise[P] = noise[V] * T * T / 3.0
+        noise[TH] = T * (_GYRO_RAD_PER_RTS**2 if sensed else 0.1)
+        noise[BG], noise[BA] = T * _GYRO_WALK**2, T * _ACCEL_WALK**2
+        self.cov = F @ self.cov @ F.T + np.diag(noise)
+
+    def _apply(self, error: np.ndarray) -> None:
+        shift_p, shift_v = error[P], error[V]
+        self.p = self.p + shift_p
+        self.v = self.v + shift_v
+        turn = turned((1.0, 0.0, 0.0, 0.0), *error[TH].tolist())
+        self.q = product(turn, self.q)
+        self.gyro_bias = self.gyro_bias + error[BG]
+        self.accel_bias = self.accel_bias + error[BA]
+        # The newest of the past moves along: what a sweep from here on is straightened by has no jump in it.
+        if self._past:
+            self._past[-1] = self.moment()

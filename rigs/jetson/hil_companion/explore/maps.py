@@ -1,0 +1,195 @@
+"""What each particle knows of the world: an occupancy grid at the flight's height, and where upright things were met.
+
+The grid holds log-odds in steps of 1/20, from -2 (free: three looks make it occupied) to 5. A cell met is occupied; one
+that lies on the way of a beam that stayed at the flight's height is a little freer. What walks away is so forgotten.
+
+The other layer is for matching: in each cell where something upright was met, the mean of where in the cell, and how
+often. A grid's own resolution would move every wall to the middle of a cell, and the particle with it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hil_companion.explore.grid import GridView
+from hil_companion.explore.scan import Scan
+from hil_companion.explore.tiles import CELLS, LOW_BITS, SHIFT, SIDE, Tiles
+
+STEP = 0.05  # log-odds
+_MET, _PASSED = 24, -6
+_LEAST, _MOST = -40, 100
+_UNITS = 4096  # of a cell's side, for places in a cell
+_MOST_COUNT = 48  # of a mean: later ones still count
+_BINS = 720
+
+
+class Maps:
+    """Maps of all particles. `centre_W`: the middle of the area."""
+
+    def __init__(self, particles: int, cell_m: float, area_m: float, range_m: float, centre_W: tuple[float, float]) -> None:
+        self.cell_m = cell_m
+        across = max(1, math.ceil(area_m / cell_m / SIDE))
+        self.side = across * SIDE
+        half = 0.5 * self.side * cell_m
+        self.origin_W = np.array([centre_W[0] - half, centre_W[1] - half])
+        self.grid = Tiles(particles, across, np.int8)
+        self.met = Tiles(particles, across, np.uint32)
+        self.version = 0
+        # Azimuth and distance of the cells about a particle's own, as far as a beam goes and a tile more.
+        self._reach_cells = math.ceil(range_m / cell_m)
+        n = self._reach_cells + SIDE
+        dy, dx = np.mgrid[-n : n + 1, -n : n + 1]
+        self._middle = n
+        self._far = np.minimum(np.hypot(dx, dy) * 16.0, 65535.0).astype(np.uint16)  # sixteenths of a cell
+        self._azimuth = (np.floor((np.arctan2(dy, dx) + math.pi) * (_BINS / (2.0 * math.pi))) % _BINS).astype(np.uint16)
+
+    def cells(self, xy: np.ndarray) -> np.ndarray:
+        """Fractional columns and rows (..., 2) of places."""
+        return (xy - self.origin_W) * (1.0 / self.cell_m)
+
+    def insert(self, particles: np.ndarray, pose: np.ndarray, scan: Scan) -> None:
+        """Add a scan to the maps of some particles, at their poses (n, 3)."""
+        if not len(particles):
+            return
+        c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        self._insert_met(particles, _placed(scan.all_xy, pose, c, s))
+        band = self.cells(_placed(scan.band_xy, pose, c, s))
+        for k, particle in enumerate(particles.tolist()):
+            self._insert_grid(particle, pose[k], scan.reach_m, band[k])
+        self.version += 1
+
+    def become(self, ancestors: np.ndarray) -> None:
+        """Particle i goes on with the maps of `ancestors[i]`."""
+        self.grid.become(ancestors)
+        self.met.become(ancestors)
+
+    @property
+    def bytes(self) -> int:
+        """Held by all maps."""
+        return self.grid.bytes + self.met.bytes
+
+    def view(self, particle: int) -> GridView:
+        """The grid of one particle."""
+        cells, row, column = self.grid.whole(particle)
+        origin = self.origin_W + self.cell_m * np.array([column, row])
+        return GridView(cells * np.float32(STEP), (float(origin[0]), float(origin[1])), self.cell_m, self.version)
+
+    def met_xy(self, particle: int, least: int = 1) -> np.ndarray:
+        """Places (n, 2) where one particle has upright things."""
+        cells, row, column = self.met.whole(particle)
+        rows, columns = np.nonzero((cells >> 24) >= least)
+        packed = cells[rows, columns]
+        x, y = columns + column + _low(packed), rows + row + _high(packed)
+        return np.stack([x, y], axis=-1) * self.cell_m + self.origin_W
+
+    def nearest(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """For points (particles, m, 2) in fractional cells: the nearest place met in the cell or the 8 about it.
+
+        dx, dy to it in cells, distance squared (inf: there is none), and how often it was met.
+        """
+        n, m = cells.shape[:2]
+        column, row = np.floor(cells[:, :, 0]).astype(np.int32), np.floor(cells[:, :, 1]).astype(np.int32)
+        inner = np.clip(column, 1, self.side - 2), np.clip(row, 1, self.side - 2)
+        outside = (inner[0] != column) | (inner[1] != row)
+        column, row = inner
+        best = np.full((n, m), np.inf)
+        found = np.zeros((n, m), np.uint32)
+        dx_best, dy_best = np.zeros((n, m)), np.zeros((n, m))
+        table, pool, across = self.met.table, self.met.pool.reshape(-1), self.met.across
+        base = (np.arange(n, dtype=np.int32) * (across * across))[:, None]
+        table = table.reshape(-1)
+        for i in (-1, 0, 1):
+            y = row + i
+            tile_row = base + (y >> SHIFT) * across
+            in_row = (y & LOW_BITS) << SHIFT
+            for j in (-1, 0, 1):
+                x = column + j
+                packed = pool[table[tile_row + (x >> SHIFT)] * CELLS + (in_row | (x & LOW_BITS))]
+                dx = x + _low(packed) - cells[:, :, 0]
+                dy = y + _high(packed) - cells[:, :, 1]
+                far = dx * dx + dy * dy
+                better = (far < best) & (packed > 0)
+                np.copyto(best, far, where=better)
+                np.copyto(found, packed, where=better)
+                np.copyto(dx_best, dx, where=better)
+                np.copyto(dy_best, dy, where=better)
+        best[outside] = np.inf
+        return dx_best, dy_best, best, (found >> 24).astype(np.int32)
+
+    def _insert_met(self, particles: np.ndarray, xy: np.ndarray) -> None:
+        at = self.cells(xy).reshape(-1, 2)
+        who = np.repeat(np.arange(len(particles)), xy.shape[1])
+        cell = np.floor(at).astype(np.int64)
+        inside = ((cell >= 0) & (cell < self.side)).all(axis=1)
+        at, who, cell = at[inside], who[inside], cell[inside]
+        place = (cell[:, 1] >> SHIFT) * self.met.across + (cell[:, 0] >> SHIFT)
+        key = who * (self.met.across * self.met.across) + place
+        pairs, back = np.unique(key, return_inverse=True)
+        squares = self.met.across * self.met.across
+        tiles = self.met.own(particles[pairs // squares], pairs % squares)
+        spot = tiles[back.reshape(-1)].astype(np.int64) * CELLS + (
+            ((cell[:, 1] & LOW_BITS) << SHIFT) | (cell[:, 0] & LOW_BITS)
+        )
+        pool = self.met.pool.reshape(-1)
+        packed = pool[spot]
+        count = (packed >> 24).astype(np.float64)
+        new_x, new_y = at[:, 0] - cell[:, 0], at[:, 1] - cell[:, 1]
+        gain = 1.0 / (count + 1.0)
+        x = _low(packed) + gain * (new_x - _low(packed))
+        y = _high(packed) + gain * (new_y - _high(packed))
+        pool[spot] = _packed(x, y, np.minimum(count + 1.0, _MOST_COUNT))
+
+    def _insert_grid(self, particle: int, pose: np.ndarray, reach_m: np.ndarray, band: np.ndarray) -> None:
+        across = self.grid.across
+        centre = np.floor(self.cells(pose[:2])).astype(int)
+        low = np.clip((centre - self._reach_cells) >> SHIFT, 0, across)
+        high = np.clip(((centre + self._reach_cells) >> SHIFT) + 1, 0, across)
+        if (high <= low).any():
+            return  # the vehicle is outside the area
+        first, size = low * SIDE, (high - low) * SIDE
+        rows = slice(first[1] - centre[1] + self._middle, first[1] - centre[1] + self._middle + size[1])
+        columns = slice(first[0] - centre[0] + self._middle, first[0] - centre[0] + self._middle + size[0])
+        shift = int(round(float(pose[2]) * _BINS / (2.0 * math.pi)))
+        reach = np.roll(reach_m, shift) * (16.0 / self.cell_m)
+        # A cell's far corner counts, hence the half cell.
+        limit = np.clip(reach - 8.0, 0.0, 65535.0).astype(np.uint16)
+        passed = self._far[rows, columns] < limit[self._azimuth[rows, columns]]
+        change = passed.astype(np.int8) * np.int8(_PASSED)
+        met = np.floor(band).astype(int) - first
+        met = met[((met >= 0) & (met < size)).all(axis=1)]
+        change[met[:, 1], met[:, 0]] = _MET
+        tall, wide = int(high[1] - low[1]), int(high[0] - low[0])
+        change = change.reshape(tall, SIDE, wide, SIDE).transpose(0, 2, 1, 3).reshape(tall * wide, CELLS)
+        touched = np.flatnonzero(change.any(axis=1))
+        if not len(touched):
+            return
+        places = (low[1] + touched // wide) * across + low[0] + touched % wide
+        tiles = self.grid.own(np.full(len(places), particle), places)
+        total = self.grid.pool[tiles].astype(np.int16) + change[touched]
+        self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST).astype(np.int8)
+
+
+def _placed(xy: np.ndarray, pose: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Points (m, 2) of H at poses (n, 3): (n, m, 2)."""
+    out = np.empty((len(pose), len(xy), 2))
+    out[:, :, 0] = c[:, None] * xy[:, 0] - s[:, None] * xy[:, 1] + pose[:, :1]
+    out[:, :, 1] = s[:, None] * xy[:, 0] + c[:, None] * xy[:, 1] + pose[:, 1:2]
+    return out
+
+
+def _low(packed: np.ndarray) -> np.ndarray:
+    """x in the cell, 0 to 1."""
+    return (packed & 0xFFF) * (1.0 / _UNITS)
+
+
+def _high(packed: np.ndarray) -> np.ndarray:
+    """y in the cell."""
+    return ((packed >> 12) & 0xFFF) * (1.0 / _UNITS)
+
+
+def _packed(x: np.ndarray, y: np.ndarray, count: np.ndarray) -> np.ndarray:
+    low = np.clip(np.rint(x * _UNITS), 0, _UNITS - 1).astype(np.uint32)
+    high = np.clip(np.rint(y * _UNITS), 0, _UNITS - 1).astype(np.uint32)
+    return low | (high << np.uint32(12)) | (count.astype(np.uint32) << np.uint32(24))

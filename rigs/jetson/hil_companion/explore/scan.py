@@ -1,0 +1,158 @@
+"""What a sweep says in two dimensions: points to match, and what is free and occupied at the flight's height.
+
+To match, everything upright counts, at whatever height: a wall is the same line at 3 m and at 10 m, so there is
+something to hold on to while climbing and over low houses. A pair of rings that meets the same azimuth at the same
+distance, one above the other, met something upright; ground and roofs do not.
+
+For the map only a band about the flight's height counts. A beam says "free" only as far as it stays within that band,
+and "occupied" where it met something in it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from hil_companion.explore.sweep import Sweep
+
+_LEAN = 0.35  # horizontal over vertical distance of two returns of something upright, at most
+_NOISE_M = 0.04  # what two returns may differ by besides
+_LEAST_RISE_M = 0.02
+_ABOVE_GROUND_M = 0.4
+_NORMAL_REACH = 3  # azimuth slots to both sides over which a normal is taken
+_STRAIGHT = 0.25  # of the length between them, that both sides may differ in distance from the middle
+_FREE_SHARE = 0.6  # of the band: a beam is in it only so near its middle
+_BINS = 720
+
+
+class Scan(NamedTuple):
+    """In H, metres. `band_xy`: cells met in the band; `reach_m`: how far each azimuth from -pi up is free."""
+
+    match_xy: np.ndarray  # (m, 2)
+    normal_xy: np.ndarray  # (m, 2) unit, or zeros: none
+    all_xy: np.ndarray  # (k, 2) all upright points, one a cell, for the map to match with
+    band_xy: np.ndarray  # (b, 2)
+    reach_m: np.ndarray  # (_BINS,)
+
+
+def make_scan(
+    sweep: Sweep,
+    *,
+    z_m: float,
+    ground_z_m: float,
+    height_z_m: float,
+    band_half_m: float,
+    map_range_m: float,
+    match_range_m: float,
+    match_points: int,
+    cell_m: float,
+) -> Scan:
+    """`z_m`: the body's height in W."""
+    p, there = sweep.p_H, sweep.range_m > 0.0
+    z = p[:, :, 2] + np.float32(z_m)
+    r = np.hypot(p[:, :, 0], p[:, :, 1])
+    xy, normal = _upright(p, r, z, there, ground_z_m, match_range_m)
+    xy, normal = _one_a_cell(xy, normal, cell_m)
+    some = _spread(len(xy), match_points)
+    low, high = height_z_m - band_half_m, height_z_m + band_half_m
+    low = max(low, ground_z_m + _ABOVE_GROUND_M)
+    band = there & (z >= low) & (z <= high) & (r <= map_range_m)
+    reach_m = _reach(sweep, r, z, band, z_m, height_z_m, _FREE_SHARE * band_half_m, map_range_m, cell_m)
+    band_xy = p[:, :, :2][band].astype(float)
+    band_xy, _ = _one_a_cell(band_xy, np.zeros_like(band_xy), 0.5 * cell_m)
+    return Scan(xy[some], normal[some], xy, band_xy, reach_m)
+
+
+def _upright(
+    p: np.ndarray, r: np.ndarray, z: np.ndarray, there: np.ndarray, ground_z_m: float, range_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of pairs of rings on something upright, and the normals of what they are on."""
+    rise = z[1:] - z[:-1]
+    out = np.abs(r[1:] - r[:-1])
+    pair = there[1:] & there[:-1] & (rise > _LEAST_RISE_M) & (out < _LEAN * rise + _NOISE_M)
+    pair &= (np.minimum(z[1:], z[:-1]) > ground_z_m + _ABOVE_GROUND_M) & (r[1:] < range_m)
+    middle = 0.5 * (p[1:, :, :2] + p[:-1, :, :2])
+    # The slots to both sides on the same ring pair, if they lie on a line with this one.
+    a, b = np.roll(middle, _NORMAL_REACH, axis=1), np.roll(middle, -_NORMAL_REACH, axis=1)
+    both = np.roll(pair, _NORMAL_REACH, axis=1) & np.roll(pair, -_NORMAL_REACH, axis=1)
+    along = b - a
+    length = np.hypot(along[:, :, 0], along[:, :, 1])
+    off = np.abs(along[:, :, 0] * (middle - a)[:, :, 1] - along[:, :, 1] * (middle - a)[:, :, 0])
+    share = np.abs(np.sum((middle - a) * along, axis=2) - 0.5 * length * length)
+    line = pair & both & (length > 0.05) & (length < 0.2 * r[1:] + 0.5)
+    line &= (off < (0.05 + 0.05 * length) * length) & (share < _STRAIGHT * length * length)
+    normal = np.zeros_like(middle)
+    safe = np.where(line, length, 1.0)
+    normal[:, :, 0] = np.where(line, -along[:, :, 1] / safe, 0.0)
+    normal[:, :, 1] = np.where(line, along[:, :, 0] / safe, 0.0)
+    return middle[pair].astype(float), normal[pair].astype(float)
+
+
+def _one_a_cell(xy: np.ndarray, normal: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """The mean of the points in each cell of a grid in H, with its mean normal. Sums in order of the points."""
+    if not len(xy):
+        return xy, normal
+    cell = np.floor(xy / cell_m).astype(np.int64)
+    key = (cell[:, 0] + 32768) * 65536 + cell[:, 1] + 32768
+    _, group, count = np.unique(key, return_inverse=True, return_counts=True)
+    group = group.reshape(-1)
+    mean = np.stack([np.bincount(group, xy[:, k]) / count for k in (0, 1)], axis=-1)
+    n = np.stack([np.bincount(group, normal[:, k]) for k in (0, 1)], axis=-1)
+    length = np.hypot(n[:, 0], n[:, 1])
+    sure = length > 0.5 * count  # the normals agree
+    return mean, np.where(sure[:, None], n / np.where(length > 0.0, length, 1.0)[:, None], 0.0)
+
+
+def _spread(n: int, most: int) -> np.ndarray:
+    """`most` of n, evenly."""
+    return np.arange(n) if n <= most else (np.arange(most) * n) // most
+
+
+def _reach(
+    sweep: Sweep,
+    r: np.ndarray,
+    z: np.ndarray,
+    band: np.ndarray,
+    z_m: float,
+    height_z_m: float,
+    half_m: float,
+    most_m: float,
+    cell_m: float,
+) -> np.ndarray:
+    """How far each azimuth is free: the farthest that a beam within the band went, less what was met in the band."""
+    reach = np.zeros(_BINS, np.float32)
+    ray = sweep.ray_H
+    begin_z = z_m + float(sweep.origin_H[2])
+    above, below = height_z_m + half_m - begin_z, begin_z - (height_z_m - half_m)
+    if above <= 0.0 or below <= 0.0:
+        return reach  # the beams begin outside the band
+    scale = _BINS / (2.0 * math.pi)
+    if ray is not None:
+        level = np.hypot(ray[:, :, 0], ray[:, :, 1])
+        slope = ray[:, :, 2] / np.maximum(level, 1e-6)
+        azimuth = np.arctan2(ray[:, :, 1], ray[:, :, 0])
+    else:
+        slope = (z - np.float32(begin_z)) / np.maximum(r, 1e-3)
+        azimuth = np.arctan2(sweep.p_H[:, :, 1], sweep.p_H[:, :, 0])
+    inside = np.where(slope > 0.0, above, below) / np.maximum(np.abs(slope), 1e-6)
+    came = sweep.range_m > 0.0
+    went = np.where(came, r, most_m if ray is not None else 0.0)
+    went = np.minimum(np.minimum(went, inside), most_m)
+    known = sweep.range_m >= 0.0
+    at = ((azimuth + math.pi) * scale).astype(np.int64) % _BINS
+    use = known & (went > 1.0)
+    order = np.argsort(went[use], kind="stable")
+    reach[at[use][order]] = went[use][order]
+    if band.any():
+        seen = np.arctan2(sweep.p_H[:, :, 1][band], sweep.p_H[:, :, 0][band])
+        seen_at = ((seen + math.pi) * scale).astype(np.int64) % _BINS
+        near = r[band] - 1.0 * cell_m
+        stop = np.full(_BINS, np.inf, np.float32)
+        order = np.argsort(-near, kind="stable")
+        stop[seen_at[order]] = near[order]
+        # A beam is wider than nothing: what stands beside it stops it too.
+        stop = np.minimum(stop, np.minimum(np.roll(stop, 1), np.roll(stop, -1)))
+        reach = np.minimum(reach, np.maximum(stop, 0.0))
+    return reach

@@ -1,0 +1,362 @@
+"""Where the vehicle is and what stands around it: a Rao-Blackwellised particle filter over LiDAR, IMU and GPS.
+
+Each frame:
+
+    1  IMU        position, velocity and attitude go on (explore/inertial.py)
+    2  GPS, baro  correct velocity and height; positions weigh the particles
+    3  sweep      straightened and levelled (sweep.py), made two-dimensional (scan.py)
+    4  particles  move as the IMU says; each is matched with its own map and drawn from what that leaves open
+    5  weights    by how well the scan fits; resampled when too few particles count
+    6  maps       a third of the particles add the sweep to their maps, taking turns
+    7  IMU filter corrected by the particles' mean; carried on to the frame's time
+
+Without a usable sweep the IMU filter goes on with GPS alone, the particles with it, and `lidar_ok` says so. When the
+LiDAR is back the particles are looked for in their maps before anything is added to these (search.py).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Sequence
+
+import numpy as np
+
+from hil_companion.explore.geodesy import LocalPlane
+from hil_companion.explore.grid import GridView
+from hil_companion.explore.inertial import InertialFilter
+from hil_companion.explore.maps import Maps
+from hil_companion.explore.matcher import Match, match
+from hil_companion.explore.particles import Particles
+from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
+from hil_companion.explore.scan import Scan, make_scan
+from hil_companion.explore.slam_settings import SlamSettings
+from hil_companion.explore.sweep import Sweep, make_sweep
+
+_TURNS = 3  # frames in which every particle's map is brought up to date once
+_STILL_M, _STILL_RAD, _STILL_FRAMES = 0.08, 0.04, 9  # nearer to the last insertion than that, maps wait
+_LEAST_RETURNS = 200
+_LEAST_KNOWN, _LEAST_INLIERS = 0.15, 0.35
+_FLOOR_M, _FLOOR_RAD = 0.03, 0.004  # of what a match says of itself
+_GPS_GATE = 5.0
+_GPS_LOST_S = 0.6
+_RESAMPLE = 0.5  # of the particles
+
+
+@dataclass(frozen=True)
+class SlamEstimate:
+    """State at the frame's own time, and the map."""
+
+    t_ns: int
+    p_W: np.ndarray  # (3,)
+    v_W: np.ndarray  # (3,)
+    yaw_rad: float
+    roll: float
+    pitch: float
+    covariance_xy: np.ndarray  # (2, 2)
+    n_eff: float
+    resampled: bool
+    lidar_ok: bool
+    gps_ok: bool
+    grid: GridView
+    inliers: float  # share of matched points on a surface of the map; 0 without a sweep
+    particles_xy: np.ndarray  # (n, 2)
+
+
+class Slam:
+    """`start_W`: x, y, z, yaw, at rest, where the map's origin is known."""
+
+    def __init__(self, settings: SlamSettings, *, start_W: tuple[float, float, float, float], seed: int) -> None:
+        x, y, z, yaw = (float(c) for c in start_W)
+        s = settings
+        self.settings = s
+        self._inertial = InertialFilter((x, y, z, yaw))
+        self.particles = Particles(s.particles, (x, y, yaw), seed)
+        self.maps = Maps(s.particles, s.cell_m, s.area_m, s.map_range_m, (x, y))
+        self._start = np.array([x, y, z])
+        self._plane: LocalPlane | None = None
+        self._baro_zero: list[float] = []
+        self._baro_variance = 0.0
+        self._sweep_ns: int | None = None
+        self._last_fix_ns: int | None = None
+        self._fixes: list[tuple[int, np.ndarray, float]] = []  # waiting: time, position, variance
+        self._speeds: list[tuple[int, np.ndarray]] = []
+        self._heights: list[tuple[int, float, float]] = []
+        self._turn = 0
+        self._inserted = np.full((s.particles, 3), np.inf)
+        self._waited = np.zeros(s.particles, int)
+        self._inliers = 0.0
+        self._bad_since_ns: int | None = None
+        self._view = self.maps.view(0)
+        self._viewed: tuple[int, int] = (0, 0)
+
+    def update(self, frame: Any) -> SlamEstimate:
+        """Once for each frame."""
+        t_ns = int(frame.t_ns)
+        self._take_imu(frame)
+        self._take_gps(frame)
+        self._take_baro(frame)
+        sweep_ns = self._new_sweep(frame)
+        resampled = False
+        self._inliers = 0.0
+        if sweep_ns is not None:
+            resampled = self._with_sweep(frame[self.settings.lidar_topic], sweep_ns, t_ns)
+        elif self._lidar_late(t_ns):
+            self._without_sweep(t_ns)
+        return self._estimate(t_ns, resampled)
+
+    # What the sensors say.
+
+    def _take_imu(self, frame: Any) -> None:
+        topic = self.settings.imu_topic
+        if topic in frame:
+            imu = frame[topic]
+            self._inertial.take(imu["t_capture_ns"], imu["gyro_radps"], imu["accel_mps2"])
+
+    def _take_gps(self, frame: Any) -> None:
+        topic = self.settings.gps_topic
+        if topic not in frame:
+            return
+        gps = frame[topic]
+        for k, t_ns in enumerate(gps["t_capture_ns"]):
+            place = (gps["latitude_deg"][k], gps["longitude_deg"][k], gps["altitude_m"][k])
+            sigma_m, speed = gps["horizontal_accuracy_m"][k], gps["v_W"][k]
+            if gps["fix_type"][k] < 3 or not np.isfinite((*place, sigma_m, *speed)).all() or not 0.0 <= sigma_m < 50.0:
+                continue
+            sigma_m = max(0.2, sigma_m if self.settings.gps_sigma_m is None else self.settings.gps_sigma_m)
+            if self._plane is None:
+                self._plane = LocalPlane(*place)
+                self.particles.first_fix(sigma_m * sigma_m)
+                self._last_fix_ns = int(t_ns)
+                continue
+            position = self._start + np.array(self._plane.enu(*place))
+            self._fixes.append((int(t_ns), position, sigma_m))
+            self._speeds.append((int(t_ns), np.array(speed, float)))
+        del self._fixes[:-64], self._speeds[:-64]
+
+    def _take_baro(self, frame: Any) -> None:
+        topic = self.settings.baro_topic
+        if topic not in frame:
+            return
+        baro = frame[topic]
+        heights = [h for h in baro["pressure_altitude_m"] if math.isfinite(h)]
+        if not heights:
+            return
+        mean = sum(heights) / len(heights)
+        if len(self._baro_zero) < 10:
+            self._baro_zero.append(mean)  # the first second, on the ground
+        zero = sum(self._baro_zero) / len(self._baro_zero)
+        t_ns = int(baro["t_capture_ns"][len(heights) // 2])
+        self._heights.append((t_ns, self._start[2] + mean - zero, 0.25**2))
+        del self._heights[:-64]
+
+    def _new_sweep(self, frame: Any) -> int | None:
+        """Its time, if there is one that is newer than the last."""
+        topic = self.settings.lidar_topic
+        if topic not in frame:
+            return None
+        t_ns = int(frame[topic].t_capture_ns)
+        if t_ns > int(frame.t_ns) or (self._sweep_ns is not None and t_ns <= self._sweep_ns):
+            return None
+        if self._inertial.t_ns is not None and t_ns < self._inertial.t_ns:
+            return None  # the filter went on without it
+        return t_ns
+
+    def _lidar_late(self, t_ns: int) -> bool:
+        return self._sweep_ns is None or (t_ns - self._sweep_ns) * 1e-9 > self.settings.lidar_lost_s
+
+    # What is made of it.
+
+    def _with_sweep(self, lidar: Any, sweep_ns: int, t_ns: int) -> bool:
+        s = self.settings
+        before = self._stand()
+        self._inertial.advance(sweep_ns)
+        self._aid()
+        sweep = make_sweep(
+            self._inertial,
+            t_ns=sweep_ns,
+            points_L=lidar["points_L"],
+            ring=lidar["ring"],
+            time_offset_ns=lidar["time_offset_ns"],
+            p_BL=s.lidar_p_BL,
+            q_BL=s.lidar_q_BL,
+            elevation_deg=s.lidar_elevation_deg,
+            decimation=s.decimation,
+        )
+        predicted, motion = self._moved(before)
+        if sweep.returns < _LEAST_RETURNS:
+            self.particles.pose = predicted
+            self._go_on_with_gps(t_ns)
+            return False
+        scan = self._scan(sweep)
+        if not self.maps.version:
+            self.particles.pose = predicted
+            self._sweep_ns = sweep_ns
+            self._insert(scan, everybody=True)
+            return False
+        found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
+        best = self.particles.best
+        self._inliers = float(found.inliers[best])
+        known = float(found.known[best])
+        if known >= _LEAST_KNOWN and self._inliers < _LEAST_INLIERS:
+            # Nothing fits: better to believe the IMU than a wrong wall.
+            self.particles.pose = predicted
+            self._go_on_with_gps(t_ns)
+            return False
+        self._sweep_ns = sweep_ns
+        resampled = self._draw(found)
+        self._insert(scan, everybody=False)
+        self._correct_inertial()
+        return resampled
+
+    def _scan(self, sweep: Sweep) -> Scan:
+        s = self.settings
+        return make_scan(
+            sweep,
+            z_m=float(self._inertial.p[2]),
+            ground_z_m=s.ground_z_m,
+            height_z_m=s.ground_z_m + s.flight_height_m,
+            band_half_m=s.band_half_m,
+            map_range_m=s.map_range_m,
+            match_range_m=s.match_range_m,
+            match_points=s.match_points,
+            cell_m=s.cell_m,
+        )
+
+    def _stand(self) -> tuple[np.ndarray, float, int]:
+        i = self._inertial
+        return i.p[:2].copy(), i.yaw_rad, i.t_ns or 0
+
+    def _moved(self, before: tuple[np.ndarray, float, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Where the particles are by the IMU's word, and how sure that is (3, 3)."""
+        i = self._inertial
+        shift, turn = i.p[:2] - before[0], i.yaw_rad - before[1]
+        dt_s = max(1e-3, ((i.t_ns or 0) - before[2]) * 1e-9)
+        pose = self.particles.pose.copy()
+        # The IMU filter's heading and the particle's differ a little, and so do their ways.
+        off = pose[:, 2] - before[1]
+        c, s = np.cos(off), np.sin(off)
+        pose[:, 0] += c * shift[0] - s * shift[1]
+        pose[:, 1] += s * shift[0] + c * shift[1]
+        pose[:, 2] += (turn + math.pi) % (2.0 * math.pi) - math.pi
+        speed_variance = float(max(i.cov[3, 3], i.cov[4, 4]))
+        xy = 0.01**2 + speed_variance * dt_s * dt_s
+        yaw = 0.002**2 + (0.01 * dt_s) ** 2
+        return pose, np.diag([xy, xy, yaw])
+
+    def _draw(self, found: Match) -> bool:
+        """Weigh and scatter the particles, and resample them where too few count."""
+        particles = self.particles
+        particles.weigh(found.log_likelihood)
+        particles.scatter(found.pose, found.spread)
+        self._weigh_by_fixes()
+        if len(particles) > 1 and particles.n_eff < _RESAMPLE * len(particles):
+            ancestors = particles.resample()
+            self.maps.become(ancestors)
+            self._inserted, self._waited = self._inserted[ancestors], self._waited[ancestors]
+            return True
+        return False
+
+    def _weigh_by_fixes(self) -> None:
+        """GPS positions, compared with where the particles' mean was when they were taken."""
+        here = self._inertial.p[:2]
+        for t_ns, position, sigma_m in self._fixes:
+            then = self._inertial.then(t_ns)
+            if then is None or self._last_fix_ns is None:
+                continue
+            dt_s = max(0.0, (t_ns - self._last_fix_ns) * 1e-9)
+            self._last_fix_ns = t_ns
+            self.particles.fix(position[:2], here - np.array(then.p[:2]), sigma_m * sigma_m, dt_s)
+        self._fixes.clear()
+
+    def _insert(self, scan: Scan, *, everybody: bool) -> None:
+        """Particles whose turn it is and that have moved, or waited, enough."""
+        self._turn = (self._turn + 1) % _TURNS
+        pose = self.particles.pose
+        n = len(pose)
+        mine = np.arange(n) % _TURNS == self._turn if n > 1 else np.ones(n, bool)
+        self._waited += 1
+        off = np.abs(pose - self._inserted)
+        moved = (np.hypot(off[:, 0], off[:, 1]) > _STILL_M) | (off[:, 2] > _STILL_RAD) | (self._waited >= _STILL_FRAMES)
+        due = np.flatnonzero((mine & moved) | everybody)
+        self.maps.insert(due, pose[due], scan)
+        self._inserted[due] = pose[due]
+        self._waited[due] = 0
+
+    def _correct_inertial(self) -> None:
+        i, mean, cov = self._inertial, self.particles.mean(), self.particles.covariance()
+        variance = np.diag(cov)[:2] + _FLOOR_M**2
+        i.correct_position((0, 1), mean[:2] - i.p[:2], variance)
+        off = (float(mean[2]) - i.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+        i.correct_yaw(off, float(cov[2, 2]) + _FLOOR_RAD**2)
+
+    def _without_sweep(self, t_ns: int) -> None:
+        before = self._stand()
+        self._inertial.advance(t_ns)
+        self._aid()
+        self.particles.pose, _ = self._moved(before)
+        self._go_on_with_gps(t_ns)
+
+    def _go_on_with_gps(self, t_ns: int) -> None:
+        """No sweep to go by: positions of the GPS correct the IMU filter, and the particles go with it."""
+        i = self._inertial
+        before = i.p[:2].copy()
+        shift = self.particles.weights @ self.particles.shift
+        for fix_ns, position, sigma_m in self._fixes:
+            then = i.then(fix_ns)
+            if then is not None:
+                variance = sigma_m * sigma_m + self.particles.shift_variance
+                i.correct_position((0, 1), position[:2] - shift - np.array(then.p[:2]), np.full(2, variance), _GPS_GATE)
+                self._last_fix_ns = fix_ns
+        self._fixes.clear()
+        self.particles.pose[:, :2] += i.p[:2] - before
+
+    def _aid(self) -> None:
+        """Velocity by GPS, height by barometer."""
+        i = self._inertial
+        variance = np.full(3, self.settings.gps_speed_sigma_mps**2)
+        for t_ns, speed in self._speeds:
+            then = i.then(t_ns)
+            if then is not None:
+                i.correct_velocity(speed - np.array(then.v), variance, _GPS_GATE)
+                self._last_fix_ns = max(t_ns, self._last_fix_ns or t_ns) if self._last_fix_ns is None else self._last_fix_ns
+        self._speeds.clear()
+        for t_ns, height_m, height_variance in self._heights:
+            then = i.then(t_ns)
+            if then is not None:
+                i.correct_position((2,), np.array([height_m - then.p[2]]), np.array([height_variance]))
+        self._heights.clear()
+
+    # What is told.
+
+    def _estimate(self, t_ns: int, resampled: bool) -> SlamEstimate:
+        i, particles = self._inertial, self.particles
+        now = i.ahead(t_ns)
+        roll, pitch, yaw = roll_pitch_yaw(matrix_of(now.q))
+        best = particles.best
+        if self._viewed != (self.maps.version, best):
+            self._view = self.maps.view(best)
+            self._viewed = (self.maps.version, best)
+        lidar_ok = self._sweep_ns is not None and (t_ns - self._sweep_ns) * 1e-9 <= self.settings.lidar_lost_s
+        gps_ok = self._last_fix_ns is not None and (t_ns - self._last_fix_ns) * 1e-9 <= _GPS_LOST_S
+        return SlamEstimate(
+            t_ns=t_ns,
+            p_W=np.array(now.p),
+            v_W=np.array(now.v),
+            yaw_rad=yaw,
+            roll=roll,
+            pitch=pitch,
+            covariance_xy=particles.covariance()[:2, :2] + i.cov[:2, :2],
+            n_eff=particles.n_eff,
+            resampled=resampled,
+            lidar_ok=lidar_ok,
+            gps_ok=gps_ok,
+            grid=self._view,
+            inliers=self._inliers,
+            particles_xy=particles.pose[:, :2].copy(),
+        )
+
+
+def ground_height(points: Sequence[float]) -> float:
+    """Reserved."""
+    return min(points)

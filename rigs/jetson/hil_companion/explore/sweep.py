@@ -1,0 +1,207 @@
+"""A LiDAR sweep made ready: straightened by how the vehicle moved, levelled, and in order by ring and azimuth.
+
+Each ring and each half degree of azimuth is a slot, and keeps its nearest return: 28,000 returns become at most 11,520.
+Coordinates are those of the level frame H: origin at the body's, axes of W turned by the vehicle's heading, all of the
+instant of capture.
+
+    p_H = R_HB(t_c) [ R_BB(t) (R_BL p_L + p_BL) + p_BB(t) ]         t the return's own time
+
+A slot without a return is told from one of which nothing is known: its beam was sent and nothing came back.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Sequence
+
+import numpy as np
+
+from hil_companion.explore.inertial import InertialFilter, Moment
+from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
+
+AZIMUTHS = 720
+_TABLE_S = 1e-3  # resolution of the motion table; half of it at 1 rad/s and 40 m: 2 cm
+_MOST_SWEEP_S = 0.2
+_ALIVE = 4  # neighbours to each side among which a return must be for a beam to count as sent
+_BAD, _EMPTY = -1.0, 0.0
+
+
+class Sweep(NamedTuple):
+    """Slots: rings by azimuths. Rings are ordered by elevation, lowest first."""
+
+    t_ns: int
+    p_H: np.ndarray  # (rings, azimuths, 3) float32; zeros where there is none
+    range_m: np.ndarray  # (rings, azimuths): > 0 a return, 0 none came back, < 0 nothing is known
+    ray_H: np.ndarray | None  # (rings, azimuths, 3): where each beam points; None: not known
+    origin_H: np.ndarray  # of the beams, about
+    roll: float
+    pitch: float
+    yaw: float
+    returns: int  # finite ones
+    refused: int  # returns that were not finite or made no sense
+
+
+def make_sweep(
+    inertial: InertialFilter,
+    *,
+    t_ns: int,
+    points_L: np.ndarray,
+    ring: np.ndarray,
+    time_offset_ns: np.ndarray,
+    p_BL: Sequence[float],
+    q_BL: Sequence[float],
+    elevation_deg: Sequence[float],
+    decimation: int = 1,
+    most_m: float = 200.0,
+) -> Sweep:
+    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is counted."""
+    azimuths = AZIMUTHS // decimation
+    points = np.asarray(points_L, np.float32).reshape(-1, 3)
+    ring = np.asarray(ring).reshape(-1).astype(np.int64)
+    offset = np.asarray(time_offset_ns).reshape(-1)
+    n = min(len(points), len(ring), len(offset))
+    points, ring, offset = points[:n], ring[:n], offset[:n]
+    rings = len(elevation_deg) or (int(ring.max()) + 1 if n else 1)
+    rings = min(rings, 256)
+    order = np.argsort(np.asarray(elevation_deg), kind="stable") if len(elevation_deg) else np.arange(rings)
+    rank = np.empty(rings, np.int64)
+    rank[order] = np.arange(rings)
+    known = (ring >= 0) & (ring < rings)
+    with np.errstate(invalid="ignore", over="ignore"):
+        level_m = np.hypot(points[:, 0], points[:, 1])
+        range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
+        good = known & np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
+    slots = np.zeros(rings * azimuths, np.float32)
+    yaw_bin = azimuths / (2.0 * math.pi)
+    refused = int(n - good.sum())
+    at = points[good]
+    azimuth = np.floor(np.arctan2(at[:, 1], at[:, 0]) * yaw_bin).astype(np.int64) % azimuths
+    slot = rank[ring[good]] * azimuths + azimuth
+    keep = _nearest(slot, range_m[good], slots)
+    if refused and known.any():
+        _doubt(slots, rank, ring, offset, good, known, azimuth, azimuths)
+    chosen = np.flatnonzero(good)[keep]
+    times = offset[chosen] * 1e-9
+    R_BL, t_BL = matrix_of(tuple(q_BL)), np.array(p_BL)  # type: ignore[arg-type]
+    R_HB, (roll, pitch, yaw) = _level(inertial.R)
+    turn, move = _motion(inertial, t_ns)
+    step = np.clip((-times / _TABLE_S + 0.5).astype(np.int64), 0, len(turn) - 1)
+    R_HL = np.matmul(np.matmul(R_HB, turn), R_BL).astype(np.float32)
+    t_HL = (np.matmul(turn, t_BL) + move) @ R_HB.T
+    p = np.einsum("nij,nj->ni", R_HL[step], points[chosen]) + t_HL[step].astype(np.float32)
+    p_H = np.zeros((rings * azimuths, 3), np.float32)
+    p_H[slot[keep]] = p
+    ray_H = None
+    if len(elevation_deg):
+        ray_H = _rays(np.asarray(elevation_deg)[order], azimuths, R_HL, azimuth[keep], step)
+    shape = (rings, azimuths)
+    found = _sent(slots.reshape(shape))
+    return Sweep(t_ns, p_H.reshape(*shape, 3), found, ray_H, t_HL[0], roll, pitch, yaw, int(good.sum()), refused)
+
+
+def _nearest(slot: np.ndarray, range_m: np.ndarray, slots: np.ndarray) -> np.ndarray:
+    """Fill `slots` with the smallest range of each, and say which return it was."""
+    holder = np.full(len(slots), -1, np.int64)
+    left = np.arange(len(slot))
+    while len(left):  # as often as a slot has returns: three times
+        holder[slot[left]] = left
+        held = holder[slot]
+        left = np.flatnonzero(range_m < range_m[held])
+        # Of equal or smaller ranges one stays; each turn the held range falls, so this ends.
+    keep = holder[holder >= 0]
+    keep = np.sort(keep)
+    slots[slot[keep]] = range_m[keep]
+    return keep
+
+
+def _doubt(
+    slots: np.ndarray,
+    rank: np.ndarray,
+    ring: np.ndarray,
+    offset: np.ndarray,
+    good: np.ndarray,
+    known: np.ndarray,
+    azimuth: np.ndarray,
+    azimuths: int,
+) -> None:
+    """Slots of returns without a sensible range: their azimuth is told by their time, from those that have one."""
+    bad = known & ~good
+    if len(azimuth) >= 16:
+        # A spinning head: azimuth is linear in time. Two returns far apart in time fix it up to whole turns.
+        t = offset[good].astype(float)
+        angle = np.unwrap(azimuth * (2.0 * math.pi / azimuths))
+        slope, at_zero = np.polyfit(t, angle, 1)
+        guess = ((slope * offset[bad] + at_zero) * (azimuths / (2.0 * math.pi))).astype(np.int64) % azimuths
+        spot = rank[ring[bad]] * azimuths + guess
+        for shift in (-2, -1, 0, 1, 2):
+            place = spot - guess + (guess + shift) % azimuths
+            slots[place] = np.where(slots[place] == _EMPTY, _BAD, slots[place])
+    else:
+        slots[slots == _EMPTY] = _BAD
+
+
+def _sent(slots: np.ndarray) -> np.ndarray:
+    """Empty slots are doubted where no ring has a return near their azimuth: the head may be blocked or off."""
+    alive = (slots > 0.0).any(axis=0)
+    near = alive.copy()
+    for shift in range(1, _ALIVE + 1):
+        near |= np.roll(alive, shift) | np.roll(alive, -shift)
+    slots[:, ~near] = np.where(slots[:, ~near] == _EMPTY, _BAD, slots[:, ~near])
+    return slots
+
+
+def _level(R_WB: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float]]:
+    """The rotation from B to H, and roll, pitch, yaw."""
+    roll, pitch, yaw = roll_pitch_yaw(R_WB)
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_WB, (roll, pitch, yaw)
+
+
+def _motion(inertial: InertialFilter, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and shift from B then to B at `t_ns`, for every step of the table backwards."""
+    moments = inertial.past(t_ns - int(_MOST_SWEEP_S * 1e9))
+    moments = [m for m in moments if m.t_ns <= t_ns] or [inertial.moment()]
+    q = np.array([m.q for m in moments])
+    flip = np.cumsum(np.concatenate([[0], np.sum(q[1:] * q[:-1], axis=1) < 0.0])) % 2 == 1
+    q[flip] *= -1.0
+    p = np.array([m.p for m in moments])
+    t = np.array([(m.t_ns - t_ns) * 1e-9 for m in moments])
+    steps = -_TABLE_S * np.arange(int(_MOST_SWEEP_S / _TABLE_S) + 1)
+    if len(t) > 1:
+        q = np.stack([np.interp(steps, t, q[:, k]) for k in range(4)], axis=-1)
+        p = np.stack([np.interp(steps, t, p[:, k]) for k in range(3)], axis=-1)
+    else:
+        v = np.array(moments[-1].v)
+        q, p = np.repeat(q, len(steps), axis=0), p + steps[:, None] * v
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    w, x, y, z = q.T
+    R = np.empty((len(steps), 3, 3))
+    R[:, 0, 0], R[:, 0, 1], R[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    R[:, 1, 0], R[:, 1, 1], R[:, 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    R[:, 2, 0], R[:, 2, 1], R[:, 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    back = R[0].T
+    return np.matmul(back, R), (p - p[0]) @ back.T
+
+
+def _rays(
+    elevation_deg: np.ndarray, azimuths: int, R_HL: np.ndarray, azimuth: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Direction of each slot's middle in H; when it was sent is known from returns at the same azimuth."""
+    when = np.full(azimuths, -1, np.int64)
+    when[azimuth] = step
+    seen = np.flatnonzero(when >= 0)
+    if len(seen):
+        near = seen[np.clip(np.searchsorted(seen, np.arange(azimuths)), 0, len(seen) - 1)]
+        when = when[near]
+    else:
+        when[:] = 0
+    angle = (np.arange(azimuths) + 0.5) * (2.0 * math.pi / azimuths)
+    up = np.radians(elevation_deg)
+    d = np.empty((len(up), azimuths, 3), np.float32)
+    d[:, :, 0] = np.cos(up)[:, None] * np.cos(angle)
+    d[:, :, 1] = np.cos(up)[:, None] * np.sin(angle)
+    d[:, :, 2] = np.sin(up)[:, None]
+    return np.einsum("aij,raj->rai", R_HL[when], d)
+
+
+__all__ = ["AZIMUTHS", "Moment", "Sweep", "make_sweep"]
