@@ -10,6 +10,7 @@ often. A grid's own resolution would move every wall to the middle of a cell, an
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,17 @@ _LEAST, _MOST = -40, 100
 _UNITS = 4096  # of a cell's side, for places in a cell
 _MOST_COUNT = 48  # of a mean: later ones still count
 _BINS = 720
+
+
+class Window(NamedTuple):
+    """The tiles about a vehicle, and what a scan's beams say of their cells."""
+
+    first: np.ndarray  # column and row of the first cell
+    size: np.ndarray  # columns and rows
+    wide: int  # tiles in a row
+    change: np.ndarray  # (tiles, cells) int8
+    touched: np.ndarray  # (tiles,) whether a beam passed there
+    places: np.ndarray  # (tiles,) where they lie in the area
 
 
 class Maps:
@@ -56,8 +68,17 @@ class Maps:
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         self._insert_met(particles, _placed(scan.all_xy, pose, c, s))
         band = self.cells(_placed(scan.band_xy, pose, c, s))
-        for k, particle in enumerate(particles.tolist()):
-            self._insert_grid(particle, pose[k], scan.reach_m, band[k])
+        centres = np.floor(self.cells(pose[:, :2])).astype(int)
+        turns = np.rint(pose[:, 2] * (_BINS / (2.0 * math.pi))).astype(int)
+        # Particles of one cell and half degree see the same cells pass: most of them, most of the time.
+        groups: dict[tuple[int, int, int], list[int]] = {}
+        for k in range(len(pose)):
+            groups.setdefault((int(centres[k, 0]), int(centres[k, 1]), int(turns[k])), []).append(k)
+        for (column, row, turn), members in groups.items():
+            window = self._passed(np.array([column, row]), turn, scan.reach_m)
+            if window is not None:
+                for k in members:
+                    self._insert_grid(int(particles[k]), window, band[k])
         self.version += 1
 
     def become(self, ancestors: np.ndarray) -> None:
@@ -141,34 +162,41 @@ class Maps:
         y = _high(packed) + gain * (new_y - _high(packed))
         pool[spot] = _packed(x, y, np.minimum(count + 1.0, _MOST_COUNT))
 
-    def _insert_grid(self, particle: int, pose: np.ndarray, reach_m: np.ndarray, band: np.ndarray) -> None:
+    def _passed(self, centre: np.ndarray, turn: int, reach_m: np.ndarray) -> Window | None:
+        """The cells about a place that beams passed, by tile; None outside the area."""
         across = self.grid.across
-        centre = np.floor(self.cells(pose[:2])).astype(int)
         low = np.clip((centre - self._reach_cells) >> SHIFT, 0, across)
         high = np.clip(((centre + self._reach_cells) >> SHIFT) + 1, 0, across)
         if (high <= low).any():
-            return  # the vehicle is outside the area
+            return None
         first, size = low * SIDE, (high - low) * SIDE
         rows = slice(first[1] - centre[1] + self._middle, first[1] - centre[1] + self._middle + size[1])
         columns = slice(first[0] - centre[0] + self._middle, first[0] - centre[0] + self._middle + size[0])
-        shift = int(round(float(pose[2]) * _BINS / (2.0 * math.pi)))
-        reach = np.roll(reach_m, shift) * (16.0 / self.cell_m)
+        reach = np.roll(reach_m, turn) * (16.0 / self.cell_m)
         # A cell's far corner counts, hence the half cell.
         limit = np.clip(reach - 8.0, 0.0, 65535.0).astype(np.uint16)
         passed = self._far[rows, columns] < limit[self._azimuth[rows, columns]]
         change = passed.astype(np.int8) * np.int8(_PASSED)
-        met = np.floor(band).astype(int) - first
-        met = met[((met >= 0) & (met < size)).all(axis=1)]
-        change[met[:, 1], met[:, 0]] = _MET
         tall, wide = int(high[1] - low[1]), int(high[0] - low[0])
         change = change.reshape(tall, SIDE, wide, SIDE).transpose(0, 2, 1, 3).reshape(tall * wide, CELLS)
-        touched = np.flatnonzero(change.any(axis=1))
-        if not len(touched):
+        index = np.arange(tall * wide)
+        return Window(first, size, wide, change, change.any(axis=1), (low[1] + index // wide) * across + low[0] + index % wide)
+
+    def _insert_grid(self, particle: int, window: Window, band: np.ndarray) -> None:
+        met = np.floor(band).astype(int) - window.first
+        met = met[((met >= 0) & (met < window.size)).all(axis=1)]
+        tile = (met[:, 1] >> SHIFT) * window.wide + (met[:, 0] >> SHIFT)
+        touched = window.touched.copy()
+        touched[tile] = True
+        if not touched.any():
             return
-        places = (low[1] + touched // wide) * across + low[0] + touched % wide
+        number = np.cumsum(touched) - 1
+        places = window.places[touched]
+        change = window.change[touched]
+        change[number[tile], ((met[:, 1] & LOW_BITS) << SHIFT) | (met[:, 0] & LOW_BITS)] = _MET
         tiles = self.grid.own(np.full(len(places), particle), places)
-        total = self.grid.pool[tiles].astype(np.int16) + change[touched]
-        self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST).astype(np.int8)
+        total = np.add(self.grid.pool[tiles], change, dtype=np.int16)
+        self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST, out=total)
 
 
 def _placed(xy: np.ndarray, pose: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -17,14 +17,15 @@ import numpy as np
 
 from hil_companion.explore.maps import Maps
 
-_ROUNDS = 3
+_ROUNDS = 4
 _STEPS = 2  # of Gauss-Newton between two looks for the nearest
-_SIGMA_M = 0.06  # of a point about its surface: range noise, cell, tilt
+_SETTLED_M, _SETTLED_RAD = 0.01, 0.001  # a step that finds no other nearest places
+_SIGMA_M = 0.05  # of a point about its surface: range noise, cell, tilt
 _OUTLIER_M = 0.10  # Cauchy's scale
 _RANDOM = 0.02  # share of a beam's likelihood that anything has
 _RIPE = 3  # met so often, a place counts in full
-_WITNESSES = 25.0  # that all points of a scan are worth, for the weights
-_INDEPENDENT = 0.15  # share of the points that are worth a witness each, for the spread
+_WITNESSES = 8.0  # that all points of a scan are worth, for the weights
+_INDEPENDENT = 0.4  # share of the points that are worth a witness each, for the spread
 _LEAST_POINTS = 12
 
 
@@ -47,7 +48,7 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
         return Match(pose, spread, np.zeros(n), np.zeros(n), np.zeros(n))
     has_normal = (normal != 0.0).any(axis=1)
     reach = maps.cell_m
-    for _ in range(_ROUNDS):
+    for turn_number in range(_ROUNDS):
         c, s = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
         bx, by = c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]
         cells = np.stack([bx + pose[:, :1], by + pose[:, 1:2]], axis=-1)
@@ -70,6 +71,9 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
             off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
             g = _INDEPENDENT * g + off @ information
             pose = pose + np.linalg.solve(H, g[:, :, None])[:, :, 0]
+        step = np.abs(pose - begin).max(axis=0)
+        if turn_number and max(step[0], step[1]) < _SETTLED_M and step[2] < _SETTLED_RAD:
+            break
     move = pose - begin
     r = r0 - nx * move[:, :1] - ny * move[:, 1:2] - turn * move[:, 2:]
     known = np.isfinite(far)
