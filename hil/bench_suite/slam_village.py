@@ -1,7 +1,8 @@
 """Villages of `hil bench slam`: what stands in them at a height, and a way through that a vehicle could fly.
 
 What stands there is known by the rays' own geometry: rays along both axes, 0.1 m apart, at heights over a band, go on
-from every surface that they meet. Where they meet one is where a LiDAR at that height could see one.
+from every surface that they meet, and so do rays from above, for flat tops within the band. Where they meet one is where
+a LiDAR at that height could see one.
 """
 
 from __future__ import annotations
@@ -61,20 +62,29 @@ def surfaces_xy(place: Village, low_m: float, high_m: float, *, t_ns: int = 0) -
         row, height = (a.reshape(-1) for a in np.meshgrid(rows, np.linspace(low_m, high_m, count)))
         origins = np.empty((len(row), 3))
         origins[:, axis], origins[:, 1 - axis], origins[:, 2] = LOW_M, row, height
-        direction = np.zeros(3)
-        direction[axis] = 1.0
-        for _ in range(_SURFACES):
-            range_m, geom = np.empty(len(origins)), np.empty(len(origins), np.int32)
-            directions = np.ascontiguousarray(np.broadcast_to(direction, origins.shape))
-            caster.cast(origins, directions, 0.0, HIGH_M - LOW_M, range_m, geom)
-            met = (geom >= 0) & (origins[:, axis] + range_m < HIGH_M)
-            if not met.any():
-                break
-            origins = origins[met]
-            origins[:, axis] += range_m[met]
-            found.append(origins[:, :2].copy())
-            origins[:, axis] += 1e-4
+        found += _surfaces(caster, origins, axis, 1.0, HIGH_M)
+    x, y = (a.reshape(-1) for a in np.meshgrid(rows[::2], rows[::2]))
+    found += _surfaces(caster, np.stack([x, y, np.full(len(x), high_m)], axis=-1), 2, -1.0, low_m)
     return np.concatenate(found) if found else np.zeros((0, 2))
+
+
+def _surfaces(caster: RayCaster, origins: Float64, axis: int, sign: float, end_m: float) -> list[Float64]:
+    """Where rays along an axis meet surfaces, one after the other, until `end_m`."""
+    found = []
+    direction = np.zeros(3)
+    direction[axis] = sign
+    for _ in range(_SURFACES):
+        range_m, geom = np.empty(len(origins)), np.empty(len(origins), np.int32)
+        directions = np.ascontiguousarray(np.broadcast_to(direction, origins.shape))
+        caster.cast(origins, directions, 0.0, HIGH_M - LOW_M, range_m, geom)
+        met = (geom >= 0) & (sign * (end_m - origins[:, axis]) > range_m)
+        if not met.any():
+            break
+        origins = origins[met]
+        origins[:, axis] += sign * range_m[met]
+        found.append(origins[:, :2].copy())
+        origins[:, axis] += sign * 1e-4
+    return found
 
 
 def mask_of(points_xy: Float64, cell_m: float = _CELL_M) -> Mask:

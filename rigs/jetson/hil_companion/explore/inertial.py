@@ -19,7 +19,7 @@ from hil_companion.explore.rotation import matrix_of, product, roll_pitch_yaw, s
 G_MPS2 = 9.80665
 _KEPT_ROWS = 1000  # of the past: a second at 1 kHz
 _MOST_WAITING = 4096
-_GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 1.5e-3, 0.02  # with what vibration and scale add
+_GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # with what vibration and scale add
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
 _GAP_S = 0.25  # a longer gap between rows is flown through at constant velocity
 

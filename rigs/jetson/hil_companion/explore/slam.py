@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from hil_companion.explore.matcher import Match, match
 from hil_companion.explore.particles import Particles
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 from hil_companion.explore.scan import Scan, make_scan
+from hil_companion.explore.search import search
 from hil_companion.explore.slam_settings import SlamSettings
 from hil_companion.explore.sweep import Sweep, make_sweep
 
@@ -38,6 +39,9 @@ _STILL_M, _STILL_RAD, _STILL_FRAMES = 0.08, 0.04, 9  # nearer to the last insert
 _LEAST_RETURNS = 200
 _LEAST_KNOWN, _LEAST_INLIERS = 0.15, 0.35
 _FLOOR_M, _FLOOR_RAD = 0.03, 0.004  # of what a match says of itself
+_STEP_M, _STEP_RAD, _TURN_SHARE = 0.01, 0.0005, 0.003  # what the IMU adds from sweep to sweep
+_WINDOW_M, _WINDOW_RAD = (1.0, 12.0), (0.06, 0.3)  # least and most of a search, to each side
+_LEAST_SHARE = 0.5  # of the points on the map, for a search to have found
 _GPS_GATE = 5.0
 _GPS_LOST_S = 0.6
 _RESAMPLE = 0.5  # of the particles
@@ -76,7 +80,6 @@ class Slam:
         self._start = np.array([x, y, z])
         self._plane: LocalPlane | None = None
         self._baro_zero: list[float] = []
-        self._baro_variance = 0.0
         self._sweep_ns: int | None = None
         self._last_fix_ns: int | None = None
         self._fixes: list[tuple[int, np.ndarray, float]] = []  # waiting: time, position, variance
@@ -86,7 +89,6 @@ class Slam:
         self._inserted = np.full((s.particles, 3), np.inf)
         self._waited = np.zeros(s.particles, int)
         self._inliers = 0.0
-        self._bad_since_ns: int | None = None
         self._view = self.maps.view(0)
         self._viewed: tuple[int, int] = (0, 0)
 
@@ -194,20 +196,47 @@ class Slam:
             self._sweep_ns = sweep_ns
             self._insert(scan, everybody=True)
             return False
+        if self._lidar_late(sweep_ns):
+            predicted, motion = self._look_for(predicted, motion, scan)
         found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
-        best = self.particles.best
-        self._inliers = float(found.inliers[best])
-        known = float(found.known[best])
-        if known >= _LEAST_KNOWN and self._inliers < _LEAST_INLIERS:
-            # Nothing fits: better to believe the IMU than a wrong wall.
-            self.particles.pose = predicted
-            self._go_on_with_gps(t_ns)
-            return False
+        if not self._fits(found):
+            predicted, motion = self._look_for(predicted, motion, scan)
+            found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
+            if not self._fits(found):
+                # Nothing fits: better to believe the IMU than a wrong wall.
+                self.particles.pose = predicted
+                self._go_on_with_gps(t_ns)
+                return False
         self._sweep_ns = sweep_ns
         resampled = self._draw(found)
         self._insert(scan, everybody=False)
         self._correct_inertial()
         return resampled
+
+    def _fits(self, found: Match) -> bool:
+        """Whether the scan lies on the map of the best particle, where there is any map."""
+        best = self.particles.best
+        self._inliers = float(found.inliers[best])
+        return float(found.known[best]) < _LEAST_KNOWN or self._inliers >= _LEAST_INLIERS
+
+    def _look_for(self, predicted: np.ndarray, motion: np.ndarray, scan: Scan) -> tuple[np.ndarray, np.ndarray]:
+        """Poses and what is known of them, after a search in the best particle's map; unchanged where it finds none."""
+        i, best = self._inertial, self.particles.best
+        sigma_m = math.sqrt(max(0.0, float(max(i.cov[0, 0], i.cov[1, 1]))))
+        window_m = min(_WINDOW_M[1], max(_WINDOW_M[0], 3.0 * sigma_m))
+        window_rad = min(_WINDOW_RAD[1], max(_WINDOW_RAD[0], 3.0 * math.sqrt(max(0.0, float(i.cov[8, 8])))))
+        found = search(
+            self.maps.met_xy(best, 2),
+            scan.match_xy,
+            predicted[best],
+            window_m=window_m,
+            window_rad=window_rad,
+            cell_m=self.settings.cell_m,
+        )
+        if found.share < _LEAST_SHARE:
+            return predicted, motion
+        wide = np.diag([self.settings.cell_m**2, self.settings.cell_m**2, 0.01**2])
+        return predicted + (found.pose - predicted[best]), motion + wide
 
     def _scan(self, sweep: Sweep) -> Scan:
         s = self.settings
@@ -239,9 +268,10 @@ class Slam:
         pose[:, 0] += c * shift[0] - s * shift[1]
         pose[:, 1] += s * shift[0] + c * shift[1]
         pose[:, 2] += (turn + math.pi) % (2.0 * math.pi) - math.pi
-        speed_variance = float(max(i.cov[3, 3], i.cov[4, 4]))
-        xy = 0.01**2 + speed_variance * dt_s * dt_s
-        yaw = 0.002**2 + (0.01 * dt_s) ** 2
+        speed_variance, drift_variance = float(max(i.cov[3, 3], i.cov[4, 4])), float(i.cov[11, 11])
+        turned = float(abs((turn + math.pi) % (2.0 * math.pi) - math.pi))
+        xy = _STEP_M**2 + speed_variance * dt_s * dt_s
+        yaw = _STEP_RAD**2 + drift_variance * dt_s * dt_s + (_TURN_SHARE * turned) ** 2
         return pose, np.diag([xy, xy, yaw])
 
     def _draw(self, found: Match) -> bool:
@@ -319,7 +349,6 @@ class Slam:
             then = i.then(t_ns)
             if then is not None:
                 i.correct_velocity(speed - np.array(then.v), variance, _GPS_GATE)
-                self._last_fix_ns = max(t_ns, self._last_fix_ns or t_ns) if self._last_fix_ns is None else self._last_fix_ns
         self._speeds.clear()
         for t_ns, height_m, height_variance in self._heights:
             then = i.then(t_ns)
@@ -356,7 +385,3 @@ class Slam:
             particles_xy=particles.pose[:, :2].copy(),
         )
 
-
-def ground_height(points: Sequence[float]) -> float:
-    """Reserved."""
-    return min(points)

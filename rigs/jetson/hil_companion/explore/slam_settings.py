@@ -21,7 +21,7 @@ class SlamSettings:
     band_half_m: float = 1.0  # what stands within so much of that height is an obstacle
     ground_z_m: float = 0.0
     map_range_m: float = 30.0  # beyond it the grid takes nothing
-    match_range_m: float = 60.0  # beyond it nothing is matched
+    match_range_m: float = 75.0  # beyond it nothing is matched
     match_points: int = 200
     decimation: int = 1  # every which azimuth of a sweep is used
     imu_topic: str = "imu"
