@@ -39,7 +39,13 @@ class Flight:
 
 
 def fly(
-    way_xy: Float64, *, height_m: float, speed_mps: float, tick_ns: int = 4_000_000, turns: bool = True, sway_m: float = 0.1
+    way_xy: Float64,
+    *,
+    height_m: float,
+    speed_mps: float,
+    tick_ns: int = 4_000_000,
+    turns: bool = True,
+    sway_m: float = 0.1,
 ) -> Flight:
     """Along a way (n, 2). `turns`: looks where it goes; else east. `sway_m`: swings to the sides by so much."""
     dt = tick_ns * 1e-9
@@ -53,13 +59,12 @@ def fly(
     p[:before, 2], p[before:, 2] = z, height_m
     p = _smoothed(p, round(_SMOOTH_S / dt))
     t = np.arange(len(p)) * dt
-    v = np.gradient(p, dt, axis=0)
-    course = _course(v, dt)
+    course = _course(np.asarray(np.gradient(p, dt, axis=0)), dt)
     share = _smoothed(np.clip((p[:, 2:] - _GROUND_M - 0.5) / 2.0, 0.0, 1.0), round(_SMOOTH_S / dt))
     swing = sway_m * np.stack([np.sin(1.9 * t), np.sin(2.3 * t + 1.0), 0.6 * np.sin(1.3 * t + 0.5)], axis=-1)
     p = p + swing * share
-    v = np.gradient(p, dt, axis=0)
-    a = np.gradient(v, dt, axis=0)
+    v = np.asarray(np.gradient(p, dt, axis=0))
+    a = np.asarray(np.gradient(v, dt, axis=0))
     yaw = course if turns else np.zeros(len(p))
     return Flight(_truths(p, v, a, yaw, tick_ns), tick_ns, (*p[0].tolist(), float(yaw[0])))  # type: ignore[arg-type]
 
@@ -121,7 +126,9 @@ def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> t
     left /= np.linalg.norm(left, axis=1)[:, None]
     R = np.stack([np.cross(left, up), left, up], axis=-1)
     turn = np.einsum("nji,njk->nik", R[:-1], R[1:])  # from each tick's frame to the next
-    vector = 0.5 * np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1)
+    vector = 0.5 * np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
+    )
     w = np.concatenate([vector[:1], vector]) / dt
     alpha = np.concatenate([np.zeros((1, 3)), np.diff(w, axis=0) / dt])
     q = _quaternions(R)
@@ -137,10 +144,21 @@ def _quaternions(R: Float64) -> Float64:
     w = 0.5 * np.sqrt(np.maximum(1e-12, 1.0 + R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2]))
     big = np.sqrt(np.maximum(1e-12, 1.0 - R[:, 0, 0] - R[:, 1, 1] + R[:, 2, 2])) * 0.5  # z, where w is small
     by_w = np.stack(
-        [w, (R[:, 2, 1] - R[:, 1, 2]) / (4 * w), (R[:, 0, 2] - R[:, 2, 0]) / (4 * w), (R[:, 1, 0] - R[:, 0, 1]) / (4 * w)], -1
+        [
+            w,
+            (R[:, 2, 1] - R[:, 1, 2]) / (4 * w),
+            (R[:, 0, 2] - R[:, 2, 0]) / (4 * w),
+            (R[:, 1, 0] - R[:, 0, 1]) / (4 * w),
+        ],
+        -1,
     )
     by_z = np.stack(
-        [(R[:, 1, 0] - R[:, 0, 1]) / (4 * big), (R[:, 0, 2] + R[:, 2, 0]) / (4 * big), (R[:, 1, 2] + R[:, 2, 1]) / (4 * big), big],
+        [
+            (R[:, 1, 0] - R[:, 0, 1]) / (4 * big),
+            (R[:, 0, 2] + R[:, 2, 0]) / (4 * big),
+            (R[:, 1, 2] + R[:, 2, 1]) / (4 * big),
+            big,
+        ],
         -1,
     )
     q = np.where((w > big)[:, None], by_w, by_z)

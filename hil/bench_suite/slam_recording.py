@@ -6,7 +6,7 @@ The sensors are the bench's own, with their noise; a frame holds what had left i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -105,3 +105,27 @@ def _stacked(name: str, samples: list[Any]) -> RecordedSample:
         arrays = {k: getattr(last, k) for k in ("points_L", "range_m", "intensity", "ring", "time_offset_ns")}
         return RecordedSample(*stamps, {}, arrays)
     return RecordedSample(*stamps, {k: [getattr(s, k) for s in samples] for k in last._fields}, {})
+
+
+def without_gps(frames: Sequence[RecordedFrame], from_s: float, until_s: float) -> list[RecordedFrame]:
+    """The same frames with the GPS signal lost for a time, as `sim.sensors.gps` has it: it goes on, without a fix."""
+    changed = []
+    held: dict[str, float] = {}
+    for frame in frames:
+        new = RecordedFrame(frame.t_ns)
+        new.update(frame)
+        if "gps" in frame:
+            gps = frame["gps"]
+            values = {name: list(rows) for name, rows in gps.values.items()}
+            for k, t_ns in enumerate(values["t_capture_ns"]):
+                place = ("latitude_deg", "longitude_deg", "altitude_m")
+                if not from_s <= t_ns * 1e-9 < until_s:
+                    held = {name: values[name][k] for name in place}
+                    continue
+                lost = {"fix_type": 1, "satellites": 0, "v_W": (0.0, 0.0, 0.0)}
+                lost |= {"horizontal_accuracy_m": 1000.0, "vertical_accuracy_m": 1000.0}
+                for name, value in (lost | (held or dict.fromkeys(place, 0.0))).items():
+                    values[name][k] = value
+            new["gps"] = RecordedSample("gps", gps.seq, gps.t_capture_ns, gps.t_available_ns, values, {})
+        changed.append(new)
+    return changed

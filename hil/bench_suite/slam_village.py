@@ -1,8 +1,8 @@
 """Villages of `hil bench slam`: what stands in them at a height, and a way through that a vehicle could fly.
 
 What stands there is known by the rays' own geometry: rays along both axes, 0.1 m apart, at heights over a band, go on
-from every surface that they meet, and so do rays from above, for flat tops within the band. Where they meet one is where
-a LiDAR at that height could see one.
+from every surface that they meet, and so do rays from above, for flat tops within the band. Where they meet one, a
+LiDAR at that height could see one.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "radar": ("hil.bench_suite.radar", "Radar: error of a raw frame against time"),
     "raster": ("hil.bench_suite.raster", "Raster: time and error beside MuJoCo's renderer"),
     "skip": ("hil.bench_suite.skip", "Skipping: what each rule saves"),
+    "slam": ("hil.bench_suite.slam", "SLAM: error of trajectory and map against the time of an update"),
     "stability": ("hil.bench_suite.stability", "Stability: where each method stays finite and within tolerance"),
 }
 

@@ -52,7 +52,9 @@ class InertialFilter:
         self._waiting: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MOST_WAITING)
         self._past: deque[Moment] = deque(maxlen=_KEPT_ROWS)
 
-    def take(self, t_ns: Sequence[int], gyro_radps: Sequence[Sequence[float]], accel_mps2: Sequence[Sequence[float]]) -> None:
+    def take(
+        self, t_ns: Sequence[int], gyro_radps: Sequence[Sequence[float]], accel_mps2: Sequence[Sequence[float]]
+    ) -> None:
         """Rows of the IMU, each the mean over the time since the row before. Those that are not finite are left out."""
         for t, w, f in zip(t_ns, gyro_radps, accel_mps2):
             if np.isfinite(w).all() and np.isfinite(f).all() and (self.last_imu_ns is None or t > self.last_imu_ns):
@@ -130,7 +132,9 @@ class InertialFilter:
         self.cov = A @ self.cov @ A.T + (K * variance) @ K.T
         return True
 
-    def correct_position(self, axes: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
+    def correct_position(
+        self, axes: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0
+    ) -> bool:
         """Along some axes of W."""
         H = np.zeros((len(axes), 15))
         H[np.arange(len(axes)), list(axes)] = 1.0

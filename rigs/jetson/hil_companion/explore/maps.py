@@ -40,7 +40,9 @@ class Window(NamedTuple):
 class Maps:
     """Maps of all particles. `centre_W`: the middle of the area."""
 
-    def __init__(self, particles: int, cell_m: float, area_m: float, range_m: float, centre_W: tuple[float, float]) -> None:
+    def __init__(
+        self, particles: int, cell_m: float, area_m: float, range_m: float, centre_W: tuple[float, float]
+    ) -> None:
         self.cell_m = cell_m
         across = max(1, math.ceil(area_m / cell_m / SIDE))
         self.side = across * SIDE
@@ -74,11 +76,19 @@ class Maps:
         groups: dict[tuple[int, int, int], list[int]] = {}
         for k in range(len(pose)):
             groups.setdefault((int(centres[k, 0]), int(centres[k, 1]), int(turns[k])), []).append(k)
+        who, places, changes = [], [], []
         for (column, row, turn), members in groups.items():
             window = self._passed(np.array([column, row]), turn, scan.reach_m)
             if window is not None:
                 for k in members:
-                    self._insert_grid(int(particles[k]), window, band[k])
+                    at, change = _with_met(window, band[k])
+                    who.append(np.full(len(at), particles[k]))
+                    places.append(at)
+                    changes.append(change)
+        if who:
+            tiles = self.grid.own(np.concatenate(who), np.concatenate(places))
+            total = np.add(self.grid.pool[tiles], np.concatenate(changes), dtype=np.int16)
+            self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST, out=total)
         self.version += 1
 
     def become(self, ancestors: np.ndarray) -> None:
@@ -112,24 +122,23 @@ class Maps:
         """
         n, m = cells.shape[:2]
         column, row = np.floor(cells[:, :, 0]).astype(np.int32), np.floor(cells[:, :, 1]).astype(np.int32)
-        inner = np.clip(column, 1, self.side - 2), np.clip(row, 1, self.side - 2)
-        outside = (inner[0] != column) | (inner[1] != row)
-        column, row = inner
-        best = np.full((n, m), np.inf)
+        outside = (column < 1) | (row < 1) | (column > self.side - 2) | (row > self.side - 2)
+        column, row = np.clip(column, 1, self.side - 2), np.clip(row, 1, self.side - 2)
+        in_x, in_y = (cells[:, :, 0] - column).astype(np.float32), (cells[:, :, 1] - row).astype(np.float32)
+        best = np.full((n, m), np.inf, np.float32)
         found = np.zeros((n, m), np.uint32)
-        dx_best, dy_best = np.zeros((n, m)), np.zeros((n, m))
-        table, pool, across = self.met.table, self.met.pool.reshape(-1), self.met.across
+        dx_best, dy_best = np.zeros((n, m), np.float32), np.zeros((n, m), np.float32)
+        table, pool, across = self.met.table.reshape(-1), self.met.pool.reshape(-1), self.met.across
         base = (np.arange(n, dtype=np.int32) * (across * across))[:, None]
-        table = table.reshape(-1)
+        unit = np.float32(1.0 / _UNITS)
+        columns = [((column + j) >> SHIFT, (column + j) & LOW_BITS, np.float32(j) - in_x) for j in (-1, 0, 1)]
         for i in (-1, 0, 1):
             y = row + i
-            tile_row = base + (y >> SHIFT) * across
-            in_row = (y & LOW_BITS) << SHIFT
-            for j in (-1, 0, 1):
-                x = column + j
-                packed = pool[table[tile_row + (x >> SHIFT)] * CELLS + (in_row | (x & LOW_BITS))]
-                dx = x + _low(packed) - cells[:, :, 0]
-                dy = y + _high(packed) - cells[:, :, 1]
+            tile_row, in_row, from_y = base + (y >> SHIFT) * across, (y & LOW_BITS) << SHIFT, np.float32(i) - in_y
+            for tile_column, in_column, from_x in columns:
+                packed = pool.take((table.take(tile_row + tile_column) << (2 * SHIFT)) + (in_row + in_column))
+                dx = (packed & 0xFFF).astype(np.float32) * unit + from_x
+                dy = ((packed >> 12) & 0xFFF).astype(np.float32) * unit + from_y
                 far = dx * dx + dy * dy
                 better = (far < best) & (packed > 0)
                 np.copyto(best, far, where=better)
@@ -180,23 +189,22 @@ class Maps:
         tall, wide = int(high[1] - low[1]), int(high[0] - low[0])
         change = change.reshape(tall, SIDE, wide, SIDE).transpose(0, 2, 1, 3).reshape(tall * wide, CELLS)
         index = np.arange(tall * wide)
-        return Window(first, size, wide, change, change.any(axis=1), (low[1] + index // wide) * across + low[0] + index % wide)
+        return Window(
+            first, size, wide, change, change.any(axis=1), (low[1] + index // wide) * across + low[0] + index % wide
+        )
 
-    def _insert_grid(self, particle: int, window: Window, band: np.ndarray) -> None:
-        met = np.floor(band).astype(int) - window.first
-        met = met[((met >= 0) & (met < window.size)).all(axis=1)]
-        tile = (met[:, 1] >> SHIFT) * window.wide + (met[:, 0] >> SHIFT)
-        touched = window.touched.copy()
-        touched[tile] = True
-        if not touched.any():
-            return
-        number = np.cumsum(touched) - 1
-        places = window.places[touched]
-        change = window.change[touched]
-        change[number[tile], ((met[:, 1] & LOW_BITS) << SHIFT) | (met[:, 0] & LOW_BITS)] = _MET
-        tiles = self.grid.own(np.full(len(places), particle), places)
-        total = np.add(self.grid.pool[tiles], change, dtype=np.int16)
-        self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST, out=total)
+
+def _with_met(window: Window, band: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tiles that a scan changes (their places), and by how much; `band`: what was met, in fractional cells."""
+    met = np.floor(band).astype(int) - window.first
+    met = met[((met >= 0) & (met < window.size)).all(axis=1)]
+    tile = (met[:, 1] >> SHIFT) * window.wide + (met[:, 0] >> SHIFT)
+    touched = window.touched.copy()
+    touched[tile] = True
+    number = np.cumsum(touched) - 1
+    change = window.change[touched]
+    change[number[tile], ((met[:, 1] & LOW_BITS) << SHIFT) | (met[:, 0] & LOW_BITS)] = _MET
+    return window.places[touched], change
 
 
 def _placed(xy: np.ndarray, pose: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:

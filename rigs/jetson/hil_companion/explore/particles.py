@@ -1,8 +1,8 @@
 """The particles: poses, weights, and what each believes of the GPS.
 
-A particle knows where it is, so what it does not know of the GPS (where its fixes are shifted to, in two axes) is linear
-and Gaussian given that, and each keeps it in closed form: the Rao-Blackwell idea, as for the maps. With b the shift, m
-and V its mean and variance,
+A particle knows where it is, so what it does not know of the GPS (where its fixes are shifted to, in two axes) is
+linear and Gaussian given that, and each keeps it in closed form: the Rao-Blackwell idea, as for the maps. With b the
+shift, m and V its mean and variance,
 
     fix = p + b + noise      weight *= N(fix; p + m, V + s^2)      K = V / (V + s^2)      m += K (fix - p - m)
 
@@ -15,6 +15,7 @@ import numpy as np
 
 _DRIFT_M2_PS = 0.02**2  # of the shift's variance, per second
 _MOST_LOG = 8.0  # of one fix
+_GATE = 6.0  # standard deviations
 
 
 class Particles:
@@ -80,6 +81,8 @@ class Particles:
         self.shift_variance += dt_s * _DRIFT_M2_PS
         off = xy + moved_since - self.pose[:, :2] - self.shift
         total = self.shift_variance + variance
+        if float((off * off).sum(axis=1).min()) > _GATE * _GATE * total:
+            return  # a jump that no particle can explain
         self.weigh(np.maximum(-0.5 * (off * off).sum(axis=1) / total, -_MOST_LOG))
         gain = self.shift_variance / total
         self.shift = self.shift + gain * off

@@ -1,8 +1,9 @@
 """Looks for a pose in a map about where it should be: correlative, from coarse to fine.
 
 The map is a picture of the cells in which something was met, widened by one. At each level its cells are the maximum of
-2 x 2 of the level below, so no good place can be missed for being between two candidates. A candidate's score is the
-share of the scan's points that fall on set cells; the best of a level are looked at again on the next, at half the step.
+2 x 2 of the level below, so a good place is seldom missed for being between two candidates. A candidate's score is the
+share of the scan's points that fall on set cells; the best of a level are looked at again on the next, at half the
+step.
 """
 
 from __future__ import annotations

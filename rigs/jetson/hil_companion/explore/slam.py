@@ -102,7 +102,7 @@ class Slam:
         resampled = False
         self._inliers = 0.0
         if sweep_ns is not None:
-            resampled = self._with_sweep(frame[self.settings.lidar_topic], sweep_ns, t_ns)
+            resampled = self._with_sweep(frame[self.settings.lidar_topic], sweep_ns)
         elif self._lidar_late(t_ns):
             self._without_sweep(t_ns)
         return self._estimate(t_ns, resampled)
@@ -169,7 +169,7 @@ class Slam:
 
     # What is made of it.
 
-    def _with_sweep(self, lidar: Any, sweep_ns: int, t_ns: int) -> bool:
+    def _with_sweep(self, lidar: Any, sweep_ns: int) -> bool:
         s = self.settings
         before = self._stand()
         self._inertial.advance(sweep_ns)
@@ -188,7 +188,7 @@ class Slam:
         predicted, motion = self._moved(before)
         if sweep.returns < _LEAST_RETURNS:
             self.particles.pose = predicted
-            self._go_on_with_gps(t_ns)
+            self._go_on_with_gps()
             return False
         scan = self._scan(sweep)
         if not self.maps.version:
@@ -205,7 +205,7 @@ class Slam:
             if not self._fits(found):
                 # Nothing fits: better to believe the IMU than a wrong wall.
                 self.particles.pose = predicted
-                self._go_on_with_gps(t_ns)
+                self._go_on_with_gps()
                 return False
         self._sweep_ns = sweep_ns
         resampled = self._draw(found)
@@ -325,9 +325,9 @@ class Slam:
         self._inertial.advance(t_ns)
         self._aid()
         self.particles.pose, _ = self._moved(before)
-        self._go_on_with_gps(t_ns)
+        self._go_on_with_gps()
 
-    def _go_on_with_gps(self, t_ns: int) -> None:
+    def _go_on_with_gps(self) -> None:
         """No sweep to go by: positions of the GPS correct the IMU filter, and the particles go with it."""
         i = self._inertial
         before = i.p[:2].copy()
@@ -384,4 +384,3 @@ class Slam:
             inliers=self._inliers,
             particles_xy=particles.pose[:, :2].copy(),
         )
-

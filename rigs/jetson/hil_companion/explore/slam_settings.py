@@ -47,7 +47,9 @@ class SlamSettings:
         if not 1 <= self.decimation <= 16:
             problems.append(f"decimation {self.decimation} must be 1 to 16")
         if self.cell_m > 0.0 and self.area_m / self.cell_m > 8192.0:
-            problems.append(f"area_m {self.area_m:g} by cell_m {self.cell_m:g} is more than 8192 cells; take larger cells")
+            problems.append(
+                f"area_m {self.area_m:g} by cell_m {self.cell_m:g} is more than 8192 cells; take larger cells"
+            )
         if problems:
             raise OptionError("slam: " + "; ".join(problems))
 

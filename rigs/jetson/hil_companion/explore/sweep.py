@@ -88,7 +88,7 @@ def make_sweep(
     step = np.clip((-times / _TABLE_S + 0.5).astype(np.int64), 0, len(turn) - 1)
     R_HL = np.matmul(np.matmul(R_HB, turn), R_BL).astype(np.float32)
     t_HL = (np.matmul(turn, t_BL) + move) @ R_HB.T
-    p = np.einsum("nij,nj->ni", R_HL[step], points[chosen]) + t_HL[step].astype(np.float32)
+    p = _turned(R_HL[step], points[chosen]) + t_HL[step].astype(np.float32)
     p_H = np.zeros((rings * azimuths, 3), np.float32)
     p_H[slot[keep]] = p
     ray_H = None
@@ -201,7 +201,15 @@ def _rays(
     d[:, :, 0] = np.cos(up)[:, None] * np.cos(angle)
     d[:, :, 1] = np.cos(up)[:, None] * np.sin(angle)
     d[:, :, 2] = np.sin(up)[:, None]
-    return np.einsum("aij,raj->rai", R_HL[when], d)
+    return _turned(R_HL[when], d)
+
+
+def _turned(R: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """R p, element by element of what comes before the last axis of p."""
+    out = np.empty(p.shape, np.float32)
+    for i in range(3):
+        out[..., i] = R[:, i, 0] * p[..., 0] + R[:, i, 1] * p[..., 1] + R[:, i, 2] * p[..., 2]
+    return out
 
 
 __all__ = ["AZIMUTHS", "Moment", "Sweep", "make_sweep"]
