@@ -35,7 +35,10 @@ _GROWTH = 1.1
 # name -> how the flight is made
 _HARDER: dict[str, dict[str, Any]] = {
     "GPS noise 5 m, drift 3 m": {"seed": 11, "noise": Noise(seed=11, gps_m=5.0, gps_drift_m=3.0)},
-    "range noise 0.05 m, 10 % lost": {"seed": 12, "noise": Noise(seed=12, range_m=0.05, lidar={"dropout_probability": 0.1})},
+    "range noise 0.05 m, 10 % lost": {
+        "seed": 12,
+        "noise": Noise(seed=12, range_m=0.05, lidar={"dropout_probability": 0.1}),
+    },
     "IMU bias 0.2 m/s2, 0.01 rad/s": {
         "seed": 13,
         "noise": Noise(seed=13, imu={"accel_turn_on_bias_mps2": 0.2, "gyro_turn_on_bias_radps": 0.01}),
@@ -43,7 +46,7 @@ _HARDER: dict[str, dict[str, Any]] = {
     "6 m/s": {"seed": 14, "speed_mps": 6.0},
     "3 m high, 30 people": {"seed": 15, "height_m": 3.0, "parameters": {"walkers": 20, "standing_people": 10}},
     "nothing as high as the flight": {"seed": 16, "parameters": {"tall_share": 0.0}},
-}  # fmt: skip
+}
 
 
 def measure(*, quick: bool, say: Say) -> BenchmarkResult:

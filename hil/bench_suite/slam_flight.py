@@ -66,7 +66,7 @@ def fly(
     v = np.asarray(np.gradient(p, dt, axis=0))
     a = np.asarray(np.gradient(v, dt, axis=0))
     yaw = course if turns else np.zeros(len(p))
-    return Flight(_truths(p, v, a, yaw, tick_ns), tick_ns, (*p[0].tolist(), float(yaw[0])))  # type: ignore[arg-type]
+    return Flight(_truths(p, v, a, yaw, tick_ns), tick_ns, (*p[0].tolist(), float(yaw[0])))
 
 
 def _rounded(way_xy: Float64) -> Float64:
@@ -132,11 +132,11 @@ def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> t
     w = np.concatenate([vector[:1], vector]) / dt
     alpha = np.concatenate([np.zeros((1, 3)), np.diff(w, axis=0) / dt])
     q = _quaternions(R)
+    rows = zip(*(map(tuple, x.tolist()) for x in (p, q, v, w, a, alpha)), strict=True)
     return tuple(
-        TruthState(k, k * tick_ns, tuple(p[k].tolist()), tuple(q[k].tolist()), tuple(v[k].tolist()), tuple(w[k].tolist()),
-                   tuple(a[k].tolist()), tuple(alpha[k].tolist()), (), False)
-        for k in range(len(p))
-    )  # fmt: skip
+        TruthState(k, k * tick_ns, p_k, q_k, v_k, w_k, a_k, alpha_k, (), False)
+        for k, (p_k, q_k, v_k, w_k, a_k, alpha_k) in enumerate(rows)
+    )
 
 
 def _quaternions(R: Float64) -> Float64:

@@ -1,7 +1,8 @@
 """What each particle knows of the world: an occupancy grid at the flight's height, and where upright things were met.
 
-The grid holds log-odds in steps of 1/20, from -2 (free: three looks make it occupied) to 5. A cell met is occupied; one
-that lies on the way of a beam that stayed at the flight's height is a little freer. What walks away is so forgotten.
+The grid holds log-odds in steps of 1/20, from -2 (free: three looks make it occupied) to 3.5 (forgotten after ten that
+pass through). A cell met is occupied; one on the way of a beam that stayed at the flight's height is a little freer.
+What walks away is so forgotten.
 
 The other layer is for matching: in each cell where something upright was met, the mean of where in the cell, and how
 often. A grid's own resolution would move every wall to the middle of a cell, and the particle with it.
@@ -20,7 +21,7 @@ from hil_companion.explore.tiles import CELLS, LOW_BITS, SHIFT, SIDE, Tiles
 
 STEP = 0.05  # log-odds
 _MET, _PASSED = 24, -6
-_LEAST, _MOST = -40, 100
+_LEAST, _MOST = -40, 70
 _UNITS = 4096  # of a cell's side, for places in a cell
 _MOST_COUNT = 48  # of a mean: later ones still count
 _BINS = 720
