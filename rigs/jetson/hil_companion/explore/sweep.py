@@ -24,6 +24,8 @@ _TABLE_S = 1e-3  # resolution of the motion table; half of it at 1 rad/s and 40 
 _MOST_SWEEP_S = 0.2
 _ALIVE = 4  # neighbours to each side among which a return must be for a beam to count as sent
 _BAD, _EMPTY = -1.0, 0.0
+_MOST_RINGS = 256
+_STRANGE = 0.01  # share of returns of unknown rings that may be errors of the wire
 
 
 class Sweep(NamedTuple):
@@ -61,16 +63,17 @@ def make_sweep(
     offset = np.asarray(time_offset_ns).reshape(-1)
     n = min(len(points), len(ring), len(offset))
     points, ring, offset = points[:n], ring[:n], offset[:n]
-    rings = len(elevation_deg) or (int(ring.max()) + 1 if n else 1)
-    rings = min(rings, 256)
-    order = np.argsort(np.asarray(elevation_deg), kind="stable") if len(elevation_deg) else np.arange(rings)
-    rank = np.empty(rings, np.int64)
-    rank[order] = np.arange(rings)
+    if np.count_nonzero(ring >= len(elevation_deg)) > _STRANGE * n:
+        elevation_deg = ()  # another device than was said: no beam without echo is believed in
+    rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MOST_RINGS) if n else 1)
     known = (ring >= 0) & (ring < rings)
     with np.errstate(invalid="ignore", over="ignore"):
         level_m = np.hypot(points[:, 0], points[:, 1])
         range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
         good = known & np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
+    order = np.argsort(_elevations(elevation_deg, ring[good], points[good], level_m[good], rings), kind="stable")
+    rank = np.empty(rings, np.int64)
+    rank[order] = np.arange(rings)
     slots = np.zeros(rings * azimuths, np.float32)
     yaw_bin = azimuths / (2.0 * math.pi)
     refused = int(n - good.sum())
@@ -97,6 +100,16 @@ def make_sweep(
     shape = (rings, azimuths)
     found = _sent(slots.reshape(shape))
     return Sweep(t_ns, p_H.reshape(*shape, 3), found, ray_H, t_HL[0], roll, pitch, yaw, int(good.sum()), refused)
+
+
+def _elevations(
+    elevation_deg: Sequence[float], ring: np.ndarray, points: np.ndarray, level_m: np.ndarray, rings: int
+) -> np.ndarray:
+    """Of each ring, to order them by: as told, or the mean slope of its returns."""
+    if len(elevation_deg):
+        return np.asarray(elevation_deg, float)
+    slope = points[:, 2] / np.maximum(level_m, 1e-3)
+    return np.bincount(ring, slope, rings) / np.maximum(np.bincount(ring, minlength=rings), 1)
 
 
 def _nearest(slot: np.ndarray, range_m: np.ndarray, slots: np.ndarray) -> np.ndarray:
