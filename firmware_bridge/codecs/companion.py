@@ -35,6 +35,8 @@ _PATTERN = re.compile(r"[A-Za-z0-9_./*?\[\]!-]{1,128}")
 _MAX_TOPICS = 32
 _MAX_INT = 2**63 - 1
 _MAX_TIME_NS = 2**62  # sums and differences of two times stay within 64 bits
+_MAX_REPORT, _MAX_REPORT_TEXT = 32, 200  # entries of what a client says of itself, characters of one
+_REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 _MAX_REASON = 1000  # characters of a client's own words that are kept
 _UNIT_TOLERANCE = 1e-3
 _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it stay finite
@@ -43,7 +45,7 @@ _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it s
 _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
-    "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished"),
+    "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report"),
     "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
     "bye": ("reason",),
     "welcome": (
@@ -129,6 +131,9 @@ _DESIRED_FLAGS = ("land", "hold")
 _DESIRED_KEYS = frozenset((*_DESIRED_LENGTHS, *_DESIRED_FLAGS, "ahead"))
 
 
+ReportValue = str | bool | int | float
+
+
 @dataclass(frozen=True)
 class Hello:
     """A client introduces itself; on the port of one sensor: says whose socket that is."""
@@ -156,6 +161,7 @@ class Done(NamedTuple):
     t2_ns: int  # what the client's function took
     desired: DesiredState | None
     finished: bool
+    report: Mapping[str, ReportValue] | None = None  # None: nothing new
 
 
 @dataclass(frozen=True)
@@ -423,7 +429,25 @@ def _done(m: dict[str, Any]) -> Done:
         _integer(m, "t2_ns", 0, _MAX_TIME_NS),
         None if desired is None else desired_from_map(desired),
         _flag(m, "finished"),
+        None if m.get("report") is None else report_from_map(m["report"]),
     )
+
+
+def report_from_map(values: object) -> dict[str, ReportValue]:
+    """What a client says of itself: a flat map of texts, booleans and finite numbers. CodecError."""
+    if type(values) is not dict or len(values) > _MAX_REPORT:
+        raise CodecError(f"report: {_shown(values)}; a map of at most {_MAX_REPORT} entries")
+    made: dict[str, ReportValue] = {}
+    for name, value in values.items():
+        if type(name) is not str or not _REPORT_NAME.fullmatch(name):
+            raise CodecError(f"report: {_shown(name)} is no name of 1 to 64 letters, digits and _")
+        whole = type(value) is int and abs(value) < 2**53
+        if not (type(value) is bool or whole or (type(value) is float and isfinite(value))) and (
+            type(value) is not str or len(value) > _MAX_REPORT_TEXT
+        ):
+            raise CodecError(f"report.{name}: {_shown(value)} is no text, no boolean and no finite number")
+        made[name] = value
+    return made
 
 
 def _ping(m: dict[str, Any]) -> Ping:

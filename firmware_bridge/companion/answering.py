@@ -48,4 +48,5 @@ def take_answer(client: Client, done: Done, t_ns: int, sender: Sender) -> Reply:
         t_ns,
         offset_ns,
         sent.t_sent_ns,
+        done.report,
     )

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from firmware_bridge.codecs.companion import TopicSchema
+from firmware_bridge.codecs.companion import ReportValue, TopicSchema
 from hil.signals.desired import DesiredState
 
 
@@ -50,6 +50,7 @@ class Reply(NamedTuple):
     t_arrived_ns: int  # bench's clock
     clock_offset_ns: int  # client's clock minus the bench's
     t_frame_sent_ns: int = 0  # bench's clock: when the frame went
+    report: Mapping[str, ReportValue] | None = None  # what it says of itself; None: nothing new
 
 
 @dataclass(frozen=True)

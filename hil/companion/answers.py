@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from firmware_bridge.codecs.companion import ReportValue
 from firmware_bridge.companion.frames import CompanionFrame, Reply
 from firmware_bridge.companion.server import CompanionServer
 from hil.signals.desired import DesiredState
@@ -31,6 +32,7 @@ class Answer:
     finished: bool
     t2_ns: int
     link_ns: int = 0  # what else it took, from the frame sent to the answer here
+    report: Mapping[str, ReportValue] | None = None  # what it says of itself; None: nothing new
 
 
 class Answers(Protocol):
@@ -130,5 +132,5 @@ class LiveAnswers:
         for reply in self._server.poll(limit_s):
             self._on_reply(reply)
             link_ns = max(reply.t_arrived_ns - reply.t_frame_sent_ns - reply.t2_ns, 0)
-            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns)
+            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns, reply.report)
             self._come.append((reply.client, answer))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.codecs.companion import topic_schema
+from firmware_bridge.codecs.companion import ReportValue, topic_schema
 from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
@@ -88,8 +88,13 @@ class CompanionLink:
         self._collector.begin()
         self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
-    def stage(self, desire: Callable[[DesiredState, int, int], None] | None) -> CompanionStage:
-        """What the scheduler steps. `desire` hears what controlling clients want."""
+    def stage(
+        self,
+        desire: Callable[[DesiredState, int, int], None] | None,
+        on_report: Callable[[str, Mapping[str, ReportValue], int], None] = lambda _client, _report, _t_ns: None,
+    ) -> CompanionStage:
+        """What the scheduler steps. `desire` hears what controlling clients want, `on_report` what they say of
+        themselves."""
         companion, config = self.config.companion, self.config
         if self._server is not None and not (companion.control and companion.time == "realtime"):
             # Also where nobody controls: a repetition then needs no clients, and draws what was drawn.
@@ -103,6 +108,7 @@ class CompanionLink:
             waiting=Waiting(companion.reply_timeout_s, companion.reconnect_s, companion.on_loss == "error"),
             link_delay_ns=None if companion.link_delay_s is None else round(companion.link_delay_s * NS_PER_S),
             desire=desire,
+            on_report=on_report,
             on_event=self._on_event,
             trace=self._trace if companion.control else None,
             timing=self._timing,
@@ -135,6 +141,7 @@ class CompanionLink:
         clients: dict[str, Any] = {
             name: {"control": seat.client.control, "topics": sorted(seat.client.topics), "frames": seat.sent}
             | {"dropped": seat.dropped, "finished": seat.finished}
+            | ({"report": dict(seat.report)} if seat.report else {})
             for name, seat in seats.items()
         }
         if self._server is not None:

@@ -24,10 +24,11 @@ the time of the frame that it wants it in answer to.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
+from firmware_bridge.codecs.companion import ReportValue
 from hil.companion.answers import Answer, Answers, Client
 from hil.companion.bundle import Bundle, Collector
 from hil.companion.timing import TimingLog
@@ -64,6 +65,7 @@ class Seat:
     sent: int = 0
     dropped: int = 0
     finished: bool = False
+    report: Mapping[str, ReportValue] = field(default_factory=dict)
 
 
 class CompanionStage:
@@ -79,6 +81,7 @@ class CompanionStage:
         waiting: Waiting,
         link_delay_ns: int | None = None,
         desire: Callable[[DesiredState, int, int], None] | None = None,
+        on_report: Callable[[str, Mapping[str, ReportValue], int], None] = lambda _client, _report, _t_ns: None,
         on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
         trace: TraceWriter | None = None,
         timing: TimingLog | None = None,
@@ -87,7 +90,8 @@ class CompanionStage:
         self._collector = Collector(topics)
         self._due = rate.due
         self._link_delay_ns = link_delay_ns
-        self._desire, self._on_event, self._trace, self._timing = desire, on_event, trace, timing
+        self._desire, self._on_report, self._on_event = desire, on_report, on_event
+        self._trace, self._timing = trace, timing
         self._t_ns = 0
         self.frames = 0
         self.seats: dict[str, Seat] = {}
@@ -299,6 +303,9 @@ class CompanionStage:
 
     def _take(self, seat: Seat, answer: Answer, from_ns: int, frame_ns: int) -> None:
         """An answer that holds from `from_ns` on, to the frame of `frame_ns`."""
+        if answer.report is not None:
+            seat.report = answer.report
+            self._on_report(seat.client.name, answer.report, from_ns)
         if not seat.client.control:
             return
         if self._trace is not None:

@@ -14,11 +14,13 @@ from firmware_bridge.links.child_process import ChildProcess
 from hil.signals.errors import LinkClosed, RecordingError
 
 CLIENT_PATH = Path(__file__).resolve().parents[2] / "rigs" / "jetson"  # where the client's package lies
+OUT_VARIABLE = "HIL_COMPANION_OUT"
 _END_S = 3.0  # wall clock, that clients get to end by themselves once they have been told
 
 
 class StartedClient:
-    """`python -m hil_companion NAME`; what it prints goes to `companion_NAME.log` in the run's folder.
+    """`python -m hil_companion NAME`; what it prints goes to `companion_NAME.log` in the run's folder, and what it
+    wants to leave there to `companion_NAME/`, which its environment names (HIL_COMPANION_OUT).
 
     It never outlives the bench, and Ctrl-C is the bench's: it tells its clients.
     """
@@ -32,7 +34,9 @@ class StartedClient:
             argv += ["--key", str(keys / f"{self.name}.key"), "--bench-key", str(keys / "bench.pub")]
         path = os.pathsep.join(filter(None, (str(CLIENT_PATH), os.environ.get("PYTHONPATH", ""))))
         log = out / f"companion_{self.name}.log"
-        self._process = ChildProcess(argv, stderr_path=log, env={"PYTHONPATH": path}, log_output=True, own_group=True)
+        room = out.resolve() / f"companion_{self.name}"  # for what it wants to leave; it makes the folder
+        env = {"PYTHONPATH": path, OUT_VARIABLE: str(room)}
+        self._process = ChildProcess(argv, stderr_path=log, env=env, log_output=True, own_group=True)
         try:
             self._process.start()
         except OSError as error:

@@ -1,8 +1,8 @@
 """The answers of a run as a file, so that the run can be repeated bit for bit without the clients.
 
 `companion.jsonl`: first a line with the clients that controlled and their topics, then one line per answer in the order
-in which the bench took them: client, frame, t2_ns, link_ns, desired, finished; `lost` where one was given up, `joined`
-where one came later.
+in which the bench took them: client, frame, t2_ns, link_ns, desired, finished, and `report` where it is new; `lost`
+where one was given up, `joined` where one came later.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from firmware_bridge.codecs.companion import desired_from_map, desired_map
+from firmware_bridge.codecs.companion import desired_from_map, desired_map, report_from_map
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from hil.companion.answers import Answer, Client
@@ -46,6 +46,7 @@ class TraceWriter:
                 "link_ns": answer.link_ns,
                 "desired": desired,
                 "finished": answer.finished,
+                **({} if answer.report is None else {"report": dict(answer.report)}),
             }
         )
 
@@ -158,7 +159,8 @@ def _answer(values: dict[str, Any], frame: int) -> Answer | None:
     desired = None if values["desired"] is None else desired_from_map(values["desired"])
     if not isinstance(values["finished"], bool):
         raise ValueError(f"finished is {values['finished']!r}")
-    return Answer(frame, desired, values["finished"], _count(values, "t2_ns"), _count(values, "link_ns"))
+    report = None if values.get("report") is None else report_from_map(values["report"])
+    return Answer(frame, desired, values["finished"], _count(values, "t2_ns"), _count(values, "link_ns"), report)
 
 
 def _count(values: dict[str, Any], key: str) -> int:

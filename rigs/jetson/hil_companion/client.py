@@ -17,7 +17,7 @@ import re
 import select
 import time
 from collections import deque
-from typing import Any, Iterator, Sequence
+from typing import Any, Iterator, Mapping, Sequence
 
 import zmq
 
@@ -40,6 +40,7 @@ from hil_companion.errors import (
 from hil_companion.frame import Frame, SampleReader
 from hil_companion.keys import Keys, PathLike
 from hil_companion.protocol import End, Welcome
+from hil_companion.report import checked_report
 from hil_companion.ring import RingView, can_map
 
 PING_EVERY_S = 1.0
@@ -286,8 +287,17 @@ class Client:
 
     # --- answering ---
 
-    def done(self, frame: Frame, desired: Desired | None = None, *, t2_ns: int = 0, finished: bool = False) -> None:
-        """Answer a frame. Its views into the ring, and those only, are invalid from here on."""
+    def done(
+        self,
+        frame: Frame,
+        desired: Desired | None = None,
+        *,
+        t2_ns: int = 0,
+        finished: bool = False,
+        report: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Answer a frame. Its views into the ring, and those only, are invalid from here on. `report`: names and
+        texts, numbers or booleans that the bench is to note of this client; it takes the place of the one before."""
         if desired is not None and not isinstance(desired, Desired):
             raise CutError(f"a CUT returns a Desired or None, not {type(desired).__name__}")
         if desired is not None and not self.welcome.control:
@@ -307,6 +317,7 @@ class Client:
                 t2_ns=t2_ns,
                 desired=wanted,
                 finished=finished,
+                report=None if report is None else checked_report(report),
             )
         )
 

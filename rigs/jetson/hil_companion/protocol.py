@@ -88,8 +88,16 @@ def credit(n: int) -> bytes:
 
 
 def done(
-    frame: int, *, t_received_ns: int, t_sent_ns: int, t2_ns: int, desired: Header | None, finished: bool
+    frame: int,
+    *,
+    t_received_ns: int,
+    t_sent_ns: int,
+    t2_ns: int,
+    desired: Header | None,
+    finished: bool,
+    report: Mapping[str, Any] | None = None,
 ) -> bytes:
+    """`report`: what the CUT has to say of itself so far; left out where there is nothing new."""
     return pack(
         {
             "k": "done",
@@ -99,6 +107,7 @@ def done(
             "t2_ns": t2_ns,
             "desired": desired,
             "finished": finished,
+            **({} if report is None else {"report": dict(report)}),
         }
     )
 

@@ -1,8 +1,8 @@
 """Runs a CUT against a bench: connects, hands it every frame, sends what it desires, comes back after a loss.
 
 A CUT is a function from a `Frame` to a `Desired` or None; or an object that is called like one and may also have
-`start(welcome)`, called before the first frame of every session, `finished`, read after each frame, and `stop()`,
-called once at the end.
+`start(welcome)`, called before the first frame of every session, `finished` and `report`, read after each frame, and
+`stop()`, called once at the end.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 import sys
 import time
 import traceback
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Mapping, Optional, Sequence
 
 from hil_companion.client import DEFAULT_WAIT_S, Client
 from hil_companion.desired import Desired
@@ -141,11 +141,15 @@ class Runner:
         quiet_collector()
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
+        before: dict[str, Any] | None = None  # a report is sent where it differs
         for frame in client.frames():
             began_ns = time.monotonic_ns()
             desired = self._call(self._cut, frame)
             t2_ns = time.monotonic_ns() - began_ns
-            client.done(frame, desired, t2_ns=t2_ns, finished=bool(getattr(self._cut, "finished", False)))
+            finished, report = bool(getattr(self._cut, "finished", False)), getattr(self._cut, "report", None)
+            told = dict(report) if isinstance(report, Mapping) else None
+            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=told if told != before else None)
+            before = told
             self.frames += 1
         if client.end is not None and client.end.status == DROPPED:
             raise ConnectionLost(f"{self._address}: dropped by the bench ({client.end.text})")
