@@ -17,6 +17,7 @@ from hil_companion.errors import OptionError
 SHIPPED = {
     "echo": "hil_companion.cuts.echo:Echo",
     "record": "hil_companion.cuts.record:Record",
+    "explore": "hil_companion.cuts.explore:Explore",
     "waypoints": "hil_companion.cuts.waypoints:Waypoints",
 }
 

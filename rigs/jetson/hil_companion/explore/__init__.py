@@ -1,1 +1,4 @@
-"""Autonomous flight in unknown surroundings: where the vehicle is, what stands around it, and where to fly."""
+"""Flight through unknown places: where the vehicle is and what stands there (SLAM), where to go, how to get there.
+
+Needs OpenCV beside numpy.
+"""

@@ -1,0 +1,298 @@
+"""Flies to a goal through a place that nobody has mapped: climb, find a way, follow it, say how it ended.
+
+    climb     straight up to the flight's height, over where it started
+    fly       every frame: where am I, what is near, which way, how fast
+    outcome   goal: it is there, and the bench may land it. Anything else: brake and hover, say so, `hover_s` later be
+              finished
+
+    goal               within goal_radius_m of it by its own estimate, and slow
+    goal_in_obstacle   the goal lies in something, or in something closed
+    no_path            no way is left: the vehicle is shut in
+    stuck              it has not got on for stuck_s, its position is not known, or time_limit_s are over
+    lidar_lost         no usable sweep for lidar_lost_s. It brakes after a third of a second without
+
+Only sensors' data count here, never what the autopilot takes its position for: velocities are commanded, and closed
+over the estimate. What is commanded depends on the frames alone.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any, Callable, Mapping
+
+import numpy as np
+
+from hil_companion.desired import Desired
+from hil_companion.explore.face import Estimate, Localiser
+from hil_companion.explore.inflation import Berth, berth, sigma_m
+from hil_companion.explore.moving import Moving
+from hil_companion.explore.nearby import Nearby, Sweeps
+from hil_companion.explore.outcome import (
+    FLYING,
+    GOAL,
+    GOAL_IN_OBSTACLE,
+    LIDAR_LOST,
+    NO_PATH,
+    STUCK,
+    FlightReport,
+)
+from hil_companion.explore.plan_map import PlanMap, TooFar, make_map
+from hil_companion.explore.retreat import RetreatRule
+from hil_companion.explore.route import NO_WAY, Route, Router
+from hil_companion.explore.settings import FlightSettings
+from hil_companion.explore.steering import Steering
+from hil_companion.frame import Frame
+
+_FEWEST_POINTS = 20  # of a sweep that shows anything
+_STALE_SWEEP_S = 0.35
+_AT_HEIGHT_M = 0.5
+_HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
+_HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
+_SLOW_MPS = 0.5
+_NEAR_M = 6.0  # of the newest sweep, what is drawn into the map at once
+_UNSURE_M, _LOST_M = 0.3, 3.0  # sigma above which it flies slower; above which the position is not known
+
+
+class Explorer:
+    """`step` takes every frame, in order."""
+
+    def __init__(
+        self,
+        settings: FlightSettings,
+        localiser: Localiser,
+        goal_W: tuple[float, float],
+        calibration: Mapping[str, Any] | None = None,
+        *,
+        lidar: str = "lidar",
+        imu: str = "imu",
+        clock_s: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.settings, self.goal_W = settings, goal_W
+        self.report = FlightReport()
+        self.finished = False
+        self.estimate: Estimate | None = None
+        self.map: PlanMap | None = None
+        self.route: Route = NO_WAY
+        self.near: Nearby | None = None
+        self._localiser = localiser
+        self._lidar, self._imu, self._clock_s = lidar, imu, clock_s
+        self._sweeps = Sweeps(calibration, settings.slab_m)
+        self._moving = Moving()
+        self._router = Router(settings.move_goal_m)
+        self._steering = Steering(settings)
+        self._retreat = RetreatRule()
+        self._retreating = False
+        self._begun_ns: int | None = None
+        self._before_ns: int | None = None
+        self._sweep_ns: int | None = None  # of the newest usable one
+        self._planned_ns: int | None = None  # sweep that the route was planned with
+        self._shut_since_ns: int | None = None
+        self._anchor: tuple[int, np.ndarray] | None = None  # when and where it last had got on
+        self._outcome_ns = 0
+        self._hold_W: np.ndarray | None = None
+        self._start_W: np.ndarray | None = None
+
+    # --- one frame ---
+
+    def step(self, frame: Frame) -> Desired:
+        dt_s = 0.1 if self._before_ns is None else min((frame.t_ns - self._before_ns) * 1e-9, 1.0)
+        self._before_ns = frame.t_ns
+        if self._begun_ns is None:
+            self._begun_ns = frame.t_ns
+        began_s = self._clock_s()
+        estimate = self.estimate = self._localiser.update(frame)
+        self.report.update_ms.append(1e3 * (self._clock_s() - began_s))
+        sigma = self.report.sigma_m = sigma_m(np.asarray(estimate.covariance_xy))
+        if not _usable(estimate) or sigma > _LOST_M:
+            return self._blind(frame, dt_s)
+        p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
+        if self._start_W is None:
+            self._start_W = p_W[:2].copy()
+        self._look(frame, estimate)
+        if not self.finished:
+            self.report.goal_distance_m = float(np.hypot(*(p_W[:2] - self.goal_W)))
+        if self.report.phase == "climb":
+            return self._climb(frame, p_W, dt_s)
+        if self.report.outcome == FLYING:
+            v_xy = self._fly(frame, estimate, p_W[:2], v_W[:2], sigma, dt_s)
+        else:
+            v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
+        return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
+
+    def _look(self, frame: Frame, estimate: Estimate) -> None:
+        if self._lidar not in frame:
+            return
+        rate = 0.0
+        if self._imu in frame:
+            rows = np.asarray(frame[self._imu]["gyro_radps"], float).reshape(-1, 3)
+            rate = float(np.mean(rows[:, 2])) if np.isfinite(rows).all() else 0.0
+        near = self._sweeps.read(frame[self._lidar], estimate, rate, self.settings.height_m)
+        newer = self._sweep_ns is None or near.t_ns > self._sweep_ns
+        if near.usable >= _FEWEST_POINTS and newer:
+            self.near, self._sweep_ns = near, near.t_ns
+
+    def _climb(self, frame: Frame, p_W: np.ndarray, dt_s: float) -> Desired:
+        assert self._start_W is not None
+        if abs(p_W[2] - self.settings.height_m) < _AT_HEIGHT_M:
+            self.report.phase = "fly"
+            if self._sweep_ns is None:
+                self._sweep_ns = frame.t_ns
+        elif self._over_s(frame) > self.settings.time_limit_s:
+            self._end(frame, STUCK, "it did not get to the height of the flight")
+            self.report.phase = "hover"
+        v_xy = _limited(_HOLD_GAIN_PER_S * (self._start_W - p_W[:2]), _HOLD_MPS)
+        estimate = self.estimate
+        assert estimate is not None
+        return self._desired(self._steering.slew(v_xy, dt_s), p_W[2], estimate.yaw_rad, dt_s)
+
+    def _fly(
+        self, frame: Frame, estimate: Estimate, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float
+    ) -> np.ndarray:
+        s = self.settings
+        blind_s = (frame.t_ns - (self._sweep_ns or 0)) * 1e-9
+        if blind_s > _STALE_SWEEP_S or self.near is None:
+            if blind_s > s.lidar_lost_s:
+                self._end(frame, LIDAR_LOST, f"no usable sweep for {blind_s:.1f} s")
+            return self._steering.stop(dt_s)
+        berth_ = berth(s, sigma, float(estimate.grid.cell_m))
+        if self._planned_ns != self._sweep_ns:  # nothing new to plan with between two sweeps
+            began_s = self._clock_s()
+            try:
+                self.route = self._plan(frame, estimate, p_W, berth_)
+            except TooFar as error:
+                self._end(frame, NO_PATH, str(error))
+                return self._steering.stop(dt_s)
+            self.report.plan_ms.append(1e3 * (self._clock_s() - began_s))
+            self.report.replans += 1
+            self._planned_ns = self._sweep_ns
+        route = self.route
+        assert self.map is not None
+        near = self.near
+        nearest_m, dx, dy = near.nearest(*p_W)
+        self.report.nearest_m = min(self.report.nearest_m, nearest_m)
+        giving_way = self._give_way(berth_, near, p_W, v_W, nearest_m, dx, dy)
+        if self._ended(frame, route, p_W, v_W):
+            return self._steering.stop(dt_s)
+        if giving_way is not None:
+            return self._steering.slew(giving_way, dt_s, hard=True)
+        if not route.found:
+            return self._steering.stop(dt_s)
+        v_xy = self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s)
+        slower = min(1.0, _UNSURE_M / max(sigma, 1e-6))
+        if slower < 1.0:
+            v_xy = self._steering.slew(_limited(v_xy, max(s.slow_mps, s.speed_mps * slower)), dt_s)
+        return v_xy
+
+    def _plan(self, frame: Frame, estimate: Estimate, p_W: np.ndarray, around: Berth) -> Route:
+        s, near = self.settings, self.near
+        assert near is not None
+        gone = self._moving.gone(estimate.grid, near.level_W, frame.t_ns * 1e-9)
+        d = near.level_W - p_W
+        close = near.level_W[(d * d).sum(axis=1) < _NEAR_M * _NEAR_M]
+        ends = ((float(p_W[0]), float(p_W[1])), self.goal_W)
+        self.map = make_map(estimate.grid, gone, close, ends, around, s.unknown_price)
+        return self._router.route(self.map, around, p_W, self.goal_W)
+
+    def _give_way(
+        self, around: Berth, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, nearest_m: float, dx: float, dy: float
+    ) -> np.ndarray | None:
+        length = math.hypot(dx, dy)
+        towards = (dx / length, dy / length) if length > 1e-6 else (1.0, 0.0)
+        room_m = _room_m(near, p_W, np.array([-towards[0], -towards[1]]))
+        retreat = self._retreat.apply(around, nearest_m, towards, (float(v_W[0]), float(v_W[1])), room_m)
+        if retreat.band != "clear" and not self._retreating:
+            self.report.retreats += 1
+        self._retreating = retreat.band != "clear"
+        return None if retreat.v_W is None else np.array(retreat.v_W)
+
+    # --- outcomes ---
+
+    def _ended(self, frame: Frame, route: Route, p_W: np.ndarray, v_W: np.ndarray) -> bool:
+        s, t_ns = self.settings, frame.t_ns
+        if self._anchor is None or np.hypot(*(p_W - self._anchor[1])) > s.progress_m:
+            self._anchor = (t_ns, p_W.copy())
+        if route.found:
+            self._shut_since_ns = None
+            left_m = float(np.hypot(*(p_W - route.goal_W)))
+            if left_m < s.goal_radius_m and float(np.hypot(*v_W)) < _SLOW_MPS:
+                moved_m = math.hypot(route.goal_W[0] - self.goal_W[0], route.goal_W[1] - self.goal_W[1])
+                self._end(frame, GOAL, f"moved by {moved_m:.1f} m" if moved_m > 0.0 else "")
+        elif self._shut_since_ns is None:
+            self._shut_since_ns = t_ns
+        elif (t_ns - self._shut_since_ns) * 1e-9 > s.no_path_s:
+            what = "the goal lies in an obstacle" if route.why == GOAL_IN_OBSTACLE else "no way is left"
+            self._end(frame, route.why, what)
+        if self.report.outcome == FLYING and (t_ns - self._anchor[0]) * 1e-9 > s.stuck_s:
+            self._end(frame, STUCK, f"no {s.progress_m:g} m farther in {s.stuck_s:g} s")
+        if self.report.outcome == FLYING and self._over_s(frame) > s.time_limit_s:
+            self._end(frame, STUCK, f"not there after {s.time_limit_s:g} s")
+        return self.report.outcome != FLYING
+
+    def _end(self, frame: Frame, outcome: str, why: str) -> None:
+        self.report.outcome, self.report.why, self.report.t_s = outcome, why, frame.t_ns * 1e-9
+        self.report.phase = "hover"
+        self._outcome_ns = frame.t_ns
+        self._hold_W = None
+
+    def _hover(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float) -> np.ndarray:
+        """Where it is, as long as something tells where that is; away from what comes near."""
+        hover_s = 0.0 if self.report.outcome == GOAL else self.settings.hover_s
+        self.finished = self.finished or (frame.t_ns - self._outcome_ns) * 1e-9 >= hover_s
+        fresh = self._sweep_ns is not None and (frame.t_ns - self._sweep_ns) * 1e-9 < _STALE_SWEEP_S
+        if not fresh or self.near is None:
+            self._hold_W = None
+            return self._steering.stop(dt_s)
+        estimate = self.estimate
+        assert estimate is not None
+        around = berth(self.settings, sigma, float(estimate.grid.cell_m))
+        away = self._give_way(around, self.near, p_W, v_W, *self.near.nearest(*p_W))
+        if away is not None:
+            self._hold_W = None
+            return self._steering.slew(away, dt_s, hard=True)
+        if self._hold_W is None:
+            if float(np.hypot(*v_W)) > _SLOW_MPS:
+                return self._steering.stop(dt_s)
+            self._hold_W = p_W.copy()
+        return self._steering.slew(_limited(_HOLD_GAIN_PER_S * (self._hold_W - p_W), _HOLD_MPS), dt_s)
+
+    def _blind(self, frame: Frame, dt_s: float) -> Desired:
+        """Its position is not known: brake, and wait for it to come back."""
+        if self._anchor is None:
+            self._anchor = (frame.t_ns, np.zeros(2))
+        if self.report.outcome == FLYING:
+            if (frame.t_ns - self._anchor[0]) * 1e-9 > self.settings.stuck_s:
+                self._end(frame, STUCK, "its position is not known")
+        elif (frame.t_ns - self._outcome_ns) * 1e-9 >= self.settings.hover_s:
+            self.finished = True
+        v_xy = self._steering.stop(dt_s)
+        return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), 0.0), yaw_rad=self._steering.yaw_rad)
+
+    # --- commands ---
+
+    def _desired(self, v_xy: np.ndarray, up_m: float, yaw_rad: float, dt_s: float) -> Desired:
+        s = self.settings
+        climb = min(max(_HEIGHT_GAIN_PER_S * (s.height_m - float(up_m)), -_SINK_MPS), s.climb_mps)
+        yaw = self._steering.turn(yaw_rad, v_xy, dt_s)
+        return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), climb), yaw_rad=yaw)
+
+    def _over_s(self, frame: Frame) -> float:
+        return (frame.t_ns - (self._begun_ns or 0)) * 1e-9
+
+
+def _usable(estimate: Estimate) -> bool:
+    values = (*np.asarray(estimate.p_W, float), *np.asarray(estimate.v_W, float), estimate.yaw_rad)
+    return all(math.isfinite(float(v)) for v in (*values, estimate.roll, estimate.pitch))
+
+
+def _limited(v: np.ndarray, most: float) -> np.ndarray:
+    size = float(np.hypot(*v))
+    return v if size <= most else v * (most / size)
+
+
+def _room_m(near: Nearby, p_W: np.ndarray, away: np.ndarray) -> float:
+    """To the nearest point within 45 degrees of a direction."""
+    d = near.level_W - p_W
+    far = np.hypot(d[:, 0], d[:, 1])
+    behind = d @ away > 0.7071 * far
+    return float(far[behind].min()) if behind.any() else math.inf

@@ -1,0 +1,89 @@
+"""What the newest sweep shows at the height of the flight, straightened: nothing between the LiDAR and a stop but this.
+
+A point fired `time_offset_ns` before the capture lay at its place as seen from where the vehicle was then:
+
+    p_W = p_now - v (t_now - t_fired) + R(yaw - r (t_now - t_fired), pitch, roll) p_B
+
+Points that are not finite are left out. A sweep without any others is no sweep.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Mapping
+
+import numpy as np
+
+from hil_companion.explore.face import Estimate
+from hil_companion.frame import Sample
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """`level_W` (n, 2): what stands at the height of the vehicle, in the world as the estimate has it."""
+
+    t_ns: int  # of the capture
+    level_W: np.ndarray
+    usable: int  # points of the sweep, at any height
+
+    def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
+        """Distance of the nearest point, and where it is from there; infinite where there is none."""
+        if not len(self.level_W):
+            return math.inf, 0.0, 0.0
+        dx, dy = self.level_W[:, 0] - x_m, self.level_W[:, 1] - y_m
+        squared = dx * dx + dy * dy
+        i = int(np.argmin(squared))
+        return math.sqrt(float(squared[i])), float(dx[i]), float(dy[i])
+
+
+class Sweeps:
+    """Reads sweeps of one LiDAR, placed on the vehicle as the bench says (`calibration`)."""
+
+    def __init__(self, calibration: Mapping[str, Any] | None, slab_m: float) -> None:
+        told = calibration or {}
+        self._p_BL = np.asarray(told.get("p_BC", (0.0, 0.0, 0.0)), float)
+        self._R_BL = matrix(np.asarray(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)), float))
+        self._slab_m = slab_m
+
+    def read(self, sample: Sample, at: Estimate, yaw_rate_radps: float, height_m: float) -> Nearby:
+        """`height_m`: of the flight. What is looked at lies round the vehicle's own height and round this one."""
+        points_L = np.asarray(sample["points_L"], float).reshape(-1, 3)
+        offset_ns = np.asarray(sample["time_offset_ns"], float).reshape(-1)
+        good = np.isfinite(points_L).all(axis=1)
+        points_L, offset_ns = points_L[good], offset_ns[good]
+        ago_s = ((at.t_ns - sample.t_capture_ns) - offset_ns) * 1e-9
+        points_B = points_L @ self._R_BL.T + self._p_BL
+        level = points_B @ tilt(at.roll, at.pitch).T
+        p_W = np.asarray(at.p_W, float)
+        up = float(p_W[2]) + level[:, 2]
+        low, high = sorted((float(p_W[2]), height_m))
+        kept = (
+            (up > low - self._slab_m) & (up < high + self._slab_m)
+            if high - low < self._slab_m
+            else (np.abs(level[:, 2]) < self._slab_m)
+        )
+        level, ago_s = level[kept], ago_s[kept]
+        yaw = at.yaw_rad - yaw_rate_radps * ago_s
+        c, s = np.cos(yaw), np.sin(yaw)
+        v_W = np.asarray(at.v_W, float)
+        x = p_W[0] - v_W[0] * ago_s + c * level[:, 0] - s * level[:, 1]
+        y = p_W[1] - v_W[1] * ago_s + s * level[:, 0] + c * level[:, 1]
+        return Nearby(sample.t_capture_ns, np.stack([x, y], axis=1), len(points_L))
+
+
+def matrix(q: np.ndarray) -> np.ndarray:
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def tilt(roll: float, pitch: float) -> np.ndarray:
+    """From the body to the level frame under it (x forward, y left, z up): R_y(pitch) R_x(roll)."""
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])

@@ -1,0 +1,51 @@
+"""How a flight ended, and what of it the bench is told with every frame."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+FLYING = "flying"
+GOAL, STUCK, NO_PATH, LIDAR_LOST, GOAL_IN_OBSTACLE = "goal", "stuck", "no_path", "lidar_lost", "goal_in_obstacle"
+OUTCOMES = (GOAL, STUCK, NO_PATH, LIDAR_LOST, GOAL_IN_OBSTACLE)
+
+
+class FlightReport:
+    """Grows with the flight; `as_map` is flat: texts, numbers, booleans."""
+
+    def __init__(self) -> None:
+        self.phase = "climb"
+        self.outcome = FLYING
+        self.why = ""
+        self.t_s = 0.0  # of the outcome, simulated
+        self.goal_distance_m = math.inf  # by its own estimate
+        self.sigma_m = 0.0
+        self.replans = 0
+        self.retreats = 0
+        self.nearest_m = math.inf  # of all sweeps, from the vehicle's middle
+        self.plan_ms: list[float] = []  # wall clock: told, never acted on
+        self.update_ms: list[float] = []
+
+    def as_map(self) -> dict[str, Any]:
+        told: dict[str, Any] = {
+            "phase": self.phase,
+            "outcome": self.outcome,
+            "why": self.why[:200],
+            "t_s": self.t_s,
+            "goal_distance_m": self.goal_distance_m,
+            "sigma_m": self.sigma_m,
+            "replans": self.replans,
+            "retreats": self.retreats,
+            "nearest_m": self.nearest_m,
+        }
+        if self.outcome != FLYING:
+            told.update(_quantiles("plan_ms", self.plan_ms))
+            told.update(_quantiles("update_ms", self.update_ms))
+        return {key: value for key, value in told.items() if not isinstance(value, float) or math.isfinite(value)}
+
+
+def _quantiles(name: str, values: list[float]) -> dict[str, float]:
+    if not values:
+        return {}
+    ranked = sorted(values)
+    return {f"{name}_p50": ranked[len(ranked) // 2], f"{name}_p95": ranked[int(0.95 * (len(ranked) - 1))]}

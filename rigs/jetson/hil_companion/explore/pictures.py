@@ -1,0 +1,147 @@
+"""What the explorer knows and wants, as pictures: a sequence of PNGs, a film, and a strip of them all.
+
+Left the map about the vehicle: occupied dark, free light, unknown grey, what is too near to something reddish, the
+walls found as lines blue; the plan green, the way flown black, particles orange, the goal a cross, what the newest
+sweep shows within reach red. Right what the camera saw, where there is one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from hil_companion.errors import CutError
+from hil_companion.explore.explorer import Explorer
+from hil_companion.frame import Frame
+
+STRIP_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the first on its page
+SIDE_PX = 480
+_STRIP_MOST, _STRIP_ACROSS = 9, 3
+_FILM_HZ = 5.0
+# Colours, blue first.
+_OCCUPIED, _FREE, _UNKNOWN, _TOO_NEAR = (40, 40, 40), (250, 250, 250), (190, 190, 190), (190, 200, 255)
+_PLAN, _FLOWN, _PARTICLE, _SWEEP = (60, 160, 0), (0, 0, 0), (0, 140, 255), (40, 40, 220)
+_GOAL, _WALL = (200, 0, 160), (200, 120, 40)
+
+
+class Pictures:
+    """One every `every_s` of simulated time. CutError where they cannot be written."""
+
+    def __init__(self, folder: Path, *, every_s: float, camera: str | None) -> None:
+        self._folder, self._every_ns, self._camera = folder, round(every_s * 1e9), camera
+        self._next_ns = 0
+        self._flown: list[tuple[float, float]] = []
+        self._drawn: list[np.ndarray] = []
+        self._film: Any = None
+        self._count = 0
+        self._seen: np.ndarray | None = None
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CutError(f"explore: {folder} cannot be made ({error.strerror or error})") from error
+
+    def look(self, explorer: Explorer, frame: Frame) -> None:
+        """After every step."""
+        estimate = explorer.estimate
+        if estimate is None:
+            return
+        x, y = float(estimate.p_W[0]), float(estimate.p_W[1])
+        if math.isfinite(x) and math.isfinite(y):
+            self._flown.append((x, y))
+        if self._camera is not None and self._camera in frame:
+            self._seen = np.array(frame[self._camera].array[..., ::-1])  # OpenCV has blue first
+        if frame.t_ns >= self._next_ns and explorer.map is not None:
+            self._next_ns = frame.t_ns + self._every_ns
+            self._keep(self._draw(explorer, frame))
+
+    def close(self) -> None:
+        """The strip: pictures evenly spread over the flight."""
+        if self._film is not None:
+            self._film.release()
+            self._film = None
+        if not self._drawn:
+            return
+        count = min(_STRIP_MOST, len(self._drawn))
+        chosen = [self._drawn[round(i * (len(self._drawn) - 1) / max(count - 1, 1))] for i in range(count)]
+        while len(chosen) % _STRIP_ACROSS and len(chosen) > _STRIP_ACROSS:
+            chosen.append(np.full_like(chosen[0], 255))
+        across = min(_STRIP_ACROSS, len(chosen))
+        rows = [np.hstack(chosen[i : i + across]) for i in range(0, len(chosen), across)]
+        self._write(STRIP_NAME, np.vstack(rows))
+        self._drawn = []
+
+    def _keep(self, picture: np.ndarray) -> None:
+        self._count += 1
+        self._write(f"{self._count:04d}.png", picture)
+        if self._film is None:
+            size = (picture.shape[1], picture.shape[0])
+            fourcc = cv2.VideoWriter_fourcc(*"MJPG")  # which every OpenCV can write
+            self._film = cv2.VideoWriter(str(self._folder / FILM_NAME), fourcc, _FILM_HZ, size)
+        with contextlib.suppress(cv2.error):
+            self._film.write(picture)
+        self._drawn.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+
+    def _write(self, name: str, picture: np.ndarray) -> None:
+        done, data = cv2.imencode(".png", picture)
+        try:
+            if done:
+                (self._folder / name).write_bytes(data.tobytes())
+        except OSError as error:
+            raise CutError(f"explore: {self._folder / name} cannot be written ({error.strerror or error})") from error
+
+    def _draw(self, explorer: Explorer, frame: Frame) -> np.ndarray:
+        around, estimate = explorer.map, explorer.estimate
+        assert around is not None
+        assert estimate is not None
+        height, width = around.distance_m.shape
+        picture = np.empty((height, width, 3), np.uint8)
+        picture[...] = _FREE
+        picture[around.distance_m < explorer.settings.vehicle_radius_m + explorer.settings.clearance_m] = _TOO_NEAR
+        picture[around.unknown] = _UNKNOWN
+        picture[around.distance_m <= 0.0] = _OCCUPIED
+        scale = SIDE_PX / max(height, width)
+        size = (max(1, round(width * scale)), max(1, round(height * scale)))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_NEAREST)
+
+        def at(points: Any) -> np.ndarray:
+            cells = (np.asarray(points, float).reshape(-1, 2) - np.asarray(around.origin_W)) / around.cell_m
+            return np.round(cells * scale).astype(np.int32)
+
+        for x0, y0, x1, y1 in around.segments_W.tolist():
+            a, b = at([(x0, y0), (x1, y1)]).tolist()
+            cv2.line(picture, tuple(a), tuple(b), _WALL, 1)
+        if explorer.near is not None:
+            for x, y in at(explorer.near.level_W[::5]).tolist():
+                cv2.circle(picture, (x, y), 1, _SWEEP, -1)
+        if explorer.route.found:
+            cv2.polylines(picture, [at(explorer.route.points_W)], False, _PLAN, 2, cv2.LINE_AA)
+        if len(self._flown) > 1:
+            cv2.polylines(picture, [at(self._flown)], False, _FLOWN, 1, cv2.LINE_AA)
+        particles = getattr(estimate, "particles_xy", None)
+        for x, y in at(particles).tolist() if particles is not None else ():
+            cv2.circle(picture, (x, y), 2, _PARTICLE, -1)
+        goal = at([explorer.goal_W])[0].tolist()
+        cv2.drawMarker(picture, tuple(goal), _GOAL, cv2.MARKER_TILTED_CROSS, 14, 2)
+        here = at([estimate.p_W[:2]])[0].tolist()
+        nose = (int(here[0] + 12 * math.cos(estimate.yaw_rad)), int(here[1] + 12 * math.sin(estimate.yaw_rad)))
+        cv2.arrowedLine(picture, tuple(here), nose, _FLOWN, 2, cv2.LINE_AA, 0, 0.4)
+        page = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
+        page[: picture.shape[0], : picture.shape[1]] = picture
+        page = page[::-1].copy()  # north is up
+        if self._seen is not None:
+            seen = self._seen
+            shown = cv2.resize(seen, (SIDE_PX, round(SIDE_PX * seen.shape[0] / seen.shape[1])))
+            beside = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
+            rows = min(SIDE_PX, shown.shape[0])
+            beside[:rows] = shown[:rows]
+            page = np.hstack([page, beside])
+        report = explorer.report
+        left = f"{report.goal_distance_m:.1f} m left" if math.isfinite(report.goal_distance_m) else ""
+        words = f"t {frame.t_ns * 1e-9:.1f} s  {report.phase} {report.outcome}  {left}"
+        cv2.putText(page, words, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+        return page

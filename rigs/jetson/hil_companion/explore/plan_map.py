@@ -1,0 +1,140 @@
+"""What planning looks at: distances to obstacles, what is unknown, and what a metre costs, on two grids in one place.
+
+The fine grid is the SLAM's own, padded so that start and goal lie on it: distances, and lines of sight. The plan's
+grid has cells of about half a metre, each a block of fine ones: prices, for A*.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Sequence
+
+import cv2
+import numpy as np
+
+from hil_companion.explore.face import GridView
+from hil_companion.explore.inflation import Berth, distances_m, prices
+from hil_companion.explore.lines import clean, unknown_mask
+
+PLAN_CELL_M = 0.5
+_MARGIN_M = 8.0  # round everything: the way round the outermost wall
+MOST_CELLS = 6_000_000  # of the fine grid
+_SEEN_SHARE = 0.5  # of a cell and its eight neighbours: a cell missed among seen ones is no unknown place
+
+
+class TooFar(ValueError):
+    """The goal is so far from the map that no grid can hold both."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanMap:
+    distance_m: np.ndarray  # (H, W) fine: to the nearest obstacle
+    unknown: np.ndarray  # (H, W) fine, bool
+    price: np.ndarray  # (h, w) of the plan's grid; infinite where nothing is planned
+    origin_W: tuple[float, float]
+    cell_m: float
+    blocks: int  # fine cells to a cell of the plan, along each side
+    segments_W: np.ndarray  # (n, 4): x and y of both ends of the walls that were found
+
+    @property
+    def plan_cell_m(self) -> float:
+        return self.cell_m * self.blocks
+
+    def fine(self, p_W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column of points (n, 2); points outside get the nearest cell."""
+        height, width = self.distance_m.shape
+        column = np.floor((p_W[:, 0] - self.origin_W[0]) / self.cell_m).astype(int)
+        row = np.floor((p_W[:, 1] - self.origin_W[1]) / self.cell_m).astype(int)
+        return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+
+    def plan_cell(self, x_m: float, y_m: float) -> tuple[int, int]:
+        size = self.plan_cell_m
+        height, width = self.price.shape
+        row = math.floor((y_m - self.origin_W[1]) / size)
+        column = math.floor((x_m - self.origin_W[0]) / size)
+        return min(max(row, 0), height - 1), min(max(column, 0), width - 1)
+
+    def plan_centres(self, cells: Sequence[tuple[int, int]]) -> np.ndarray:
+        rows_columns = np.asarray(cells, float).reshape(-1, 2)
+        return (rows_columns[:, ::-1] + 0.5) * self.plan_cell_m + np.asarray(self.origin_W)
+
+    def distance_at(self, x_m: float, y_m: float) -> float:
+        row, column = self.fine(np.array([[x_m, y_m]]))
+        return float(self.distance_m[row[0], column[0]])
+
+    def along(self, a_W: np.ndarray, b_W: np.ndarray, step_m: float = 0.0) -> np.ndarray:
+        """Points from one to the other, half a fine cell apart."""
+        step_m = step_m or 0.5 * self.cell_m
+        count = max(2, math.ceil(float(np.hypot(*(b_W - a_W))) / step_m) + 1)
+        return a_W + np.linspace(0.0, 1.0, count)[:, None] * (b_W - a_W)
+
+    def cost_along(self, a_W: np.ndarray, b_W: np.ndarray) -> float:
+        """Of the straight line, by the plan's prices but blocked by the fine distances; infinite where blocked."""
+        points = self.along(a_W, b_W, self.cell_m)
+        size = self.plan_cell_m
+        height, width = self.price.shape
+        column = np.clip(((points[:, 0] - self.origin_W[0]) / size).astype(int), 0, width - 1)
+        row = np.clip(((points[:, 1] - self.origin_W[1]) / size).astype(int), 0, height - 1)
+        mean = float(self.price[row, column].mean())
+        return mean * float(np.hypot(*(b_W - a_W)))
+
+
+def make_map(
+    grid: GridView,
+    gone: np.ndarray,
+    near_W: np.ndarray,
+    ends_W: Sequence[tuple[float, float]],
+    around: Berth,
+    unknown_price: float,
+) -> PlanMap:
+    """`gone`: cells of what has moved away; `near_W` (n, 2): what the newest sweep saw near by; `ends_W`: must lie on
+    the map. TooFar."""
+    cell_m = float(grid.cell_m)
+    blocks = max(1, round(PLAN_CELL_M / cell_m))
+    log_odds, origin_W = _framed(grid, gone, ends_W, blocks)
+    occupied, found = clean(log_odds, cell_m)
+    if len(near_W):
+        column = np.floor((near_W[:, 0] - origin_W[0]) / cell_m).astype(int)
+        row = np.floor((near_W[:, 1] - origin_W[1]) / cell_m).astype(int)
+        there = (row >= 0) & (row < occupied.shape[0]) & (column >= 0) & (column < occupied.shape[1])
+        occupied[row[there], column[there]] = True
+    distance = distances_m(occupied, cell_m)
+    seen = np.where(unknown_mask(log_odds), np.float32(0.0), np.float32(1.0))
+    unknown = (cv2.blur(seen, (3, 3)) < _SEEN_SHARE) & ~occupied
+    h, w = distance.shape[0] // blocks, distance.shape[1] // blocks
+    pooled = cv2.resize(distance, (w, h), interpolation=cv2.INTER_AREA)
+    share = cv2.resize(unknown.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)
+    price = prices(pooled, share, around, unknown_price)
+    segments_W = (found + 0.5) * cell_m + np.asarray([*origin_W, *origin_W])
+    return PlanMap(distance, unknown, price, origin_W, cell_m, blocks, segments_W)
+
+
+def _framed(
+    grid: GridView, gone: np.ndarray, ends_W: Sequence[tuple[float, float]], blocks: int
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """What is known, with start and goal and unknown cells round it, in whole blocks. Cells that nobody has seen yet
+    cost time and tell nothing."""
+    cell_m = float(grid.cell_m)
+    all_odds = np.asarray(grid.log_odds, np.float32)
+    corner = np.array([float(grid.origin_W[0]), float(grid.origin_W[1])])
+    ends = np.floor((np.asarray(ends_W, float) - corner) / cell_m).astype(int)[:, ::-1]  # rows, columns
+    known = all_odds != 0.0
+    low, high = ends.min(axis=0), ends.max(axis=0) + 1
+    for axis in (0, 1):
+        there = np.flatnonzero(known.any(axis=1 - axis))
+        if len(there):
+            low[axis], high[axis] = min(low[axis], there[0]), max(high[axis], there[-1] + 1)
+    margin = round(_MARGIN_M / cell_m)
+    low, high = (low - margin) // blocks * blocks, -(-(high + margin) // blocks) * blocks
+    height, width = (int(n) for n in high - low)
+    if height * width > MOST_CELLS:
+        raise TooFar(f"a map of {width * cell_m:.0f} by {height * cell_m:.0f} m is more than can be planned on")
+    framed = np.zeros((height, width), np.float32)
+    first, last = np.maximum(low, 0), np.minimum(high, all_odds.shape)
+    if (first < last).all():
+        source = (slice(first[0], last[0]), slice(first[1], last[1]))
+        target = (slice(first[0] - low[0], last[0] - low[0]), slice(first[1] - low[1], last[1] - low[1]))
+        odds = all_odds[source]
+        framed[target] = np.where(gone[source] | ~np.isfinite(odds), np.float32(0.0), odds)
+    return framed, (float(corner[0] + low[1] * cell_m), float(corner[1] + low[0] * cell_m))
