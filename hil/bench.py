@@ -11,7 +11,7 @@ import math
 import sys
 import time
 import traceback
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -60,8 +60,9 @@ from hil.report.run_json import write_run_json
 from hil.restartable_physics import RestartablePhysics
 from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
 from hil.signals.classes import Classes
+from hil.signals.desired import DesiredState
 from hil.signals.errors import HilError, RecordingError
-from hil.signals.samples import ActuatorFrame, TruthState
+from hil.signals.samples import ActuatorFrame, TruthState, Vec3
 from hil.signals.time import NS_PER_S, RateAccumulator, is_due
 from hil.stages import Port, Skipped, StagePlan, StageSpec, plan_stages
 from hil.summary import FREE_RUNNING, summarise
@@ -79,6 +80,7 @@ from sim.sensors.radar import Radar
 if TYPE_CHECKING:
     from hil.companion.link import CompanionLink
     from hil.companion.stage import CompanionStage
+    from hil.goal.judgement import GoalMeasurement
 
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
@@ -231,9 +233,11 @@ class _Run:
         self.radars: dict[str, Radar] = {}
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
+        self.goal: GoalMeasurement | None = None
         self.actions: ActionSource | None = None
         self.faulty: dict[str, FaultySensor] = {}  # by sensor: what a script can break during the flight
         self.attachments: dict[str, bytes] = {}
+        self.outcomes: dict[str, str] = {}  # by client: what it last said
 
     def result(self) -> RunResult:
         began_s = time.monotonic()
@@ -268,7 +272,10 @@ class _Run:
     def _verdict(self) -> Verdict:
         script = self.bench.script
         if script is None:
-            return judge(self.measurement.result(), self.config.limits)
+            verdict = judge(self.measurement.result(), self.config.limits)
+            if self.goal is None:
+                return verdict
+            return verdict.with_rows(*self.goal.judged())
         records = self.actions.records if self.actions is not None else ()
         declared = self.declared.results()
         return judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
@@ -277,6 +284,8 @@ class _Run:
         routed = {} if self.router is None else {"router": self.router.report()}
         if self.companion is not None:
             routed["companion"] = self.companion.report()
+        if self.goal is not None:
+            routed["goal"] = self.goal.result.as_map()
         return routed | summarise(
             self.bench,
             verdict,
@@ -330,6 +339,12 @@ class _Run:
             self.build(stack)
             self.timing_s["setup"] = time.monotonic() - began_s
             self.fly()
+            if self.goal is not None:
+                frames = self.frames
+                if frames is None:
+                    frames = make_frames(self.bench)
+                    stack.callback(frames.close)
+                self.goal.conclude(frames.geometry)
 
     def build(self, stack: ExitStack) -> None:
         config = self.config
@@ -355,6 +370,10 @@ class _Run:
             x, y, z = self.physics.state[:3].tolist()
             self.legs = planned_path(self.bench.mission, self.bench.scene, home_W=(x, y, z))
         self.measurement = FlightMeasurement(self.legs, config.limits)
+        if config.goal is not None:
+            from hil.goal.judgement import GoalMeasurement  # OpenCV, which most runs do without
+
+            self.goal = GoalMeasurement(config.goal, self.bench.vehicle)
         self.recorder = self.recorder or Recorder(
             self.out,
             mcap=config.record.mcap,
@@ -433,6 +452,8 @@ class _Run:
         observers: list[Callable[[TruthState], None]] = [] if self.over is not None else [self.measurement.add]
         if self.bench.script is not None:
             observers.append(self.declared.add)
+        if self.goal is not None:
+            observers.append(self.goal.add)
         for source in (self.link, self.manual):
             if isinstance(source, ArduPilotJsonLink | ManualControlSource):
                 observers.append(partial(self._record_events, source))
@@ -459,7 +480,7 @@ class _Run:
     def _companion(self) -> CompanionLink:
         from hil.companion.link import CompanionLink  # most runs have none: ZeroMQ is not loaded for them
 
-        points = [leg.end_W for leg in self.legs]
+        points = self._points_W()
         return CompanionLink(
             self.config,
             self.out,
@@ -468,6 +489,11 @@ class _Run:
             begun_ns=lambda: 0 if self.scheduler is None else self.scheduler.begun_ns,
         )
 
+    def _points_W(self) -> list[Vec3]:
+        """Where the flight is to lead."""
+        goal = self.config.goal
+        return [goal.p_W] if goal is not None else [leg.end_W for leg in self.legs]
+
     def _companion_event(self, t_ns: int, kind: str, text: str) -> None:
         assert self.recorder is not None
         self.recorder.event(self._now_ns() if t_ns < 0 else t_ns, kind, text)
@@ -475,7 +501,23 @@ class _Run:
     def _companion_stage(self) -> CompanionStage | None:
         if self.companion is None:
             return None
-        return self.companion.stage(self.station.set_desired if isinstance(self.station, OffboardPilot) else None)
+        pilot = self.station if isinstance(self.station, OffboardPilot) else None
+        return self.companion.stage(None if pilot is None else partial(self._desire, pilot), self._on_report)
+
+    def _desire(self, pilot: OffboardPilot, desired: DesiredState, t_apply_ns: int) -> None:
+        if self.goal is not None and desired.land:
+            self.goal.over(t_apply_ns)
+        pilot.set_desired(desired, t_apply_ns)
+
+    def _on_report(self, client: str, report: Mapping[str, Any], t_ns: int) -> None:
+        """What a client says of itself: how it ended is an event."""
+        if self.goal is not None and self.config.companion.control:
+            self.goal.reported(report, t_ns)
+        outcome = report.get("outcome")
+        if isinstance(outcome, str) and outcome != self.outcomes.get(client, "flying"):
+            self.outcomes[client] = outcome
+            why = f": {report['why']}" if report.get("why") else ""
+            self._companion_event(t_ns, "companion_outcome", f"{client}: {outcome}{why}")
 
     def _times_of_companions(self) -> bool:
         """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""
@@ -703,7 +745,7 @@ class _Run:
             if isinstance(self.link, FREE_RUNNING) and sent is not None:
                 ages = self.link.age.age.bins()
                 timing = replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=ages)
-        points = [leg.end_W for leg in self.legs]
+        points = self._points_W()
         write_report(
             self.out,
             run,

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from hil.config.schema import Limits
@@ -294,6 +294,11 @@ class Verdict:
     reasons: tuple[str, ...]
     rows: tuple[Row, ...]
     measurements: Measurements
+
+    def with_rows(self, rows: Sequence[Row], reasons: Sequence[str]) -> Verdict:
+        """And what else was judged."""
+        reasons = (*self.reasons, *reasons)
+        return replace(self, status="FAIL" if reasons else "PASS", reasons=reasons, rows=(*self.rows, *rows))
 
 
 _WHY_UNSET = {

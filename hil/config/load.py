@@ -342,6 +342,11 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
     if step_us is not None and config.tick_ns % (step_us * 1000):
         message = f"must divide the tick of {config.tick_ns / 1000:g} us, and {step_us} us does not"
         wrong(("physics", "step_us"), message)
+    if config.goal is not None:
+        if config.mission is not None:
+            wrong(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
+        if not (config.companion.on and config.companion.control):
+            wrong(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
     autopilot = config.autopilot
     if autopilot.transport == "loopback" and autopilot.port is not None:
         wrong(("autopilot", "port"), "has no meaning with the transport 'loopback'", "leave it out")

@@ -236,6 +236,19 @@ class Limits(Section):
     landed_tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 30.0
 
 
+Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
+
+
+class Goal(Section):
+    """A place that the companion finds its own way to; told to it as the bench's one waypoint. null: not judged."""
+
+    p_W: tuple[Coordinate, Coordinate, Coordinate]  # its third number is the height of the flight
+    outcome: str = "goal"  # that the client is to report: another one for a goal that cannot be reached
+    within_m: Annotated[float, Field(gt=0)] | None = 1.5
+    min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # of the vehicle to anything
+    max_path_ratio: Annotated[float, Field(ge=1)] | None = 1.35  # way flown over the shortest on the full map
+
+
 class Physics(Section):
     """Switches of the dynamics."""
 
@@ -297,6 +310,7 @@ class BenchConfig(Section):
     record: Record = Record()
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
+    goal: Goal | None = None  # null: the flight is not judged by one
 
     @property
     def tick_ns(self) -> int:

@@ -22,6 +22,7 @@ from sim.radar.chirp import Chirp
 PAGE_NAME = "report.html"
 FLIGHT_NAME = "flight.png"
 _EVENTS_SHOWN = 300
+_LARGEST_PICTURE_BYTES = 8 << 20
 _HARMFUL_MS = 20.0  # samples this late were seen to hurt PX4's estimator: firmware_bridge.links.realtime_health
 
 
@@ -61,6 +62,7 @@ def write_report(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out_dir, run, track, plan, timing, title)
+        pictures += [(f"What {p.parent.name.removeprefix('companion_')} left", p) for p in _left_by_clients(out_dir)]
         pictures += _draw_companion(out_dir, companion_timing or {})
         pictures += _draw_frames(out_dir, frames or {}, classes, chirps or {})
         page = out_dir / PAGE_NAME
@@ -98,6 +100,12 @@ def _draw(
             figures.save(figures.realtime_figure(timing.lateness_bins_ns, timing.age_bins_ns, _HARMFUL_MS), path)
             pictures.append(("Punctuality of samples and motor commands", path))
     return pictures
+
+
+def _left_by_clients(out_dir: Path) -> list[Path]:
+    """Pictures that started clients want to be shown: companion_NAME/report*.png, small enough for a page."""
+    found = sorted(out_dir.glob("companion_*/report*.png"))
+    return [path for path in found if path.stat().st_size <= _LARGEST_PICTURE_BYTES]
 
 
 def _draw_companion(out_dir: Path, timing: Mapping[str, FrameTimes]) -> list[tuple[str, Path]]:

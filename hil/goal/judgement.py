@@ -1,0 +1,158 @@
+"""What a flight to a goal was worth, measured from ground truth (the section `goal` of a bench).
+
+It is over when the client in control says how it ended (its report has an `outcome` other than `flying`), says that it
+is finished, or wants to land; else with the run.
+
+outcome          what the client said, and what the bench wants to hear: a goal in a building is to be called that
+goal_error_m     horizontal distance from the goal when it was over
+clearance_m      least distance from the sphere that holds the vehicle to anything, people included, ten times a second,
+                 from half the height of the flight on
+contacts         ticks with contact, from the first 0.3 m above the ground until it was over
+path_ratio       horizontal length of the way flown, over that of the shortest way from start to goal that keeps
+                 `min_clearance_m` on the full map (`hil.goal.shortest_path`)
+
+Where another outcome than `goal` is wanted, error and ratio are not judged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from hil.config.schema import Goal
+from hil.goal.clearance import Clearance, vehicle_radius_m
+from hil.goal.shortest_path import length_m, shortest_path
+from hil.goal.true_slice import true_slice
+from hil.signals.samples import TruthState, Vec3
+from hil.signals.time import NS_PER_S
+from hil.verdict import AIRBORNE_M, Row
+from sim.frame.geometry import FrameGeometry
+from sim.physics.vehicle import Vehicle
+
+FLYING, AT_GOAL = "flying", "goal"
+_EVERY_NS = NS_PER_S // 10
+_ROUND_M = 45.0  # the full map reaches so far beyond start and goal
+_DEFAULT_CLEARANCE_M = 0.5
+
+
+@dataclass(frozen=True)
+class GoalResult:
+    """None: not measured."""
+
+    outcome: str = ""
+    why: str = ""
+    t_s: float | None = None
+    goal_error_m: float | None = None
+    clearance_m: float | None = None
+    contacts: int = 0
+    path_m: float | None = None
+    shortest_m: float | None = None
+    path_ratio: float | None = None
+    client: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_map(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in type(self).__dataclass_fields__}
+
+
+class GoalMeasurement:
+    """Watches truth and the client's words while the flight goes on; `conclude` afterwards."""
+
+    def __init__(self, goal: Goal, vehicle: Vehicle) -> None:
+        self._goal, self._radius_m = goal, vehicle_radius_m(vehicle)
+        self._report: Mapping[str, Any] = {}
+        self._over_ns: int | None = None
+        self._track: list[tuple[int, Vec3]] = []
+        self._home: Vec3 | None = None
+        self._airborne = False
+        self._contacts = 0
+        self._last: TruthState | None = None
+        self.result = GoalResult()
+
+    def add(self, truth: TruthState) -> None:
+        """Every tick, in order."""
+        if self._over_ns is not None and truth.t_ns > self._over_ns:
+            return
+        if self._home is None:
+            self._home = truth.p_WB
+        self._airborne = self._airborne or truth.p_WB[2] > self._home[2] + AIRBORNE_M
+        self._contacts += self._airborne and truth.in_contact
+        self._last = truth
+        if truth.t_ns % _EVERY_NS == 0:
+            self._track.append((truth.t_ns, truth.p_WB))
+
+    def reported(self, report: Mapping[str, Any], t_ns: int) -> None:
+        """What the client in control says of itself."""
+        self._report = report
+        if report.get("outcome", FLYING) != FLYING:
+            self.over(t_ns)
+
+    def over(self, t_ns: int) -> None:
+        """The flight to the goal has ended; landing is no part of it."""
+        if self._over_ns is None:
+            self._over_ns = t_ns
+
+    def judged(self) -> tuple[list[Row], list[str]]:
+        """Measurements beside their limits, and why the flight fails."""
+        return _judged(self.result, self._goal)
+
+    def conclude(self, geometry: FrameGeometry) -> None:
+        """Everything that takes a while, after the flight. Poses what moves at times that are over."""
+        goal, last = self._goal, self._last
+        if last is None or self._home is None:
+            return
+        (x, y, z), home = goal.p_W, self._home
+        half_m = home[2] + 0.5 * (z - home[2])
+        first = next((i for i, (_, p) in enumerate(self._track) if p[2] >= half_m), len(self._track))
+        flown = self._track[first:]
+        clearance_m = path_m = shortest_m = ratio = None
+        if flown:
+            meter = Clearance(geometry)
+            clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in flown) - self._radius_m
+            path_m = length_m([(p[0], p[1]) for _, p in flown])
+            berth_m = self._radius_m + (goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
+            area = tuple(f(home[i], goal.p_W[i]) + s for f, s in ((min, -_ROUND_M), (max, _ROUND_M)) for i in (0, 1))
+            full = true_slice(
+                geometry, low_m=z - berth_m, high_m=z + berth_m, area_W=(area[0], area[1], area[2], area[3])
+            )
+            best = shortest_path(full, (home[0], home[1]), (x, y), berth_m=berth_m)
+            if best is not None:
+                shortest_m = length_m(best)
+                ratio = path_m / shortest_m if shortest_m > 0.0 else None
+        outcome = str(self._report.get("outcome", ""))
+        self.result = GoalResult(
+            outcome,
+            str(self._report.get("why", "")),
+            last.t_ns / NS_PER_S,
+            math.dist(last.p_WB[:2], (x, y)),
+            clearance_m,
+            self._contacts,
+            path_m,
+            shortest_m,
+            ratio,
+            dict(self._report),
+        )
+
+
+def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
+    rows: list[Row] = []
+    reasons: list[str] = []
+    if result.outcome != goal.outcome:
+        said = f"ended as {result.outcome!r}" if result.outcome else "said of no outcome"
+        why = f" ({result.why})" if result.why else ""
+        reasons.append(f"the client {said}{why}, where {goal.outcome!r} is wanted")
+    at_goal = goal.outcome == AT_GOAL
+
+    def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
+        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+        rows.append(Row(name, value, limit, unit, ok))
+        if not ok:
+            measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
+            reasons.append(f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+
+    row("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m")
+    row("clearance_m", result.clearance_m, goal.min_clearance_m, "m", least=True)
+    row("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "")
+    row("contacts", float(result.contacts), 0.0, "")
+    return rows, reasons

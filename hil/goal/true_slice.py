@@ -1,0 +1,98 @@
+"""What a scene holds between two heights, as a grid: the full map that a flight through the unknown is judged by.
+
+Every surface is met by rays along the rows and columns of a grid finer than its cells, at heights from `low_m` to
+`high_m`: what is thinner than a third of a cell, and lower than the distance between two heights, may be missed. Only
+what stands still is in it. The inside of a solid stays free of marks; nothing gets there from outside.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim._kernels import RayCaster
+from sim.frame.geometry import FrameGeometry
+
+_FINE = 3  # rays to a cell
+_HEIGHT_STEP_M = 0.2
+_BEYOND_M = 0.004  # a ray goes on this far behind what it met
+
+
+@dataclass(frozen=True, eq=False)
+class TrueSlice:
+    """`occupied[row, column]`: row along y, column along x; `origin_W` is the corner of cell (0, 0)."""
+
+    occupied: NDArray[np.bool_]
+    origin_W: tuple[float, float]
+    cell_m: float
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        return (
+            math.floor((y_m - self.origin_W[1]) / self.cell_m),
+            math.floor((x_m - self.origin_W[0]) / self.cell_m),
+        )
+
+    def centre_of(self, row: int, column: int) -> tuple[float, float]:
+        return (
+            self.origin_W[0] + (column + 0.5) * self.cell_m,
+            self.origin_W[1] + (row + 0.5) * self.cell_m,
+        )
+
+    def inside(self, row: int, column: int) -> bool:
+        height, width = self.occupied.shape
+        return 0 <= row < height and 0 <= column < width
+
+
+def true_slice(
+    geometry: FrameGeometry,
+    *,
+    low_m: float,
+    high_m: float,
+    area_W: tuple[float, float, float, float],
+    cell_m: float = 0.25,
+) -> TrueSlice:
+    """`area_W`: x and y of two corners. Hides what moves until somebody poses it again."""
+    x0, y0, x1, y1 = area_W
+    width, height = math.ceil((x1 - x0) / cell_m), math.ceil((y1 - y0) / cell_m)
+    occupied = np.zeros((height, width), np.bool_)
+    geometry.expect(geometry.t_ns + 1)
+    geometry.bring(lambda _centre, _radius: True)
+    caster = RayCaster(geometry.native)
+    levels = np.linspace(low_m, high_m, max(2, math.ceil((high_m - low_m) / _HEIGHT_STEP_M) + 1))
+    for axis, count, length_m in ((0, height, width * cell_m), (1, width, height * cell_m)):
+        across = (np.arange(count * _FINE) + 0.5) * (cell_m / _FINE)
+        lines, heights = (a.ravel() for a in np.meshgrid(across, levels, indexing="ij"))
+        origins = np.empty((len(lines), 3))
+        origins[:, axis] = (x0, y0)[axis]
+        origins[:, 1 - axis] = (x0, y0)[1 - axis] + lines
+        origins[:, 2] = heights
+        direction = np.zeros(3)
+        direction[axis] = 1.0
+        for points in _surfaces(caster, origins, direction, length_m):
+            columns = np.floor((points[:, 0] - x0) / cell_m).astype(int)
+            rows = np.floor((points[:, 1] - y0) / cell_m).astype(int)
+            there = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+            occupied[rows[there], columns[there]] = True
+    return TrueSlice(occupied, (x0, y0), cell_m)
+
+
+def _surfaces(
+    caster: RayCaster, origins_W: NDArray[np.float64], direction: NDArray[np.float64], length_m: float
+) -> list[NDArray[np.float64]]:
+    """Where rays meet surfaces, all along their way."""
+    found = []
+    left_m = np.full(len(origins_W), length_m)
+    while len(origins_W):
+        n = len(origins_W)
+        range_m, geom = np.empty(n), np.empty(n, np.int32)
+        directions = np.ascontiguousarray(np.broadcast_to(direction, (n, 3)))
+        caster.cast(np.ascontiguousarray(origins_W), directions, 0.0, length_m, range_m, geom)
+        met = (geom >= 0) & (range_m < left_m)
+        step_m = range_m[met] + _BEYOND_M
+        found.append(origins_W[met] + range_m[met, None] * direction)
+        origins_W = origins_W[met] + step_m[:, None] * direction
+        left_m = left_m[met] - step_m
+    return found
