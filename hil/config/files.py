@@ -62,5 +62,13 @@ def is_bare(what: str, name: str) -> bool:
 def available(what: str, beside: Sequence[Path]) -> list[str]:
     """Every name that `find` would find, sorted."""
     folders = [folder / "rigs" for folder in (*beside, Path())] + [_PACKAGE]
-    names = {path.stem for folder in folders for path in (folder / FOLDERS[what]).glob("*.yaml")}
-    return sorted(names)
+    found = [path for folder in folders for path in (folder / FOLDERS[what]).glob("*.yaml")]
+    return sorted({path.stem for path in found if what != "rig" or not _names_a_rig(path)})
+
+
+def _names_a_rig(path: Path) -> bool:
+    """Whether a file beside the rigs is a bench, which says on which of them it flies."""
+    try:
+        return any(line.startswith("rig:") for line in path.read_text(encoding="utf-8").splitlines())
+    except (OSError, UnicodeDecodeError):
+        return False  # said where it is read

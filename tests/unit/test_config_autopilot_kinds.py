@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from hil.autopilots import _MAKERS
 from hil.cli import app
 from hil.config import Bench, load_bench
+from hil.config.files import available
 from hil.config.schema import FIRMWARE_KINDS, LOCKSTEP_KINDS, PROGRAM_KINDS, Autopilot
 from hil.signals.errors import ConfigError
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-RIGS = sorted(path.stem for path in (REPOSITORY / "rigs").glob("*.yaml"))
+RIGS = available("rig", ())
 KINDS = get_args(Autopilot.model_fields["kind"].annotation)
 NEEDS = {
     "px4_sitl": "autopilot.start=false",

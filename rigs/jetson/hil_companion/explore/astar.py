@@ -87,11 +87,10 @@ def search(price: np.ndarray, start: Cell, goal: Cell) -> tuple[list[Cell], floa
 
 def plan(price: np.ndarray, start: Cell, goal: Cell) -> list[Cell] | None:
     """Cells from start to goal, found in two levels; None where there is no way at all."""
+    if not connected(price, start, goal):
+        return None  # at once: a search would look at every cell that can be reached
     small = coarser(price, BLOCK)
     ends = [(row // BLOCK, column // BLOCK) for row, column in (start, goal)]
-    for row, column in ends:
-        if not (0 <= row < small.shape[0] and 0 <= column < small.shape[1]):
-            return None
     coarse = search(small, ends[0], ends[1])
     if coarse is None:
         return None
@@ -111,6 +110,17 @@ def plan(price: np.ndarray, start: Cell, goal: Cell) -> list[Cell] | None:
     # The coarse path went where the fine cells have no way through.
     found = search(price, start, goal)
     return None if found is None else found[0]
+
+
+def connected(price: np.ndarray, start: Cell, goal: Cell) -> bool:
+    """Whether there is any way: a diagonal step can always be taken as two straight ones."""
+    height, width = price.shape
+    if not all(0 <= row < height and 0 <= column < width for row, column in (start, goal)):
+        return False
+    passable = np.isfinite(price).astype(np.uint8)
+    passable[start] = passable[goal] = 1
+    _, label = cv2.connectedComponents(passable, connectivity=4)
+    return bool(label[start] == label[goal])
 
 
 def _trace(came: dict[int, int], here: int, stride: int) -> list[Cell]:

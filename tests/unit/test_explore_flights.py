@@ -1,0 +1,125 @@
+"""Whole flights of the explorer in flat worlds of boxes, each with its outcome, and nothing ever touched."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.unit.explore_world import Box, Flat
+
+CLEAR_M = 0.9  # of the middle: vehicle_radius_m + clearance_m
+
+
+def ring(x: float, y: float, half: float, thick: float = 0.4) -> tuple[Box, ...]:
+    """Four walls about a place."""
+    a, b = half, half + thick
+    return (
+        *((x - b, y - b, x + b, y - a), (x - b, y + a, x + b, y + b)),
+        *((x - b, y - b, x - a, y + b), (x + a, y - b, x + b, y + b)),
+    )
+
+
+def test_it_goes_round_a_hall_to_the_goal() -> None:
+    boxes = ((6.0, -6.0, 12.0, 5.0), (16.0, 4.0, 17.0, 14.0))
+    flat = Flat(boxes, (20.0, 2.0)).fly()
+    assert flat.outcome == "goal"
+    assert flat.goal_error_m < 0.6
+    assert flat.least_m >= CLEAR_M
+    assert flat.path_m < 1.35 * 24.0  # 23.9 m: round the hall's corner (6, 5), (12, 5), with 0.9 m to spare
+    assert 2.0 < flat.fastest_mps <= 3.1
+
+
+def test_a_goal_in_a_building_is_called_that() -> None:
+    flat = Flat(ring(8.0, 0.0, 2.5), (8.0, 0.0)).fly(90.0)
+    assert flat.outcome == "goal_in_obstacle"
+    assert flat.explorer.finished and flat.least_m >= CLEAR_M
+
+
+def test_walled_in_there_is_no_path() -> None:
+    flat = Flat(ring(0.0, 0.0, 5.0), (15.0, 0.0)).fly()
+    assert flat.outcome == "no_path"
+    assert flat.least_m >= CLEAR_M
+
+
+def _none(t_s: float, points: np.ndarray) -> np.ndarray | None:
+    return None if t_s > 2.0 else points
+
+
+def _nan(t_s: float, points: np.ndarray) -> np.ndarray | None:
+    return np.full_like(points, math.nan) if t_s > 2.0 else points
+
+
+def _empty(t_s: float, points: np.ndarray) -> np.ndarray | None:
+    return points[:0] if t_s > 2.0 else points
+
+
+@pytest.mark.parametrize("loss", [_none, _nan, _empty])
+def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: Any) -> None:
+    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=loss).fly(20.0)
+    assert flat.outcome == "lidar_lost" and flat.explorer.finished
+    assert flat.least_m >= CLEAR_M
+    assert float(np.hypot(*flat.v[:2])) < 0.05
+    assert flat.p[0] < 2.0 * 3.0 + 5.0
+
+
+def test_some_points_that_are_no_numbers_do_no_harm() -> None:
+    def some(t_s: float, points: np.ndarray) -> np.ndarray:
+        spoiled = points.copy()
+        spoiled[:: 2 + round(10 * t_s) % 2] = math.nan
+        return spoiled
+
+    flat = Flat(((5.0, -4.0, 6.0, 3.0),), (10.0, 0.0), lidar=some).fly()
+    assert flat.outcome == "goal" and flat.least_m >= CLEAR_M
+
+
+def test_a_lidar_that_comes_back_is_flown_on_with() -> None:
+    def gap(t_s: float, points: np.ndarray) -> np.ndarray | None:
+        return None if 2.0 < t_s < 3.5 else points
+
+    flat = Flat((), (12.0, 0.0), lidar=gap).fly()
+    assert flat.outcome == "goal"
+
+
+def test_a_position_that_nobody_knows_stops_it() -> None:
+    flat = Flat((), (25.0, 0.0), settings={"stuck_s": 1.0})
+    for _ in range(20):
+        flat.step()
+    assert flat.fastest_mps > 1.0
+    known = flat.localiser.update
+
+    def unknown(frame: Any) -> Any:
+        estimate = known(frame)
+        estimate.p_W[0] = math.nan
+        return estimate
+
+    flat.localiser.update = unknown
+    flat.fly(10.0)
+    assert flat.outcome == "stuck" and "position" in flat.explorer.report.why
+    assert float(np.hypot(*flat.v[:2])) < 0.05
+
+
+def test_a_goal_beyond_every_map_is_no_path() -> None:
+    flat = Flat((), (1e5, 0.0)).fly(5.0)
+    assert flat.outcome == "no_path"
+
+
+def test_who_comes_near_is_given_way_to() -> None:
+    """A box moves up to the hovering vehicle, which has nothing to do but wait for the way to open."""
+    flat = Flat(ring(0.0, 0.0, 9.0), (15.0, 0.0), settings={"no_path_s": 30.0})
+    for k in range(60):
+        x = 5.0 - 0.07 * k  # from 5 m to 0.9 m off
+        flat.boxes = (*ring(0.0, 0.0, 9.0), (x, -0.4, x + 0.8, 0.4))
+        flat.step()
+        assert min(math.hypot(max(x - flat.p[0], 0.0), max(abs(flat.p[1]) - 0.4, 0.0)), 9.0) > CLEAR_M
+    assert flat.explorer.report.retreats >= 1
+
+
+def test_the_same_frames_give_the_same_flight() -> None:
+    def track() -> list[float]:
+        flat = Flat(((4.0, -3.0, 5.0, 2.0),), (8.0, 0.0))
+        return [float(v) for _ in range(25) for v in flat.step().v_W]
+
+    assert track() == track()
