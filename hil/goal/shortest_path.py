@@ -29,6 +29,9 @@ def shortest_path(place: TrueSlice, start_W: Point, goal_W: Point, *, berth_m: f
     if not (place.inside(*start) and place.inside(*goal)):
         return None
     free[start] = free[goal] = True
+    _, label = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
+    if label[start] != label[goal]:
+        return None  # at once; no step reaches what four straight ones do not
     cells = _search(free, start, goal)
     if cells is None:
         return None

@@ -42,7 +42,8 @@ def test_gaps_in_a_wall_close_and_doubtful_specks_go() -> None:
     assert len(segments) >= 1
     assert occupied[40, 10:70].all()
     assert not occupied[10, 10]
-    assert occupied[20, 20] and occupied[41, 30]
+    assert occupied[20, 20]
+    assert occupied[41, 30]
     assert occupied.sum() <= 60 + 2 + 12  # nothing grew
 
 
@@ -55,7 +56,8 @@ def test_a_door_that_beams_went_through_stays_open() -> None:
 
 def test_an_empty_grid_is_clean() -> None:
     occupied, segments = clean(np.zeros((30, 30), np.float32), CELL_M)
-    assert not occupied.any() and len(segments) == 0
+    assert not occupied.any()
+    assert len(segments) == 0
 
 
 def test_a_passer_by_leaves_nothing_behind_and_a_wall_does_not_walk() -> None:
@@ -71,7 +73,8 @@ def test_a_passer_by_leaves_nothing_behind_and_a_wall_does_not_walk() -> None:
         odds[20, 10 + k] = 2.0
         here = [((10 + k + 0.5) * CELL_M, 20.5 * CELL_M)]
         out = gone(0.1 * (k + 1), here)
-        assert not out[20, 10 + k] and not out[50].any()
+        assert not out[20, 10 + k]
+        assert not out[50].any()
     assert out[20, 10:16].all()  # the trail of more than a second ago
     assert not out[20, 20:].any()
     stays = here
@@ -137,7 +140,8 @@ def test_a_way_in_the_open_is_straight_and_one_round_a_wall_is_short() -> None:
         odds[row - 0, 79] = 3.0
     place = made(odds, (3.0, 3.0), goal)
     route = Router(0.0).route(place, around, start, goal)
-    assert route.found and math.isfinite(path_cost(place, route.points_W))
+    assert route.found
+    assert math.isfinite(path_cost(place, route.points_W))
     tip = np.array([5.0, 10.125])
     direct = math.dist(start, tip) + math.dist(tip, goal)
     assert direct < length_m(route.points_W) < direct + 2.0 * around.comfort_m

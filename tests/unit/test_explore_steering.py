@@ -95,7 +95,8 @@ def test_commands_never_jump() -> None:
 def test_it_slows_down_to_the_goal() -> None:
     for left_m in (0.3, 1.0, 3.0):
         speed = steady(Steering(FLIGHT), open_map(), nearby(), [(0.0, 0.0), (left_m, 0.0)], (0.0, 0.0), (0.0, 0.0))
-        assert 0.05 < speed and FLIGHT.stopping_m(speed) <= left_m + 0.1
+        assert speed > 0.05
+        assert FLIGHT.stopping_m(speed) <= left_m + 0.1
 
 
 def test_the_retreat_is_straight_away_until_out_of_the_band() -> None:
@@ -104,14 +105,17 @@ def test_the_retreat_is_straight_away_until_out_of_the_band() -> None:
     towards = (0.6, 0.8)
     assert rule.apply(limits, 1.35, towards, (0.0, 0.0), math.inf).v_W is None
     away = rule.apply(limits, 1.2, towards, (0.0, 0.0), math.inf)
-    assert away.band == "orange" and away.v_W is not None
+    assert away.band == "orange"
+    assert away.v_W is not None
     assert math.atan2(away.v_W[1], away.v_W[0]) == pytest.approx(math.atan2(-0.8, -0.6))
     assert rule.apply(limits, 1.35, towards, (0.0, 0.0), math.inf).v_W is not None  # not out yet: some way to spare
     assert rule.apply(limits, 1.5, towards, (0.0, 0.0), math.inf).band == "clear"
     red = rule.apply(limits, 0.9, towards, (0.6, 0.8), math.inf)
-    assert red.band == "red" and red.v_W == (0.0, 0.0)  # stop first
+    assert red.band == "red"
+    assert red.v_W == (0.0, 0.0)
     back = rule.apply(limits, 0.9, towards, (0.0, 0.0), math.inf)
-    assert back.v_W is not None and back.v_W[0] * 0.6 + back.v_W[1] * 0.8 == pytest.approx(-0.6)
+    assert back.v_W is not None
+    assert back.v_W[0] * 0.6 + back.v_W[1] * 0.8 == pytest.approx(-0.6)
     assert rule.apply(limits, 1.1, towards, (0.0, 0.0), 1.1).v_W is None  # a wall on either side
     assert rule.apply(limits, math.nan, towards, (0.0, 0.0), math.inf).band == "clear"
 
@@ -144,7 +148,8 @@ def test_a_sweep_is_levelled_turned_and_moved_to_now() -> None:
 def test_points_that_are_no_numbers_or_at_other_heights_do_not_count() -> None:
     reader = Sweeps(None, 1.0)
     near = reader.read(sweep([[math.nan, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 0.0, -3.0]]), estimate(), 0.0, 0.0)
-    assert near.usable == 2 and near.nearest(0.0, 0.0)[0] == pytest.approx(5.0)
+    assert near.usable == 2
+    assert near.nearest(0.0, 0.0)[0] == pytest.approx(5.0)
     assert reader.read(sweep(np.full((4, 3), math.nan)), estimate(), 0.0, 0.0).usable == 0
 
 

@@ -48,6 +48,12 @@ class PlanMap:
         row = np.floor((p_W[:, 1] - self.origin_W[1]) / self.cell_m).astype(int)
         return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
 
+    def holds(self, p_W: np.ndarray) -> bool:
+        """Whether all points (n, 2) lie on the map."""
+        height, width = self.distance_m.shape
+        at = (p_W - np.asarray(self.origin_W)) / self.cell_m
+        return bool(((at >= 0.0) & (at < (width, height))).all())
+
     def plan_cell(self, x_m: float, y_m: float) -> tuple[int, int]:
         size = self.plan_cell_m
         height, width = self.price.shape
@@ -70,14 +76,15 @@ class PlanMap:
         return a_W + np.linspace(0.0, 1.0, count)[:, None] * (b_W - a_W)
 
     def cost_along(self, a_W: np.ndarray, b_W: np.ndarray) -> float:
-        """Of the straight line, by the plan's prices but blocked by the fine distances; infinite where blocked."""
-        points = self.along(a_W, b_W, self.cell_m)
+        """Of the straight line between two places on the map, by the plan's prices; infinite where it is blocked."""
         size = self.plan_cell_m
-        height, width = self.price.shape
-        column = np.clip(((points[:, 0] - self.origin_W[0]) / size).astype(int), 0, width - 1)
-        row = np.clip(((points[:, 1] - self.origin_W[1]) / size).astype(int), 0, height - 1)
-        mean = float(self.price[row, column].mean())
-        return mean * float(np.hypot(*(b_W - a_W)))
+        ax, ay, bx, by = (float(v) for v in (*a_W, *b_W))
+        length_m = math.hypot(bx - ax, by - ay)
+        count = max(2, math.ceil(length_m / self.cell_m) + 1)
+        share = np.arange(count) * (1.0 / (count - 1))
+        column = ((ax - self.origin_W[0] + share * (bx - ax)) * (1.0 / size)).astype(np.int64)
+        row = ((ay - self.origin_W[1] + share * (by - ay)) * (1.0 / size)).astype(np.int64)
+        return float(self.price[row, column].sum()) / count * length_m
 
 
 def make_map(

@@ -75,6 +75,8 @@ class Router:
             return None
         at, _ = nearest_on(self._before, start_W)
         rest = np.vstack([start_W, self._before[at + 1 :]])
+        if not around.holds(rest):
+            return None
         rest = straightened(around, rest)
         old = path_cost(around, rest)
         if not math.isfinite(old) or cost < _BETTER * old - _BETTER_M:
@@ -107,21 +109,20 @@ def straightened(around: PlanMap, points_W: np.ndarray, costs: np.ndarray | None
     upto = np.concatenate([[0.0], np.cumsum(costs)])
     kept: list[int] = [0]
     last = len(points_W) - 1
+
+    def sees(here: int, there: int) -> bool:
+        return around.cost_along(points_W[here], points_W[there]) <= upto[there] - upto[here] + 1e-9
+
     while kept[-1] < last:
         here = kept[-1]
-        reach = last - here
-        while reach > 1:
-            there = here + reach
-            if around.cost_along(points_W[here], points_W[there]) <= upto[there] - upto[here] + 1e-9:
-                break
-            reach = max(1, int(reach * 0.7))
-        # What was skipped over by the coarse steps down.
-        while here + reach < last:
-            there = here + reach + 1
-            if around.cost_along(points_W[here], points_W[there]) > upto[there] - upto[here] + 1e-9:
-                break
-            reach += 1
-        kept.append(here + reach)
+        seen, unseen = here + 1, last + 1  # the next one always is
+        while unseen - seen > 1:  # the farthest, if everything nearer is seen too; else one that is
+            middle = last if unseen > last and seen == here + 1 else (seen + unseen) // 2
+            if sees(here, middle):
+                seen = middle
+            else:
+                unseen = middle
+        kept.append(seen)
     return points_W[kept]
 
 
