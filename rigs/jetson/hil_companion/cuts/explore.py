@@ -23,6 +23,7 @@ from hil_companion.protocol import Welcome
 GOAL_W = (70.0, 60.0, 10.0)
 OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wants to leave; the bench sets it
 LOCALISERS = ("slam", "truth")
+_LEAST_HALF_M, _BEYOND_GOAL_M = 128.0, 48.0  # of the map: half its side, and room for ways round behind the goal
 
 
 class Explore:
@@ -78,18 +79,23 @@ class Explore:
             flight.setdefault("height_m", goal[2])
         settings = _made(FlightSettings, "flight", flight)
         calibration = welcome.sensors.get(self._lidar, {})
-        made = self._make_localiser(settings, calibration)
+        x, y, _, _ = self._start
+        half_m = max(_LEAST_HALF_M, max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M)
+        made = self._make_localiser(settings, calibration, half_m)
         self._explorer = Explorer(settings, made, (float(goal[0]), float(goal[1])), calibration, lidar=self._lidar)
         if self._folder is not None:
             self._pictures = Pictures(self._folder, every_s=self._picture_every_s, camera=self._camera)
 
-    def _make_localiser(self, settings: FlightSettings, calibration: Mapping[str, Any]) -> Any:
+    def _make_localiser(self, settings: FlightSettings, calibration: Mapping[str, Any], half_m: float) -> Any:
+        """`half_m`: the map has to reach so far from the start."""
         if self._localiser == "truth":
-            return TruePose(calibration, settings.height_m, slab_m=settings.slab_m, lidar=self._lidar)
+            half_m += max(abs(self._start[0]), abs(self._start[1]))  # its grid is about the origin
+            return TruePose(calibration, settings.height_m, slab_m=settings.slab_m, half_m=half_m, lidar=self._lidar)
         from hil_companion.explore.slam import Slam
         from hil_companion.explore.slam_settings import SlamSettings
 
-        told = {"flight_height_m": settings.height_m, "band_half_m": settings.slab_m, "lidar_topic": self._lidar}
+        told: dict[str, Any] = {"flight_height_m": settings.height_m, "band_half_m": settings.slab_m, "lidar_topic": self._lidar}
+        told["area_m"] = 2.0 * half_m
         for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC")):
             if key in calibration:
                 told[name] = tuple(calibration[key])

@@ -103,6 +103,8 @@ class TruePose:
             nearest = np.full(_BEAMS, np.inf)
             np.minimum.at(nearest, beam[wanted], far[wanted])
             free_m = np.where(np.isfinite(nearest), np.minimum(nearest, cap), free_m)
+        # A beam between two that met a wall met it too.
+        free_m = np.minimum(free_m, np.minimum(np.roll(free_m, 1), np.roll(free_m, -1)))
         angle = ((np.arange(_BEAMS) + 0.5) / _BEAMS - 0.5) * 2.0 * math.pi
         edge = p_W[:2] + free_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         grid = self._grid
