@@ -23,7 +23,8 @@ from hil_companion.protocol import Welcome
 GOAL_W = (70.0, 60.0, 10.0)
 OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wants to leave; the bench sets it
 LOCALISERS = ("slam", "truth")
-_LEAST_HALF_M, _BEYOND_GOAL_M = 128.0, 48.0  # of the map: half its side, and room for ways round behind the goal
+# Half the side of the map, and room in it for ways round behind the goal. A goal beyond the most is told as no_path.
+_LEAST_HALF_M, _MOST_HALF_M, _BEYOND_GOAL_M = 128.0, 300.0, 48.0
 
 
 class Explore:
@@ -80,7 +81,8 @@ class Explore:
         settings = _made(FlightSettings, "flight", flight)
         calibration = welcome.sensors.get(self._lidar, {})
         x, y, _, _ = self._start
-        half_m = max(_LEAST_HALF_M, max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M)
+        half_m = max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M
+        half_m = min(max(half_m, _LEAST_HALF_M), _MOST_HALF_M)
         made = self._make_localiser(settings, calibration, half_m)
         self._explorer = Explorer(settings, made, (float(goal[0]), float(goal[1])), calibration, lidar=self._lidar)
         if self._folder is not None:
@@ -94,8 +96,8 @@ class Explore:
         from hil_companion.explore.slam import Slam
         from hil_companion.explore.slam_settings import SlamSettings
 
-        told: dict[str, Any] = {"flight_height_m": settings.height_m, "band_half_m": settings.slab_m, "lidar_topic": self._lidar}
-        told["area_m"] = 2.0 * half_m
+        told: dict[str, Any] = {"area_m": 2.0 * half_m, "lidar_topic": self._lidar}
+        told.update(flight_height_m=settings.height_m, band_half_m=settings.slab_m)
         for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC")):
             if key in calibration:
                 told[name] = tuple(calibration[key])

@@ -24,7 +24,7 @@ _SEEN_SHARE = 0.5  # of a cell and its eight neighbours: a cell missed among see
 
 
 class TooFar(ValueError):
-    """The goal is so far from the map that no grid can hold both."""
+    """The goal lies where no map will ever be, or what has to be on one is more than can be planned on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +95,8 @@ def make_map(
     around: Berth,
     unknown_price: float,
 ) -> PlanMap:
-    """`gone`: cells of what has moved away; `near_W` (n, 2): what the newest sweep saw near by; `ends_W`: must lie on
-    the map. TooFar."""
+    """`gone`: cells of what has moved away; `near_W` (n, 2): what the newest sweep saw near by; `ends_W`: vehicle and
+    goal, which must lie on the map. TooFar."""
     cell_m = float(grid.cell_m)
     blocks = max(1, round(PLAN_CELL_M / cell_m))
     log_odds, origin_W = _framed(grid, gone, ends_W, blocks)
@@ -126,6 +126,8 @@ def _framed(
     all_odds = np.asarray(grid.log_odds, np.float32)
     corner = np.array([float(grid.origin_W[0]), float(grid.origin_W[1])])
     ends = np.floor((np.asarray(ends_W, float) - corner) / cell_m).astype(int)[:, ::-1]  # rows, columns
+    if not ((ends[-1] >= 0) & (ends[-1] < all_odds.shape)).all():
+        raise TooFar("the goal lies beyond the area that is mapped")
     known = all_odds != 0.0
     low, high = ends.min(axis=0), ends.max(axis=0) + 1
     for axis in (0, 1):
