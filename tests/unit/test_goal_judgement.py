@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from hil.config import load_bench
 from hil.config.schema import Goal
 from hil.goal.clearance import Clearance, vehicle_radius_m
 from hil.goal.judgement import GoalMeasurement
 from hil.goal.shortest_path import length_m, shortest_path
 from hil.goal.true_slice import TrueSlice, true_slice
+from hil.signals.errors import ConfigError
 from hil.signals.samples import TruthState
 from hil.view_command import load_frames
 from sim.physics.vehicle import Vehicle
@@ -30,6 +33,7 @@ boxes:
   - {name: low, center_m: [10.0, 8.0, 1.0], size_m: [4.0, 4.0, 2.0]}
 """
 R_M = 0.393
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +47,6 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture(scope="module")
 def x500() -> Vehicle:
-    from hil.config import load_bench
-
     return load_bench(None, settings=["mission=null"]).vehicle
 
 
@@ -184,3 +186,25 @@ def test_a_flight_that_never_began_fails(frames: Any, x500: Vehicle) -> None:
     measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 5.0)), x500)
     measurement.conclude(frames.geometry)
     assert len(measurement.judged()[1]) == 4
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (("mission=rigs/missions/rectangle.plan",), "goal cannot go with a mission"),
+        (("companion.start=[]", "companion.control=false"), "goal needs a companion"),
+        (("goal.p_W=[1, 2]",), "goal.p_W"),
+        (("goal.within_m=-1",), "goal.within_m"),
+        (("goal.near=1",), "goal.near"),
+    ],
+)
+def test_goals_that_make_no_sense(settings: tuple[str, ...], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_bench(ROOT / "rigs" / "explore.yaml", settings=settings)
+    assert any(words in str(problem) for problem in caught.value.problems)
+
+
+def test_the_shipped_flight_is_a_legal_bench() -> None:
+    bench = load_bench(ROOT / "rigs" / "explore.yaml", seed=7, settings=("map_seed=7", "goal.p_W=[40, 60, 5]"))
+    assert bench.config.goal == Goal(p_W=(40.0, 60.0, 5.0))
+    assert bench.config.companion.settings["flight"]["time_limit_s"] < bench.config.duration_s

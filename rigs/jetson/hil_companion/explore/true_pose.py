@@ -23,6 +23,7 @@ _CELL_M = 0.25
 _REACH_M = 40.0
 _BEAMS = 720
 _OPEN_M = 8.0  # free where no return says otherwise: below the horizon, beams leave the slab this far away
+_LOST_NS = 350_000_000  # without a usable sweep for so long, the LiDAR is lost
 _HIT, _MISS, _MOST = 0.9, -0.4, 5.0
 
 
@@ -68,6 +69,7 @@ class TruePose:
         self._R_BL = matrix(np.asarray(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)), float))
         self._height_m, self._slab_m = height_m, slab_m
         size = int(2 * half_m / _CELL_M)
+        self._mapped_ns: int | None = None
         self._grid = Grid(np.zeros((size, size), np.float32), (-half_m, -half_m), _CELL_M, 0)
 
     def update(self, frame: Frame) -> TrueEstimate:
@@ -79,9 +81,10 @@ class TruePose:
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
         pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-        ok = self._lidar in frame and abs(p_W[2] - self._height_m) < self._slab_m
-        if ok:
-            ok = self._map(frame, p_W, v_W, matrix(np.array([w, x, y, z])))
+        at_height = abs(p_W[2] - self._height_m) < self._slab_m
+        if at_height and self._lidar in frame and self._map(frame, p_W, v_W, matrix(np.array([w, x, y, z]))):
+            self._mapped_ns = frame.t_ns
+        ok = self._mapped_ns is not None and frame.t_ns - self._mapped_ns <= _LOST_NS
         return TrueEstimate(frame.t_ns, p_W, v_W, yaw, roll, pitch, np.eye(2) * 1e-4, ok, True, self._grid)
 
     def _map(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, R_WB: np.ndarray) -> bool:
