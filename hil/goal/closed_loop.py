@@ -19,11 +19,13 @@ import numpy as np
 
 from hil.companion.bundle import Collector
 from hil.companion.started import use_client
-from hil.goal.clearance import Clearance
+from hil.config.schema import Goal
+from hil.goal.judgement import GoalMeasurement, GoalResult
 from hil.signals.samples import Quat, Sample, TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from sim.frame.mount import Mount
 from sim.frame.source import FrameSource
+from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.sensors.catalog import make_sensor
 
@@ -32,11 +34,13 @@ _TAU_S, _TAU_TILT_S, _MOST_MPS2 = 0.35, 0.12, 4.0
 _TAU_UP_S, _MOST_UP_MPS2 = 0.3, 3.0
 _YAW_GAIN_PER_S, _YAW_RATE_RADPS = 2.5, 1.5
 _G_MPS2 = 9.80665
-_SENSORS: dict[str, dict[str, Any]] = {
+_REST = (0.0, 0.0, 0.0)
+START_Z_M = 0.23  # of an x500 on its feet
+SENSORS: dict[str, dict[str, Any]] = {
     "imu": {"preset": "icm20689", "rate_hz": 250.0},
     "gps": {"preset": "m8n", "rate_hz": 10.0},
     "baro": {"preset": "ms5611", "rate_hz": 50.0},
-    "lidar": {"preset": "vlp16", "rate_hz": 10.0},
+    "lidar": {"preset": "vlp16", "rate_hz": 10.0, "mount_m": [0.0, 0.0, 0.12]},
 }
 
 
@@ -71,10 +75,9 @@ class Follower:
         def three(v: Any) -> Vec3:
             return (float(v[0]), float(v[1]), float(v[2]))
 
-        zero = (0.0, 0.0, 0.0)
-        return TruthState(
-            tick, tick * TICK_NS, three(self.p), self.q, three(self.v), self.w, three(self.a), zero, (0.0,) * 4, False
-        )
+        t_ns = tick * TICK_NS
+        motion = three(self.v), self.w, three(self.a), _REST
+        return TruthState(tick, t_ns, three(self.p), self.q, *motion, (0.0,) * 4, False)
 
 
 def attitude(a: np.ndarray, yaw: float) -> Quat:
@@ -104,85 +107,97 @@ def _rate(before: Quat, after: Quat, dt_s: float) -> Vec3:
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight. Positions are true ones, ten a second."""
+    """One flight: what it was worth, and frame by frame where the vehicle was and what was wanted (W)."""
 
-    report: Mapping[str, Any]
+    result: GoalResult
     t_s: np.ndarray
     p_W: np.ndarray
     wanted_W: np.ndarray
-    clearance_m: float  # least, of the vehicle's edge, at the height of the flight
-    path_m: float
-    goal_error_m: float
     explorer: Any
 
 
-def fly(
-    scene: Scene,
-    frames: FrameSource,
-    localiser: Callable[[Mapping[str, Mapping[str, Any]]], Any],
-    *,
-    goal_W: tuple[float, float] = (70.0, 60.0),
-    start_W: tuple[float, float] = (0.0, 0.0),
-    seed: int = 1,
-    radius_m: float,
-    settings: Mapping[str, Any] | None = None,
-    sensors: Mapping[str, Mapping[str, Any]] | None = None,
-    frame_hz: int = 10,
-    limit_s: float = 400.0,
-    change: Callable[[TruthState, str, Any], Any] | None = None,
-    watch: Callable[[Any, TruthState, Any], None] | None = None,
-) -> Flown:
-    """Until the explorer is finished, or `limit_s`. `localiser` is given the sensors' calibrations; `change` may alter
-    a sample or take it away (None); `watch` sees explorer, truth and desired state at every frame."""
-    use_client()
-    from hil_companion.explore.explorer import Explorer
-    from hil_companion.explore.settings import FlightSettings
+class ClosedLoop:
+    """A vehicle, its sensors and the explorer in one scene. `step` is one tick, `fly` a flight.
 
-    flight = FlightSettings(**dict(settings or {}))
-    made, told = _make(scene, frames, seed, {**_SENSORS, **(sensors or {})})
-    explorer = Explorer(flight, localiser(told), goal_W, told.get("lidar"))
-    vehicle = Follower(np.array([start_W[0], start_W[1], 0.23]))
-    collector = Collector(["truth", *made])
-    waiting: list[tuple[int, str, Sample]] = []
-    meter = Clearance(frames.geometry)
-    every = round(NS_PER_S / frame_hz / TICK_NS)
-    desired: Any = None
-    times, places, wanteds, number = [], [], [], 0
-    least, counted = math.inf, -1
-    for tick in range(1, round(limit_s * NS_PER_S / TICK_NS)):
-        v = (0.0, 0.0, 0.0) if desired is None else desired.v_W
-        vehicle.step(v, None if desired is None else desired.yaw_rad, TICK_NS / NS_PER_S)
-        truth = vehicle.truth(tick)
-        for name, (sensor, period) in made.items():
-            if tick % period == 0:
-                sample = sensor.sample(truth, tick // period - 1)
-                if change is not None:
-                    sample = change(truth, name, sample)
+    `localiser` is given the sensors' calibrations. `change` may alter a sample, or take it away (None); `watch` sees
+    explorer, truth and desired state at every frame.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        frames: FrameSource,
+        vehicle: Vehicle,
+        goal: Goal,
+        localiser: Callable[[Mapping[str, Mapping[str, Any]]], Any],
+        *,
+        seed: int = 1,
+        frame_hz: int = 20,
+        flight: Mapping[str, Any] | None = None,
+        sensors: Mapping[str, Mapping[str, Any]] | None = None,
+        change: Callable[[TruthState, str, Any], Any] | None = None,
+        watch: Callable[[Any, TruthState, Any], None] | None = None,
+    ) -> None:
+        use_client()
+        from hil_companion.explore.explorer import Explorer
+        from hil_companion.explore.settings import FlightSettings
+
+        self._geometry: Any = frames.geometry
+        self._sensors, told = _make(scene, frames, seed, {**SENSORS, **(sensors or {})})
+        settings = FlightSettings(**{"height_m": goal.p_W[2], **(flight or {})})
+        self.explorer = Explorer(settings, localiser(told), goal.p_W[:2], told.get("lidar"))
+        self.measurement = GoalMeasurement(goal, vehicle)
+        self.vehicle = Follower(np.array([0.0, 0.0, START_Z_M]))
+        self._every = round(NS_PER_S / frame_hz / TICK_NS)
+        self._change, self._watch = change, watch
+        self._collector = Collector(["truth", *self._sensors])
+        self._waiting: list[tuple[int, str, Sample]] = []  # sensors' samples on their way
+        self._desired: Any = None
+        self._tick = self._number = 0
+        self._seen: list[tuple[float, Vec3, Vec3]] = []
+
+    def fly(self, limit_s: float = 300.0) -> Flown:
+        """Until the explorer is finished, or so long."""
+        for _ in range(round(limit_s * NS_PER_S / TICK_NS)):
+            self.step()
+            if self.explorer.finished:
+                break
+        self.measurement.conclude(self._geometry)
+        t_s, p_W, wanted_W = (np.array(column) for column in zip(*self._seen, strict=True))
+        return Flown(self.measurement.result, t_s, p_W, wanted_W, self.explorer)
+
+    def step(self) -> None:
+        """One tick: the vehicle, its sensors, and a frame where one is due."""
+        self._tick += 1
+        desired = self._desired
+        wanted_v, yaw = (_REST, None) if desired is None else (desired.v_W, desired.yaw_rad)
+        self.vehicle.step(wanted_v, yaw, TICK_NS / NS_PER_S)
+        truth = self.vehicle.truth(self._tick)
+        self.measurement.add(truth)
+        self._sample(truth)
+        if self._tick % self._every:
+            return
+        topics = ["truth", *self._sensors]
+        self._desired = self.explorer.step(_frame(self._collector.take(self._number, truth).frame(topics)))
+        self._number += 1
+        self.measurement.reported(self.explorer.report.as_map(), truth.t_ns)
+        if self._watch is not None:
+            self._watch(self.explorer, truth, self._desired)
+        x, y, z = self._desired.v_W
+        self._seen.append((truth.t_ns / NS_PER_S, truth.p_WB, (x, y, z)))
+
+    def _sample(self, truth: TruthState) -> None:
+        for name, (sensor, period) in self._sensors.items():
+            if self._tick % period == 0:
+                sample = sensor.sample(truth, self._tick // period - 1)
+                if self._change is not None:
+                    sample = self._change(truth, name, sample)
                 if sample is not None:
-                    waiting.append((sample.t_available_ns, name, sample))
-        due = sorted((w for w in waiting if w[0] <= truth.t_ns), key=lambda w: w[:2])
+                    self._waiting.append((sample.t_available_ns, name, sample))
+        due = sorted((w for w in self._waiting if w[0] <= truth.t_ns), key=lambda w: w[:2])
         if due:
-            waiting = [w for w in waiting if w[0] > truth.t_ns]
-            collector.add([(name, sample) for _, name, sample in due])
-        if tick % every:
-            continue
-        desired = explorer.step(_frame(collector.take(number, truth).frame(["truth", *made])))
-        number += 1
-        if watch is not None:
-            watch(explorer, truth, desired)
-        times.append(truth.t_ns / NS_PER_S)
-        places.append(truth.p_WB)
-        wanteds.append(desired.v_W)
-        if explorer.report.phase != "climb":
-            counted = len(places) - 1 if counted < 0 else counted
-            least = min(least, meter.nearest_m(truth.p_WB, truth.t_ns) - radius_m)
-        if explorer.finished:
-            break
-    p_W = np.array(places)
-    level = p_W[max(counted, 0) :, :2]
-    path_m = float(np.hypot(*np.diff(level, axis=0).T).sum()) if len(level) > 1 else 0.0
-    error_m = math.dist(p_W[-1, :2].tolist(), goal_W)
-    return Flown(explorer.report.as_map(), np.array(times), p_W, np.array(wanteds), least, path_m, error_m, explorer)
+            self._waiting = [w for w in self._waiting if w[0] > truth.t_ns]
+            self._collector.add([(name, sample) for _, name, sample in due])
 
 
 def _make(
