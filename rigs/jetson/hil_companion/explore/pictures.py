@@ -2,7 +2,8 @@
 
 Left the map about the vehicle: occupied dark, free light, unknown grey, what is too near to something reddish, the
 walls found as lines blue; the plan green, the way flown black, particles orange, the goal a cross, what the newest
-sweep shows within reach red. Right what the camera saw, where there is one.
+sweep shows within reach red. Right what the camera saw, where there is one. In the corner the particles about their
+estimate, a metre across, with the axes of the world.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from hil_companion.explore.explorer import Explorer
 from hil_companion.frame import Frame
 
 STRIP_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the first on its page
-SIDE_PX = 480
+SIDE_PX, _SPREAD_PX = 480, 110
 _STRIP_MOST, _STRIP_ACROSS = 9, 3
 _FILM_HZ = 5.0
 # Colours, blue first.
@@ -140,8 +141,28 @@ class Pictures:
             rows = min(SIDE_PX, shown.shape[0])
             beside[:rows] = shown[:rows]
             page = np.hstack([page, beside])
+        _draw_spread(page, estimate)
         report = explorer.report
         left = f"{report.goal_distance_m:.1f} m left" if math.isfinite(report.goal_distance_m) else ""
         words = f"t {frame.t_ns * 1e-9:.1f} s  {report.phase} {report.outcome}  {left}"
         cv2.putText(page, words, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
         return page
+
+
+def _draw_spread(page: np.ndarray, estimate: Any) -> None:
+    """The particles, magnified, in the lower right corner."""
+    particles = getattr(estimate, "particles_xy", None)
+    if particles is None:
+        return
+    side = _SPREAD_PX
+    corner = page[-side:, -side:]
+    corner[...] = 255
+    cv2.rectangle(corner, (0, 0), (side - 1, side - 1), _UNKNOWN, 1)
+    middle = side // 2
+    cv2.line(corner, (0, middle), (side, middle), _UNKNOWN, 1)
+    cv2.line(corner, (middle, 0), (middle, side), _UNKNOWN, 1)
+    off = (np.asarray(particles, float) - np.asarray(estimate.p_W, float)[:2]) * side
+    for x, y in off[np.isfinite(off).all(axis=1)].tolist():
+        if max(abs(x), abs(y)) < middle:
+            cv2.circle(corner, (round(middle + x), round(middle - y)), 2, _PARTICLE, -1)
+    cv2.putText(corner, "1 m", (4, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.35, _FLOWN, 1, cv2.LINE_AA)
