@@ -108,6 +108,7 @@ def test_a_position_that_nobody_knows_stops_it() -> None:
 def test_a_goal_beyond_every_map_is_no_path() -> None:
     flat = Flat((), (1e5, 0.0)).fly(5.0)
     assert flat.outcome == "no_path"
+    assert flat.frames < 20
 
 
 def test_who_comes_near_is_given_way_to() -> None:

@@ -84,6 +84,21 @@ def test_a_passer_by_leaves_nothing_behind_and_a_wall_does_not_walk() -> None:
     assert not gone(30.0, NOBODY)[20, 29]
 
 
+def test_what_moved_is_known_though_the_grid_has_grown() -> None:
+    moving = Moving(keep_s=1.0)
+    odds = np.full((40, 40), -2.0, np.float32)
+    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 0), NOBODY, 0.0)
+    odds[20, 10] = 2.0
+    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
+    grown = np.zeros((60, 64), np.float32)
+    grown[12:52, 16:56] = odds
+    grown[5, 5] = 2.0  # nobody had seen that place: no passer-by
+    out = moving.gone(Grid(grown, (-16 * CELL_M, -12 * CELL_M), CELL_M, 2), NOBODY, 2.0)
+    assert np.argwhere(out).tolist() == [[32, 26]]
+    out = moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 3), NOBODY, 2.1)  # and shrunk
+    assert np.argwhere(out).tolist() == [[20, 10]]
+
+
 def test_a_wall_that_beams_had_missed_is_no_passer_by() -> None:
     moving = Moving(keep_s=0.5, settle_s=8.0)
     odds = np.full((40, 40), -2.0, np.float32)

@@ -84,7 +84,8 @@ class Explore:
         half_m = max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M
         half_m = min(max(half_m, _LEAST_HALF_M), _MOST_HALF_M)
         made = self._make_localiser(settings, calibration, half_m)
-        self._explorer = Explorer(settings, made, (float(goal[0]), float(goal[1])), calibration, lidar=self._lidar)
+        goal_W, mapped_W = (float(goal[0]), float(goal[1])), (x - half_m, y - half_m, x + half_m, y + half_m)
+        self._explorer = Explorer(settings, made, goal_W, calibration, mapped_W=mapped_W, lidar=self._lidar)
         if self._folder is not None:
             self._pictures = Pictures(self._folder, every_s=self._picture_every_s, camera=self._camera)
 

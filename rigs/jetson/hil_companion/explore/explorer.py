@@ -64,10 +64,12 @@ class Explorer:
         goal_W: tuple[float, float],
         calibration: Mapping[str, Any] | None = None,
         *,
+        mapped_W: tuple[float, float, float, float] | None = None,
         lidar: str = "lidar",
         imu: str = "imu",
         clock_s: Callable[[], float] = time.perf_counter,
     ) -> None:
+        """`mapped_W`: x and y of two corners of all that the localiser will ever map."""
         self.settings, self.goal_W = settings, goal_W
         self.report = FlightReport()
         self.finished = False
@@ -76,6 +78,8 @@ class Explorer:
         self.route: Route = NO_WAY
         self.near: Nearby | None = None
         self._localiser = localiser
+        x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
+        self._beyond = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
         self._lidar, self._imu, self._clock_s = lidar, imu, clock_s
         self._sweeps = Sweeps(calibration, settings.slab_m)
         self._moving = Moving()
@@ -159,6 +163,8 @@ class Explorer:
         if self._planned_ns != self._sweep_ns:  # nothing new to plan with between two sweeps
             began_s = self._clock_s()
             try:
+                if self._beyond:
+                    raise TooFar("the goal lies beyond the area that is mapped")
                 self.route = self._plan(frame, estimate, p_W, berth_)
             except TooFar as error:
                 self._end(frame, NO_PATH, str(error))

@@ -33,10 +33,7 @@ class Moving:
     def gone(self, grid: GridView, level_W: np.ndarray, t_s: float) -> np.ndarray:
         """The cells that are marked, but were left by what moves; `level_W` (n, 2): what the newest sweep shows."""
         log_odds = np.asarray(grid.log_odds)
-        place = (float(grid.origin_W[0]), float(grid.origin_W[1]), float(grid.cell_m), log_odds.shape)
-        if place != self._place:  # another grid: what was seen of the old one says nothing
-            self._place, self._was_free = place, np.zeros(log_odds.shape, bool)
-            self._cell, self._since_s, self._seen_s = np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+        self._carry_over(grid, log_odds.shape)
         self._was_free |= log_odds < SURELY_FREE
         occupied = occupied_mask(log_odds)
         cell = np.flatnonzero(occupied & self._was_free)
@@ -55,6 +52,28 @@ class Moving:
         left = self._cell[t_s - self._seen_s > self._keep_s]
         out.ravel()[left[~_touches(left, occupied & ~_marked(self._cell, occupied.shape))]] = True
         return out
+
+    def _carry_over(self, grid: GridView, shape: tuple[int, ...]) -> None:
+        """What is known of the cells, where the grid has grown, or shows another part of the world."""
+        x, y, cell_m = float(grid.origin_W[0]), float(grid.origin_W[1]), float(grid.cell_m)
+        place = (x, y, cell_m, shape)
+        if place == self._place:
+            return
+        was_free = np.zeros(shape, bool)
+        if self._place is not None and self._place[2] == cell_m:
+            up, right = round((self._place[1] - y) / cell_m), round((self._place[0] - x) / cell_m)
+            rows, columns = np.nonzero(self._was_free)
+            rows, columns = rows + up, columns + right
+            inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+            was_free[rows[inside], columns[inside]] = True
+            rows, columns = np.divmod(self._cell, self._was_free.shape[1])
+            rows, columns = rows + up, columns + right
+            inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+            self._cell = rows[inside] * shape[1] + columns[inside]  # ascending still
+            self._since_s, self._seen_s = self._since_s[inside], self._seen_s[inside]
+        else:
+            self._cell, self._since_s, self._seen_s = np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+        self._place, self._was_free = place, was_free
 
 
 def _marked(cell: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

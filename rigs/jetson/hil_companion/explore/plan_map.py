@@ -24,7 +24,7 @@ _SEEN_SHARE = 0.5  # of a cell and its eight neighbours: a cell missed among see
 
 
 class TooFar(ValueError):
-    """The goal lies where no map will ever be, or what has to be on one is more than can be planned on."""
+    """What has to be on one map is more than can be planned on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,6 @@ def _framed(
     all_odds = np.asarray(grid.log_odds, np.float32)
     corner = np.array([float(grid.origin_W[0]), float(grid.origin_W[1])])
     ends = np.floor((np.asarray(ends_W, float) - corner) / cell_m).astype(int)[:, ::-1]  # rows, columns
-    if not ((ends[-1] >= 0) & (ends[-1] < all_odds.shape)).all():
-        raise TooFar("the goal lies beyond the area that is mapped")
     known = all_odds != 0.0
     low, high = ends.min(axis=0), ends.max(axis=0) + 1
     for axis in (0, 1):
