@@ -81,6 +81,13 @@ def test_slow_beside_walls_and_before_corners() -> None:
     assert slow < 2.6 < steady(Steering(FLIGHT), open_map(), nearby(), blunt, (0.0, 0.0), (1.0, 0.0))
 
 
+def test_who_is_unsure_flies_slower() -> None:
+    steering, path = Steering(FLIGHT), np.array([(0.0, 0.0), (19.0, 0.0)])
+    for _ in range(60):
+        v_W = steering.follow(open_map(), BERTH, nearby(), path, np.zeros(2), np.zeros(2), 0.1, most_mps=1.2)
+    assert float(np.hypot(*v_W)) == pytest.approx(1.2)
+
+
 def test_commands_never_jump() -> None:
     steering = Steering(FLIGHT)
     before = np.zeros(2)

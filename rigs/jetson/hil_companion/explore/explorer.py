@@ -184,10 +184,10 @@ class Explorer:
             return self._steering.slew(giving_way, dt_s, hard=True)
         if not route.found:
             return self._steering.stop(dt_s)
-        v_xy = self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s)
         # Sweeps that fit nothing in the map leave the position to GPS and IMU.
         most = s.speed_mps * min(1.0, _UNSURE_M / max(sigma, 1e-6)) if estimate.lidar_ok else s.slow_mps
-        return v_xy if most >= s.speed_mps else self._steering.slew(_limited(v_xy, max(s.slow_mps, most)), dt_s)
+        most = max(s.slow_mps, most)
+        return self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
 
     def _plan(self, frame: Frame, estimate: Estimate, p_W: np.ndarray, around: Berth) -> Route:
         s, near = self.settings, self.near

@@ -67,6 +67,8 @@ class Steering:
         p_W: np.ndarray,
         v_W: np.ndarray,
         dt_s: float,
+        *,
+        most_mps: float = math.inf,
     ) -> np.ndarray:
         """The velocity along a path; `v_W` is the one that is flown."""
         s = self._settings
@@ -96,7 +98,9 @@ class Steering:
             _corner_mps(s, path_W, at, place),
             min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1)),
         )
-        return self.slew(direction * min(s.speed_mps, self.limits.least), dt_s, hard=self.limits.free < speed_mps - 0.3)
+        return self.slew(
+            direction * min(s.speed_mps, most_mps, self.limits.least), dt_s, hard=self.limits.free < speed_mps - 0.3
+        )
 
     def slew(self, wanted_W: np.ndarray, dt_s: float, *, hard: bool = False) -> np.ndarray:
         """Towards a velocity, by what the acceleration allows; `hard` braking allows twice that."""
