@@ -103,6 +103,7 @@ class Flight:
     trace: TraceWriter | None = None
     desired: list[tuple[DesiredState, int]] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
+    reports: list[tuple[str, Any, int]] = field(default_factory=list)
     tick: int = 0
 
     def __post_init__(self) -> None:
@@ -114,6 +115,7 @@ class Flight:
             waiting=self.waiting,
             link_delay_ns=self.link_delay_ns,
             desire=self._desire,
+            on_report=lambda client, report, t_ns: self.reports.append((client, report, t_ns)),
             on_event=lambda _t_ns, kind, text: self.events.append((kind, text)),
             trace=self.trace,
         )
@@ -544,3 +546,18 @@ def test_frames_go_to_the_pilot_last_and_it_is_heard_first() -> None:
     cuts: dict[str, Cut] = {name: lambda frame: answer(frame.frame) for name in ("pilot", "watcher")}
     Flight(Ordered(cuts, there=[PILOT, WATCHER]), "latency_true").fly(1)
     assert order == ["to watcher", "to pilot", "from pilot", "from watcher"]
+
+
+def test_what_clients_say_of_themselves_is_kept_whoever_they_are() -> None:
+    def says(name: str) -> Cut:
+        return lambda f: replace(
+            answer(f.frame, desired=False), report={"n": f.frame, name: True} if f.frame < 2 else None
+        )
+
+    clients = Clients({"pilot": says("pilot"), "watcher": says("watcher")}, there=[PILOT, WATCHER])
+    flight = Flight(clients, "lockstep")
+    flight.fly(31)
+    assert flight.reports[0] == ("pilot", {"n": 0, "pilot": True}, 0)
+    assert sorted(name for name, _, t_ns in flight.reports if t_ns == FRAME_NS) == ["pilot", "watcher"]
+    assert len(flight.reports) == 4  # nothing new, nothing said
+    assert flight.stage.all_seats["watcher"].report == {"n": 1, "watcher": True}
