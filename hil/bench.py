@@ -504,10 +504,10 @@ class _Run:
         pilot = self.station if isinstance(self.station, OffboardPilot) else None
         return self.companion.stage(None if pilot is None else partial(self._desire, pilot), self._on_report)
 
-    def _desire(self, pilot: OffboardPilot, desired: DesiredState, t_apply_ns: int) -> None:
+    def _desire(self, pilot: OffboardPilot, desired: DesiredState, t_apply_ns: int, t_of_ns: int) -> None:
         if self.goal is not None and desired.land:
             self.goal.over(t_apply_ns)
-        pilot.set_desired(desired, t_apply_ns)
+        pilot.set_desired(desired, t_apply_ns, t_of_ns)
 
     def _on_report(self, client: str, report: Mapping[str, Any], t_ns: int) -> None:
         """What a client says of itself: how it ended is an event."""
