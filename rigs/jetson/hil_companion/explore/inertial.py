@@ -21,7 +21,8 @@ _KEPT_ROWS = 1000  # of the past: a second at 1 kHz
 _MOST_WAITING = 4096
 _GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # with what vibration and scale add
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
-_GAP_S = 0.25  # a longer gap between rows is flown through at constant velocity
+_GAP_S = 0.05  # a longer gap between rows is flown through at constant velocity
+_COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # what a vehicle may do meanwhile
 
 P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 
@@ -66,22 +67,27 @@ class InertialFilter:
         if self.t_ns is None:
             self.t_ns = self._waiting[0][0] if self._waiting else to_ns
             self._past.append(self.moment())
-        began, f_sum, used_s = self.t_ns, np.zeros(3), 0.0
+        began, f_sum, used, coasted_s = self.t_ns, np.zeros(3), 0, 0.0
         moment = self.moment()
         while self._waiting and self._waiting[0][0] <= to_ns:
             row = self._waiting.popleft()
             if row[0] <= moment.t_ns:
                 continue
+            gap_s = (row[0] - moment.t_ns) * 1e-9
+            coasted_s += gap_s if gap_s > _GAP_S else 0.0
             moment, force = self._step(moment, row)
             f_sum += force
-            used_s += 1.0
+            used += 1
             self._past.append(moment)
         if moment.t_ns < to_ns:
+            rest_s = (to_ns - moment.t_ns) * 1e-9
+            coasted_s += rest_s if rest_s > _GAP_S else 0.0
             moment = self._coast(moment, to_ns)
             self._past.append(moment)
         self.t_ns = moment.t_ns
         self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
-        self._spread((self.t_ns - began) * 1e-9, f_sum / used_s if used_s else np.array([0.0, 0.0, G_MPS2]), used_s > 0)
+        force_W = f_sum / used if used else np.array([0.0, 0.0, G_MPS2])
+        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s)
 
     def moment(self) -> Moment:
         """Where it stands."""
@@ -177,8 +183,8 @@ class InertialFilter:
         dt = (to_ns - m.t_ns) * 1e-9
         return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
 
-    def _spread(self, T: float, force_W: np.ndarray, sensed: bool) -> None:
-        """Covariance over T seconds with the mean force."""
+    def _spread(self, T: float, force_W: np.ndarray, coasted_s: float) -> None:
+        """Covariance over T seconds with the mean force, of which nothing was sensed for some."""
         if T <= 0.0:
             return
         F = np.eye(15)
@@ -189,9 +195,9 @@ class InertialFilter:
         F[V, BA] = -T * R
         F[TH, BG] = -T * R
         noise = np.zeros(15)
-        noise[V] = T * (_ACCEL_MPS_PER_RTS**2 if sensed else 4.0)
+        noise[V] = T * _ACCEL_MPS_PER_RTS**2 + coasted_s * _COAST_MPS_PER_RTS**2
         noise[P] = noise[V] * T * T / 3.0
-        noise[TH] = T * (_GYRO_RAD_PER_RTS**2 if sensed else 0.1)
+        noise[TH] = T * _GYRO_RAD_PER_RTS**2 + coasted_s * _COAST_RAD_PER_RTS**2
         noise[BG], noise[BA] = T * _GYRO_WALK**2, T * _ACCEL_WALK**2
         self.cov = F @ self.cov @ F.T + np.diag(noise)
 

@@ -25,6 +25,7 @@ _NORMAL_REACH = 3  # azimuth slots to both sides over which a normal is taken
 _STRAIGHT = 0.25  # of the length between them, that both sides may differ in distance from the middle
 _FREE_SHARE = 0.6  # of the band: a beam is in it only so near its middle
 _BINS = 720
+_GROUND_WITHIN_M, _GROUND_RETURNS, _GROUND_ROUGH_M = 0.6, 150, 0.15
 
 
 class Scan(NamedTuple):
@@ -63,6 +64,19 @@ def make_scan(
     band_xy = p[:, :, :2][band].astype(float)
     band_xy, _ = _one_a_cell(band_xy, np.zeros_like(band_xy), 0.5 * cell_m)
     return Scan(xy[some], normal[some], xy, band_xy, reach_m)
+
+
+def ground_offset_m(sweep: Sweep, *, z_m: float, ground_z_m: float) -> float | None:
+    """How much too high the ground looks from `z_m`: the median of what was met near it; None: too little, or no plane.
+
+    A height that is a metre off is not found again: this keeps one that is known.
+    """
+    z = sweep.p_H[:, :, 2] + np.float32(z_m - ground_z_m)
+    low = z[(sweep.range_m > 0.0) & (np.abs(z) < _GROUND_WITHIN_M)]
+    if len(low) < _GROUND_RETURNS:
+        return None
+    quarter, half, three = np.percentile(low, (25.0, 50.0, 75.0))
+    return float(half) if three - quarter < _GROUND_ROUGH_M else None
 
 
 def _upright(

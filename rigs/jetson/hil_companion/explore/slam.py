@@ -29,7 +29,7 @@ from hil_companion.explore.maps import Maps
 from hil_companion.explore.matcher import Match, match
 from hil_companion.explore.particles import Particles
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
-from hil_companion.explore.scan import Scan, make_scan
+from hil_companion.explore.scan import Scan, ground_offset_m, make_scan
 from hil_companion.explore.search import search
 from hil_companion.explore.slam_settings import SlamSettings
 from hil_companion.explore.sweep import Sweep, make_sweep
@@ -42,6 +42,7 @@ _FLOOR_M, _FLOOR_RAD = 0.03, 0.004  # of what a match says of itself
 _STEP_M, _STEP_RAD, _TURN_SHARE = 0.01, 0.0005, 0.003  # what the IMU adds from sweep to sweep
 _WINDOW_M, _WINDOW_RAD = (1.0, 12.0), (0.06, 0.3)  # least and most of a search, to each side
 _LEAST_SHARE = 0.5  # of the points on the map, for a search to have found
+_GROUND_SIGMA_M = 0.15  # of the ground's height as a sweep has it: things on it, tilt
 _GPS_GATE = 5.0
 _GPS_LOST_S = 0.6
 _RESAMPLE = 0.5  # of the particles
@@ -190,6 +191,9 @@ class Slam:
             self.particles.pose = predicted
             self._go_on_with_gps()
             return False
+        too_high_m = ground_offset_m(sweep, z_m=float(self._inertial.p[2]), ground_z_m=s.ground_z_m)
+        if too_high_m is not None:
+            self._inertial.correct_position((2,), np.array([-too_high_m]), np.array([_GROUND_SIGMA_M**2]))
         scan = self._scan(sweep)
         if not self.maps.version:
             self.particles.pose = predicted
@@ -252,11 +256,11 @@ class Slam:
             cell_m=s.cell_m,
         )
 
-    def _stand(self) -> tuple[np.ndarray, float, int]:
+    def _stand(self) -> tuple[np.ndarray, float, int, float]:
         i = self._inertial
-        return i.p[:2].copy(), i.yaw_rad, i.t_ns or 0
+        return i.p[:2].copy(), i.yaw_rad, i.t_ns or 0, float(i.cov[8, 8])
 
-    def _moved(self, before: tuple[np.ndarray, float, int]) -> tuple[np.ndarray, np.ndarray]:
+    def _moved(self, before: tuple[np.ndarray, float, int, float]) -> tuple[np.ndarray, np.ndarray]:
         """Where the particles are by the IMU's word, and how sure that is (3, 3)."""
         i = self._inertial
         shift, turn = i.p[:2] - before[0], i.yaw_rad - before[1]
@@ -268,10 +272,12 @@ class Slam:
         pose[:, 0] += c * shift[0] - s * shift[1]
         pose[:, 1] += s * shift[0] + c * shift[1]
         pose[:, 2] += (turn + math.pi) % (2.0 * math.pi) - math.pi
-        speed_variance, drift_variance = float(max(i.cov[3, 3], i.cov[4, 4])), float(i.cov[11, 11])
+        speed_variance = float(max(i.cov[3, 3], i.cov[4, 4]))
+        # Of the turn: the gyro's bias, and where rows were missing all that the heading may have done.
+        drift_variance = float(i.cov[11, 11]) * dt_s * dt_s + max(0.0, float(i.cov[8, 8]) - before[3])
         turned = float(abs((turn + math.pi) % (2.0 * math.pi) - math.pi))
         xy = _STEP_M**2 + speed_variance * dt_s * dt_s
-        yaw = _STEP_RAD**2 + drift_variance * dt_s * dt_s + (_TURN_SHARE * turned) ** 2
+        yaw = _STEP_RAD**2 + drift_variance + (_TURN_SHARE * turned) ** 2
         return pose, np.diag([xy, xy, yaw])
 
     def _draw(self, found: Match) -> bool:
