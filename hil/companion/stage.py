@@ -312,7 +312,7 @@ class CompanionStage:
             self._trace.answer(seat.client.name, answer)
         if self._desire is None:
             return
-        if answer.desired is not None:
+        if answer.desired is not None and not seat.finished:  # whoever has finished is landed, and flies on no more
             self._desire(answer.desired, from_ns, frame_ns)
             if self._timing is not None:
                 self._timing.desired(seat.client.name, answer.frame, from_ns)

@@ -381,6 +381,13 @@ def test_finished_lands_once_from_the_answers_time_on() -> None:
     assert flight.stage.finished
 
 
+@pytest.mark.parametrize("mode", ["lockstep", "latency_true"])
+def test_a_pilot_that_flies_on_after_it_has_finished_is_landed_all_the_same(mode: TimeMode) -> None:
+    flight = Flight(Clients({"pilot": lambda f: answer(f.frame, 5 * MS, finished=f.frame >= 2)}), mode)
+    flight.fly(100)
+    assert [desired.land for desired, _ in flight.desired] == [False, False, False, True]
+
+
 def test_the_trace_repeats_the_flight(tmp_path: Path) -> None:
     path = tmp_path / "companion.jsonl"
     times = _repeat([5 * MS, 77 * MS, 123_456_789, 0])
