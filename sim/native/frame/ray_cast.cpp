@@ -71,6 +71,15 @@ Aabb everywhere() {
 
 const WideNode *root(const WideTree &tree) { return tree.nodes.empty() ? nullptr : tree.nodes.data(); }
 
+// Speed of the surface point p along a ray in direction d.
+double receding(const Geom &g, const double p[3], const double d[3]) {
+    const double r[3] = {p[0] - g.p_WG[0], p[1] - g.p_WG[1], p[2] - g.p_WG[2]};
+    const double *w = g.w_W;
+    const double v[3] = {g.v_W[0] + (w[1] * r[2] - w[2] * r[1]), g.v_W[1] + (w[2] * r[0] - w[0] * r[2]),
+                         g.v_W[2] + (w[0] * r[1] - w[1] * r[0])};
+    return (v[0] * d[0] + v[1] * d[1] + v[2] * d[2]) / std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+}
+
 int entries(const WideTree &tree) { return (kWide - 1) * tree.depth + kWide; }
 
 }  // namespace
@@ -164,25 +173,28 @@ void RayCaster::cast(const double *origin, bool one_origin, const double *direct
         std::vector<StackEntry> stack(static_cast<std::size_t>(all.stack_entries));
         kernel(all, rays, begin, end, stack.data());
         if (out.normal == nullptr && out.radial_velocity == nullptr) return;
+        NormalFinder normals(geometry_);
         for (std::size_t at = begin; at < end; ++at) {
             const auto i = static_cast<std::size_t>(order[at]);
             const double *o = origin + (one_origin ? 0 : 3 * i), *d = direction + 3 * i;
             const bool hit = out.geom[i] >= 0;
-            double n[3] = {0.0, 0.0, 0.0}, receding = std::numeric_limits<double>::quiet_NaN();
+            double p[3] = {0.0, 0.0, 0.0};
             if (hit) {
-                const Geom &g = geometry_.geoms()[static_cast<std::size_t>(out.geom[i])];
-                double p[3], r[3];
-                for (int a = 0; a < 3; ++a) p[a] = o[a] + out.range[i] * d[a], r[a] = p[a] - g.p_WG[a];
-                const Mesh *mesh = g.mesh < 0 ? nullptr : &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
-                if (out.normal != nullptr) surface_normal(g, mesh, triangle[i], p, d, n);
-                const double *w = g.w_W;
-                const double v[3] = {g.v_W[0] + (w[1] * r[2] - w[2] * r[1]), g.v_W[1] + (w[2] * r[0] - w[0] * r[2]),
-                                     g.v_W[2] + (w[0] * r[1] - w[1] * r[0])};
-                receding = (v[0] * d[0] + v[1] * d[1] + v[2] * d[2]) /
-                           std::sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+                for (int a = 0; a < 3; ++a) p[a] = o[a] + out.range[i] * d[a];
             }
-            if (out.normal != nullptr) std::copy_n(n, 3, out.normal + 3 * i);
-            if (out.radial_velocity != nullptr) out.radial_velocity[i] = receding;
+            if (out.normal != nullptr) {
+                double *n = out.normal + 3 * i;
+                if (hit) {
+                    normals.find(out.geom[i], triangle[i], p, d, n);
+                } else {
+                    n[0] = n[1] = n[2] = 0.0;
+                }
+            }
+            if (out.radial_velocity != nullptr) {
+                out.radial_velocity[i] =
+                    hit ? receding(geometry_.geoms()[static_cast<std::size_t>(out.geom[i])], p, d)
+                        : std::numeric_limits<double>::quiet_NaN();
+            }
         }
     };
     const std::size_t useful = std::max<std::size_t>(1, count / kRaysPerThread);

@@ -133,9 +133,21 @@ class RayCaster {
     bool fresh_ = false;
 };
 
-// Unit normal, against direction d, of `geom` (triangle `part` of its mesh) at the point p of its surface; all in W.
-void surface_normal(const Geom &geom, const Mesh *mesh, std::int32_t part, const double p_W[3], const double d_W[3],
-                    double out[3]);
+// Unit normals where rays met surfaces, one after the other. What is flat has one normal: it is found once for as long
+// as neighbours meet the same triangle or plane. Bits do not depend on what was asked before.
+class NormalFinder {
+  public:
+    explicit NormalFinder(const Geometry &geometry) : geometry_(geometry) {}
+
+    // The normal, against direction d, of `geom` (triangle `part` of its mesh) at the point p of its surface; all in W.
+    void find(std::int32_t geom, std::int32_t part, const double p_W[3], const double d_W[3], double out[3]);
+
+  private:
+    const Geometry &geometry_;
+    std::int32_t geom_ = -1, part_ = -1;  // whose normal is at hand
+    bool flat_ = false;                   // it holds everywhere on it
+    double n_W_[3] = {}, unit_W_[3] = {}, length_ = 0.0;
+};
 
 // Directions into an order in which neighbours look the same way: cells of a cube map along a Morton curve, stable.
 // Directions that are no numbers go last. `order` holds `count`.

@@ -54,22 +54,30 @@ void triangle_normal(const Mesh &mesh, std::int32_t part, double *n) {
 
 }  // namespace
 
-void surface_normal(const Geom &g, const Mesh *mesh, std::int32_t part, const double p_W[3], const double d_W[3],
-                    double out[3]) {
-    double n[3];
-    if (mesh != nullptr && part >= 0) {
-        triangle_normal(*mesh, part, n);
-    } else {
-        const double r[3] = {p_W[0] - g.p_WG[0], p_W[1] - g.p_WG[1], p_W[2] - g.p_WG[2]};
-        double q[3];
-        for (int i = 0; i < 3; ++i) q[i] = r[0] * g.R_WG[i] + r[1] * g.R_WG[3 + i] + r[2] * g.R_WG[6 + i];
-        solid_normal(g, q, n);
+void NormalFinder::find(std::int32_t geom, std::int32_t part, const double p_W[3], const double d_W[3],
+                        double out[3]) {
+    if (!flat_ || geom != geom_ || part != part_) {
+        const Geom &g = geometry_.geoms()[static_cast<std::size_t>(geom)];
+        const bool triangle = g.mesh >= 0 && part >= 0;
+        double n[3];
+        if (triangle) {
+            triangle_normal(geometry_.meshes()[static_cast<std::size_t>(g.mesh)], part, n);
+        } else {
+            const double r[3] = {p_W[0] - g.p_WG[0], p_W[1] - g.p_WG[1], p_W[2] - g.p_WG[2]};
+            double q[3];
+            for (int i = 0; i < 3; ++i) q[i] = r[0] * g.R_WG[i] + r[1] * g.R_WG[3 + i] + r[2] * g.R_WG[6 + i];
+            solid_normal(g, q, n);
+        }
+        for (int i = 0; i < 3; ++i) n_W_[i] = dot(g.R_WG + 3 * i, n);
+        length_ = std::sqrt(dot(n_W_, n_W_));
+        const double k = 1.0 / length_;
+        for (int i = 0; i < 3; ++i) unit_W_[i] = n_W_[i] * k;
+        geom_ = geom, part_ = part;
+        flat_ = triangle || g.shape == Shape::kPlane;
     }
-    for (int i = 0; i < 3; ++i) out[i] = dot(g.R_WG + 3 * i, n);
-    const double length = std::sqrt(dot(out, out)), facing = dot(out, d_W);
-    if (length > 0.0) {
-        const double k = facing > 0.0 ? -1.0 / length : 1.0 / length;
-        for (int i = 0; i < 3; ++i) out[i] *= k;
+    if (length_ > 0.0) {
+        const bool away = dot(n_W_, d_W) > 0.0;
+        for (int i = 0; i < 3; ++i) out[i] = away ? -unit_W_[i] : unit_W_[i];
     } else {  // a point without a normal: as if met head on
         const double k = -1.0 / std::sqrt(dot(d_W, d_W));
         for (int i = 0; i < 3; ++i) out[i] = k * d_W[i];
