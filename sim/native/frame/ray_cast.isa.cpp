@@ -2,6 +2,7 @@
 #include "lanes.hpp"
 #include "ray_cast.hpp"
 #include "shapes.hpp"
+#include "triples.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 namespace {
@@ -11,6 +12,7 @@ constexpr double kInf = __builtin_inf();
 constexpr double kBeyond = 1e30;     // far end of a walk without limit: finite, so that times zero is zero
 constexpr double kFarthest = 1e7;    // as geometry.cpp has it
 constexpr double kSameWay = 1e-9;    // direction components below it count as of either sign
+constexpr int kFewBlocks = 4;        // of a mesh: a beam and a walk cost more than to look at each
 
 // Eight rays and the nearest each has met so far.
 struct Packet {
@@ -185,7 +187,7 @@ HIL_INLINE D inverse_of(const D &d) {
 // What a mesh needs of each ray of a packet, in its own frame, and what each has met.
 struct Lanes {
     double o[3][kLanes], d[3][kLanes];
-    double t[kLanes], geom[kLanes], part[kLanes], leave[kLanes];
+    double t[kLanes], geom[kLanes], part[kLanes];
 };
 
 // One ray against eight triangles; true if it met one of them sooner.
@@ -210,6 +212,38 @@ HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_mi
     return true;
 }
 
+// All rays of a packet against the triangles of a block, one by one; true if any met one sooner. `meet_block` finds the
+// same: a ray and a triangle give the same bits whichever of them lies in the lanes.
+HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
+                               const D &t_min, Packet &p) {
+    bool met = false;
+    for (int i = 0; i < block.count; ++i) {
+        Vec<D> v[3];
+        for (int c = 0; c < 3; ++c) {
+            v[c] = {(double)block.corner[c][0][i] - o.x, (double)block.corner[c][1][i] - o.y,
+                    (double)block.corner[c][2][i] - o.z};
+        }
+        met |= take(p, ray_triangle(triangle(v[0], v[1], v[2]), d, t_min), index, (double)(block.first + i));
+    }
+    return met;
+}
+
+// Those rays of a packet that enter a block's box, against its triangles; true if any met one sooner.
+HIL_INLINE bool enter_block(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
+                            const Vec<D> &inverse, double t_min, Lanes &rays, Packet &p) {
+    const Interval<D> in = within(o, inverse, block.lo, block.hi);
+    unsigned entering = bits((in.enter <= in.leave) & (in.leave >= p.t_min) & (in.enter <= p.t));
+    if (entering == 0) return false;
+    // Whichever is fewer, rays or triangles, is taken one by one.
+    if (block.count <= __builtin_popcount(entering)) return meet_triangles(block, index, o, d, p.t_min, p);
+    store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
+    bool met = false;
+    for (; entering != 0; entering &= entering - 1)
+        met |= meet_block(block, index, t_min, __builtin_ctz(entering), rays);
+    if (met) p.t = load<D>(rays.t), p.geom = load<D>(rays.geom), p.part = load<D>(rays.part);
+    return met;
+}
+
 __attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
                                          bool tree, StackEntry *stack, Packet &p, double t_min, double &far) {
     const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
@@ -221,42 +255,31 @@ __attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, con
     Lanes rays;
     store(rays.o[0], o.x), store(rays.o[1], o.y), store(rays.o[2], o.z);
     store(rays.d[0], d.x), store(rays.d[1], d.y), store(rays.d[2], d.z);
-    store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
-    store(rays.leave, box.leave);
     if (!tree) {
+        store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
         for (int lane = 0; lane < kLanes; ++lane)
             for (std::int32_t i = 0; i < mesh.block_count; ++i) meet_block(mesh.blocks[i], index, t_min, lane, rays);
+        p.t = load<D>(rays.t), p.geom = load<D>(rays.geom), p.part = load<D>(rays.part);
+    } else if (mesh.block_count <= kFewBlocks) {
+        for (std::int32_t i = 0; i < mesh.block_count; ++i)
+            enter_block(mesh.blocks[i], index, o, d, inverse, t_min, rays, p);
     } else {
+        double any_ray[6];
         const int any_lane = __builtin_ctz(active);
-        const auto only = [&](const D &v, const double *lanes) {
-            return select(concerned, v, splat<D>(lanes[any_lane]));
-        };
-        const Vec<D> from{only(o.x, rays.o[0]), only(o.y, rays.o[1]), only(o.z, rays.o[2])};
-        const Vec<D> to{only(d.x, rays.d[0]), only(d.y, rays.d[1]), only(d.z, rays.d[2])};
+        for (int a = 0; a < 3; ++a) any_ray[a] = rays.o[a][any_lane], any_ray[3 + a] = rays.d[a][any_lane];
+        const auto only = [&](const D &v, double other) { return select(concerned, v, splat<D>(other)); };
+        const Vec<D> from{only(o.x, any_ray[0]), only(o.y, any_ray[1]), only(o.z, any_ray[2])};
+        const Vec<D> to{only(d.x, any_ray[3]), only(d.y, any_ray[4]), only(d.z, any_ray[5])};
         const Beam beam = beam_of(from, to, t_min);
         double mesh_far;
         const auto renew = [&] {
-            mesh_far = -1.0;
-            for (unsigned left = active; left != 0; left &= left - 1) {
-                const int lane = __builtin_ctz(left);
-                mesh_far = larger(mesh_far, smaller(rays.t[lane], rays.leave[lane]));
-            }
+            mesh_far = largest(select(concerned, min(p.t, box.leave), splat<D>(-1.0)));
         };
         renew();
         walk(mesh.nodes, beam, stack, mesh_far, [&](std::int32_t i, StackEntry *) {
-            const TriangleBlock &block = mesh.blocks[i];
-            const Interval<D> in = within(o, inverse, block.lo, block.hi);
-            const auto enters = (in.enter <= in.leave) & (in.leave >= p.t_min) & (in.enter <= load<D>(rays.t));
-            bool met = false;
-            for (unsigned left = bits(enters); left != 0; left &= left - 1) {
-                met |= meet_block(block, index, t_min, __builtin_ctz(left), rays);
-            }
-            if (met) renew();
+            if (enter_block(mesh.blocks[i], index, o, d, inverse, t_min, rays, p)) renew();
         });
     }
-    p.t = load<D>(rays.t);
-    p.geom = load<D>(rays.geom);
-    p.part = load<D>(rays.part);
     far = smaller(largest(p.t), kBeyond);
 }
 
@@ -305,7 +328,8 @@ HIL_INLINE D column(const double *const *row, int axis) {
     }
     return v;
 }
-HIL_INLINE Vec<D> rows(const double *from, const std::int32_t *ray) {
+HIL_INLINE Vec<D> rows(const double *from, const std::int32_t *ray, bool in_a_row) {
+    if (in_a_row) return load_rows(from + 3 * (std::size_t)ray[0]);
     const double *row[kLanes];
     for (int i = 0; i < kLanes; ++i) row[i] = from + 3 * (std::size_t)ray[i];
     return {column(row, 0), column(row, 1), column(row, 2)};
@@ -328,12 +352,14 @@ void cast_packets(const CastScene &scene, const RayBatch &rays, std::size_t begi
         const int count = end - at < (std::size_t)kLanes ? (int)(end - at) : kLanes;
         std::int32_t ray[kLanes];
         for (int i = 0; i < kLanes; ++i) ray[i] = rays.order[at + (std::size_t)(i < count ? i : 0)];
+        bool in_a_row = true;  // as a caller has them that casts the same rays again and again
+        for (int i = 1; i < kLanes; ++i) in_a_row &= ray[i] == ray[0] + i;
         Packet p;
-        p.d = rows(rays.direction, ray);
+        p.d = rows(rays.direction, ray, in_a_row);
         if (rays.one_origin) {
             p.o = {splat<D>(rays.origin[0]), splat<D>(rays.origin[1]), splat<D>(rays.origin[2])};
         } else {
-            p.o = rows(rays.origin, ray);
+            p.o = rows(rays.origin, ray, in_a_row);
         }
         const auto good = usable(p.o, p.d);
         const unsigned valid = bits(good);
