@@ -353,6 +353,46 @@ class RayCaster:
 
 def extinguish(range_m: Float64, extinction_per_m: float, strength: Float64) -> None: ...
 def coherent_order(directions: Float64, out: NDArray[np.int32]) -> None: ...
+
+class LidarReceiver:
+    def __init__(
+        self,
+        *,
+        noise_key: tuple[int, int],
+        loss_key: tuple[int, int],
+        noise_m: float,
+        resolution_m: float,
+        min_range_m: float,
+        max_range_m: float,
+        range_at_10_percent_m: float | None,
+        dropout: float,
+        intensity_falloff_m: float | None,
+    ) -> None: ...
+    def receive(
+        self,
+        first_index: int,
+        place: NDArray[np.int32],
+        range_m: Float64,
+        strength: Float64,
+        geom: NDArray[np.int32],
+        directions_L: Float64,
+        origin_z_m: Float64,
+        ring: NDArray[np.uint16],
+        time_offset_ns: NDArray[np.int32],
+        geom_class: NDArray[np.uint8],
+        points_L: NDArray[np.float32],
+        range_out_m: NDArray[np.float32],
+        intensity: NDArray[np.float32],
+        ring_out: NDArray[np.uint16],
+        time_offset_out_ns: NDArray[np.int32],
+        segmentation: NDArray[np.uint8],
+        *,
+        isa: str = "",
+    ) -> int: ...
+
+def lambert_strength(
+    geom: NDArray[np.int32], normal_W: Float64, directions_W: Float64, reflectivity: Float64, strength: Float64
+) -> None: ...
 def sweep_rays(
     motion: tuple[Vec3, Vec3, Vec3, Vec3, tuple[float, float, float, float], Vec3, Vec3, Vec3],
     time_offset_ns: NDArray[np.int32],
@@ -360,7 +400,9 @@ def sweep_rays(
     directions_B: Float64,
     origins_W: Float64,
     directions_W: Float64,
-) -> None: ...
+    *,
+    isa: str = "",
+) -> tuple[Vec3, Vec3]: ...
 def walker_pose(
     shape: Sequence[float],
     phase: float,

@@ -12,6 +12,7 @@ void bind_gait(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_instance_scan(nb::module_ &m);
+void bind_lidar_receiver(nb::module_ &m);
 void bind_noise_block(nb::module_ &m);
 void bind_png(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
@@ -33,6 +34,7 @@ NB_MODULE(_kernels, m) {
     bind_image_noise(m);
     bind_imu(m);
     bind_instance_scan(m);
+    bind_lidar_receiver(m);
     bind_noise_block(m);
     bind_png(m);
     bind_radar_scatterers(m);

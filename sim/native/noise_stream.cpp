@@ -1,5 +1,7 @@
 #include "noise_stream.hpp"
 
+#include "normal_centre.hpp"
+
 namespace hil::sim {
 namespace {
 
@@ -64,12 +66,6 @@ void philox(const std::uint64_t counter[4], const std::uint64_t key[2], std::uin
 }
 
 double normal_from_uniform(double p) {
-    static constexpr double A[8] = {2509.0809287301226727, 33430.575583588128105, 67265.770927008700853,
-                                    45921.953931549871457, 13731.693765509461125, 1971.5909503065514427,
-                                    133.14166789178437745, 3.387132872796366608};
-    static constexpr double B[8] = {5226.495278852854561,  28729.085735721942674, 39307.89580009271061,
-                                    21213.794301586595867, 5394.1960214247511077, 687.1870074920579083,
-                                    42.313330701600911252, 1.0};
     static constexpr double C[8] = {7.7454501427834140764e-4, 0.0227238449892691845833, 0.24178072517745061177,
                                     1.27045825245236838258,   3.64784832476320460504,   5.7694972214606914055,
                                     4.6303378461565452959,    1.42343711074968357734};
@@ -83,9 +79,9 @@ double normal_from_uniform(double p) {
                                     7.868691311456132591e-4,    0.0148753612908506148525, 0.13692988092273580531,
                                     0.59983220655588793769,     1.0};
     const double q = p - 0.5;
-    if (std::fabs(q) <= 0.425) {
+    if (std::fabs(q) <= normal_centre::kCentre) {
         const double r = 0.180625 - q * q;
-        return q * (polynomial(A, r) / polynomial(B, r));
+        return q * (polynomial(normal_centre::kA, r) / polynomial(normal_centre::kB, r));
     }
     const double r = std::sqrt(-log_by_series(q < 0.0 ? p : 1.0 - p));
     const double value = r <= 5.0 ? polynomial(C, r - 1.6) / polynomial(D, r - 1.6)

@@ -20,18 +20,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from sim._kernels import RayCaster, coherent_order, extinguish, sweep_rays
+from sim._kernels import RayCaster, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
-from sim.sensors.lidar_pattern import MAX_POINTS, Sweep
+from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
 from sim.sensors.rotation import rotate_into_world
 from sim.sensors.sensor import Installation
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from sim.frame.geometry import OutOfReach
 
 Float64 = NDArray[np.float64]
-Scalar = TypeVar("Scalar", bound=np.generic)
 
 _SLACK_M = 1e-3  # far above rounding
 
@@ -50,14 +49,19 @@ _FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
 
 @dataclass(frozen=True)
 class _Rays:
-    """A sweep made ready: its rays in B, for each part of the footprint, and how to take them."""
+    """A sweep made ready: its rays in B, for each ray of the footprint, in the order in which they are cast.
 
-    sweep: Sweep
+    Within a part rays that look the same way stand side by side: what meets them is found for eight at once.
+    """
+
+    sweep: Sweep  # in firing order
+    fired_ns: NDArray[np.int32]  # in firing order
+    place: NDArray[np.int32]  # where each ray of `sweep` stands in what follows
     directions_B: list[Float64]  # (n, 3) each
     origins_B: Float64  # (n, 3)
     offset_ns: NDArray[np.int32]
     parts: list[slice]  # one for each posing of the scene
-    orders: list[NDArray[np.int32]]
+    orders: list[NDArray[np.int32]]  # 0, 1, 2, ... of each part: they are in order
 
 
 class Lidar:
@@ -115,13 +119,14 @@ class Lidar:
             if part.start != part.stop:
                 self._cast(rays, i, motion, self._middle_ns(i, len(rays.parts), t_ns))
         self._frames.expect(t_ns)
-        echoes = self._echoes()
-        kept, range_m, intensity = self._receiver.measure(echoes, seq)
-        sweep = rays.sweep
-        found = np.flatnonzero(kept)
-        range_m = range_m.take(found)
-        points = range_m[:, None] * sweep.directions_L.take(found, axis=0)
-        points[:, 2] += sweep.origin_z_m.take(found)
+        cloud = self._receiver.measure(
+            self._echoes(),
+            seq,
+            sweep=rays.sweep,
+            place=rays.place,
+            offset_ns=rays.fired_ns,
+            geom_class=self._class,
+        )
         q_WL: Quat = self.mount.attitude(truth)
         arm: Vec3 = rotate_into_world(truth.q_WB, p.mount_m)
         return PointCloudSample(
@@ -130,12 +135,7 @@ class Lidar:
             t_ns + self.latency_ns,
             (truth.p_WB[0] + arm[0], truth.p_WB[1] + arm[1], truth.p_WB[2] + arm[2]),
             q_WL,
-            _own(points.astype(np.float32)),
-            _own(range_m.astype(np.float32)),
-            _own(intensity.take(found).astype(np.float32)),
-            _own(sweep.ring.take(found)),
-            _own(rays.offset_ns.take(found)),
-            _own(self._class[echoes.geom.take(found)]),
+            *cloud,
         )
 
     def _recent(self, t_ns: int) -> TruthState | None:
@@ -169,12 +169,19 @@ class Lidar:
             edges = [-self.period_ns + self.period_ns * k // p.subsweeps for k in range(1, p.subsweeps)]
             cuts = [0, *np.searchsorted(offset_ns, edges).tolist(), n]
             parts = [slice(a, b) for a, b in pairwise(cuts)]
-        orders = []
-        for part in parts:
-            order = np.empty(part.stop - part.start, np.int32)
-            coherent_order(directions_B[0][part], order)
-            orders.append(order)
-        return _Rays(sweep, directions_B, origins_B, offset_ns, parts, orders)
+        order = np.concatenate([part.start + casting_order(d[part], sweep.ring[part]) for part in parts])
+        place = np.empty(n, np.int32)
+        place[order] = np.arange(n, dtype=np.int32)
+        return _Rays(
+            sweep,
+            offset_ns,
+            place,
+            [directions[order] for directions in directions_B],
+            origins_B[order],
+            offset_ns[order],
+            parts,
+            [np.arange(part.stop - part.start, dtype=np.int32) for part in parts],
+        )
 
     def _middle_ns(self, i: int, count: int, t_ns: int) -> int:
         """The time of which the scene is in part `i` of `count`."""
@@ -187,16 +194,16 @@ class Lidar:
         part, farthest = rays.parts[i], self._receiver.farthest_m
         origins_W, directions_W, normal = self._origins_W[part], self._directions_W[part], self._normal[part]
         for k, directions_B in enumerate(rays.directions_B):
-            sweep_rays(motion, rays.offset_ns[part], rays.origins_B[part], directions_B[part], origins_W, directions_W)
+            box = sweep_rays(
+                motion, rays.offset_ns[part], rays.origins_B[part], directions_B[part], origins_W, directions_W
+            )
             if k == 0:  # all of the footprint begin in the same places
                 self._frames.expect(t_ns)
-                self._frames.geometry.bring(_out_of_reach(origins_W, farthest))
+                self._frames.geometry.bring(_out_of_reach(*box, farthest))
             range_m, geom = self._range[k, part], self._geom[k, part]
             self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
-            n, d = normal, directions_W
-            cosine = np.abs(n[:, 0] * d[:, 0] + n[:, 1] * d[:, 1] + n[:, 2] * d[:, 2])
             strength = self._strength[k, part]
-            strength[:] = np.where(geom >= 0, self._reflectivity[geom] * cosine, 0.0)
+            lambert_strength(geom, normal, directions_W, self._reflectivity, strength)
             if self._two_way_per_m > 0.0:
                 extinguish(range_m, self._two_way_per_m, strength)
 
@@ -207,10 +214,9 @@ class Lidar:
         return choose_echoes(self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m)
 
 
-def _out_of_reach(origins_W: Float64, farthest_m: float) -> OutOfReach:
+def _out_of_reach(low: Vec3, high: Vec3, farthest_m: float) -> OutOfReach:
     """Whether nothing within a sphere can be met: it is farther than that from the box of all origins."""
-    # Column by column: over rows of three numpy takes several times as long.
-    (x0, x1), (y0, y1), (z0, z1) = ((float(c.min()), float(c.max())) for c in origins_W.T)
+    (x0, y0, z0), (x1, y1, z1) = low, high
 
     def out_of_reach(centre: tuple[float, float, float], radius_m: float) -> bool:
         x, y, z = centre
@@ -218,12 +224,6 @@ def _out_of_reach(origins_W: Float64, farthest_m: float) -> OutOfReach:
         return math.sqrt(dx * dx + dy * dy + dz * dz) > radius_m + farthest_m + _SLACK_M
 
     return out_of_reach
-
-
-def _own(values: NDArray[Scalar]) -> NDArray[Scalar]:
-    """An array that belongs to one sample and is never written again."""
-    values.flags.writeable = False
-    return values
 
 
 def _unit(v: Float64) -> Float64:

@@ -16,23 +16,26 @@ lost with `dropout_probability`.
 Measurement. range = round(true + sigma n), kept within [min_range_m, max_range_m].
 
 Noise of ray i of sweep `seq` is draw seq * rays + i of the streams `<name>.range` and `<name>.dropout`.
+
+The arithmetic of loss and measurement is sim/native/frame/lidar_receiver.isa.cpp.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import normal_block, uniform_block
+from sim._kernels import LidarReceiver
 from sim.sensors.lidar_parameters import LidarParameters
+from sim.sensors.lidar_pattern import Sweep
 from sim.sensors.noise_key import noise_key
 
 Float64 = NDArray[np.float64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
-_SURE, _NEVER = 0.9, 1.1  # of the limit; how sharp it is depends on the detector
-_REFERENCE = 0.1  # reflectivity that `range_at_10_percent_m` is stated for
 _NO_LIGHT = 1e-12  # weight of a black surface in a mean
 
 
@@ -43,6 +46,17 @@ class Echoes:
     range_m: Float64  # (n,)
     strength: Float64  # (n,) rho cos(theta), of all of the beam's light
     geom: NDArray[np.int32]  # (n,) the surface that gave most of it
+
+
+class Cloud(NamedTuple):
+    """What a sample holds of each point, in the order of its fields; arrays that belong to it."""
+
+    points_L: NDArray[np.float32]
+    range_m: NDArray[np.float32]
+    intensity: NDArray[np.float32]
+    ring: NDArray[np.uint16]
+    time_offset_ns: NDArray[np.int32]
+    segmentation: NDArray[np.uint8]
 
 
 def single_echoes(range_m: Float64, strength: Float64, geom: NDArray[np.int32]) -> Echoes:
@@ -98,50 +112,74 @@ def choose_echoes(
 
 
 class Receiver:
-    """Losses and noise of one LiDAR."""
+    """Losses and noise of one LiDAR: what it reports of each sweep."""
 
     def __init__(self, parameters: LidarParameters, *, rays: int, seed: int, name: str) -> None:
-        self._p = parameters
+        p = self._p = parameters
         self._rays = rays
-        self._noise_key = noise_key(seed, f"{name}.range")
-        self._loss_key = noise_key(seed, f"{name}.dropout")
-        self._normal = np.empty(rays)
-        self._uniform = np.empty(rays)
+        self._native = LidarReceiver(
+            noise_key=noise_key(seed, f"{name}.range"),
+            loss_key=noise_key(seed, f"{name}.dropout"),
+            noise_m=p.range_noise_m,
+            resolution_m=p.range_resolution_m,
+            min_range_m=p.min_range_m,
+            max_range_m=p.max_range_m,
+            range_at_10_percent_m=p.range_at_10_percent_m,
+            dropout=p.dropout_probability,
+            intensity_falloff_m=p.intensity_falloff_m,
+        )
+        # Room for a sweep in which every ray is answered.
+        self._points_L = np.empty((rays, 3), np.float32)
+        self._range_m, self._intensity = np.empty(rays, np.float32), np.empty(rays, np.float32)
+        self._ring, self._time_offset_ns = np.empty(rays, np.uint16), np.empty(rays, np.int32)
+        self._segmentation = np.empty(rays, np.uint8)
 
     @property
     def farthest_m(self) -> float:
         """True range beyond which nothing is reported: noise brings nothing nearer by more than 9 sigma."""
         return self._p.max_range_m + 9.0 * self._p.range_noise_m + self._p.range_resolution_m
 
-    def measure(self, echoes: Echoes, seq: int) -> tuple[NDArray[np.bool_], Float64, Float64]:
-        """Which echoes of sweep `seq` are reported, and range and intensity of all rays (of use where reported)."""
-        p = self._p
-        first = seq * self._rays
-        hit = np.isfinite(echoes.range_m)
-        true_m = np.where(hit, echoes.range_m, 0.0)
-        measured = true_m
-        if p.range_noise_m > 0.0:
-            normal_block(self._noise_key, first, self._normal)
-            measured = true_m + p.range_noise_m * self._normal
-        measured = np.floor(measured / p.range_resolution_m + 0.5) * p.range_resolution_m
-        kept = hit & (measured >= p.min_range_m) & (measured <= p.max_range_m)
-        if p.range_at_10_percent_m is not None or p.dropout_probability > 0.0:
-            uniform_block(self._loss_key, first, self._uniform)
-            kept &= self._uniform >= self._loss(true_m, echoes.strength)
-        intensity = echoes.strength
-        if p.intensity_falloff_m is not None:
-            near = np.maximum(true_m, p.intensity_falloff_m)
-            ratio = p.intensity_falloff_m / near
-            intensity = intensity * (ratio * ratio)
-        return kept, measured, np.minimum(intensity, 1.0)
+    def measure(
+        self,
+        echoes: Echoes,
+        seq: int,
+        *,
+        sweep: Sweep,
+        place: NDArray[np.int32],
+        offset_ns: NDArray[np.int32],
+        geom_class: NDArray[np.uint8],
+    ) -> Cloud:
+        """What is reported of sweep `seq`. `place` says where in `echoes` each ray is, `offset_ns` when it counts."""
+        count = self._native.receive(
+            seq * self._rays,
+            place,
+            echoes.range_m,
+            echoes.strength,
+            echoes.geom,
+            sweep.directions_L,
+            sweep.origin_z_m,
+            sweep.ring,
+            offset_ns,
+            geom_class,
+            self._points_L,
+            self._range_m,
+            self._intensity,
+            self._ring,
+            self._time_offset_ns,
+            self._segmentation,
+        )
+        return Cloud(
+            own(self._points_L[:count]),
+            own(self._range_m[:count]),
+            own(self._intensity[:count]),
+            own(self._ring[:count]),
+            own(self._time_offset_ns[:count]),
+            own(self._segmentation[:count]),
+        )
 
-    def _loss(self, true_m: Float64, strength: Float64) -> Float64 | float:
-        """Probability that an echo is not seen."""
-        p = self._p
-        if p.range_at_10_percent_m is None:
-            return p.dropout_probability
-        limit = p.range_at_10_percent_m * np.sqrt(strength / _REFERENCE)
-        # A black surface has no limit to divide by: lost.
-        fraction = true_m / np.maximum(limit, 1e-9)
-        lost = np.clip((fraction - _SURE) / (_NEVER - _SURE), 0.0, 1.0)
-        return lost + (1.0 - lost) * p.dropout_probability
+
+def own(values: NDArray[Scalar]) -> NDArray[Scalar]:
+    """A copy that belongs to one sample and is never written again."""
+    values = values.copy()
+    values.flags.writeable = False
+    return values

@@ -30,12 +30,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from hil.signals.time import NS_PER_S
-from sim._kernels import det_cos, det_sin
+from sim._kernels import coherent_order, det_cos, det_sin
 from sim.model_file import StrictModel
 
 _RAD_PER_DEG = 0.017453292519943295
 _NS_PER_MIN = 60 * NS_PER_S
 MAX_POINTS = 1_000_000  # of one sweep
+_SIDE_BY_SIDE = 8  # rays that are cast together
 
 Float64 = NDArray[np.float64]
 Elevation = Annotated[float, Field(ge=-90.0, le=90.0)]
@@ -58,6 +59,25 @@ class Pattern(Protocol):
     def sweep(self, seq: int) -> Sweep:
         """The rays of sweep `seq`; the same object where no sweep differs from another."""
         ...
+
+
+def casting_order(directions_L: Float64, ring: NDArray[np.uint16]) -> NDArray[np.int32]:
+    """The order in which rays are best cast: those that look the same way side by side. It changes speed alone.
+
+    Of a spinning head: eight columns by eight columns, up its rings in one and down in the next.
+    """
+    n = len(ring)
+    if n == 0 or ring.min() == ring.max():
+        order = np.empty(n, np.int32)
+        coherent_order(directions_L, order)
+        return order
+    by_ring = np.argsort(ring, kind="stable")
+    counts = np.bincount(ring)
+    column = np.empty(n, np.int64)
+    column[by_ring] = np.arange(n) - np.repeat(np.cumsum(counts) - counts, counts)
+    block = column // _SIDE_BY_SIDE
+    height = np.where(block % 2 == 0, ring.astype(np.int64), -ring.astype(np.int64))
+    return np.lexsort((column, height, block)).astype(np.int32)
 
 
 class SpinningPattern(StrictModel):
