@@ -3,6 +3,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
+#include <charconv>
 #include <cstdint>
 #include <cstring>
 #include <optional>
@@ -57,15 +58,17 @@ std::size_t scan(InstanceScan &self, Ids instance, std::optional<Classes> classe
     return rows.size();
 }
 
-nb::tuple run_lengths(InstanceScan &self, Ids instance, Chosen ids) {
+void find_runs(InstanceScan &self, const Ids &instance, const Chosen &ids) {
     const LabelPicture picture = picture_of(instance);
     for (std::size_t i = 1; i < ids.size(); ++i) {
         if (ids.data()[i] <= ids.data()[i - 1]) throw std::invalid_argument("ids must rise");
     }
-    {
-        nb::gil_scoped_release unlocked;
-        self.run_lengths(picture, ids.data(), ids.size());
-    }
+    nb::gil_scoped_release unlocked;
+    self.run_lengths(picture, ids.data(), ids.size());
+}
+
+nb::tuple run_lengths(InstanceScan &self, Ids instance, Chosen ids) {
+    find_runs(self, instance, ids);
     nb::list all;
     for (std::size_t i = 0; i < ids.size(); ++i) {
         nb::list one;
@@ -73,6 +76,23 @@ nb::tuple run_lengths(InstanceScan &self, Ids instance, Chosen ids) {
             one.append(self.counts()[static_cast<std::size_t>(at)]);
         }
         all.append(one);
+    }
+    return nb::tuple(all);
+}
+
+nb::tuple run_length_texts(InstanceScan &self, Ids instance, Chosen ids) {
+    find_runs(self, instance, ids);
+    std::string text;
+    nb::list all;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+        text.clear();
+        for (auto at = self.offsets()[i]; at < self.offsets()[i + 1]; ++at) {
+            char digits[12];
+            const auto end = std::to_chars(digits, digits + sizeof digits, self.counts()[static_cast<std::size_t>(at)]);
+            if (!text.empty()) text += ',';
+            text.append(digits, end.ptr);
+        }
+        all.append(nb::str(text.data(), text.size()));
     }
     return nb::tuple(all);
 }
@@ -87,5 +107,7 @@ void bind_instance_scan(nb::module_ &m) {
              "Rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by id; how many there are. Nothing "
              "is written where `out` has room for fewer.")
         .def("run_lengths", run_lengths, "instance"_a.noconvert(), "ids"_a.noconvert(),
-             "Masks of rising ids as COCO's run lengths, a list of counts each.");
+             "Masks of rising ids as COCO's run lengths, a list of counts each.")
+        .def("run_length_texts", run_length_texts, "instance"_a.noconvert(), "ids"_a.noconvert(),
+             "The same as text, counts with commas between them.");
 }

@@ -5,6 +5,7 @@
 
 namespace nb = nanobind;
 
+void bind_crc32(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
@@ -14,6 +15,7 @@ void bind_imu(nb::module_ &m);
 void bind_instance_scan(nb::module_ &m);
 void bind_lidar_receiver(nb::module_ &m);
 void bind_noise_block(nb::module_ &m);
+void bind_number_text(nb::module_ &m);
 void bind_png(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
@@ -27,6 +29,7 @@ void bind_sweep_rays(nb::module_ &m);
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     hil::bind_detmath(m);
+    bind_crc32(m);
     bind_dryden(m);
     bind_extinction(m);
     bind_frame(m);
@@ -36,6 +39,7 @@ NB_MODULE(_kernels, m) {
     bind_instance_scan(m);
     bind_lidar_receiver(m);
     bind_noise_block(m);
+    bind_number_text(m);
     bind_png(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);

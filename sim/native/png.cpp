@@ -1,39 +1,11 @@
 #include "png.hpp"
 
-#include <array>
 #include <cstring>
+
+#include "crc32.hpp"
 
 namespace hil::sim {
 namespace {
-
-// CRC-32 of PNG (polynomial 0xedb88320), four bytes a step.
-struct CrcTables {
-    std::array<std::array<std::uint32_t, 256>, 4> t{};
-
-    constexpr CrcTables() {
-        for (std::uint32_t i = 0; i < 256; ++i) {
-            std::uint32_t c = i;
-            for (int k = 0; k < 8; ++k) c = c & 1 ? 0xedb88320u ^ (c >> 1) : c >> 1;
-            t[0][i] = c;
-        }
-        for (int n = 1; n < 4; ++n)
-            for (std::uint32_t i = 0; i < 256; ++i) t[n][i] = (t[n - 1][i] >> 8) ^ t[0][t[n - 1][i] & 255];
-    }
-};
-
-const CrcTables kCrc;
-
-std::uint32_t crc32(const std::uint8_t *p, std::size_t size) {
-    const auto &t = kCrc.t;
-    std::uint32_t c = 0xffffffffu;
-    for (; size >= 4; p += 4, size -= 4) {
-        c ^= static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8 |
-             static_cast<std::uint32_t>(p[2]) << 16 | static_cast<std::uint32_t>(p[3]) << 24;
-        c = t[3][c & 255] ^ t[2][c >> 8 & 255] ^ t[1][c >> 16 & 255] ^ t[0][c >> 24];
-    }
-    for (; size; ++p, --size) c = t[0][(c ^ *p) & 255] ^ (c >> 8);
-    return ~c;
-}
 
 void put4(std::uint8_t *at, std::uint32_t value) {
     for (int i = 0; i < 4; ++i) at[i] = static_cast<std::uint8_t>(value >> (24 - 8 * i));

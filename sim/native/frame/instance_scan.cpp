@@ -7,6 +7,23 @@
 namespace hil::sim::frame {
 namespace {
 
+// Where the run of equal elements that begins at `from` ends, at `end` at most: eight bytes at a time.
+template <typename T>
+std::int32_t run_end(const T *values, std::int32_t from, std::int32_t end) {
+    constexpr std::int32_t kWord = 8 / sizeof(T);
+    T repeated[kWord];
+    std::fill_n(repeated, kWord, values[from]);
+    std::uint64_t same, here;
+    std::memcpy(&same, repeated, 8);
+    std::int32_t at = from + 1;
+    for (; at + kWord <= end; at += kWord) {
+        std::memcpy(&here, values + at, 8);
+        if (here != same) break;
+    }
+    while (at < end && values[at] == values[from]) ++at;
+    return at;
+}
+
 bool real(float depth) { return depth > 0.0f && depth <= std::numeric_limits<float>::max(); }
 
 }  // namespace
@@ -40,41 +57,36 @@ const std::vector<InstanceRow> &InstanceScan::scan(const LabelPicture &p, std::i
     rows_.clear();
     if (class_pixels) std::fill_n(class_pixels, 256, 0);
     const std::int32_t w = p.width, h = p.height;
-    for (std::int32_t y = 0; y < h; ++y) {
-        const std::uint16_t *ids = p.instance + static_cast<std::ptrdiff_t>(y) * w;
-        const std::uint8_t *classes = p.classes ? p.classes + static_cast<std::ptrdiff_t>(y) * w : nullptr;
-        for (std::int32_t x = 0; x < w;) {
-            std::int32_t end = x + 1;
-            const std::uint16_t id = ids[x];
-            while (end < w && ids[end] == id) ++end;
-            if (id) {
-                InstanceRow &row = rows_[static_cast<std::size_t>(slot_of(id))];
-                row.area += end - x;
-                row.x_min = std::min(row.x_min, x);
-                row.x_max = std::max(row.x_max, end - 1);
-                if (row.y_max < 0) row.y_min = y;
-                row.y_max = y;
-            }
-            if (classes && class_pixels) {
-                for (std::int32_t i = x; i < end;) {
-                    std::int32_t last = i + 1;
-                    while (last < end && classes[last] == classes[i]) ++last;
-                    class_pixels[classes[i]] += last - i;
-                    i = last;
-                }
-            }
-            x = end;
+    if (p.classes && class_pixels) {
+        for (std::int32_t i = 0, end; i < w * h; i = end) {
+            end = run_end(p.classes, i, w * h);
+            class_pixels[p.classes[i]] += end - i;
         }
     }
+    edges_.clear();
     for (std::int32_t y = 0; y < h; ++y) {
+        const std::uint16_t *ids = p.instance + static_cast<std::ptrdiff_t>(y) * w;
+        for (std::int32_t x = 0, end; x < w; x = end) {
+            const std::uint16_t id = ids[x];
+            end = run_end(ids, x, w);
+            if (end < w) edges_.push_back(y * w + end - 1);
+            if (!id) continue;
+            InstanceRow &row = rows_[static_cast<std::size_t>(slot_of(id))];
+            row.area += end - x;
+            row.x_min = std::min(row.x_min, x);
+            row.x_max = std::max(row.x_max, end - 1);
+            if (row.y_max < 0) row.y_min = y;
+            row.y_max = y;
+        }
+    }
+    for (const std::int32_t at : edges_) {
+        const std::int32_t x = at % w;
+        pair(p, at, 1, x + 2 < w);
+        pair(p, at + 1, -1, x > 0);
+    }
+    for (std::int32_t y = 0; y + 1 < h; ++y) {
         const std::int32_t first = y * w;
         const std::uint16_t *ids = p.instance + first;
-        for (std::int32_t x = 0; x + 1 < w; ++x) {
-            if (ids[x] == ids[x + 1]) continue;
-            pair(p, first + x, 1, x + 2 < w);
-            pair(p, first + x + 1, -1, x > 0);
-        }
-        if (y + 1 == h) break;
         for (std::int32_t x = 0; x < w; ++x) {
             if (x + 4 <= w && !std::memcmp(ids + x, ids + x + w, 8)) {
                 x += 3;
@@ -106,8 +118,7 @@ void InstanceScan::run_lengths(const LabelPicture &p, const std::uint16_t *ids, 
     end_.assign(n, 0);
     for (std::int32_t i = 0; i < pixels;) {
         const std::uint16_t id = columns_[static_cast<std::size_t>(i)];
-        std::int32_t end = i + 1;
-        while (end < pixels && columns_[static_cast<std::size_t>(end)] == id) ++end;
+        const std::int32_t end = run_end(columns_.data(), i, pixels);
         if (slot_[id] >= 0) {
             runs_.push_back({slot_[id], i, end - i});
             offsets_[static_cast<std::size_t>(slot_[id]) + 1] += 2;
