@@ -6,11 +6,10 @@ What comes out hangs on the plan and the batch alone.
 from __future__ import annotations
 
 import os
-import zlib
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,7 @@ from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.frame_stages import description
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from hil.signals.time import is_due
+from sim._kernels import crc32
 from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.radar import Radar
@@ -99,8 +99,8 @@ class BatchDrawer:
             t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
         )
 
-    def make(self, batch: Batch) -> BatchRecord:
-        """Draw and write everything of a batch; its chunk of the recording goes to `chunk_path`. RecordingError."""
+    def make(self, batch: Batch) -> FinishedBatch:
+        """Draw and write everything of a batch but its chunk of the recording. RecordingError."""
         work = StoringWork(self, batch)
         for moment in batch.moments:
             for look in moment.looks:
@@ -116,7 +116,26 @@ class BatchDrawer:
                 data = os.pread(file.fileno(), record.chunk.size, offset)
         except OSError:
             return False
-        return len(data) == record.chunk.size and zlib.crc32(data) == record.chunk.crc32
+        return len(data) == record.chunk.size and crc32(data) == record.chunk.crc32
+
+
+class FinishedBatch(NamedTuple):
+    """A batch of which all is written but its chunk of the recording."""
+
+    record: BatchRecord
+    chunk: tuple[bytes, ...]  # in pieces
+    path: Path
+
+    def leave_chunk(self) -> None:
+        """In a file for who puts the recording together. RecordingError."""
+        try:
+            with open(self.path, "wb", buffering=0) as file:
+                for part in self.chunk:
+                    view = memoryview(part)
+                    while view:
+                        view = view[file.write(view) :]
+        except OSError as error:
+            raise unwritable(self.path, error) from error
 
 
 class StoringWork:
@@ -148,20 +167,12 @@ class StoringWork:
             self._radar(name, sample)
         self._d.series[name].add_encoded(sample, png)
 
-    def finish(self) -> BatchRecord:
-        """Leave the batch's chunk of the recording for who puts them together; what became of the batch."""
+    def finish(self) -> FinishedBatch:
+        """What became of the batch, with its chunk of the recording."""
         packed, channels = pack_frames(list(self._d.series.values()))
-        path = chunk_path(self._d.root, self._batch.index)
         crc = 0
-        try:
-            with open(path, "wb", buffering=0) as file:
-                for part in packed.parts:
-                    crc = zlib.crc32(part, crc)
-                    view = memoryview(part)
-                    while view:
-                        view = view[file.write(view) :]
-        except OSError as error:
-            raise unwritable(path, error) from error
+        for part in packed.parts:
+            crc = crc32(part, crc)
         chunk = StoredChunk(
             packed.size,
             crc,
@@ -173,7 +184,7 @@ class StoringWork:
             packed.counts,
             channels,
         )
-        return self._record(chunk)
+        return FinishedBatch(self._record(chunk), packed.parts, chunk_path(self._d.root, self._batch.index))
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._d.tree.write(path, data))
@@ -208,7 +219,7 @@ class StoringWork:
         file_name = f"{t_ns}.png"
         self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d.catalogue.classes))
         self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d.catalogue.palette))
-        masks = d.labels.masks(sample.channels["instance"], labels)
+        masks = d.labels.mask_texts(sample.channels["instance"], labels)
         self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
         self._pixels += labels.class_pixels

@@ -36,6 +36,24 @@ class FlightPart:
     samples: dict[str, list[tuple[Sample, int]]] = field(default_factory=dict)  # by port: sample, released at [ns]
     events: list[tuple[int, str, str]] = field(default_factory=list)
 
+    def later(self, by_ns: int) -> FlightPart:
+        """The same, so much later."""
+        return FlightPart(
+            [truth._replace(t_ns=truth.t_ns + by_ns) for truth in self.truths],
+            {
+                port: [(_later(sample, by_ns), released_ns + by_ns) for sample, released_ns in rows]
+                for port, rows in self.samples.items()
+            },
+            [(t_ns + by_ns, kind, text) for t_ns, kind, text in self.events],
+        )
+
+
+def _later(sample: Sample, by_ns: int) -> Sample:
+    later: Sample = sample._replace(
+        t_capture_ns=sample.t_capture_ns + by_ns, t_available_ns=sample.t_available_ns + by_ns
+    )
+    return later
+
 
 OnBatch = Callable[[Batch, FlightPart], None]
 
@@ -82,7 +100,8 @@ class FlightTap(Recorder):
 
     def truth(self, truth: TruthState) -> None:
         t_ns = self._now_ns = truth.t_ns + self._base_ns
-        truth = truth._replace(t_ns=t_ns)
+        if self._base_ns:
+            truth = truth._replace(t_ns=t_ns)
         looks = self._clock.looks(truth)
         if self._last_ns >= 0:
             return
@@ -110,7 +129,7 @@ class FlightTap(Recorder):
             return
         if self._last_ns >= 0 and captured_ns > self._last_ns:
             return
-        moved = sample._replace(t_capture_ns=captured_ns, t_available_ns=sample.t_available_ns + base_ns)
+        moved = _later(sample, base_ns) if base_ns else sample
         self._part.samples.setdefault(port, []).append((moved, self._now_ns))
 
     def event(self, t_ns: int, kind: str, text: str) -> None:

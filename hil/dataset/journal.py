@@ -16,7 +16,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -61,10 +61,10 @@ class BatchRecord:
 
     def to_bytes(self, offset: int) -> bytes:
         """`offset`: of its chunk in the recording."""
-        head = asdict(self)
+        # Not dataclasses.asdict: it copies every number, and this is done by the process that the others wait for.
+        head = {**self.__dict__, "chunk": self.chunk.__dict__}
+        head["pictures"] = [(p.image_id, len(p.annotations)) for p in self.pictures]
         body = [text for p in self.pictures for text in (p.image, *p.annotations)]
-        head["pictures"] = [[p.image_id, len(p.annotations)] for p in self.pictures]
-        head["files"] = [list(file) for file in self.files]
         head_bytes = json.dumps(head, separators=(",", ":")).encode()
         body_bytes = "\n".join(body).encode()
         crc = zlib.crc32(body_bytes, zlib.crc32(head_bytes))

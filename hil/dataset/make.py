@@ -14,6 +14,7 @@ import numpy as np
 
 from hil.config import load_bench
 from hil.dataset.checkpoint import Checkpoints
+from hil.dataset.chunk_places import ChunkPlaces
 from hil.dataset.drawing import BatchDrawer
 from hil.dataset.finish import finish
 from hil.dataset.flight import fly_for_frames
@@ -30,7 +31,7 @@ from hil.dataset.manifest import (
     saved_bench,
     write_manifest,
 )
-from hil.dataset.pipeline import Pipeline
+from hil.dataset.pipeline import AHEAD, Pipeline
 from hil.dataset.plan import DatasetPlan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.recording import DatasetRecording, part_path
@@ -70,12 +71,13 @@ class DrawerFactory:
     frames: int
     quality: str
     root: Path
+    places: ChunkPlaces | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "plan": None}
+        return {**self.__dict__, "plan": None, "places": None}
 
     def __call__(self) -> Maker:
-        return BatchWork(self.drawer(), self.root)
+        return BatchWork(self.drawer(), self.root, self.places)
 
     def drawer(self) -> BatchDrawer:
         plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
@@ -85,14 +87,18 @@ class DrawerFactory:
 class BatchWork:
     """Does jobs: what is there and whole is left, the rest is made."""
 
-    def __init__(self, drawer: BatchDrawer, root: Path) -> None:
-        self._drawer, self._root = drawer, root
+    def __init__(self, drawer: BatchDrawer, root: Path, places: ChunkPlaces | None) -> None:
+        self._drawer, self._root, self._places = drawer, root, places
 
     def __call__(self, job: Job) -> Made:
         before = job.expected
         if before is not None and self._drawer.is_whole(before, part_path(self._root), job.offset):
             return Made(before, found=True)
-        return Made(self._drawer.make(job.batch), found=False)
+        work = self._drawer.make(job.batch)
+        if self._places is not None and self._places.put(job.place, work.chunk):
+            return Made(work.record, found=False, in_memory=True)
+        work.leave_chunk()
+        return Made(work.record, found=False)
 
 
 def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> DatasetResult:
@@ -135,17 +141,24 @@ class _Making:
         classes = Classes(world.class_names, world.class_colours)
         catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
         count = means.workers or cores()
-        factory = DrawerFactory(plan, plan.frames, plan.quality, root)
+        places = ChunkPlaces(AHEAD * count)
+        factory = DrawerFactory(plan, plan.frames, plan.quality, root, places)
         tree = TreeWriter(root)
         # Before the workers: one that was not forked reads it.
         early = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
         with means.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=means.quiet) as progress:
             write_manifest(tree, first_manifest(self.made))
             early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
-            return self._work(pool, count, catalogue, early, progress)
+            return self._work(pool, count, places, catalogue, early, progress)
 
     def _work(
-        self, pool: Workers, count: int, catalogue: Catalogue, early: Sequence[Written], progress: FrameProgress
+        self,
+        pool: Workers,
+        count: int,
+        places: ChunkPlaces,
+        catalogue: Catalogue,
+        early: Sequence[Written],
+        progress: FrameProgress,
     ) -> DatasetResult:
         plan, root = self.plan, self.root
         tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
@@ -174,6 +187,7 @@ class _Making:
             offsets=[offset for _, offset in self.old],
             on_done=on_done,
             workers_count=count,
+            places=places,
         )
         try:
             fly_for_frames(plan, pipeline.add)

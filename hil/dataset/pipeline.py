@@ -14,11 +14,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil.dataset.checkpoint import Checkpoints
+from hil.dataset.chunk_places import ChunkPlaces
 from hil.dataset.drawing import chunk_path
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.journal import BatchRecord, JournalWriter, read_pictures
 from hil.dataset.moments import Batch
+from hil.dataset.page_release import PageRelease
+from hil.dataset.plan import EPOCH_NS
 from hil.dataset.recording import DatasetRecording
 from hil.dataset.tables import Tables
 from hil.dataset.tree import JOURNAL
@@ -26,7 +29,7 @@ from hil.dataset.workers import Job, Made, Workers
 from hil.signals.errors import RecordingError
 
 _KEPT_BYTES = 64 << 20  # of COCO annotations in memory
-_AHEAD = 4  # batches that may wait for one before them, for each worker
+AHEAD = 4  # batches that may wait for one before them, for each worker
 
 
 class Pipeline:
@@ -45,16 +48,20 @@ class Pipeline:
         offsets: Sequence[int],
         on_done: Callable[[int], None],
         workers_count: int,
+        places: ChunkPlaces,
     ) -> None:
         """`expected`, `offsets`: what an earlier attempt left, and where its chunks stand in the recording."""
         self._root, self._workers = root, workers
         self._recording, self._journal, self._tables, self._checkpoints = recording, journal, tables, checkpoints
         self._expected, self._offsets = expected, offsets
         self._on_done = on_done
+        self._pages = PageRelease(root)
         self._parts: dict[int, tuple[Batch, FlightPart]] = {}  # handed out, not yet written in order
         self._made: dict[int, Made] = {}  # came back before one that stands before it
         self._next = 0
-        self._most = _AHEAD * workers_count
+        self._most = AHEAD * workers_count
+        self._places, self._free = places, list(range(self._most))
+        self._place: dict[int, int] = {}  # of the batches under way
         self._pictures: list[CocoPicture] | None = []
         self._picture_bytes = 0
         self.records: list[BatchRecord] = []  # without their pictures
@@ -65,8 +72,9 @@ class Pipeline:
         """A batch that the flight has given. Waits where too much is under way."""
         while not self._workers.room or len(self._parts) >= self._most:
             self._collect(block=True)
-        self._parts[batch.index] = (batch, part)
-        self._workers.submit(self._job(batch))
+        self._parts[batch.index] = (batch, part.later(EPOCH_NS))
+        self._place[batch.index] = self._free.pop()
+        self._workers.submit(self._job(batch)._replace(place=self._place[batch.index]))
         self._collect(block=False)
 
     def drain(self) -> None:
@@ -98,14 +106,23 @@ class Pipeline:
     def _write(self, made: Made) -> None:
         record = made.record
         batch, part = self._parts.pop(record.index)
+        start = self._recording.size
         self._recording.add_flight(part)
-        path = chunk_path(self._root, record.index)
+        place = self._place.pop(record.index)
         if made.found and self._recording.size != self._offsets[record.index]:
             raise RecordingError(f"{self._root}: the journal does not fit the recording; begin anew in another folder")
-        self._recording.add_frames(record.chunk, None if made.found else path)
-        if not made.found:
+        if made.in_memory:
+            with self._places.piece(place, record.chunk.size) as piece:
+                self._recording.add_frames(record.chunk, piece)
+        elif made.found:
+            self._recording.add_frames(record.chunk, None)
+        else:
+            path = chunk_path(self._root, record.index)
+            self._recording.add_frames(record.chunk, path)
             with contextlib.suppress(OSError):
                 os.unlink(path)
+        self._free.append(place)
+        self._pages.batch(record.files, self._recording.fileno(), start, self._recording.size)
         self._journal.append(record, self._recording.size - record.chunk.size)
         self._tables.add_flight(part)
         self._tables.add_files(record)

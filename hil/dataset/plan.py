@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -54,18 +55,18 @@ class DatasetPlan:
     def config(self) -> BenchConfig:
         return self.bench.config
 
-    @property
+    @cached_property
     def frame_sensors(self) -> dict[str, SensorConfig]:
         """Cameras, LiDARs and radars; radars last, because they read what cameras have drawn."""
         found = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
         return dict(sorted(found, key=lambda pair: pair[1].kind == "radar"))
 
-    @property
+    @cached_property
     def flight_sensors(self) -> dict[str, SensorConfig]:
         """Those sampled in the flight."""
         return {n: s for n, s in self.config.sensors.items() if not KINDS[s.kind].needs_frames}
 
-    @property
+    @cached_property
     def reference(self) -> str:
         """The sensor whose samples are counted as frames."""
         sensors = self.frame_sensors
@@ -73,7 +74,7 @@ class DatasetPlan:
             return self.labelled
         return next(name for kind in ("camera", "lidar", "radar") for name, s in sensors.items() if s.kind == kind)
 
-    @property
+    @cached_property
     def labelled(self) -> str | None:
         """The camera that boxes and masks are of: the first one that has what it takes."""
         needed = {"rgb", "segmentation", "instance"}

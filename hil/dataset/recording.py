@@ -14,7 +14,6 @@ from typing import BinaryIO
 from hil.dataset.flight import FlightPart
 from hil.dataset.frame_chunk import records_of
 from hil.dataset.journal import StoredChunk
-from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import PART, RECORDING, unwritable
 from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
 from hil.recorder.mcap_sink import EventSeries, Series
@@ -51,8 +50,8 @@ class DatasetRecording:
             self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
 
     def add_flight(self, part: FlightPart) -> None:
-        """What the flight gave during a batch."""
-        self._truth.rows += [truth._replace(t_ns=truth.t_ns + EPOCH_NS) for truth in part.truths]
+        """What the flight gave during a batch, times those of the files."""
+        self._truth.rows += part.truths
         blocks = self._truth.blocks(self._mcap, self._tick_ns)
         for port in sorted(part.samples):
             rows = part.samples[port]
@@ -60,16 +59,11 @@ class DatasetRecording:
             if series is None:
                 kind = type(rows[0][0])
                 series = self._samples[port] = Series(kind, SAMPLE_TOPICS[kind], port)
-            for sample, log_ns in rows:
-                series.rows.append(
-                    sample._replace(
-                        t_capture_ns=sample.t_capture_ns + EPOCH_NS, t_available_ns=sample.t_available_ns + EPOCH_NS
-                    )
-                )
-                series.log_ns.append(log_ns + EPOCH_NS)
+            series.rows += [sample for sample, _ in rows]
+            series.log_ns += [log_ns for _, log_ns in rows]
             blocks += series.blocks(self._mcap, self._tick_ns)
         for t_ns, what, text in part.events:
-            self._events.add(t_ns + EPOCH_NS, what, text)
+            self._events.add(t_ns, what, text)
         blocks.append(self._events.block())
         self._mcap.chunk(blocks, 0)
 
@@ -78,10 +72,12 @@ class DatasetRecording:
         """Bytes so far: where the next chunk will stand."""
         return self._safe.size
 
-    def add_frames(self, chunk: StoredChunk, source: Path | None) -> None:
+    def add_frames(self, chunk: StoredChunk, source: Path | memoryview | None) -> None:
         """The chunk of a batch: from `source`, or, None, where it already stands."""
         start = self._safe.size
-        if source is not None:
+        if isinstance(source, memoryview):
+            self._put(source)
+        elif source is not None:
             self._copy(source, chunk.size)
         else:
             self._safe.skip(chunk.size)
@@ -99,6 +95,20 @@ class DatasetRecording:
             chunk.counts,
         )
         self._mcap.adopt(packed, start)
+
+    def _put(self, data: memoryview) -> None:
+        out, view = self._safe.fileno(), data
+        try:
+            while view:
+                view = view[os.write(out, view) :]
+        except OSError as error:
+            self._safe.cut()
+            raise unwritable(self._path, error) from error
+        self._safe.size += len(data)
+
+    def fileno(self) -> int:
+        """Of the open file."""
+        return self._safe.fileno()
 
     def _copy(self, source: Path, size: int) -> None:
         """From file to file without a detour."""

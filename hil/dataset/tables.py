@@ -14,10 +14,10 @@ from pathlib import Path
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
 from hil.dataset.journal import BatchRecord
-from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import Written, make_folder, unwritable
 from hil.signals.errors import RecordingError
 from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, Sample
+from sim._kernels import number_row
 
 TABLE = "data.csv"
 TRUTH = "state_groundtruth_estimate0"
@@ -44,7 +44,7 @@ def sample_row(sample: Sample) -> str:
         return euroc.gps_row(sample)
     t_ns = sample.t_capture_ns
     if isinstance(sample, MagSample):
-        return f"{t_ns},{','.join(map(repr, sample.field_tesla))}\n"
+        return f"{t_ns},{number_row(sample.field_tesla)}\n"
     if isinstance(sample, BaroSample):
         return f"{t_ns},{sample.pressure_pa!r},{sample.pressure_altitude_m!r},{sample.temperature_degc!r}\n"
     if isinstance(sample, RangeSample):
@@ -65,8 +65,7 @@ class _Table:
         self.waiting = [header + "\n"]
         self._last_ns = -1
 
-    def add(self, row: str) -> None:
-        t_ns = int(row[: row.index(",")])
+    def add(self, t_ns: int, row: str) -> None:
         if t_ns <= self._last_ns:
             raise RecordingError(f"{self.path}: time must rise from row to row, but {t_ns} ns follows {self._last_ns}")
         self._last_ns = t_ns
@@ -96,12 +95,13 @@ class Tables:
         return {folder: table.rows for folder, table in self._tables.items()}
 
     def add_flight(self, part: FlightPart) -> None:
+        """Times are those of the files."""
         for truth in part.truths:
-            self._tables[TRUTH].add(euroc.truth_row(truth._replace(t_ns=truth.t_ns + EPOCH_NS)))
+            self._tables[TRUTH].add(truth.t_ns, euroc.truth_row(truth))
         for port, rows in part.samples.items():
             table = self._tables[self._flight_folders[port]]
             for sample, _ in rows:
-                table.add(sample_row(sample._replace(t_capture_ns=sample.t_capture_ns + EPOCH_NS)))
+                table.add(sample.t_capture_ns, sample_row(sample))
 
     def add_files(self, record: BatchRecord) -> None:
         """Rows of the files in data/ folders."""
@@ -110,7 +110,8 @@ class Tables:
             folder, _, rest = rest.partition("/")
             data, _, name = rest.partition("/")
             if root == euroc.ROOT and data == "data":
-                self._tables[folder].add(f"{name[: name.index('.')]},{name}\n")
+                stem, _, _ = name.partition(".")
+                self._tables[folder].add(int(stem), f"{stem},{name}\n")
 
     def take(self) -> dict[str, str]:
         """What waits, by path, for `write_out`; it waits no longer."""

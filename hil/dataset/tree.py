@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from hil.signals.errors import RecordingError
+from sim._kernels import crc32
 
 ASL = "mav0"
 ANNOTATIONS = "annotations"  # COCO
@@ -58,7 +58,7 @@ class TreeWriter:
                     while view:
                         view = view[os.write(file, view) :]
                     size += len(data)
-                    crc = zlib.crc32(data, crc)
+                    crc = crc32(data, crc)
             finally:
                 os.close(file)
             os.rename(part, final)
@@ -74,7 +74,7 @@ class TreeWriter:
             with open(f"{self.root}/{written.path}", "rb", buffering=0) as file:
                 if os.fstat(file.fileno()).st_size != written.size:
                     return False
-                return zlib.crc32(file.readall()) == written.crc32
+                return crc32(file.readall()) == written.crc32
         except OSError:
             return False
 

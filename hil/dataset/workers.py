@@ -34,18 +34,21 @@ _PR_SET_PDEATHSIG = 1  # of Linux
 
 
 class Job(NamedTuple):
-    """A batch to be made. `expected`: what an earlier attempt left, with the place of its chunk in the recording."""
+    """A batch to be made. `expected`: what an earlier attempt left, with the place of its chunk in the recording.
+    `place`: in shared memory, where its chunk may go."""
 
     batch: Batch
     expected: BatchRecord | None
     offset: int
+    place: int = -1
 
 
 class Made(NamedTuple):
-    """A batch that is done. `found`: it was there, whole."""
+    """A batch that is done. `found`: it was there, whole. `in_memory`: its chunk is in the job's place, not a file."""
 
     record: BatchRecord
     found: bool
+    in_memory: bool = False
 
 
 class Maker(Protocol):
@@ -73,7 +76,7 @@ class Workers:
         self._lost: str | None = None
         if forked:
             gc.collect()
-            gc.freeze()  # what is shared stays so: the collector does not write on it
+            gc.freeze()  # what is shared stays so: the collector does not write on it, nor look through it here
         for i, (near, far) in enumerate(pipes):
             # A forked process has the ends of all: with those of others open nobody would see a pipe close.
             close = [end for j, pair in enumerate(pipes) for end in pair if end is not far] if forked else []
@@ -86,8 +89,7 @@ class Workers:
             self._workers.append(_Worker(process, near))
         for _, far in pipes:
             far.close()
-        if forked:
-            gc.unfreeze()
+        self._frozen = forked
 
     def __enter__(self) -> Workers:
         return self
@@ -156,6 +158,9 @@ class Workers:
         for worker in self._workers:
             worker.process.join()
         self._workers = []
+        if self._frozen:
+            self._frozen = False
+            gc.unfreeze()
 
 
 def _end_with_parent() -> None:

@@ -45,6 +45,7 @@ def test_boxes_and_masks_agree_with_the_pictures_pixel_for_pixel(data: st.DataOb
     instance = data.draw(arrays(np.uint16, shape, elements=st.sampled_from([0, 1, 2, 3, 4, 60000])))
     labels = labels_of(instance)
     masks = LabelReader(CATALOGUE).masks(instance, labels)
+    assert LabelReader(CATALOGUE).mask_texts(instance, labels) == tuple(",".join(map(str, runs)) for runs in masks)
     assert [o.instance for o in labels.objects] == sorted(set(instance.ravel().tolist()) - {0, 1})
     for o, counts in zip(labels.objects, masks, strict=True):
         mask = instance == o.instance
@@ -176,7 +177,7 @@ def coco_of(frames: list[UInt16]) -> tuple[str, list[CocoPicture]]:
     pictures = []
     for i, instance in enumerate(frames):
         labels = labels_of(instance)
-        pictures.append(coco_picture(i, f"{i}.png", labels, reader.masks(instance, labels), t_ns=i * 10))
+        pictures.append(coco_picture(i, f"{i}.png", labels, reader.mask_texts(instance, labels), t_ns=i * 10))
     return coco_json(pictures, CATALOGUE, description="test", licence="CC0-1.0"), pictures
 
 
@@ -195,7 +196,7 @@ def test_coco_holds_what_was_seen() -> None:
 def test_coco_refusals() -> None:
     instance = scene()[0]
     labels = labels_of(instance)
-    masks = LabelReader(CATALOGUE).masks(instance, labels)
+    masks = LabelReader(CATALOGUE).mask_texts(instance, labels)
     twice = labels._replace(objects=labels.objects * 2)
     with pytest.raises(RecordingError, match="two objects of instance 2"):
         coco_picture(0, "0.png", twice, masks * 2, t_ns=0)

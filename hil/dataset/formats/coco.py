@@ -27,10 +27,8 @@ class CocoPicture(NamedTuple):
     annotations: tuple[str, ...]
 
 
-def coco_picture(
-    frame: int, file_name: str, labels: PictureLabels, masks: Sequence[Sequence[int]], *, t_ns: int
-) -> CocoPicture:
-    """`frame` counts from 0; `masks`: of `labels.objects`, by `LabelReader.masks`. RecordingError."""
+def coco_picture(frame: int, file_name: str, labels: PictureLabels, masks: Sequence[str], *, t_ns: int) -> CocoPicture:
+    """`frame` counts from 0; `masks`: of `labels.objects`, by `LabelReader.mask_texts`. RecordingError."""
     if len(masks) != len(labels.objects):
         raise RecordingError(f"COCO: frame {frame} has {len(labels.objects)} objects, but {len(masks)} masks")
     image_id = frame + 1
@@ -52,7 +50,7 @@ def coco_picture(
         annotations.append(
             f'{{"id":{_INSTANCES * image_id + o.instance},"image_id":{image_id},"category_id":{o.class_id},'
             f'"bbox":[{o.x_min},{o.y_min},{o.x_max - o.x_min + 1},{o.y_max - o.y_min + 1}],"area":{o.area_px},'
-            f'"segmentation":{{"counts":[{",".join(map(str, counts))}],"size":{size}}},"iscrowd":0,'
+            f'"segmentation":{{"counts":[{counts}],"size":{size}}},"iscrowd":0,'
             f'"instance_id":{o.instance},"truncated":{o.truncated:d},"occluded":{o.occluded:d},'
             f'"hidden_rim":{o.hidden:.4f}}}'
         )

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from hil.signals.errors import RecordingError
 from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
+from sim._kernels import number_row
 from sim.frame.calibration_text import euroc_yaml
 from sim.frame.camera_model import CameraModel
 
@@ -66,13 +67,12 @@ def file_row(t_ns: int, ending: str) -> str:
 
 
 def imu_row(sample: ImuSample) -> str:
-    return _row(sample.t_capture_ns, (*sample.gyro_radps, *sample.accel_mps2))
+    return _row(sample.t_capture_ns, sample.gyro_radps, sample.accel_mps2)
 
 
 def truth_row(truth: TruthState, *, gyro_bias_radps: Vec3 = _NO_BIAS, accel_bias_mps2: Vec3 = _NO_BIAS) -> str:
     """Biases as far as somebody knows them; zeros say nothing."""
-    state = (*truth.p_WB, *truth.q_WB, *truth.v_WB_W)
-    return _row(truth.t_ns, (*state, *gyro_bias_radps, *accel_bias_mps2))
+    return _row(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, gyro_bias_radps, accel_bias_mps2)
 
 
 def leica_row(truth: TruthState) -> str:
@@ -82,7 +82,7 @@ def leica_row(truth: TruthState) -> str:
 def gps_row(sample: GpsSample) -> str:
     place = (sample.latitude_deg, sample.longitude_deg, sample.altitude_m, *sample.v_W)
     accuracy = (sample.horizontal_accuracy_m, sample.vertical_accuracy_m)
-    return _row(sample.t_capture_ns, (*place, *accuracy)).rstrip("\n") + f",{sample.fix_type},{sample.satellites}\n"
+    return _row(sample.t_capture_ns, place, accuracy).rstrip("\n") + f",{sample.fix_type},{sample.satellites}\n"
 
 
 def table(header: str, rows: Iterable[str]) -> str:
@@ -169,9 +169,9 @@ def _value(value: object) -> str:
     return json.dumps(value)
 
 
-def _row(t_ns: int, values: Sequence[float]) -> str:
+def _row(t_ns: int, *values: tuple[float, ...]) -> str:
     _check_time(t_ns)
-    return f"{t_ns},{','.join([repr(float(v)) for v in values])}\n"
+    return f"{t_ns},{number_row(*values)}\n"
 
 
 def _check_time(t_ns: int) -> None:

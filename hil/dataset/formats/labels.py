@@ -155,8 +155,15 @@ class LabelReader:
 
     def masks(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[list[int], ...]:
         """Run lengths of each object's pixels, column by column, beginning with those that are not its own."""
-        ids = np.array([label.instance for label in labels.objects], np.uint16)
-        return self._scan.run_lengths(instance, ids)
+        return self._scan.run_lengths(instance, _ids(labels))
+
+    def mask_texts(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[str, ...]:
+        """The same as text, counts with commas between them."""
+        return self._scan.run_length_texts(instance, _ids(labels))
+
+
+def _ids(labels: PictureLabels) -> NDArray[np.uint16]:
+    return np.array([label.instance for label in labels.objects], np.uint16)
 
 
 def hidden_share(rim: int, before: int) -> float:
