@@ -125,7 +125,7 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
         key += f" {seed} {limits.model_dump_json()}"
         world = _kept(key, lambda: _with_people(base, limits, seed))
     if world.scene != scene:
-        world = replace(world, scene=scene)
+        world = _worlds[key] = replace(world, scene=scene)
     scene.file.made["world"] = world
     return world
 
