@@ -31,6 +31,6 @@ def test_points_of_a_radar_go_as_columns_also_when_there_are_none() -> None:
         out.on_wire(out.topics)  # refuses records
         ring = SharedRing(4096)
         try:
-            assert ring.put(out.arrays_of(out.topics), ["cut"]) is not None
+            assert ring.put(out.for_ring([out.topics]), ["cut"]) is not None
         finally:
             ring.close()
