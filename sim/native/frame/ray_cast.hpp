@@ -133,8 +133,8 @@ class RayCaster {
     bool fresh_ = false;
 };
 
-// Unit normals where rays met surfaces, one after the other. What is flat has one normal: it is found once for as long
-// as neighbours meet the same triangle or plane. Bits do not depend on what was asked before.
+// Unit normals where rays met surfaces, one after the other. What is flat has one normal: those of the triangles and
+// planes met of late are kept. Bits do not depend on what was asked before.
 class NormalFinder {
   public:
     explicit NormalFinder(const Geometry &geometry) : geometry_(geometry) {}
@@ -143,10 +143,14 @@ class NormalFinder {
     void find(std::int32_t geom, std::int32_t part, const double p_W[3], const double d_W[3], double out[3]);
 
   private:
+    struct Normal {
+        std::int32_t geom = -1, part = -1;  // of what is flat; -1: of nothing that may be used again
+        double n_W[3], unit_W[3], length;
+    };
+    static constexpr std::size_t kKept = 64;  // about 4 KiB; a power of two
+
     const Geometry &geometry_;
-    std::int32_t geom_ = -1, part_ = -1;  // whose normal is at hand
-    bool flat_ = false;                   // it holds everywhere on it
-    double n_W_[3] = {}, unit_W_[3] = {}, length_ = 0.0;
+    Normal kept_[kKept];
 };
 
 // Directions into an order in which neighbours look the same way: cells of a cube map along a Morton curve, stable.

@@ -56,7 +56,10 @@ void triangle_normal(const Mesh &mesh, std::int32_t part, double *n) {
 
 void NormalFinder::find(std::int32_t geom, std::int32_t part, const double p_W[3], const double d_W[3],
                         double out[3]) {
-    if (!flat_ || geom != geom_ || part != part_) {
+    // Neighbouring triangles of a mesh, and the same triangle of neighbouring geoms, in places of their own.
+    const auto place = static_cast<std::size_t>(static_cast<std::uint32_t>(part) + 7u * static_cast<std::uint32_t>(geom));
+    Normal &at = kept_[place % kKept];
+    if (geom != at.geom || part != at.part) {
         const Geom &g = geometry_.geoms()[static_cast<std::size_t>(geom)];
         const bool triangle = g.mesh >= 0 && part >= 0;
         double n[3];
@@ -68,16 +71,16 @@ void NormalFinder::find(std::int32_t geom, std::int32_t part, const double p_W[3
             for (int i = 0; i < 3; ++i) q[i] = r[0] * g.R_WG[i] + r[1] * g.R_WG[3 + i] + r[2] * g.R_WG[6 + i];
             solid_normal(g, q, n);
         }
-        for (int i = 0; i < 3; ++i) n_W_[i] = dot(g.R_WG + 3 * i, n);
-        length_ = std::sqrt(dot(n_W_, n_W_));
-        const double k = 1.0 / length_;
-        for (int i = 0; i < 3; ++i) unit_W_[i] = n_W_[i] * k;
-        geom_ = geom, part_ = part;
-        flat_ = triangle || g.shape == Shape::kPlane;
+        for (int i = 0; i < 3; ++i) at.n_W[i] = dot(g.R_WG + 3 * i, n);
+        at.length = std::sqrt(dot(at.n_W, at.n_W));
+        const double k = 1.0 / at.length;
+        for (int i = 0; i < 3; ++i) at.unit_W[i] = at.n_W[i] * k;
+        const bool flat = triangle || g.shape == Shape::kPlane;
+        at.geom = flat ? geom : -1, at.part = part;
     }
-    if (length_ > 0.0) {
-        const bool away = dot(n_W_, d_W) > 0.0;
-        for (int i = 0; i < 3; ++i) out[i] = away ? -unit_W_[i] : unit_W_[i];
+    if (at.length > 0.0) {
+        const bool away = dot(at.n_W, d_W) > 0.0;
+        for (int i = 0; i < 3; ++i) out[i] = away ? -at.unit_W[i] : at.unit_W[i];
     } else {  // a point without a normal: as if met head on
         const double k = -1.0 / std::sqrt(dot(d_W, d_W));
         for (int i = 0; i < 3; ++i) out[i] = k * d_W[i];
