@@ -39,8 +39,8 @@ HIL_INLINE D picked(const double *from, const std::int32_t *place) {
     return v;
 }
 
-// Uniforms of `index` and the seven after it.
-HIL_INLINE void uniforms(const std::uint64_t key[2], std::uint64_t index, double *out) {
+// Uniforms of `index` and the seven after it: (bits / 4096 + 1/2) / 2^52, exact in each step.
+HIL_INLINE D uniforms(const std::uint64_t key[2], std::uint64_t index) {
     std::uint64_t drawn[12];
     const std::uint64_t skip = index % 4;
     const std::uint64_t from = index - skip;
@@ -50,27 +50,29 @@ HIL_INLINE void uniforms(const std::uint64_t key[2], std::uint64_t index, double
         const std::uint64_t counter[4] = {at % kCounterBlock / 4 + 1, 0, at / kCounterBlock, 0};
         philox(counter, key, drawn + 4 * group);
     }
-    for (int i = 0; i < kLanes; ++i) out[i] = ((double)(std::int64_t)(drawn[skip + i] >> 12) + 0.5) * 0x1p-52;
+    const L fraction = shift_right(load<L>((const std::int64_t *)drawn + skip), 12) & (std::int64_t)0xfffffffffffffLL;
+    return (as<D>(fraction | (std::int64_t)0x3ff0000000000000LL) - 1.0) + 0x1p-53;
 }
 
 HIL_INLINE D polynomial(const double *coefficient, const D &x) {
     D v = splat<D>(coefficient[0]);
+#pragma GCC unroll 8
     for (int i = 1; i < 8; ++i) v = v * x + coefficient[i];
     return v;
 }
 
 // Standard normals, good where `wanted`.
-HIL_INLINE D normals(const double *uniform, unsigned wanted) {
-    const D q = load<D>(uniform) - 0.5;
+HIL_INLINE D normals(const D &uniform, unsigned wanted) {
+    const D q = uniform - 0.5;
     const D r = 0.180625 - q * q;
     D v = q * (polynomial(normal_centre::kA, r) / polynomial(normal_centre::kB, r));
     unsigned outer = bits(abs(q) > splat<D>(normal_centre::kCentre)) & wanted;
     if (outer != 0) {
-        double lane[kLanes];
-        store(lane, v);
+        double lane[kLanes], drawn[kLanes];
+        store(lane, v), store(drawn, uniform);
         for (; outer != 0; outer &= outer - 1) {
             const int i = __builtin_ctz(outer);
-            lane[i] = normal_from_uniform(uniform[i]);
+            lane[i] = normal_from_uniform(drawn[i]);
         }
         v = load<D>(lane);
     }
@@ -103,11 +105,9 @@ std::size_t receive(const LidarReceiver &receiver, const LidarEchoes &in, std::u
         const D strength = picked(in.strength, place);
         double range[kLanes], light[kLanes];
         const D true_m = select(hit, met_m, splat<D>(0.0));
-        double uniform[kLanes];
         D measured = true_m;
         if (receiver.noise_m > 0.0) {
-            uniforms(receiver.noise_key, first + at, uniform);
-            measured = true_m + receiver.noise_m * normals(uniform, kept);
+            measured = true_m + receiver.noise_m * normals(uniforms(receiver.noise_key, first + at), kept);
         }
         measured = whole(measured / splat<D>(receiver.resolution_m) + 0.5) * receiver.resolution_m;
         kept &= bits((measured >= splat<D>(receiver.min_range_m)) & (measured <= splat<D>(receiver.max_range_m)));
@@ -117,8 +117,7 @@ std::size_t receive(const LidarReceiver &receiver, const LidarEchoes &in, std::u
             // Nothing is drawn where all are lost for sure: a uniform is below one.
             kept &= bits(lost < splat<D>(1.0));
             if (kept == 0) continue;
-            uniforms(receiver.loss_key, first + at, uniform);
-            kept &= bits(load<D>(uniform) >= lost);
+            kept &= bits(uniforms(receiver.loss_key, first + at) >= lost);
         }
         D intensity = strength;
         if (falls) {

@@ -22,6 +22,7 @@ constexpr double kSinc[10] = {-1.0 / 121645100408832000.0, 1.0 / 355687428096000
 // cos x and sin x / x of x^2: series up to |x| = 1, the functions beyond.
 HIL_INLINE void cos_and_sinc(const D &x2, D &cosine, D &sinc) {
     cosine = splat<D>(kCos[0]), sinc = splat<D>(kSinc[0]);
+#pragma GCC unroll 9
     for (int k = 1; k < 10; ++k) {
         cosine = cosine * x2 + kCos[k];
         sinc = sinc * x2 + kSinc[k];
