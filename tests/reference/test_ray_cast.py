@@ -171,6 +171,17 @@ def test_a_process_limited_to_older_instructions_gives_the_same_bits() -> None:
     assert digests["base"][1] == "base"
 
 
+def test_normals_do_not_depend_on_what_was_met_before(crowd: Any) -> None:
+    caster, origins, directions = crowd
+    together, alone = np.empty((len(directions), 3)), np.empty((len(directions), 3))
+    backwards = np.arange(len(directions), dtype=np.int32)[::-1].copy()
+    _, geom = cast(caster, origins, directions, normal_W=together, order=backwards)
+    for i in range(len(directions)):
+        cast(caster, origins[i : i + 1], directions[i : i + 1], normal_W=alone[i : i + 1])
+    assert (geom >= 0).sum() > 300
+    assert together.tobytes() == alone.tobytes()
+
+
 def test_ties_go_to_the_lower_index() -> None:
     made = Geometry()
     level = (1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0)
