@@ -111,6 +111,14 @@ def test_annotations_too_many_for_memory_come_from_the_journal(
     assert tree_of(tmp_path / "set") == tree_of(whole)
 
 
+def test_pieces_of_the_recording_that_fit_nowhere_go_by_files(
+    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.dataset.chunk_places.PLACE_BYTES", 4096)
+    make_dataset(plan, tmp_path / "set", inline())
+    assert tree_of(tmp_path / "set") == tree_of(whole)
+
+
 def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root, bench = tmp_path / "set", tmp_path / "tiny.yaml"
     bench.write_text(BENCH)
