@@ -50,7 +50,7 @@ from hil.frame_stages import (
     sensor_stages,
     wanted_parts,
 )
-from hil.manual_flight import make_manual
+from hil.manual_flight import make_manual, make_page_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
 from hil.missions.script import Injected, flight_actions
@@ -80,6 +80,7 @@ from sim.sensors.radar import Radar
 if TYPE_CHECKING:
     from hil.companion.link import CompanionLink
     from hil.companion.stage import CompanionStage
+    from hil.dashboard.live_run import LiveRun
     from hil.goal.judgement import GoalMeasurement
 
 RUN_JSON_NAME = "run.json"
@@ -139,8 +140,8 @@ class RouterSource:
         return data
 
 
-def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
-    """Fly `bench` and leave run.json, the recordings and the report in `out`.
+def run_bench(bench: Bench, out: Path, *, quiet: bool = False, live: LiveRun | None = None) -> RunResult:
+    """Fly `bench` and leave run.json, the recordings and the report in `out`. `live`: the dashboard follows it.
 
     A failure of the bench is a result (status ERROR), not an exception, so that run.json always tells.
     Raises RecordingError only where `out` itself cannot be written.
@@ -149,7 +150,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False) -> RunResult:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
-    run = _Run(bench, out, quiet=quiet)
+    run = _Run(bench, out, quiet=quiet, live=live)
     # What an earlier run left here must not pass for this one's result, however this one ends.
     run.write_provisional()
     return run.result()
@@ -205,9 +206,11 @@ class _Run:
         quiet: bool,
         recorder: Recorder | None = None,
         over: Callable[[Reached, bool], bool] | None = None,
+        live: LiveRun | None = None,
     ) -> None:
         """`recorder`: instead of one of its own; `over`: see `fly`."""
         self.bench = bench
+        self.live = live
         self.config = bench.config
         self.over = over
         self.out = out
@@ -225,6 +228,7 @@ class _Run:
         self.router: Router | None = None
         self.faulty_wire: FaultyTransport | None = None
         self.manual: ManualControlSource | None = None
+        self.page_manual: ManualControlSource | None = None  # sticks of the dashboard
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
         self.slots: list[SensorSlot] = []
         self.drawn_elsewhere = False  # pictures by a driver that draws other ones on another machine
@@ -235,6 +239,7 @@ class _Run:
         self.declared = DeclaredMeasurements(())
         self.goal: GoalMeasurement | None = None
         self.actions: ActionSource | None = None
+        self.sensors: dict[str, Any] = {}  # by name, without their faults
         self.faulty: dict[str, FaultySensor] = {}  # by sensor: what a script can break during the flight
         self.attachments: dict[str, bytes] = {}
         self.outcomes: dict[str, str] = {}  # by client: what it last said
@@ -258,6 +263,8 @@ class _Run:
                 status = "ERROR"
                 run = self._summary(verdict, status)
         write_run_json(self.out / RUN_JSON_NAME, run)
+        if self.live is not None:
+            self.live.finish(run)
         return RunResult(status, run, self.out)
 
     def write_provisional(self) -> None:
@@ -281,11 +288,13 @@ class _Run:
         return judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
-        routed = {} if self.router is None else {"router": self.router.report()}
+        routed: dict[str, Any] = {} if self.router is None else {"router": self.router.report()}
         if self.companion is not None:
             routed["companion"] = self.companion.report()
         if self.goal is not None:
             routed["goal"] = self.goal.result.as_map()
+        if self.live is not None and self.live.commands:
+            routed["by_hand"] = self.live.commands
         return routed | summarise(
             self.bench,
             verdict,
@@ -301,6 +310,8 @@ class _Run:
             outside_input=self.config.autopilot.signing_key_file is not None
             or (self.router is not None and self.router.received_any)
             or (self.manual is not None and self.manual.sent > 0)
+            or (self.page_manual is not None and self.page_manual.sent > 0)
+            or (self.live is not None and self.live.altered)
             or self.drawn_elsewhere
             or self._times_of_companions(),
             left_out=self.skipped,
@@ -381,6 +392,7 @@ class _Run:
             tick_ns=config.tick_ns,
             metadata={"rig": config.rig, "scene": self.bench.scene.name, "seed": str(config.seed)},
             attachments=self.attachments,
+            watch=self.live,
         )
         if config.companion.on:
             # Before it is known what is to be drawn: that is what they want.
@@ -435,6 +447,9 @@ class _Run:
             self.manual = make_manual(config)
             stack.callback(self.manual.close)
             commands.append(self.manual)
+        if self.live is not None:
+            self.page_manual = make_page_manual(config, self.live.sticks)
+            commands.append(self.page_manual)
         autopilot_signs = None
         if config.autopilot.signing_key_file is not None:
             autopilot_signs = AutopilotSide(self._key(config.autopilot.signing_key_file))
@@ -454,7 +469,7 @@ class _Run:
             observers.append(self.declared.add)
         if self.goal is not None:
             observers.append(self.goal.add)
-        for source in (self.link, self.manual):
+        for source in (self.link, self.manual, self.page_manual):
             if isinstance(source, ArduPilotJsonLink | ManualControlSource):
                 observers.append(partial(self._record_events, source))
         self.scheduler = Scheduler(
@@ -476,6 +491,57 @@ class _Run:
             pace=config.pace,
             wind_at=lambda: physics.wind_W_mps,
         )
+        if self.live is not None:
+            self._show(self.live, plan)
+
+    def _show(self, live: LiveRun, plan: StagePlan) -> None:
+        """The dashboard is told what there is, and given what it may touch."""
+        from hil.dashboard.live_run import Flown
+        from hil.dashboard.watched import about, slow_facts
+
+        scheduler, link, physics, recorder = self.scheduler, self.link, self.physics, self.recorder
+        assert scheduler is not None
+        assert link is not None
+        assert physics is not None
+        assert recorder is not None
+        home_W = physics.state[:3].tolist()
+
+        def slow() -> dict[str, Any]:
+            return slow_facts(
+                scheduler=scheduler,
+                link=link,
+                physics=physics,
+                skipped=self.skipped,
+                posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
+                companion=None if self.companion is None else self.companion.report(),
+                router=self.router,
+                manual=self.page_manual,
+            )
+
+        live.attach(
+            Flown(
+                about=about(self.bench, self.out, self.legs, plan, link, home_W),
+                scheduler=scheduler,
+                status=self._status,
+                wind_W_mps=lambda: physics.wind_W_mps,
+                slow=slow,
+                inject=self._inject_by_hand,
+                event=recorder.event,
+                can_wait=link.caps.lockstep,
+            )
+        )
+
+    def _inject_by_hand(self, what: Injected) -> None:
+        """As `_inject`, of a sensor that nobody expected to fail. ValueError where it does not fit."""
+        if not isinstance(what, GustEvent | RotorFault) and what.sensor not in self.faulty:
+            slot = next((slot for slot in self.slots if slot.port == what.sensor), None)
+            if slot is None:
+                raise ValueError(f"no sensor {what.sensor!r} is sampled in this run")
+            assert self.recorder is not None
+            sensor = self.sensors[what.sensor]
+            self.faulty[what.sensor] = FaultySensor(sensor, (), on_event=self.recorder.event)
+            slot.sample = self.faulty[what.sensor].sample
+        self._inject(what)
 
     def _companion(self) -> CompanionLink:
         from hil.companion.link import CompanionLink  # most runs have none: ZeroMQ is not loaded for them
@@ -634,6 +700,7 @@ class _Run:
             write_calibration(self.out, name, simulated, rate_hz=sensor.rate_hz)
         faults = [fault for fault in config.faults.sensors if fault.sensor == name]
         made: Sensor = simulated
+        self.sensors[name] = simulated
         if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
             made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
         return SensorSlot(made, RateAccumulator(**rates), after_send=KINDS[sensor.kind].needs_frames)
@@ -664,11 +731,14 @@ class _Run:
         gc.collect()
         gc.freeze()
         gc.disable()
+        before_tick = None if self.live is None else self.live.before_tick
         began_s = time.monotonic()
         try:
             with progress, self._processor() as processor:
                 shared_ticks = self.config.tick_hz if isinstance(processor, SharedProcessor) else 0
                 while scheduler.tick < end_tick:
+                    if before_tick is not None:
+                        before_tick()
                     try:
                         scheduler.step()
                     except RestartRequested:
@@ -690,7 +760,8 @@ class _Run:
                     elif not serving and flight_over.after(scheduler.tick, scheduler.actuators.armed):
                         break
         finally:
-            self.timing_s["flight"] = time.monotonic() - began_s
+            held_s = 0.0 if self.live is None else self.live.held_s
+            self.timing_s["flight"] = time.monotonic() - began_s - held_s
             gc.enable()
             gc.unfreeze()
 

@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -19,6 +19,10 @@ from hil.config import Bench, load_bench
 from hil.entry import CONFIG_STATUS, ERROR_STATUS
 from hil.report.run_json import write_run_json
 from hil.signals.errors import ConfigError, HilError, Problem, RecordingError
+
+if TYPE_CHECKING:
+    from hil.bench import RunResult
+    from hil.dashboard.live_run import LiveRun
 
 app = typer.Typer(
     name="hil",
@@ -47,6 +51,10 @@ SetOption = Annotated[
     ),
 ]
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; default runs/<time>-<rig>.")]
+DashHostOption = Annotated[
+    str, typer.Option(help="Address to serve the page on; any but loopback needs the token that is printed.")
+]
+DashPortOption = Annotated[int, typer.Option(help="Port of the page; 0: any that is free.", min=0, max=65535)]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the result.")]
 
 
@@ -104,6 +112,12 @@ def run(
     out: OutOption = None,
     settings: SetOption = None,
     quiet: QuietOption = False,
+    dash: Annotated[bool, typer.Option("--dash", help="With a page in the browser that follows the flight.")] = False,
+    dash_host: DashHostOption = "127.0.0.1",
+    dash_port: DashPortOption = 8710,
+    dash_fd: Annotated[int | None, typer.Option("--dash-fd", hidden=True)] = None,
+    dash_pace: Annotated[float | None, typer.Option("--dash-pace", hidden=True, min=0.01, max=1000.0)] = None,
+    dash_paused: Annotated[bool, typer.Option("--dash-paused", hidden=True)] = False,
 ) -> None:
     """Fly a mission on a rig and judge the flight."""
     began_s = time.monotonic()
@@ -116,14 +130,31 @@ def run(
         raise typer.Exit(CONFIG_STATUS) from None
     from hil.bench import run_bench
 
+    result: RunResult | None = None
     try:
         folder = new_run_dir(out, bench.config.rig)
-        result = run_bench(bench, folder, quiet=quiet)
-    except HilError as error:  # not even the folder could be written
+        with contextlib.ExitStack() as stack:
+            live: LiveRun | None = None
+            if dash:
+                from hil.dash_command import dashboard_beside
+
+                runs = folder.resolve().parent
+                live = stack.enter_context(dashboard_beside(config, _out, host=dash_host, port=dash_port, runs=runs))
+            elif dash_fd is not None:
+                from hil.dash_command import live_on_fd
+
+                live = live_on_fd(dash_fd, paused=dash_paused, pace=dash_pace)
+                stack.callback(live.close)
+            result = run_bench(bench, folder, quiet=quiet, live=live)
+            with contextlib.suppress(OSError, ValueError):
+                _print_result(result.run, folder, time.monotonic() - began_s)
+    except HilError as error:  # not even the folder could be written, or the page not be served
         complain(error)
         raise typer.Exit(ERROR_STATUS) from None
-    with contextlib.suppress(OSError, ValueError):
-        _print_result(result.run, folder, time.monotonic() - began_s)
+    except KeyboardInterrupt:
+        if result is None:
+            raise
+    assert result is not None
     raise typer.Exit(result.exit_status)
 
 
@@ -283,6 +314,20 @@ def view(
         chosen = [*(settings or ()), *([f"quality={quality}"] if quality is not None else ())]
         files = view_scene(scene, out, seed=seed, at=at, look=look, size=size, variants=variants, settings=chosen)
     _out.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)
+
+
+@app.command()
+def dash(
+    config: ConfigArgument = None,
+    host: DashHostOption = "127.0.0.1",
+    port: DashPortOption = 8710,
+    runs: Annotated[Path, typer.Option(help="Folder of the runs that can be opened.")] = Path("runs"),
+) -> None:
+    """A page in the browser: start and follow runs, fly by hand, open past runs."""
+    from hil.dash_command import serve_dashboard
+
+    with told():
+        serve_dashboard(config, _out, host=host, port=port, runs=runs)
 
 
 @app.command()

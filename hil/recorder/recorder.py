@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, Protocol
 
 from firmware_bridge.codecs.signing import SETUP_SIGNING
 from hil.recorder.album import Album
@@ -43,6 +43,14 @@ class Event(NamedTuple):
     text: str
 
 
+class Watch(Protocol):
+    """Whoever looks on while a run goes: takes references, changes nothing."""
+
+    def sample(self, port: str, sample: Sample) -> None: ...
+
+    def event(self, t_ns: int, kind: str, text: str) -> None: ...
+
+
 class Recorder:
     """Fan-out to the sinks that are on.
 
@@ -62,6 +70,7 @@ class Recorder:
         attachments: Mapping[str, bytes] | None = None,
         keep_tick_digests: bool = False,
         open_file: Callable[[Path], BinaryIO] = open_unbuffered,
+        watch: Watch | None = None,
     ) -> None:
         """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
         self._digest = Digest(keep_ticks=keep_tick_digests)
@@ -70,6 +79,7 @@ class Recorder:
         self.events: list[Event] = []
         self._tick = 0
         self._closed = False
+        self._watch = watch
         self._mcap: McapSink | None = None
         self._tlog: TlogSink | None = None
         if mcap or tlog:
@@ -130,6 +140,8 @@ class Recorder:
             self.album.add(port, sample)
         if self._mcap:
             self._mcap.sample(port, sample)
+        if self._watch is not None:
+            self._watch.sample(port, sample)
 
     def sent(self, tick: int, t_ns: int, data: bytes) -> None:
         """`data` went to the autopilot in this tick, possibly several frames of it."""
@@ -172,6 +184,8 @@ class Recorder:
             self.events.append(Event(t_ns, kind, text))
         if self._mcap:
             self._mcap.event(t_ns, kind, text)
+        if self._watch is not None:
+            self._watch.event(t_ns, kind, text)
 
     def flush(self) -> None:
         """Put everything so far on disk."""

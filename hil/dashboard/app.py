@@ -1,0 +1,161 @@
+"""The page's server: static files, one socket for what is live, and past runs to be read."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from hil.dashboard.choices import choices, run_arguments
+from hil.dashboard.guard import App, Guard
+from hil.dashboard.hub import Hub, Page
+from hil.dashboard.own_views import scene_of
+from hil.dashboard.past_runs import PastRuns
+from hil.dashboard.run_process import RunProcess
+from hil.signals.errors import HilError
+
+PAGE_FOLDER = Path(__file__).resolve().parent / "page"
+_LARGEST_WORD = 16_384  # bytes of one message of a page
+_MOST_PAGES = 24
+# A report holds its own style and pictures, and no scripts; it is shown in a box from which nothing gets out.
+_REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+
+
+class Dashboard:
+    """One server: its hub, the run it started, the past runs of one folder."""
+
+    def __init__(self, *, config: Path | None, bench_file: Path | None, runs: Path) -> None:
+        """`config`: the bench file that runs are started with; `bench_file`: whose scene is shown before any run."""
+        self.hub = Hub(bench_file)
+        self.run = RunProcess(self.hub)
+        self._config = config
+        self._past = PastRuns(runs)
+        self._again: list[str] | None = None  # arguments of the last start
+
+    def application(self, token: str | None) -> App:
+        """The ASGI application, guarded."""
+        routes = [
+            Route("/", self._index),
+            Route("/api/choices", self._choices),
+            Route("/api/scene", self._scene),
+            Route("/api/runs", self._runs),
+            Route("/api/runs/{name}/summary", self._summary),
+            Route("/api/runs/{name}/track", self._track),
+            Route("/api/runs/{name}/picture", self._picture),
+            Route("/runs/{name}/{path:path}", self._file),
+            WebSocketRoute("/live", self._live),
+            Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+        ]
+        return Guard(Starlette(routes=routes), token=token)
+
+    async def _index(self, _request: Request) -> Response:
+        return FileResponse(PAGE_FOLDER / "index.html", media_type="text/html")
+
+    async def _choices(self, _request: Request) -> Response:
+        return JSONResponse(await _in_thread(choices, self._config))
+
+    async def _scene(self, request: Request) -> Response:
+        name = request.query_params.get("run")
+        folder = None if name is None else await _in_thread(self._past.folder, name)
+        if name is not None and folder is None:
+            return PlainTextResponse("no such run", 404)
+        try:
+            triangles = await (self.hub.scene() if folder is None else _in_thread(scene_of, folder / "bench.yaml"))
+            return Response(triangles, media_type="application/octet-stream")
+        except HilError as error:
+            return PlainTextResponse(str(error), 422)
+
+    async def _runs(self, _request: Request) -> Response:
+        return JSONResponse(await _in_thread(self._past.listed))
+
+    async def _summary(self, request: Request) -> Response:
+        found = await _in_thread(self._past.summary, request.path_params["name"])
+        return PlainTextResponse("no such run", 404) if found is None else JSONResponse(found)
+
+    async def _track(self, request: Request) -> Response:
+        try:
+            return JSONResponse(await _in_thread(self._past.track, request.path_params["name"]))
+        except HilError as error:
+            return PlainTextResponse(str(error), 422)
+
+    async def _picture(self, request: Request) -> Response:
+        query = request.query_params
+        try:
+            t_ns = int(query.get("t_ns", ""))
+        except ValueError:
+            return PlainTextResponse("t_ns must be a whole number", 400)
+        name, topic = request.path_params["name"], query.get("topic", "")
+        found = await _in_thread(self._past.picture, name, topic, t_ns)
+        return PlainTextResponse("no picture", 404) if found is None else Response(found[1], media_type=found[0])
+
+    async def _file(self, request: Request) -> Response:
+        path = await _in_thread(self._past.file, request.path_params["name"], request.path_params["path"])
+        if path is None:
+            return PlainTextResponse("no such file", 404)
+        return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
+
+    async def _live(self, socket: WebSocket) -> None:
+        if len(self.hub.pages) >= _MOST_PAGES:
+            await socket.close(1013, "too many pages are open")
+            return
+        await socket.accept()
+        page = Page(socket.send_bytes)
+        self.hub.pages.add(page)
+        try:
+            while True:
+                text = await socket.receive_text()
+                message = _message(text)
+                if message is not None:
+                    await self._hear(page, message)
+        except (WebSocketDisconnect, KeyError, RuntimeError, OSError):
+            pass  # closed, or bytes where text belongs
+        finally:
+            await self.hub.leave(page)
+            with contextlib.suppress(RuntimeError, OSError):
+                await socket.close()
+
+    async def _hear(self, page: Page, message: dict[str, Any]) -> None:
+        kind = message.get("kind")
+        if kind not in ("start", "reset"):
+            await self.hub.hear(page, message)
+            return
+        if kind == "start" and self.run.going:
+            return
+        try:
+            arguments = run_arguments(message, self._config) if kind == "start" else self._again
+        except ValueError as error:
+            self.hub.message = str(error)
+            await self.hub.changed()
+            return
+        if kind == "reset":
+            await self.run.stop()
+            await self.hub.waits_to_end.wait()
+        if arguments is not None:
+            self._again = arguments
+            self.hub.message = ""
+            self.run.start(arguments)
+
+
+def _message(text: str) -> dict[str, Any] | None:
+    """What a page said; None where it is nothing that a page says."""
+    if len(text) > _LARGEST_WORD:
+        return None
+    try:
+        message = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) else None
+
+
+async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:
+    return await asyncio.get_running_loop().run_in_executor(None, call, *arguments)

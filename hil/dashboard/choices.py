@@ -1,0 +1,75 @@
+"""What a run can be started with from the page: names out of lists, never paths or programs that a page makes up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+import rigs
+from hil.config.files import available, default_bench
+
+_PACKAGE = Path(rigs.__file__).resolve().parent
+_MISSIONS = ("*.plan", "*.waypoints", "*.yaml")
+_MAX_SEED = 2**63 - 1
+
+
+def choices(config: Path | None) -> dict[str, Any]:
+    """Lists for the page's form. `config`: the bench file of `hil dash`."""
+    benches = sorted({*_files(Path("rigs/benches"), ("*.yaml",)), *_files(_PACKAGE / "benches", ("*.yaml",))})
+    missions = sorted({*_files(Path("rigs/missions"), _MISSIONS), *_files(_PACKAGE / "missions", _MISSIONS)})
+    default = config or default_bench()
+    return {
+        "bench": [*([] if default is None else [str(default)]), *benches],
+        "rig": available("rig", ()),
+        "scene": available("scene", ()),
+        "mission": missions,
+        "defaults": _defaults(default),
+    }
+
+
+def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
+    """Arguments of `hil run` for a form that was sent. ValueError names what is not to be had."""
+    lists = choices(config)
+    arguments: list[str] = []
+    for name in ("bench", "rig", "scene", "mission"):
+        value = message.get(name)
+        if value in (None, ""):
+            continue
+        if value not in lists[name]:
+            raise ValueError(f"no {name} {value!r}")
+        # Behind "=" a value is a value, whatever it begins with.
+        arguments.append(f"./{value}" if name == "bench" and not Path(value).is_absolute() else f"--{name}={value}")
+        if name == "bench" and Path(value).is_absolute():
+            arguments[-1] = str(value)
+    seed, pace = message.get("seed"), message.get("pace")
+    if seed is not None:
+        if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= _MAX_SEED:
+            raise ValueError("the seed must be a whole number from 0 on")
+        arguments.append(f"--seed={seed}")
+    if pace is not None:
+        if not isinstance(pace, int | float) or not math.isfinite(pace) or not 0.01 <= pace <= 1000.0:
+            raise ValueError("the pace must be 0.01 to 1000 times real time")
+        arguments.append(f"--dash-pace={pace}")
+    if message.get("paused") is True:
+        arguments.append("--dash-paused")
+    if message.get("gamepad") is True:
+        arguments.append("--set=manual.device=gamepad")
+    return arguments
+
+
+def _files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
+    return [str(path) for pattern in patterns for path in folder.glob(pattern) if path.is_file()]
+
+
+def _defaults(bench: Path | None) -> dict[str, Any]:
+    """What the bench file says of the form's fields; whether it is right is checked when it is run."""
+    try:
+        data = yaml.safe_load(bench.read_text()) if bench is not None else {}
+    except (OSError, yaml.YAMLError, UnicodeError):
+        data = {}
+    known = data if isinstance(data, dict) else {}
+    return {name: known.get(name) for name in ("rig", "scene", "mission", "seed")}

@@ -1,0 +1,366 @@
+// The page: puts what comes from the socket where it is seen, and what is pressed on the socket.
+
+import { Chart } from "/page/charts.js";
+import { drawHorizon } from "/page/horizon.js";
+import { Live } from "/page/live.js";
+import { attitude } from "/page/matrices.js";
+import { Panes } from "/page/panes.js";
+import { Replay } from "/page/replay.js";
+import { Runs, json } from "/page/runs.js";
+import { Sticks } from "/page/sticks.js";
+import { bytes, number, table } from "/page/tables.js";
+import { View3d } from "/page/view3d.js";
+
+const $ = (id) => document.getElementById(id);
+const LOG_LINES = 200, NS = 1e9;
+const LINK_ROWS = [["messages sent", (l) => l.steps], ["late", (l) => l.late ?? "–"], ["lost, damaged", (l) => `${l.lost}, ${l.bad}`],
+  ["round trip, median", (l) => `${number(l.rtt_p50_us, 0)} µs`], ["round trip, worst 1 %", (l) => `${number(l.rtt_p99_us, 0)} µs`],
+  ["out, in", (l) => `${bytes(l.tx_bytes ?? 0)}, ${bytes(l.rx_bytes ?? 0)}`]];
+const charts = {
+  altitude: new Chart($("c-altitude"), { range: [0, 5] }),
+  speed: new Chart($("c-speed"), { range: [0, 2] }),
+  motors: new Chart($("c-motors"), { range: [0, 1] }),
+};
+const view = new View3d($("view"), $("view-note"));
+let replay = null, going = false, about = {}, state = {}, trail = [], run = -1, sceneOf = null;
+
+// -- what comes ----------------------------------------------------------------------------------------------------
+
+const live = new Live(update, () => setStatus("no connection", "bad"));
+
+function update(head, frames) {
+  going = head.going;
+  if (head.about) begin(head);
+  if (head.trail_whole) trail = [];
+  for (const point of head.trail) trail.push(point);
+  if (head.trail_whole && !replay?.on) remember();
+  state = head.state;
+  showMessage(head.message);
+  buttons();
+  if (replay?.on) return;
+  for (const event of head.events) log(event);
+  if (state.p) showState();
+  showSlow(head.slow);
+  showStatus(head.result);
+  for (const frame of frames) panes.show(frame);
+}
+
+// A page that was opened late knows where the vehicle has been, and so how high and how fast.
+function remember() {
+  charts.altitude.clear();
+  charts.speed.clear();
+  trail.forEach((point, k) => {
+    const [t0, ...p0] = trail[Math.max(0, k - 1)], [t, ...p] = point, dt = t - t0 || 1;
+    charts.altitude.add(t, [p[2]]);
+    charts.speed.add(t, [Math.hypot(p[0] - p0[0], p[1] - p0[1]) / dt, (p[2] - p0[2]) / dt]);
+  });
+}
+
+function begin(head) {
+  about = head.about;
+  if (head.run === run || replay.on) return;
+  run = head.run;
+  for (const chart of Object.values(charts)) chart.clear();
+  $("log").replaceChildren();
+  showWorld(about);
+}
+
+function showWorld(of) {
+  if (of.rotor_positions) view.setVehicle(of.rotor_positions);
+  const plan = of.path?.length ? [of.home, ...of.path] : [];
+  view.setLine("plan", plan.flat(), { colour: "--plan" });
+  view.setLine("corners", (of.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
+  view.setLine("trail", [], { colour: "--trail" });
+  if (of.home && !replay.on) view.setPose(of.home, [1, 0, 0, 0]);
+  const streams = Object.values(of.sensors ?? {}).flatMap((sensor) => sensor.streams);
+  if (!replay.on) panes.offer(streams);
+  options($("fault-rotor"), Array.from({ length: of.rotors ?? 4 }, (_, k) => String(k)));
+  options($("fault-sensor"), Object.keys(of.sensors ?? {}));
+  loadScene(of.out ?? "");
+}
+
+async function loadScene(which) {
+  if (sceneOf === which) return;
+  sceneOf = which;
+  const answer = await fetch("/api/scene");
+  if (answer.ok) view.setScene(await answer.arrayBuffer());
+  else $("view-note").textContent = await answer.text();
+}
+
+function showState() {
+  view.setPose(state.p, state.q);
+  const flat = new Float32Array(3 * trail.length + 3);
+  trail.forEach((point, k) => flat.set([point[1], point[2], point[3]], 3 * k));
+  flat.set(state.p, 3 * trail.length);
+  view.setLine("trail", flat, { colour: "--trail" });
+  const t = state.t_ns / NS;
+  charts.altitude.add(t, [state.p[2]]);
+  charts.speed.add(t, [Math.hypot(state.v[0], state.v[1]), state.v[2]]);
+  charts.motors.add(t, state.controls);
+  for (const chart of Object.values(charts)) chart.draw();
+  showVehicle(state, t);
+}
+
+function showVehicle(s, t) {
+  const turn = attitude(s.q);
+  drawHorizon($("horizon"), turn);
+  $("clock").textContent = `${t.toFixed(2)} s`;
+  const rows = [["altitude", `${number(s.p[2])} m`], ["east", `${number(s.p[0])} m`], ["north", `${number(s.p[1])} m`],
+    ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`], ["climb", `${number(s.v[2])} m/s`],
+    ["roll", `${number(turn.roll * 57.29578, 1)}°`], ["pitch", `${number(turn.pitch * 57.29578, 1)}°`]];
+  if (s.wind) rows.push(["wind", `${number(Math.hypot(...s.wind), 1)} m/s`]);
+  if (s.armed !== undefined) rows.push(["motors", s.armed ? "armed" : "disarmed"]);
+  if (s.battery) rows.push(["battery", `${number(100 * s.battery[0], 0)} %, ${number(s.battery[1], 1)} V, ${number(s.battery[2], 1)} A`]);
+  const list = $("numbers");
+  list.replaceChildren(...rows.flatMap(([name, value]) => {
+    const dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name; dd.textContent = value;
+    return [dt, dd];
+  }));
+  const motors = $("motors");
+  while (motors.children.length > s.controls.length) motors.lastChild.remove();
+  s.controls.forEach((u, k) => {
+    let one = motors.children[k];
+    if (!one) {
+      one = document.createElement("div");
+      one.append(document.createElement("span"), document.createElement("meter"));
+      motors.append(one);
+    }
+    one.firstChild.textContent = `motor ${k} ${number(100 * u, 0)} %`;
+    one.lastChild.value = u;
+  });
+}
+
+function showSlow(slow) {
+  if (slow.battery) state.battery = slow.battery;
+  if (slow.links) {
+    table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
+  }
+  if (slow.skipped) table($("skipped"), ["what", "why", "saved"], slow.skipped.map((s) => [s.what, s.why, s.saved]));
+}
+
+function showStatus(result) {
+  const reached = `${state.reached ?? 0} of ${state.waypoints ?? 0} waypoints`;
+  $("mission").textContent = about.rig === undefined ? "no run yet" : state.waypoints ? `${state.phase}, ${reached}` : (state.phase ?? "");
+  $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
+  const named = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
+  if (going) {
+    setStatus(state.paused ? `paused at tick ${state.tick}` : (state.phase ?? "starting"), state.paused ? "warn" : "live");
+    const speed = state.paused ? "" : `, ${number(state.speed, 1)} x real time`;
+    $("headline").textContent = named + speed + (state.altered ? ", altered by hand" : "");
+  } else if (result) {
+    setStatus(result.status, { PASS: "good", FAIL: "warn", ERROR: "bad" }[result.status]);
+    $("headline").textContent = `${named}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
+    $("headline").title = result.digest;
+  } else setStatus("no run", "");
+  const chip = $("deadman"), held = going && state.held;
+  chip.textContent = held ? "flying by hand" : "sticks released";
+  chip.className = `chip ${held ? "good" : ""}`;
+}
+
+function setStatus(text, kind) { $("status").textContent = text; $("status").className = `chip ${kind}`; }
+function showMessage(text) { $("message").hidden = !text; $("message").textContent = text ?? ""; }
+function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
+
+function log([t_ns, kind, text]) {
+  const line = document.createElement("li"), list = $("log");
+  line.textContent = `${(t_ns / NS).toFixed(2).padStart(7)}  ${kind}: ${text}`;
+  if (kind === "error" || kind === "refused") line.className = "bad";
+  if (kind === "warning" || kind === "fault" || kind === "by_hand") line.className = "warned";
+  list.prepend(line);
+  while (list.children.length > LOG_LINES) list.lastChild.remove();
+}
+
+function buttons() {
+  const paused = state.paused === true;
+  $("start").disabled = going;
+  $("pause").disabled = !going || paused || about.lockstep === false;
+  $("step").disabled = !going || about.lockstep === false;
+  $("resume").disabled = !going || !paused;
+  $("stop").disabled = !going;
+  $("reset").disabled = run < 1;
+  for (const one of document.querySelectorAll("[data-ask], [data-gust], #inject-rotor, #inject-sensor, #wind-speed, #wind-dir"))
+    one.disabled = !going;
+}
+
+// -- what is pressed -----------------------------------------------------------------------------------------------
+
+const panes = new Panes({
+  chips: $("pane-chips"), box: $("panes"),
+  onChange: (streams) => { if (!replay?.on) live.watch(streams); else showPictures(Number($("replay-time").value)); },
+  onCloud: (stream, cloud) => view.setLine(`cloud ${stream}`, cloud?.points ?? [],
+    { colour: "--warn", mode: view.gl?.POINTS, size: 2, at: cloud?.at ?? null }),
+});
+
+for (const kind of ["pause", "step", "resume", "stop", "reset"]) $(kind).onclick = () => live.say({ kind });
+$("start-form").onsubmit = (event) => {
+  event.preventDefault();
+  if (replay.on) $("replay-close").click();
+  const message = { kind: "start", paused: $("f-paused").checked, gamepad: $("f-gamepad").checked };
+  for (const name of ["bench", "rig", "scene", "mission"]) if ($(`f-${name}`).value) message[name] = $(`f-${name}`).value;
+  if ($("f-seed").value !== "") message.seed = Number($("f-seed").value);
+  if ($("f-pace").value !== "") message.pace = Number($("f-pace").value);
+  live.say(message);
+};
+$("f-pace").onchange = () => { if (going) live.say({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) }); };
+
+new Sticks({
+  pad: $("hold"), left: $("stick-left"), right: $("stick-right"),
+  say: (message) => live.say(message),
+  mode: () => $("take-mode").value,
+  mayFly: () => going && !replay.on && !$("live").hidden,
+  onTake: () => {
+    // Nobody flies at twenty times real time.
+    if (about.lockstep !== false && state.pace !== 1) { live.say({ kind: "pace", pace: 1 }); $("f-pace").value = "1"; }
+  },
+}).bind($("asks"));
+
+function wind() {
+  const speed = Number($("wind-speed").value), deg = Number($("wind-dir").value), rad = deg * Math.PI / 180;
+  const names = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
+  $("wind-text").textContent = `${speed} m/s`;
+  $("wind-dir-text").textContent = `${names[Math.round(deg / 45) % 8]}`;
+  return [speed * Math.cos(rad), speed * Math.sin(rad), 0].map((v) => Math.round(v * 1000) / 1000);
+}
+for (const id of ["wind-speed", "wind-dir"]) {
+  $(id).oninput = wind;
+  $(id).onchange = () => live.say({ kind: "wind", velocity_W_mps: wind() });
+}
+for (const one of document.querySelectorAll("[data-gust]")) one.onclick = () => {
+  const speed = Number(one.dataset.gust), rad = Number($("wind-dir").value) * Math.PI / 180;
+  live.say({ kind: "inject", fault: { velocity_W_mps: [speed * Math.cos(rad), speed * Math.sin(rad), 0], rise_s: 0.5, hold_s: 2, fall_s: 0.5 } });
+};
+$("inject-rotor").onclick = () => {
+  const kind = $("fault-rotor-kind").value, fault = { kind, rotor: Number($("fault-rotor").value) };
+  if (kind === "efficiency") fault.factor = 0.7;
+  live.say({ kind: "inject", fault });
+};
+$("inject-sensor").onclick = () => live.say({ kind: "inject", fault: { kind: $("fault-sensor-kind").value,
+  sensor: $("fault-sensor").value, for_s: Number($("fault-for").value) || 5 } });
+
+$("v-follow").onclick = () => {
+  view.follow = !view.follow;
+  $("v-follow").setAttribute("aria-pressed", String(view.follow));
+  if (view.follow && view.vehicle) view.setPose(view.vehicle.p, view.vehicle.q);
+};
+$("v-top").onclick = () => view.look(-Math.PI / 2, 1.55, Math.max(view.distance, 40));
+$("v-behind").onclick = () => {
+  const heading = view.vehicle ? attitude(view.vehicle.q).heading : 0;
+  view.look(-Math.PI / 2 - heading, 0.3, 8);
+};
+
+// -- past runs -----------------------------------------------------------------------------------------------------
+
+replay = new Replay({
+  bar: $("replay-bar"), slider: $("replay-time"), text: $("replay-text"), play: $("replay-play"), close: $("replay-close"),
+  show: showReplay,
+  onClose: () => {
+    for (const chart of Object.values(charts)) chart.clear();
+    view.setLine("other", [], { colour: "--other" });
+    $("legend-other").replaceChildren();
+    $("log").replaceChildren();
+    run = -1;
+    begin({ about, run: 0 });
+  },
+});
+const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare: $("compare"), onReplay: openReplay });
+$("runs-again").onclick = () => runs.load();
+
+async function openReplay(name, summary, other = null) {
+  if (!(await replay.open(name, summary, other))) { showMessage(`${name}: its recording holds no flight`); return; }
+  const { track, second } = replay;
+  select("live");
+  setStatus(`replay: ${summary.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[summary.status]);
+  $("headline").textContent = `${name}, digest ${summary.digest.slice(0, 12)}`;
+  $("mission").textContent = `${summary.mission.reached} of ${summary.mission.waypoints} waypoints`;
+  $("progress").value = summary.mission.waypoints ? summary.mission.reached / summary.mission.waypoints : 0;
+  table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
+    summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
+  table($("skipped"), ["what", "why", "saved"], summary.skipped.map((s) => [s.what, s.why, s.saved]));
+  $("log").replaceChildren();
+  for (const event of track.events) log(event);
+  view.setLine("plan", [], { colour: "--plan" });
+  view.setLine("corners", [], { colour: "--plan" });
+  view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
+  if (second) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
+  const rotors = Math.max(1, track.controls.reduce((most, row) => Math.max(most, row.findLastIndex((u) => u > 0) + 1), 4));
+  replay.rotors = rotors;
+  const set = (chart, value) => {
+    chart.clear();
+    chart.set(track.t, track.t.map((_, k) => value(track, k)));
+    if (second) chart.other = { t: second.t, rows: second.t.map((_, k) => value(second, k).slice(0, 1)) };
+  };
+  set(charts.altitude, (t, k) => [t.p[k][2]]);
+  set(charts.speed, (t, k) => [Math.hypot(t.v[k][0], t.v[k][1]), t.v[k][2]]);
+  set(charts.motors, (t, k) => t.controls[k].slice(0, rotors));
+  panes.offer(track.pictures, []);
+  replay.begin();
+  const scene = await fetch(`/api/scene?run=${encodeURIComponent(name)}`);
+  if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; }
+}
+
+function showReplay(k, t) {
+  const { track, rotors } = replay;
+  const shown = { p: track.p[k], q: track.q[k], v: track.v[k], controls: track.controls[k].slice(0, rotors) };
+  view.setPose(shown.p, shown.q);
+  view.setLine("trail", track.p.slice(0, k + 1).flat(), { colour: "--trail" });
+  for (const chart of Object.values(charts)) { chart.cursor = t; chart.draw(); }
+  showVehicle(shown, t);
+  showPictures(t);
+}
+
+let pictureBusy = false;
+async function showPictures(t) {
+  if (pictureBusy || !replay.on) return;
+  pictureBusy = true;
+  try {
+    for (const topic of panes.open.keys())
+      await panes.showUrl(topic, `/api/runs/${replay.name}/picture?topic=${encodeURIComponent(topic)}&t_ns=${Math.round(t * NS)}`);
+  } finally { pictureBusy = false; }
+}
+
+// -- the rest ------------------------------------------------------------------------------------------------------
+
+function select(name) {
+  for (const one of ["live", "runs"]) {
+    $(one).hidden = one !== name;
+    $(`tab-${one}`).setAttribute("aria-selected", String(one === name));
+  }
+  if (name === "runs") runs.load();
+  live.watch(name === "live" && !replay.on ? [...panes.open.keys()] : []);
+  view.touch();
+}
+$("tab-live").onclick = () => select("live");
+$("tab-runs").onclick = () => select("runs");
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  view.touch();
+  for (const chart of Object.values(charts)) chart.draw();
+}
+const asked = localStorage.getItem("theme");
+theme(asked ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+$("theme").onclick = () => {
+  const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", next);
+  theme(next);
+};
+
+function options(select_, values, { none = null, chosen = null } = {}) {
+  const before = chosen ?? select_.value;
+  select_.replaceChildren();
+  if (none !== null) select_.append(new Option(none, ""));
+  for (const value of values) select_.append(new Option(base(value), value));
+  if ([...select_.options].some((option) => option.value === before)) select_.value = before;
+}
+
+async function start() {
+  buttons();
+  view.setVehicle([[0.17, 0.17, 0.02], [-0.17, 0.17, 0.02], [-0.17, -0.17, 0.02], [0.17, -0.17, 0.02]]);
+  options($("fault-rotor"), ["0", "1", "2", "3"]);
+  const lists = await json("/api/choices");
+  if (lists) for (const name of ["bench", "rig", "scene", "mission"])
+    options($(`f-${name}`), lists[name], { none: name === "bench" ? null : `bench's${lists.defaults[name] ? ` (${base(lists.defaults[name])})` : ""}` });
+  document.documentElement.dataset.ready = "yes";
+}
+start();

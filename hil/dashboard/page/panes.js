@@ -1,0 +1,131 @@
+// Panes of what sensors see. Only open ones are asked for, and so only those are drawn anywhere.
+
+import { css, sized } from "/page/charts.js";
+
+const OWN = { "view/camera/rgb": "camera", "view/camera/depth": "depth", "view/camera/segmentation": "classes",
+  "view/lidar/points": "LiDAR", "view/radar/range_doppler": "radar map", "view/radar/points": "radar detections" };
+const REACH_M = 40;
+
+export class Panes {
+  constructor({ chips, box, onChange, onCloud }) {
+    Object.assign(this, { chips, box, onChange, onCloud });
+    this.open = new Map();
+    this.all = [];
+    this.wanted = new Set(["view/camera/rgb"]);
+    this.offer([]);
+  }
+
+  // `run`: streams that the run itself draws, or has recorded.
+  offer(run, own = Object.keys(OWN)) {
+    this.all = [...own, ...run];
+    this.chips.replaceChildren();
+    for (const stream of this.all) {
+      const chip = document.createElement("button");
+      chip.textContent = OWN[stream] ?? stream;
+      chip.title = OWN[stream] ? "drawn for this page, without errors" : "the run's own sensor";
+      chip.dataset.stream = stream;
+      chip.setAttribute("aria-pressed", String(this.wanted.has(stream)));
+      chip.onclick = () => {
+        if (!this.wanted.delete(stream)) this.wanted.add(stream);
+        this.arrange();
+      };
+      this.chips.append(chip);
+    }
+    this.arrange();
+  }
+
+  arrange() {
+    const now = this.all.filter((stream) => this.wanted.has(stream));
+    for (const chip of this.chips.children) chip.setAttribute("aria-pressed", String(this.wanted.has(chip.dataset.stream)));
+    for (const [stream, pane] of this.open) if (!now.includes(stream)) {
+      pane.remove();
+      this.open.delete(stream);
+      if (stream.endsWith("/points")) this.onCloud(stream, null);
+    }
+    for (const stream of now) if (!this.open.has(stream)) {
+      const pane = document.createElement("div");
+      pane.className = "pane";
+      pane.dataset.stream = stream;
+      const canvas = document.createElement("canvas"), caption = document.createElement("p");
+      canvas.width = 320; canvas.height = 240;
+      caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
+      caption.firstChild.textContent = OWN[stream] ?? stream;
+      pane.append(canvas, caption);
+      this.box.append(pane);
+      this.open.set(stream, pane);
+    }
+    this.onChange(now);
+  }
+
+  async show(frame) {
+    const pane = this.open.get(frame.stream);
+    if (!pane) return;
+    const canvas = pane.firstChild, note = pane.lastChild.lastChild;
+    note.textContent = `${(frame.t_ns / 1e9).toFixed(2)} s`;
+    pane.dataset.frames = String(Number(pane.dataset.frames ?? 0) + 1);
+    if (frame.as.startsWith("image/")) await showPicture(canvas, new Blob([frame.data], { type: frame.as }));
+    else if (frame.as === "points") {
+      const points = new Float32Array(frame.data);
+      fromAbove(canvas, points);
+      this.onCloud(frame.stream, { points, at: [frame.p, frame.q] });
+      note.textContent += `, ${points.length / 3} points`;
+    } else if (frame.as === "records") {
+      detections(canvas, frame.records);
+      note.textContent += `, ${frame.records.length} found`;
+    }
+  }
+
+  // Pictures of a recording: `pictures` of {stream, url}.
+  async showUrl(stream, url) {
+    const pane = this.open.get(stream);
+    if (!pane) return;
+    const answer = await fetch(url);
+    if (answer.ok) await showPicture(pane.firstChild, await answer.blob());
+  }
+}
+
+async function showPicture(canvas, blob) {
+  const picture = await createImageBitmap(blob);
+  if (canvas.width !== picture.width || canvas.height !== picture.height) {
+    canvas.width = picture.width;
+    canvas.height = picture.height;
+  }
+  canvas.getContext("2d").drawImage(picture, 0, 0);
+  picture.close();
+}
+
+function ground(canvas, reach) {
+  const ratio = sized(canvas), g = canvas.getContext("2d"), { width, height } = canvas;
+  g.clearRect(0, 0, width, height);
+  const scale = Math.min(width, height) / (2 * reach), x = (left) => width / 2 - left * scale, y = (ahead) => height / 2 - ahead * scale;
+  g.strokeStyle = css("--line"); g.fillStyle = css("--quiet"); g.lineWidth = ratio; g.font = `${10 * ratio}px system-ui, sans-serif`;
+  for (let r = reach / 4; r <= reach; r += reach / 4) {
+    g.beginPath(); g.arc(width / 2, height / 2, r * scale, 0, 7); g.stroke();
+    g.fillText(`${r.toFixed(0)} m`, width / 2 + 3 * ratio, height / 2 - r * scale + 11 * ratio);
+  }
+  g.fillStyle = css("--bad");
+  g.beginPath(); g.moveTo(width / 2, height / 2 - 7 * ratio); g.lineTo(width / 2 - 5 * ratio, height / 2 + 5 * ratio);
+  g.lineTo(width / 2 + 5 * ratio, height / 2 + 5 * ratio); g.fill();
+  return { g, x, y, ratio };
+}
+
+// Ahead is up. Colour by height, from blue below to red above.
+function fromAbove(canvas, points) {
+  const { g, x, y, ratio } = ground(canvas, REACH_M);
+  for (let k = 0; k + 2 < points.length; k += 3) {
+    const up = Math.max(0, Math.min(1, (points[k + 2] + 6) / 12));
+    g.fillStyle = `hsl(${220 - 220 * up} 75% 50%)`;
+    g.fillRect(x(points[k + 1]), y(points[k]), 1.6 * ratio, 1.6 * ratio);
+  }
+}
+
+function detections(canvas, found) {
+  const { g, x, y, ratio } = ground(canvas, 20);
+  for (const one of found) {
+    const ahead = one.x_R ?? one.p_R?.[0] ?? 0, left = one.y_R ?? one.p_R?.[1] ?? 0, speed = one.speed_mps ?? 0;
+    g.fillStyle = Math.abs(speed) < 0.2 ? css("--trail") : css("--bad");
+    g.beginPath(); g.arc(x(left), y(ahead), 4 * ratio, 0, 7); g.fill();
+    g.fillStyle = css("--ink");
+    g.fillText(`${speed.toFixed(1)} m/s`, x(left) + 6 * ratio, y(ahead));
+  }
+}

@@ -1,0 +1,210 @@
+"""Runs on disk: the list, what each came to, and its recording as a page replays it.
+
+Everything is read from the run's own folder and nothing is written there. A recording that was cut off is shown up to
+its end.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections import OrderedDict
+from pathlib import Path
+from typing import Any
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from hil.dashboard.pictures import picture
+from hil.dashboard.snapshot import thinned
+from hil.recorder.reading import RecordedMessage, Recording
+from hil.recorder.reading_frames import IMAGE, image
+from hil.recorder.recorder import MCAP_NAME
+from hil.signals.classes import Classes
+from hil.signals.errors import HilError, RecordingError
+from hil.signals.time import NS_PER_S
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,120}\Z")
+_MOST_RUNS = 500  # in the list, the newest
+_MOST_POINTS = 3000  # of a replay's track
+_MOST_EVENTS = 500
+_KEPT = 4  # tracks
+_MOTORS = 8  # shown of the sixteen controls
+_SERVED = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
+_LARGEST_FILE = 64 << 20
+_WINDOW_NS = 2 * NS_PER_S  # a picture is looked for so far back
+_FIELDS = ("status", "digest", "deterministic", "seed", "rig", "scene", "sim_s", "wall_s", "realtime_factor")
+
+
+class PastRuns:
+    """The runs in one folder. Its methods take their time: call them in a thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._tracks: OrderedDict[tuple[str, int], dict[str, Any]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def listed(self) -> list[dict[str, Any]]:
+        """The newest first; folders without a readable run.json are none."""
+        try:
+            found = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
+        except OSError:
+            return []
+        runs = []
+        for folder in sorted(found, key=lambda p: p.name, reverse=True)[:_MOST_RUNS]:
+            summary = _summary(folder)
+            if summary is not None:
+                row = {name: summary.get(name) for name in _FIELDS}
+                mission = summary.get("mission") or {}
+                error = summary.get("error") or {}
+                runs.append(
+                    {
+                        "name": folder.name,
+                        **row,
+                        "mission": mission.get("file"),
+                        "by_hand": len(summary.get("by_hand") or ()),
+                        "error": error.get("type"),
+                        "recording": (folder / MCAP_NAME).is_file(),
+                        "report": (folder / "report.html").is_file(),
+                    }
+                )
+        return runs
+
+    def summary(self, name: str) -> dict[str, Any] | None:
+        """run.json of a run."""
+        folder = self.folder(name)
+        return None if folder is None else _summary(folder)
+
+    def folder(self, name: str) -> Path | None:
+        """Of a run by its name; None where there is none. Never a place outside."""
+        if not _NAME.match(name):
+            return None
+        folder = self._folder / name
+        return folder if folder.is_dir() and not folder.is_symlink() else None
+
+    def file(self, name: str, path: str) -> Path | None:
+        """A file of the run's report; None for everything else."""
+        folder = self.folder(name)
+        if folder is None:
+            return None
+        try:
+            file = (folder / path).resolve()
+            inside = file.is_relative_to(folder.resolve()) and file.is_file()
+        except (OSError, ValueError, RuntimeError):
+            return None
+        if not inside or file.suffix.lower() not in _SERVED or file.stat().st_size > _LARGEST_FILE:
+            return None
+        return file
+
+    def track(self, name: str) -> dict[str, Any]:
+        """The flight as columns, at most 3000 rows; events; topics with pictures. RecordingError."""
+        folder = self.folder(name)
+        if folder is None:
+            raise RecordingError(f"{name}: no such run")
+        path = folder / MCAP_NAME
+        if not path.is_file():
+            raise RecordingError(f"{name}: nothing was recorded (record.mcap was off)")
+        key = (name, path.stat().st_mtime_ns)
+        with self._lock:
+            if key not in self._tracks:
+                self._tracks[key] = _read_track(path)
+                while len(self._tracks) > _KEPT:
+                    self._tracks.popitem(last=False)
+            self._tracks.move_to_end(key)
+            return self._tracks[key]
+
+    def picture(self, name: str, topic: str, t_ns: int) -> tuple[str, bytes] | None:
+        """The recorded picture of a topic that was the newest at a time: ('image/...', bytes)."""
+        folder = self.folder(name)
+        if folder is None:
+            return None
+        newest: RecordedMessage | None = None
+        try:
+            with (folder / MCAP_NAME).open("rb") as file:
+                begin = max(0, t_ns - _WINDOW_NS)
+                found = make_reader(file).iter_messages([topic], begin, t_ns + 1, log_time_order=True, reverse=True)
+                for schema, channel, message in found:
+                    if schema is not None and schema.name.replace("/msg/", "/") == IMAGE:
+                        newest = RecordedMessage(
+                            channel.topic, IMAGE, message.sequence, message.log_time, message.publish_time, message.data
+                        )
+                    break
+            if newest is None:
+                return None
+            _, array = image(newest)
+        except (OSError, McapError, HilError):
+            return None
+        return picture(_channel_of(topic), thinned(array), Classes())
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    try:
+        data = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) else None
+
+
+def _channel_of(topic: str) -> str:
+    """Topics of cameras end in their channel, /front/depth; colour is called image_raw or rgb."""
+    last = topic.rpartition("/")[2]
+    return "rgb" if last in ("rgb", "image_raw", "image") else last
+
+
+def _read_track(path: Path) -> dict[str, Any]:
+    recording = Recording(path).scan()
+    stride_ns = recording.last_ns // _MOST_POINTS
+    rows = _Rows(stride_ns)
+    for message in recording.messages():
+        rows.take(message)
+    return rows.columns() | {"complete": recording.complete}
+
+
+class _Rows:
+    """Thinned columns of a recording."""
+
+    def __init__(self, stride_ns: int) -> None:
+        self._stride_ns = max(stride_ns, NS_PER_S // 25)
+        self._next_ns = 0
+        self._row: dict[str, Any] | None = None
+        self._controls: list[float] = []
+        self._rows: list[dict[str, Any]] = []
+        self._events: list[list[Any]] = []
+        self._topics: dict[str, int] = {}
+
+    def take(self, message: RecordedMessage) -> None:
+        """One message, in order."""
+        topic = message.topic
+        if topic == "/truth/pose":
+            self._row = None
+            if message.log_time_ns >= self._next_ns:
+                self._next_ns = message.log_time_ns + self._stride_ns
+                v = message.decode()
+                self._row = {
+                    "t": message.log_time_ns / NS_PER_S,
+                    "p": [v[f"pose.position.{axis}"] for axis in "xyz"],
+                    "q": [v[f"pose.orientation.{axis}"] for axis in "wxyz"],
+                    "v": [0.0, 0.0, 0.0],
+                    "controls": self._controls,
+                }
+                self._rows.append(self._row)
+        elif topic == "/truth/velocity" and self._row is not None:
+            v = message.decode()
+            self._row["v"] = [v[f"vector.{axis}"] for axis in "xyz"]
+        elif topic == "/actuators" and message.log_time_ns + self._stride_ns >= self._next_ns:
+            v = message.decode()
+            self._controls = [round(float(v[f"controls[{n}]"]), 4) for n in range(_MOTORS)]
+        elif topic == "/events" and len(self._events) < _MOST_EVENTS:
+            v = message.decode()
+            self._events.append([message.log_time_ns, v.get("name", ""), v.get("msg", "")])
+        elif message.type_name == IMAGE:
+            self._topics[topic] = self._topics.get(topic, 0) + 1
+
+    def columns(self) -> dict[str, Any]:
+        """By name, one entry a row."""
+        names = ("t", "p", "q", "v", "controls")
+        return {name: [row[name] for row in self._rows] for name in names} | {
+            "events": self._events,
+            "pictures": sorted(self._topics),
+        }

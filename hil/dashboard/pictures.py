@@ -1,0 +1,86 @@
+"""Samples as a browser shows them: JPEG and PNG, points as floats, tables as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.dashboard.snapshot import array_of
+from hil.signals.classes import Classes
+
+_NEAREST_M, _FARTHEST_M = 0.5, 200.0
+_NOTHING = (190, 190, 190)  # BGR, where nothing was hit
+_FASTEST_MPS = 5.0
+_MAP_DB = 60.0  # below the strongest cell of a range-Doppler map nothing is shown
+
+
+class Shown(NamedTuple):
+    """One stream's newest, ready to send: `head` says what `data` is."""
+
+    head: dict[str, Any]
+    data: bytes
+
+
+def shown(stream: str, body: Mapping[str, Any], classes: Classes = Classes()) -> Shown:  # noqa: B008 (immutable)
+    """A body of `hil.dashboard.snapshot` for the page."""
+    head = {"stream": stream, "t_ns": body["t_ns"], "p": body["p"], "q": body["q"]}
+    if "points" in body:
+        return Shown(head | {"as": "points"}, body["points"])
+    if "records" in body:
+        return Shown(head | {"as": "records", "records": body["records"]}, b"")
+    array = array_of(body)
+    kind, data = picture(stream.rpartition("/")[2], array, classes)
+    return Shown(head | {"as": kind, "shape": list(array.shape)}, data)
+
+
+def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:
+    """('image/...', its bytes)."""
+    import cv2  # a third of a second, paid by whoever first looks
+
+    if channel == "rgb":
+        return _encoded(".jpg", array[:, :, ::-1])
+    if channel in ("depth", "range"):
+        seen = np.isfinite(array)
+        near = np.log(np.clip(np.where(seen, array, _FARTHEST_M), _NEAREST_M, _FARTHEST_M) / _NEAREST_M)
+        grey = (255.0 * (1.0 - near / np.log(_FARTHEST_M / _NEAREST_M))).astype(np.uint8)
+        colours = cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)
+        colours[~seen] = _NOTHING
+        return _encoded(".jpg", colours)
+    if channel == "radial_velocity":
+        grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _FASTEST_MPS, -1.0, 1.0)).astype(np.uint8)
+        return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
+    if channel == "normal":
+        return _encoded(".jpg", (127.5 + 127.5 * np.clip(np.nan_to_num(array), -1.0, 1.0)).astype(np.uint8))
+    if channel == "range_doppler":
+        power_db = 10.0 * np.log10(np.maximum(array, 1e-6))
+        top = float(power_db.max(initial=-60.0))
+        grey = (255.0 * np.clip(1.0 + (power_db - top) / _MAP_DB, 0.0, 1.0)).astype(np.uint8)
+        # Range upwards, speed to the right.
+        return _encoded(".png", cv2.applyColorMap(np.ascontiguousarray(grey.T[::-1]), cv2.COLORMAP_INFERNO))
+    return _encoded(".png", _palette(classes if channel == "segmentation" else Classes())[array.astype(np.int64) & 255])
+
+
+def _palette(classes: Classes) -> NDArray[np.uint8]:
+    """Colours of ids, BGR; those that the scene names, else hues a golden ratio apart."""
+    import cv2
+
+    ids = np.arange(256)
+    hsv = np.stack([(ids * 111) % 180, 150 + 40 * (ids % 3), 235 - 45 * (ids % 4)], axis=-1).astype(np.uint8)
+    colours = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2BGR)[0]
+    colours[0] = (68, 59, 52)
+    named = classes.colours[:256]
+    if named:
+        colours[: len(named)] = np.array(named, np.uint8)[:, ::-1]
+    return np.asarray(colours, np.uint8)
+
+
+def _encoded(kind: str, bgr: NDArray[Any]) -> tuple[str, bytes]:
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, 85] if kind == ".jpg" else [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    done, data = cv2.imencode(kind, np.ascontiguousarray(bgr), options)
+    assert done
+    return ("image/jpeg" if kind == ".jpg" else "image/png"), data.tobytes()

@@ -1,0 +1,123 @@
+"""A scene for the page's 3-D view: triangles with a colour, coarse where nobody would see it, and not too many."""
+
+from __future__ import annotations
+
+import math
+import struct
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.frame.meshes import height_field_triangles, mesh_triangles
+
+_MOST_TRIANGLES = 250_000  # 9 MB; of more, the smallest things are left out
+_GROUND_M = 600.0  # half an edge of a plane that goes on for ever
+_ROUND = 12  # sides of a cylinder
+_GEOM = mujoco.mjtGeom
+
+
+def scene_triangles(world: Any) -> bytes:
+    """uint32 count, then per corner three float32 [m, W] and four uint8 (red, green, blue, 255).
+
+    `world`: sim.scene.world.World. People and vehicles stand where they are at the start.
+    """
+    model = world.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    pieces: list[tuple[float, NDArray[np.float32], NDArray[np.uint8]]] = []
+    for geom in np.flatnonzero(world.geom_visible).tolist():
+        corners = _corners(model, geom)
+        if corners is None or not len(corners):
+            continue
+        placed: NDArray[np.float64] = corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        size = float(np.ptp(placed, axis=0).max())
+        pieces.append((size, placed.astype(np.float32), _colour(model, geom)))
+    pieces.sort(key=lambda piece: -piece[0])
+    kept, triangles = [], 0
+    for piece in pieces:
+        triangles += len(piece[1]) // 3
+        if triangles > _MOST_TRIANGLES:
+            break
+        kept.append(piece)
+    count = sum(len(corners) for _, corners, _ in kept)
+    made = np.zeros(count, np.dtype([("at", "<f4", 3), ("colour", "u1", 4)]))
+    at = 0
+    for _, corners, colour in kept:
+        made["at"][at : at + len(corners)] = corners
+        made["colour"][at : at + len(corners)] = colour
+        at += len(corners)
+    return struct.pack("<I", count) + made.tobytes()
+
+
+def _corners(model: Any, geom: int) -> NDArray[Any] | None:
+    """Three rows a triangle, in the geom's frame; None for kinds that are not shown."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD):
+        make = mesh_triangles if kind == _GEOM.mjGEOM_MESH else height_field_triangles
+        mesh = make(model, int(model.geom_dataid[geom]))
+        return mesh.vertex[mesh.triangle.ravel()].astype(np.float64)
+    if kind == _GEOM.mjGEOM_PLANE:
+        x, y = (float(half) if half > 0 else _GROUND_M for half in size[:2])
+        return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, -y, 0), (x, y, 0), (-x, y, 0)], np.float64)
+    if kind == _GEOM.mjGEOM_BOX:
+        return _BOX * size
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return _turned([(0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (0.0, -1.0)]) * (size[0], size[0], size[1])
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
+        radii = np.full(3, size[0]) if kind == _GEOM.mjGEOM_SPHERE else size
+        return _turned([(math.sin(a), math.cos(a)) for a in np.linspace(0.0, math.pi, 7)]) * radii
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        r, half = float(size[0]), float(size[1])
+        angles = np.linspace(0.0, math.pi, 8)
+        outline = [(r * math.sin(a), r * math.cos(a) + (half if a < math.pi / 2 else -half)) for a in angles]
+        return _turned(outline)
+    return None
+
+
+def _turned(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
+    """An outline of (radius, height), from the top down, turned about z."""
+    angles = np.linspace(0.0, 2.0 * math.pi, _ROUND + 1)
+    cos, sin = np.cos(angles), np.sin(angles)
+    found = []
+    for (r0, z0), (r1, z1) in pairwise(outline):
+        for k in range(_ROUND):
+            a, b = (r0 * cos[k], r0 * sin[k], z0), (r0 * cos[k + 1], r0 * sin[k + 1], z0)
+            c, d = (r1 * cos[k], r1 * sin[k], z1), (r1 * cos[k + 1], r1 * sin[k + 1], z1)
+            found += ([a, c, d] if r1 > 0 else []) + ([a, d, b] if r0 > 0 else [])
+    return np.array(found, np.float64)
+
+
+def _box() -> NDArray[np.float64]:
+    found = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            centre = np.zeros(3)
+            centre[axis] = side
+            first, second = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
+            if side < 0:
+                first, second = second, first
+            p = [centre + s * first + t * second for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+            found += [p[0], p[1], p[2], p[0], p[2], p[3]]
+    return np.array(found)
+
+
+_BOX = _box()
+
+
+def _colour(model: Any, geom: int) -> NDArray[np.uint8]:
+    """Of its material, with the mean of its texture; else its own."""
+    material = int(model.geom_matid[geom])
+    rgb = np.array(model.geom_rgba[geom][:3], np.float64)
+    if material >= 0:
+        rgb = np.array(model.mat_rgba[material][:3], np.float64)
+        for texture in {int(t) for t in np.ravel(model.mat_texid[material]) if t >= 0}:
+            begin = int(model.tex_adr[texture])
+            channels = int(model.tex_nchannel[texture])
+            length = int(model.tex_height[texture]) * int(model.tex_width[texture]) * channels
+            texels = model.tex_data[begin : begin + length].reshape(-1, channels)
+            rgb *= texels[:: max(1, len(texels) // 4096), :3].mean(axis=0) / 255.0
+            break
+    return np.array([*(np.clip(rgb, 0.0, 1.0) * 255.0), 255], np.uint8)

@@ -1,0 +1,96 @@
+"""What the dashboard is told of a run that the bench has built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.manual.manual_control import ManualControlSource
+from firmware_bridge.router import Router
+from hil.config import Bench
+from hil.dashboard.snapshot import autopilot_health, channels_of
+from hil.missions.path import Leg
+from hil.scheduler import Scheduler
+from hil.stages import Skipped, StagePlan
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.sensors.catalog import KINDS
+
+
+def about(
+    bench: Bench, out: Path, legs: Sequence[Leg], plan: StagePlan, link: AutopilotLink, home_W: Sequence[float]
+) -> dict[str, Any]:
+    """Told once, at the start."""
+    config = bench.config
+    sensors: dict[str, Any] = {}
+    for name, sensor in config.sensors.items():
+        kind = KINDS[sensor.kind]
+        parts = () if kind.parts is None else getattr(sensor.parameters, kind.parts)
+        run_has = [part for part in parts if f"{name}/{part}" in plan.order]
+        drawn = name in plan.order or bool(run_has)
+        sensors[name] = {
+            "kind": sensor.kind,
+            "rate_hz": sensor.rate_hz,
+            "streams": [f"{name}/{part}" for part in channels_of(kind.sample_type, run_has)] if drawn else [],
+        }
+    return {
+        "out": str(out.resolve()),
+        "rig": config.rig,
+        "scene": bench.scene.name,
+        "mission": config.mission,
+        "seed": config.seed,
+        "tick_ns": config.tick_ns,
+        "lockstep": link.caps.lockstep,
+        "home": list(home_W),
+        "path": [list(leg.end_W) for leg in legs],
+        "sensors": sensors,
+        "rotors": len(bench.vehicle.rotors),
+        "rotor_positions": [list(rotor.position_m) for rotor in bench.vehicle.rotors],
+    }
+
+
+def slow_facts(
+    *,
+    scheduler: Scheduler,
+    link: AutopilotLink,
+    physics: QuadrotorPhysics,
+    skipped: Sequence[Skipped],
+    posings: tuple[int, int],
+    companion: Mapping[str, Any] | None,
+    router: Router | None,
+    manual: ManualControlSource | None,
+) -> dict[str, Any]:
+    """Asked twice a second, while somebody looks."""
+    links = [autopilot_health(link)]
+    for name, client in (companion or {}).get("clients", {}).items():
+        reply = client.get("reply_ms") or {}
+        links.append(
+            {
+                "name": f"companion {name}",
+                "steps": client.get("frames", 0),
+                "lost": client.get("dropped", 0),
+                "bad": client.get("malformed", 0),
+                "rtt_p50_us": 1000 * (reply.get("p50") or 0.0),
+                "rtt_p99_us": 1000 * (reply.get("p99") or 0.0),
+                "tx_bytes": client.get("bytes", 0),
+            }
+        )
+    battery = physics.battery
+    skips = physics.skips
+    asked = skips.skipped + skips.queried + skips.touching
+    rows = [{"what": s.stage, "why": s.reason, "saved": "all of its samples"} for s in skipped]
+    rows.append({"what": "contact", "why": "nothing within reach", "saved": f"{skips.skipped} of {asked} queries"})
+    posed, unposed = posings
+    if posed or unposed:
+        saved = f"{unposed} of {posed + unposed} posings"
+        rows.append({"what": "posing of people and vehicles", "why": "out of every sensor's sight", "saved": saved})
+    return {
+        "links": links,
+        "router": None if router is None else router.report(),
+        "battery": None if battery is None else list(battery),
+        "skipped": rows,
+        "late_ticks": scheduler.late,
+        "own_us": scheduler.own_ns.mean_ns / 1000,
+        "manual": "none" if manual is None else manual.control.value,
+    }
