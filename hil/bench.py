@@ -523,6 +523,7 @@ class _Run:
                 about=about(self.bench, self.out, self.legs, plan, link, home_W),
                 scheduler=scheduler,
                 status=self._status,
+                texts=lambda: [] if self.station is None else self.station.statustexts,
                 wind_W_mps=lambda: physics.wind_W_mps,
                 slow=slow,
                 inject=self._inject_by_hand,

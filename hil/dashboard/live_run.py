@@ -17,7 +17,7 @@ import select
 import socket
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,6 +57,7 @@ class Flown:
     scheduler: Scheduler
     status: Callable[[], tuple[str, int, int]]  # phase, waypoints reached, waypoints
     wind_W_mps: Callable[[], Vec3]
+    texts: Callable[[], Sequence[tuple[int, int, str]]]  # what the vehicle has said so far: t_ns, severity, text
     slow: Callable[[], dict[str, Any]]  # links, battery, what is skipped: asked twice a second
     inject: Callable[[Any], None]  # a rotor fault, a gust, a sensor fault. ValueError where it does not fit
     event: Callable[[int, str, str], None]
@@ -98,6 +99,9 @@ class LiveRun:
         self._asked: tuple[str, ...] | None = None  # streams of the update that is wanted; None: none is
         self._streams_sent: dict[str, int] = {}
         self._wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # by hand, on top of the bench's own
+        self._texts = 0  # of the vehicle's that were told
+        self._told: set[tuple[int, str]] = set()
+        self._stage = ("", 0)  # phase and waypoints that were told
         self._speed_from = (0, 0)
         self._speed = 0.0
 
@@ -109,7 +113,9 @@ class LiveRun:
 
     def event(self, t_ns: int, kind: str, text: str) -> None:
         """A line for the page's log."""
-        self._events.append((t_ns, kind, text))
+        # What the vehicle says is recorded when the run is over, but told at once.
+        if (t_ns, text) not in self._told:
+            self._events.append((t_ns, kind, text))
 
     def attach(self, flown: Flown) -> None:
         """The run is built. Tells the page what it is."""
@@ -202,12 +208,29 @@ class LiveRun:
             self._trail = [value for point in points for value in point]
             self._trail_step *= 2
 
+    def _tell_news(self, phase: str, reached: int) -> None:
+        flown = self._flown
+        assert flown is not None
+        t_ns = flown.scheduler.t_ns
+        texts = flown.texts()
+        for said_ns, severity, text in texts[self._texts :]:
+            self.event(said_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
+            self._told.add((said_ns, text))
+        self._texts = len(texts)
+        told_phase, told_reached = self._stage
+        if phase != told_phase:
+            self.event(t_ns, "phase", phase)
+        if reached > told_reached:
+            self.event(t_ns, "waypoint", f"{reached} reached")
+        self._stage = (phase, reached)
+
     def _state(self, now_ns: int) -> dict[str, Any]:
         flown = self._flown
         assert flown is not None
         scheduler = flown.scheduler
         truth, actuators = scheduler.truth, scheduler.actuators
         phase, reached, waypoints = flown.status()
+        self._tell_news(phase, reached)
         tick, then_ns = self._speed_from
         if now_ns - then_ns > 400_000_000:
             self._speed = (scheduler.tick - tick) * scheduler.tick_ns / (now_ns - then_ns)

@@ -22,7 +22,7 @@ const charts = {
   motors: new Chart($("c-motors"), { range: [0, 1] }),
 };
 const view = new View3d($("view"), $("view-note"));
-let replay = null, going = false, about = {}, state = {}, trail = [], run = -1, sceneOf = null;
+let replay = null, going = false, stopping = false, about = {}, state = {}, trail = [], run = -1, sceneOf = null;
 
 // -- what comes ----------------------------------------------------------------------------------------------------
 
@@ -36,6 +36,7 @@ function update(head, frames) {
   if (head.trail_whole && !replay?.on) remember();
   state = head.state;
   showMessage(head.message);
+  if (!going) stopping = false;
   buttons();
   if (replay?.on) return;
   for (const event of head.events) log(event);
@@ -126,7 +127,8 @@ function showVehicle(s, t) {
       one.append(document.createElement("span"), document.createElement("meter"));
       motors.append(one);
     }
-    one.firstChild.textContent = `motor ${k} ${number(100 * u, 0)} %`;
+    one.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
+    one.title = `command of motor ${k}`;
     one.lastChild.value = u;
   });
 }
@@ -145,7 +147,8 @@ function showStatus(result) {
   $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
   const named = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
   if (going) {
-    setStatus(state.paused ? `paused at tick ${state.tick}` : (state.phase ?? "starting"), state.paused ? "warn" : "live");
+    const now = stopping ? "stopping" : state.paused ? `paused at tick ${state.tick}` : (state.phase ?? "starting");
+    setStatus(now, state.paused || stopping ? "warn" : "live");
     const speed = state.paused ? "" : `, ${number(state.speed, 1)} x real time`;
     $("headline").textContent = named + speed + (state.altered ? ", altered by hand" : "");
   } else if (result) {
@@ -193,6 +196,7 @@ const panes = new Panes({
 });
 
 for (const kind of ["pause", "step", "resume", "stop", "reset"]) $(kind).onclick = () => live.say({ kind });
+$("stop").addEventListener("click", () => { stopping = true; });
 $("start-form").onsubmit = (event) => {
   event.preventDefault();
   if (replay.on) $("replay-close").click();

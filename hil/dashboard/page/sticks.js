@@ -7,6 +7,8 @@ const PERIOD_MS = 50;
 const KEYS = { KeyW: ["throttle", 1], KeyS: ["throttle", -1], KeyA: ["yaw", -1], KeyD: ["yaw", 1],
   ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowLeft: ["roll", -1], ArrowRight: ["roll", 1] };
 const DEAD_ZONE = 0.08, GENTLE = 0.5, ASK_MS = 300;
+// An autopilot gives itself into hands only once it has heard from them.
+const TAKE_AFTER_MS = 250;
 const L1 = 4;
 
 export class Sticks {
@@ -54,13 +56,17 @@ export class Sticks {
     const held = this.mayFly() && (this.down.has("Space") || this.finger || byPad);
     const axes = byPad ? padAxes(gamepad) : this.keyAxes();
     const began = held && !this.held;
-    if (began) this.onTake();
+    if (began) {
+      this.onTake();
+      this.takeAt = performance.now() + TAKE_AFTER_MS;
+    }
+    const since = performance.now() - (this.takeAt ?? Infinity);
     const wasActive = this.active;
     this.active = held || asking;
     if (this.active) {
       const message = { kind: "sticks", held: true, axes: held ? axes : [0, 0, 0, 0] };
       if (asking) message.ask = this.ask;
-      else if (began) message.ask = this.mode();
+      else if (held && since >= 0 && since < ASK_MS) message.ask = this.mode();
       this.say(message);
     } else if (wasActive) this.say({ kind: "sticks", held: false });
     if (held !== this.held) {

@@ -39,7 +39,6 @@ export class View3d {
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.scene = null;
     this.body = null;
-    this.setLine("grid", gridLines(), { mode: gl.LINES, colour: "--grid", alpha: 0.35 });
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
     this.listen();
     new ResizeObserver(() => this.touch()).observe(canvas);
@@ -51,6 +50,8 @@ export class View3d {
     if (this.scene) { gl.deleteBuffer(this.scene.buffer); gl.deleteVertexArray(this.scene.array); this.scene = null; }
     const count = buffer.byteLength >= 4 ? new DataView(buffer).getUint32(0, true) : 0;
     if (count) this.scene = meshOf(gl, this.mesh, new Uint8Array(buffer, 4), count);
+    // Where there is nothing but a plain, a grid shows how fast one goes.
+    this.setLine("grid", count < 300 ? gridLines() : [], { mode: gl.LINES, colour: "--grid", alpha: 0.35 });
     this.touch();
   }
 
