@@ -76,15 +76,14 @@ def told() -> Iterator[None]:
         raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else ERROR_STATUS) from None
 
 
-def new_run_dir(out: Path | None, rig: str) -> Path:
-    """The folder of a run, and `runs/latest` pointing at it where the default place is used. RecordingError."""
+def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
+    """The folder of a run, in `runs` unless `out` is it, and `runs/latest` pointing there. RecordingError."""
     if out is not None:
         return out
-    runs = Path("runs")
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", Path(rig).stem) or "run"
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name[:80]}"
     try:
-        runs.mkdir(exist_ok=True)
+        runs.mkdir(parents=True, exist_ok=True)
         for n in range(1000):
             folder = runs / (stem if n == 0 else f"{stem}-{n}")
             try:
@@ -118,6 +117,7 @@ def run(
     dash_fd: Annotated[int | None, typer.Option("--dash-fd", hidden=True)] = None,
     dash_pace: Annotated[float | None, typer.Option("--dash-pace", hidden=True, min=0.01, max=1000.0)] = None,
     dash_paused: Annotated[bool, typer.Option("--dash-paused", hidden=True)] = False,
+    dash_runs: Annotated[Path, typer.Option("--dash-runs", hidden=True)] = Path("runs"),
 ) -> None:
     """Fly a mission on a rig and judge the flight."""
     began_s = time.monotonic()
@@ -126,13 +126,13 @@ def run(
     except ConfigError as error:
         complain(error)
         with contextlib.suppress(HilError):  # the message is out; no folder to leave run.json in is no second one
-            _leave_config_error(error, new_run_dir(out, rig or "unknown"), rig=rig, scene=scene, seed=seed)
+            _leave_config_error(error, new_run_dir(out, rig or "unknown", dash_runs), rig=rig, scene=scene, seed=seed)
         raise typer.Exit(CONFIG_STATUS) from None
     from hil.bench import run_bench
 
     result: RunResult | None = None
     try:
-        folder = new_run_dir(out, bench.config.rig)
+        folder = new_run_dir(out, bench.config.rig, dash_runs)
         with contextlib.ExitStack() as stack:
             live: LiveRun | None = None
             if dash:

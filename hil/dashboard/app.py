@@ -40,6 +40,7 @@ class Dashboard:
         self.run = RunProcess(self.hub)
         self._config = config
         self._past = PastRuns(runs)
+        self._runs_folder = runs.resolve()
         self._again: list[str] | None = None  # arguments of the last start
 
     def application(self, token: str | None) -> App:
@@ -142,8 +143,8 @@ class Dashboard:
             await self.hub.waits_to_end.wait()
         if arguments is not None:
             self._again = arguments
-            self.hub.message = ""
-            self.run.start(arguments)
+            self.hub.message = ""  # of the start before
+            self.run.start([*arguments, f"--dash-runs={self._runs_folder}"])
 
 
 def _message(text: str) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ import json
 import re
 import threading
 from collections import OrderedDict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,9 @@ class PastRuns:
         key = (name, path.stat().st_mtime_ns)
         with self._lock:
             if key not in self._tracks:
-                self._tracks[key] = _read_track(path)
+                track = _read_track(path)
+                home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
+                self._tracks[key] = track | {"path": _path_of(folder, home_W)}
                 while len(self._tracks) > _KEPT:
                     self._tracks.popitem(last=False)
             self._tracks.move_to_end(key)
@@ -136,6 +139,21 @@ class PastRuns:
         except (OSError, McapError, HilError):
             return None
         return picture(_channel_of(topic), thinned(array), Classes())
+
+
+def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
+    """What was to be flown; nothing where the saved bench cannot be read (any more)."""
+    from hil.config import load_bench
+    from hil.missions.path import planned_path
+
+    try:
+        bench = load_bench(folder / "bench.yaml")
+    except HilError:
+        return []
+    if bench.mission is None:
+        return []
+    x, y, z = home_W
+    return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:
@@ -205,6 +223,6 @@ class _Rows:
         """By name, one entry a row."""
         names = ("t", "p", "q", "v", "controls")
         return {name: [row[name] for row in self._rows] for name in names} | {
-            "events": self._events,
+            "events": sorted(self._events, key=lambda event: event[0]),
             "pictures": sorted(self._topics),
         }

@@ -76,7 +76,7 @@ class RunProcess:
             said = (said + piece)[-_LAST_BYTES:]
         status = await self._process.wait()
         await following
-        if status not in (0, 1) or said:
+        if hub.result is None:  # it never got so far as to say itself how it went
             hub.message = said.decode(errors="replace").strip() or f"the run ended with status {status}"
         await hub.changed()
 

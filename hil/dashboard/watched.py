@@ -63,7 +63,8 @@ def slow_facts(
 ) -> dict[str, Any]:
     """Asked twice a second, while somebody looks."""
     links = [autopilot_health(link)]
-    for name, client in (companion or {}).get("clients", {}).items():
+    clients = (companion or {}).get("clients", {})
+    for name, client in clients.items():
         reply = client.get("reply_ms") or {}
         links.append(
             {
@@ -87,6 +88,7 @@ def slow_facts(
         rows.append({"what": "posing of people and vehicles", "why": "out of every sensor's sight", "saved": saved})
     return {
         "links": links,
+        "told": {name: dict(one["report"]) for name, one in clients.items() if one.get("report")},
         "router": None if router is None else router.report(),
         "battery": None if battery is None else list(battery),
         "skipped": rows,

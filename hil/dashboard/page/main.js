@@ -35,13 +35,14 @@ function update(head, frames) {
   for (const point of head.trail) trail.push(point);
   if (head.trail_whole && !replay?.on) remember();
   state = head.state;
-  showMessage(head.message);
+  const error = head.result?.error;
+  showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
   if (!going) stopping = false;
   buttons();
   if (replay?.on) return;
   for (const event of head.events) log(event);
-  if (state.p) showState();
   showSlow(head.slow);
+  if (state.p) showState();
   showStatus(head.result);
   for (const frame of frames) panes.show(frame);
 }
@@ -133,8 +134,15 @@ function showVehicle(s, t) {
   });
 }
 
+let slowShown = "";
 function showSlow(slow) {
   if (slow.battery) state.battery = slow.battery;
+  const text = JSON.stringify(slow);
+  if (text === slowShown) return;
+  slowShown = text;
+  const told = Object.entries(slow.told ?? {}).flatMap(([client, report]) =>
+    Object.entries(report).map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
+  table($("told"), [], told);
   if (slow.links) {
     table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
   }
@@ -162,7 +170,11 @@ function showStatus(result) {
 }
 
 function setStatus(text, kind) { $("status").textContent = text; $("status").className = `chip ${kind}`; }
-function showMessage(text) { $("message").hidden = !text; $("message").textContent = text ?? ""; }
+function showMessage(text) {
+  if ($("message").textContent === text) return;
+  $("message").hidden = !text;
+  $("message").textContent = text;
+}
 function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
 
 function log([t_ns, kind, text]) {
@@ -263,6 +275,7 @@ replay = new Replay({
     view.setLine("other", [], { colour: "--other" });
     $("legend-other").replaceChildren();
     $("log").replaceChildren();
+    $("clock").textContent = $("headline").textContent = "";
     run = -1;
     begin({ about, run: 0 });
   },
@@ -281,10 +294,11 @@ async function openReplay(name, summary, other = null) {
   table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
     summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
   table($("skipped"), ["what", "why", "saved"], summary.skipped.map((s) => [s.what, s.why, s.saved]));
+  slowShown = "";
   $("log").replaceChildren();
   for (const event of track.events) log(event);
-  view.setLine("plan", [], { colour: "--plan" });
-  view.setLine("corners", [], { colour: "--plan" });
+  view.setLine("plan", track.path.length ? [...track.p[0], ...track.path.flat()] : [], { colour: "--plan" });
+  view.setLine("corners", track.path.flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
   if (second) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
   const rotors = Math.max(1, track.controls.reduce((most, row) => Math.max(most, row.findLastIndex((u) => u > 0) + 1), 4));
@@ -298,6 +312,7 @@ async function openReplay(name, summary, other = null) {
   set(charts.speed, (t, k) => [Math.hypot(t.v[k][0], t.v[k][1]), t.v[k][2]]);
   set(charts.motors, (t, k) => t.controls[k].slice(0, rotors));
   panes.offer(track.pictures, []);
+  if (!track.pictures.length) $("pane-chips").textContent = "no pictures were recorded in this run";
   replay.begin();
   const scene = await fetch(`/api/scene?run=${encodeURIComponent(name)}`);
   if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; }
@@ -319,7 +334,7 @@ async function showPictures(t) {
   pictureBusy = true;
   try {
     for (const topic of panes.open.keys())
-      await panes.showUrl(topic, `/api/runs/${replay.name}/picture?topic=${encodeURIComponent(topic)}&t_ns=${Math.round(t * NS)}`);
+      await panes.showUrl(topic, `/api/runs/${replay.name}/picture?topic=${encodeURIComponent(topic)}&t_ns=${Math.round(t * NS)}`, t);
   } finally { pictureBusy = false; }
 }
 

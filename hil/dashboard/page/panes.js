@@ -76,10 +76,11 @@ export class Panes {
   }
 
   // Pictures of a recording: `pictures` of {stream, url}.
-  async showUrl(stream, url) {
+  async showUrl(stream, url, t) {
     const pane = this.open.get(stream);
     if (!pane) return;
     const answer = await fetch(url);
+    pane.lastChild.lastChild.textContent = answer.ok ? `newest at ${t.toFixed(2)} s` : "none yet";
     if (answer.ok) await showPicture(pane.firstChild, await answer.blob());
   }
 }

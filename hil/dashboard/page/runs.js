@@ -72,7 +72,7 @@ export class Runs {
     parts.push(buttons);
     const rows = summary.verdict?.rows ?? [];
     parts.push(tableOf(["measured", "value", "limit", "unit", ""],
-      rows.map((r) => [r.name.replaceAll("_", " "), r.value ?? "–", r.limit ?? "not judged", r.unit, r.ok === false ? "missed" : ""])));
+      rows.map((r) => [named(r.name), r.value ?? "–", r.limit ?? "not judged", r.unit, r.ok === false ? "missed" : ""])));
     if (summary.by_hand?.length) parts.push(heading("By hand"), tableOf(["before tick", "what", "alters the run"],
       summary.by_hand.map((one) => [one.tick, one.what, one.alters ? "yes" : "no"])));
     if (run.recording) {
@@ -93,7 +93,7 @@ export class Runs {
     const same = a.digest === b.digest;
     const rows = (a.verdict?.rows ?? []).map((r) => {
       const other = (b.verdict?.rows ?? []).find((one) => one.name === r.name);
-      return [`${r.name.replaceAll("_", " ")} [${r.unit}]`, r.value ?? "–", other?.value ?? "–",
+      return [`${named(r.name)} [${r.unit}]`, r.value ?? "–", other?.value ?? "–",
         typeof r.value === "number" && typeof other?.value === "number" ? other.value - r.value : "–"];
     });
     const of = (key) => [key.replaceAll("_", " "), a[key] ?? "–", b[key] ?? "–", ""].map((v) => (typeof v === "number" ? v : String(v)));
@@ -141,6 +141,8 @@ function farthest(a, b) {
   return `farthest apart at equal times: ${most.toFixed(3)} m, at ${at.toFixed(1)} s (to the recording's spacing)`;
 }
 
+// Names end in their unit, which has a column of its own.
+function named(name) { return name.replace(/_(m|mps|deg|s|us|ms)$/, "").replaceAll("_", " "); }
 export async function json(url) { const answer = await fetch(url); return answer.ok ? answer.json() : null; }
 function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
 function heading(text, kind = "") { const made = document.createElement("h3"); made.textContent = text; made.className = kind; return made; }

@@ -14,7 +14,7 @@ export function table(element, heads, rows) {
   heads.forEach((text, k) => cell(head, text, { tag: "th", kind: k && rows[0]?.[k] !== undefined && typeof rows[0][k] === "number" ? "num" : "" }));
   const body = rows.map((values) => {
     const row = document.createElement("tr");
-    for (const value of values) cell(row, typeof value === "number" ? number(value) : value, { kind: typeof value === "number" ? "num" : "" });
+    for (const value of values) cell(row, typeof value === "number" ? number(value) : value, { kind: typeof value === "number" || value === "–" ? "num" : "" });
     return row;
   });
   element.replaceChildren(...(heads.length ? [head] : []), ...body);

@@ -254,6 +254,8 @@ function vehicleMesh(rotors) {
 
 function gridLines() {
   const points = [];
-  for (let k = -200; k <= 200; k += 10) points.push(k, -200, 0.03, k, 200, 0.03, -200, k, 0.03, 200, k, 0.03);
+  // In short pieces: some drivers leave out a line of which one end is behind the eye.
+  for (let k = -200; k <= 200; k += 10) for (let s = -200; s < 200; s += 10)
+    points.push(k, s, 0.03, k, s + 10, 0.03, s, k, 0.03, s + 10, k, 0.03);
   return points;
 }

@@ -1,0 +1,135 @@
+"""A run that is watched is the run that nobody watches: the same digest with a page open, closed or hammering."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.bench import RunResult, run_bench
+from hil.config import load_bench
+from tests.unit.dashboard_page import PageThread
+
+BENCH = """
+autopilot: {transport: loopback}
+duration_s: 7
+record: {mcap: %s, tlog: false, report: false}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  front: {kind: camera, resolution: [32, 24], fov_deg: 90, rate_hz: 10, channels: [rgb, depth]}
+"""
+
+
+def fly(folder: Path, page: PageThread | None = None, *, mcap: bool = True, **live: Any) -> RunResult:
+    folder.mkdir(exist_ok=True)
+    (folder / "b.yaml").write_text(BENCH % str(mcap).lower())
+    bench = load_bench(folder / "b.yaml")
+    if page is None:
+        return run_bench(bench, folder / "run", quiet=True)
+    watched = page.live(**live)
+    try:
+        return run_bench(bench, folder / "run", quiet=True, live=watched)
+    finally:
+        watched.close()
+        page.join()
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    result = fly(tmp_path_factory.mktemp("alone"))
+    assert result.run["error"] is None, result.run["error"]
+    return result
+
+
+def hammer(page: PageThread, state: dict[str, Any]) -> None:
+    """Everything that must not alter a run, much of it nonsense."""
+    n = len(page.states)
+    if n == 1:
+        for _ in range(3):
+            page.say(kind="step")
+        page.say(kind="pace", pace=40.0)
+        page.say(kind="resume")
+    for k in range(50):
+        page.say(
+            kind=("next", "nonsense", "pace", "inject", "wind")[k % 5], pace="soon", streams=[7, "front/rgb", "no/such"]
+        )
+        page.say(kind="sticks", held=False, axes=[1, 1, 1, 1], ask="arm")
+        page.say(kind="inject", fault={"kind": "dropout", "sensor": "nobody"})
+
+
+@pytest.mark.parametrize(
+    ("make_page", "live"),
+    [
+        (lambda: PageThread(), {}),
+        (lambda: PageThread(["front/rgb", "front/depth"]), {}),
+        (lambda: PageThread(["front/rgb"], hammer), {"paused": True}),
+        (lambda: PageThread(["front/depth"], closes_after=2), {"pace": 30.0}),
+    ],
+    ids=["open", "two panes", "hammered", "closed on the way"],
+)
+def test_a_watched_run_is_the_run_alone(
+    make_page: Callable[[], PageThread], live: dict[str, Any], alone: RunResult, tmp_path: Path
+) -> None:
+    page = make_page()
+    if live.get("paused"):
+        page.say(kind="step")
+    watched = fly(tmp_path, page, **live)
+    assert page.states, "the page was told nothing: this test would show nothing"
+    assert watched.run["digest"] == alone.run["digest"]
+    assert watched.run["deterministic"] is True
+    assert watched.run["error"] is None
+    assert [s["skipped"] for s in watched.run["sensors"].values()] == [
+        s["skipped"] for s in alone.run["sensors"].values()
+    ]
+
+
+def test_a_pane_draws_nothing_in_the_run(tmp_path: Path) -> None:
+    """A camera that nobody consumes stays undrawn however much a page would like to see it."""
+    page = PageThread(["front/rgb"])
+    watched = fly(tmp_path, page, mcap=False)
+    assert watched.run["sensors"]["front"]["samples"] == 0
+    assert not any("frames" in state for state in page.states)
+    assert watched.run["digest"] == fly(tmp_path / "alone", mcap=False).run["digest"]
+
+
+def test_the_watched_frames_are_the_runs_own(tmp_path: Path) -> None:
+    page = PageThread(["front/depth"])
+    fly(tmp_path, page)
+    frames = [state["frames"]["front/depth"] for state in page.states if "frames" in state]
+    assert frames
+    assert all(frame["shape"] == [24, 32] and len(frame["data"]) == 4 * 24 * 32 for frame in frames)
+
+
+def test_a_command_that_alters_the_run_is_recorded_and_owned_up_to(alone: RunResult, tmp_path: Path) -> None:
+    def gust(page: PageThread, state: dict[str, Any]) -> None:
+        if len(page.states) == 2:
+            page.say(kind="wind", velocity_W_mps=[3.0, 0.0, 0.0])
+            page.say(kind="inject", fault={"kind": "dropout", "sensor": "gps", "for_s": 1.0})
+
+    page = PageThread(on_state=gust)
+    altered = fly(tmp_path, page, pace=8.0)
+    assert altered.run["deterministic"] is False
+    assert altered.run["digest"] != alone.run["digest"]
+    wind, fault = altered.run["by_hand"]
+    assert wind["alters"]
+    assert "3, 0, 0 m/s" in wind["what"]
+    assert fault == {"tick": wind["tick"], "what": "fault: gps: dropout", "alters": True}
+    told = [text for state in page.states for _, _, text in state["events"]]
+    assert "gps: dropout began" in told
+
+
+def test_stop_ends_the_run_with_everything_recorded(tmp_path: Path) -> None:
+    def stop(page: PageThread, state: dict[str, Any]) -> None:
+        page.say(kind="stop")
+
+    page = PageThread(on_state=stop)
+    stopped = fly(tmp_path, page, pace=5.0)
+    assert stopped.run["error"] == {"type": "Interrupted", "message": "stopped from the dashboard"}
+    assert stopped.run["by_hand"][-1]["what"] == "stop"
+    assert page.others[-1]["kind"] == "end"
+    assert page.others[-1]["run"]["status"] == "ERROR"

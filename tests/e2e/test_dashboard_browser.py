@@ -1,0 +1,221 @@
+"""The dashboard in a real browser: a mission is started by clicking, watched, flown by hand, broken and looked back at.
+
+Screenshots are left in the folder that HIL_SCREENSHOTS names, if it does.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.e2e.companion_bench import HOP
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (Debian: apt install chromium)")
+
+ROOT = Path(__file__).resolve().parents[2]
+FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",  # WebGL without a graphics card
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+]
+BENCH = """
+mission: hop.waypoints
+autopilot: {transport: loopback}
+record: {mcap: true, tlog: false, report: false}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
+"""
+SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
+
+
+def until(holds: Callable[[], Any], limit_s: float = 30.0, *, page: Any = None) -> None:
+    end = time.monotonic() + limit_s
+    while not holds():
+        assert time.monotonic() < end, "" if page is None else page.inner_text("body")
+        page.wait_for_timeout(60) if page is not None else time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    folder = tmp_path_factory.mktemp("dash")
+    (folder / "hil.yaml").write_text(BENCH)
+    (folder / "hop.waypoints").write_text(HOP)
+    server = subprocess.Popen(
+        [sys.executable, "-m", "hil.entry", "dash", "--port", "0"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert server.stdout is not None
+    try:
+        found = re.search(r"http://\S+", server.stdout.readline())
+        assert found
+        yield found[0]
+    finally:
+        server.terminate()
+        server.wait(15.0)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def page(browser: Any, address: str) -> Iterator[Any]:
+    tab = browser.new_page(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
+    wrong: list[str] = []
+    tab.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
+    tab.on("pageerror", lambda error: wrong.append(str(error)))
+    tab.on("request", lambda request: wrong.append(request.url) if not local(request.url, address) else None)
+    tab.goto(address)
+    tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
+    yield tab
+    tab.close()
+    # Drivers talk of their slowness when a canvas is read back; that is this test, not the page.
+    assert [text for text in wrong if not re.search("GPU stall|readback", text)] == []
+
+
+def local(url: str, address: str) -> bool:
+    return url.startswith((address, address.replace("http", "ws"), "data:", "blob:"))
+
+
+def picture(page: Any, name: str) -> None:
+    """Of the page in light and dark, at a desktop's and a tablet's width; nothing may stick out at the side."""
+    folder = os.environ.get("HIL_SCREENSHOTS")
+    for size, (width, height) in SIZES.items():
+        page.set_viewport_size({"width": width, "height": height})
+        for _ in range(2):
+            page.wait_for_timeout(80)
+            out = page.locator("html").evaluate("(html) => html.scrollWidth - html.clientWidth")
+            assert out <= 0, f"{name} at a {size}'s width: {out} pixels stick out"
+            if folder:
+                theme = page.locator("html").get_attribute("data-theme")
+                page.screenshot(path=f"{folder}/{name}-{size}-{theme}.png", full_page=True)
+            page.click("#theme")
+    page.set_viewport_size(dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
+
+
+def colours_in(page: Any, selector: str) -> int:
+    """How many different colours a pane's picture has."""
+    return int(
+        page.locator(selector).evaluate(
+            """(canvas) => {
+              const g = canvas.getContext("2d"), seen = new Set();
+              const data = g.getImageData(0, 0, canvas.width, canvas.height).data;
+              for (let k = 0; k < data.length; k += 4) seen.add((data[k] << 16) | (data[k + 1] << 8) | data[k + 2]);
+              return seen.size;
+            }"""
+        )
+    )
+
+
+def altitude_m(page: Any) -> float:
+    return float(page.inner_text("#numbers dd >> nth=0").split()[0])
+
+
+def test_a_mission_started_by_clicking_is_watched_to_its_end(page: Any) -> None:
+    page.select_option("#f-pace", "")
+    page.fill("#f-seed", "4")
+    page.click("#start")
+    page.wait_for_selector("#start:disabled")
+    page.click("[data-stream='front/rgb']")
+    until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), 40.0, page=page)
+    assert page.inner_text("#status") == "PASS"
+    log = page.inner_text("#log")
+    assert "Takeoff detected" in log
+    assert "Mission finished, landed" in log
+    assert "seed 4" in page.inner_text("#headline")
+    assert "not deterministic" not in page.inner_text("#headline")
+    assert colours_in(page, "[data-stream='front/rgb'] canvas") > 20  # the run's own camera
+    until(lambda: colours_in(page, "[data-stream='view/camera/rgb'] canvas") > 20, page=page)  # and the page's
+    assert page.is_enabled("#start")
+    picture(page, "watched")
+
+
+def test_flying_by_keyboard_and_breaking_a_sensor(page: Any) -> None:
+    until(lambda: page.is_enabled("#start"), page=page)
+    page.select_option("#f-pace", "10")
+    page.click("#start")
+    until(lambda: "Takeoff detected" in page.inner_text("#log"), page=page)
+    until(lambda: altitude_m(page) > 1.5, page=page)
+    page.keyboard.down("Space")
+    page.keyboard.down("KeyW")
+    until(lambda: page.inner_text("#deadman") == "flying by hand", page=page)
+    until(lambda: "mode position: MAV_RESULT_ACCEPTED" in page.inner_text("#log"), page=page)
+    begun_m = altitude_m(page)
+    until(lambda: altitude_m(page) > begun_m + 0.8, page=page)  # the mission would have stayed at 3 m or come down
+    picture(page, "by-hand")
+    page.keyboard.up("KeyW")
+    page.keyboard.up("Space")
+    until(lambda: page.inner_text("#deadman") == "sticks released", page=page)
+    until(lambda: "dead-man switch released" in page.inner_text("#log"), page=page)
+    page.select_option("#fault-sensor", "gps")
+    page.fill("#fault-for", "1")
+    page.click("#inject-sensor")
+    until(lambda: "gps: dropout began" in page.inner_text("#log"), page=page)
+    page.click("#pause")
+    until(lambda: page.inner_text("#status").startswith("paused at tick"), page=page)
+    tick = int(page.inner_text("#status").split()[-1])
+    page.click("#step")
+    until(lambda: page.inner_text("#status").split()[-1] == str(tick + 1), page=page)
+    page.click("#stop")
+    until(lambda: page.inner_text("#status") == "ERROR", page=page)
+    assert "not deterministic" in page.inner_text("#headline")
+
+
+def test_past_runs_are_opened_replayed_and_compared(page: Any) -> None:
+    page.click("#tab-runs")
+    rows = page.locator("#runs-table tbody tr[data-run]")
+    until(lambda: rows.count() >= 2, page=page)
+    passed = rows.filter(has_text="PASS").first
+    passed.click()
+    until(lambda: "PASS" in page.inner_text("#run-detail"), page=page)
+    assert re.search(r"digest [0-9a-f]{64}", page.inner_text("#run-detail"))
+    assert "landing speed" in page.inner_text("#run-detail")
+    page.click("#replay")
+    until(lambda: page.inner_text("#status") == "replay: PASS", page=page)
+    slider = page.locator("#replay-time")
+    heights = []
+    for share in (0.0, 0.5, 1.0):
+        slider.evaluate("(e, share) => { e.value = share * e.max; e.dispatchEvent(new Event('input')); }", share)
+        heights.append(altitude_m(page))
+    assert heights[0] < 0.5 < 2.0 < heights[1]
+    assert heights[2] < 0.5
+    page.click("[data-stream='/front/image_raw'], [data-stream*='front']")
+    until(lambda: colours_in(page, ".pane[data-stream*='front'] canvas") > 20, page=page)
+    picture(page, "replay")
+    page.click("#replay-close")
+    page.click("#tab-runs")
+    until(lambda: rows.count() >= 2, page=page)
+    for k in range(2):
+        rows.nth(k).locator("input").check()
+    page.click("#compare")
+    until(lambda: "farthest apart" in page.inner_text("#run-detail"), page=page)
+    assert "different digests" in page.inner_text("#run-detail")
+    picture(page, "compared")

@@ -1,0 +1,174 @@
+"""The dashboard's server over the network, without a browser: `hil run --dash`, `hil dash`, and who is let in."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from hil.dashboard.app import PAGE_FOLDER
+from tests.e2e.companion_bench import HOP
+
+ROOT = Path(__file__).resolve().parents[2]
+BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
+
+
+class Hil:
+    """A `hil` command that prints an address."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        (folder / "hil.yaml").write_text(BENCH)
+        (folder / "hop.waypoints").write_text(HOP)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "hil.entry", *arguments],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        found = re.search(r"http://\S+", self.process.stdout.readline())
+        assert found, self.process.communicate(timeout=10)
+        self.address = found[0]
+        self.host = urlsplit(self.address).netloc
+
+    def get(self, path: str, **headers: str) -> http.client.HTTPResponse:
+        link = http.client.HTTPConnection(self.host, timeout=20.0)
+        link.request("GET", path, headers={"Host": self.host} | headers)
+        return link.getresponse()
+
+    def end(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.process.communicate(timeout=20.0)
+
+
+@pytest.fixture(scope="module")
+def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hil]:
+    hil = Hil(tmp_path_factory.mktemp("dash"), "dash", "--port", "0")
+    yield hil
+    hil.end()
+    assert hil.process.returncode == 0
+
+
+def test_the_page_and_all_it_needs_come_from_here(dash: Hil) -> None:
+    assert dash.get("/").status == 200
+    for file in PAGE_FOLDER.iterdir():
+        assert dash.get(f"/page/{file.name}").status == 200
+    lists = json.loads(dash.get("/api/choices").read())
+    assert "mock" in lists["rig"]
+    assert int.from_bytes(dash.get("/api/scene").read()[:4], "little") > 0
+    assert dash.get("/page/..%2f..%2fapp.py").status == 404
+    assert dash.get("/runs/..%2f..%2fetc/passwd").status == 404
+
+
+def test_another_site_gets_nothing(dash: Hil) -> None:
+    assert dash.get("/api/runs", Origin="http://evil.example").status == 403
+    assert dash.get("/", Host="evil.example").status == 403
+    with pytest.raises(InvalidStatus):
+        connect(f"ws://{dash.host}/live", origin="http://evil.example").__enter__()  # type: ignore[arg-type]
+
+
+def test_whatever_a_page_says_the_server_stays(dash: Hil) -> None:
+    nonsense = [
+        "",
+        "[]",
+        "{",
+        "[" * 10_000,
+        '{"kind": 7}',
+        '{"kind": "start", "rig": {"a": 1}}',
+        '{"kind": "reset"}',
+        '{"kind": "streams", "streams": "view/camera/rgb"}',
+        '{"kind": "sticks"}',
+        '{"kind": "pause"}',
+        "x" * 20_000,
+    ]
+    with connect(f"ws://{dash.host}/live") as page:
+        for word in nonsense:
+            page.send(word)
+        page.send('{"kind": "next"}')
+        assert b'"kind":"update"' in page.recv(10.0)  # type: ignore[operator]
+    with connect(f"ws://{dash.host}/live") as page:
+        page.send(b"\x00\x01")
+    assert dash.get("/").status == 200
+
+
+def test_a_run_with_a_page_beside_it(tmp_path: Path) -> None:
+    hil = Hil(tmp_path, "run", "--quiet", "--dash", "--dash-port", "0", "--seed", "9")
+    ended = threading.Event()
+
+    def follow() -> None:
+        with connect(f"ws://{hil.host}/live") as page:
+            page.send('{"kind": "next"}')
+            while True:
+                data = page.recv(30.0)
+                assert isinstance(data, bytes)
+                update = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+                if update["result"] is not None:
+                    assert update["result"]["seed"] == 9
+                    ended.set()
+                    return
+                page.send('{"kind": "next"}')
+
+    watcher = threading.Thread(target=follow, daemon=True)
+    watcher.start()
+    out, error = hil.process.communicate(timeout=60.0)
+    watcher.join(5.0)
+    assert ended.is_set()
+    assert hil.process.returncode == 0, error
+    assert "PASS" in out
+    run = json.loads((tmp_path / "runs" / "latest" / "run.json").read_text())
+    assert run["deterministic"] is True
+    with pytest.raises(OSError):  # noqa: PT011 (refused or reset: nobody serves any more)
+        socket.create_connection(tuple(hil.host.split(":")), 1.0)
+
+
+def test_others_may_reach_it_only_with_the_token(tmp_path: Path) -> None:
+    hil = Hil(tmp_path, "dash", "--port", "0", "--host", "0.0.0.0")
+    try:
+        port = hil.host.rpartition(":")[2]
+        token = hil.address.rpartition("token=")[2]
+        assert len(token) >= 32
+        hil.host = f"127.0.0.1:{port}"
+        assert hil.get("/").status == 401
+        assert hil.get("/api/runs").status == 401
+        moved = hil.get(f"/?token={token}")
+        assert moved.status == 303
+        cookie = moved.getheader("set-cookie", "").partition(";")[0]
+        assert hil.get("/", Cookie=cookie).status == 200
+        with pytest.raises(InvalidStatus):
+            connect(f"ws://{hil.host}/live").__enter__()
+    finally:
+        hil.end()
+
+
+def test_a_port_that_is_taken_is_said_in_words(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        command = [sys.executable, "-m", "hil.entry", "dash", "--port", port]
+        ended = subprocess.run(
+            command,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert ended.returncode == 3
+    assert "--port" in ended.stderr
+    assert "Traceback" not in ended.stderr

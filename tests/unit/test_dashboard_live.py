@@ -1,0 +1,131 @@
+"""The run's side of the dashboard: sticks that let go, a wire that never waits."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import numpy as np
+import pytest
+
+from firmware_bridge.manual.sticks import NEUTRAL, Sticks
+from hil.dashboard.page_sticks import ASKS, PageSticks, page_buttons
+from hil.dashboard.snapshot import array_of, frame_streams
+from hil.dashboard.trail import Trail
+from hil.dashboard.wire import RunEnd, Unpacker, packed
+from hil.signals.samples import ImageSample, PointCloudSample
+
+MS = 1_000_000
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+def test_sticks_count_only_while_the_page_says_so_again_and_again() -> None:
+    clock = Clock()
+    sticks = PageSticks(clock)
+    assert sticks.poll().held is False
+    sticks.move({"held": True, "axes": [0.5, -2.0, 0.0, 1.0]})
+    state = sticks.poll()
+    assert (state.sticks, state.held) == (Sticks(0.5, -1.0, 0.0, 1.0), True)
+    clock.now_ns += 399 * MS
+    assert sticks.poll().held is True
+    clock.now_ns += 2 * MS  # nothing came for 0.4 s: the page is gone, or hidden
+    state = sticks.poll()
+    assert (state.sticks, state.held) == (NEUTRAL, False)
+
+
+def test_letting_go_acts_at_once() -> None:
+    sticks = PageSticks(Clock())
+    sticks.move({"held": True, "axes": [1, 1, 1, 1]})
+    sticks.move({"held": False, "axes": [1, 1, 1, 1]})
+    assert sticks.poll() == (NEUTRAL, False, frozenset())
+
+
+@pytest.mark.parametrize("axes", [None, [1.0], ["1", 0, 0, 0], [float("nan"), 0, 0, 0], [True, 0, 0, 0], "abcd"])
+def test_sticks_that_are_none_move_nothing(axes: Any) -> None:
+    sticks = PageSticks(Clock())
+    sticks.move({"held": True, "axes": axes})
+    assert sticks.poll().sticks == NEUTRAL
+    sticks.move({"held": "yes", "axes": [1, 1, 1, 1]})
+    assert sticks.poll().held is False
+
+
+def test_a_button_is_one_press() -> None:
+    clock = Clock()
+    sticks = PageSticks(clock)
+    buttons = page_buttons({"position": (3.0, 0.0), "mission": (4.0, 4.0)})
+    sticks.move({"held": True, "axes": [0, 0, 0, 0], "ask": "mission"})
+    (number,) = sticks.poll().pressed
+    assert buttons.modes[number] == "mission"
+    assert set(buttons.modes.values()) == {"position", "mission"}
+    sticks.move({"held": True, "axes": [0, 0, 0, 0], "ask": "self-destruct"})
+    clock.now_ns += 251 * MS
+    assert sticks.poll().pressed == frozenset()
+    assert ASKS[buttons.arm - 1] == "arm"
+    assert ASKS[buttons.disarm - 1] == "disarm"
+
+
+def test_a_reader_who_does_not_read_holds_nobody_up() -> None:
+    ours, theirs = socket.socketpair()
+    end = RunEnd(ours)
+    big = {"kind": "state", "data": b"x" * 8_000_000}
+    end.write(big)  # far more than the socket takes
+    assert end.busy
+    end.push()
+    assert not end.lost
+    unpacker, got = Unpacker(), []
+    while not got:
+        end.push()
+        got = unpacker.feed(theirs.recv(1 << 20))
+    assert got == [big]
+    assert not end.busy
+    theirs.close()
+    end.write({"kind": "state"})
+    end.push()
+    assert end.read() == []
+    assert end.lost
+
+
+def test_messages_come_whole_in_whatever_pieces() -> None:
+    data = packed({"kind": "a", "n": 1}) + packed({"kind": "b"})
+    unpacker = Unpacker()
+    assert [m for k in range(len(data)) for m in unpacker.feed(data[k : k + 1])] == [
+        {"kind": "a", "n": 1},
+        {"kind": "b"},
+    ]
+    with pytest.raises(ValueError, match="bytes"):
+        unpacker.feed(b"\xff\xff\xff\xff")
+
+
+def test_a_frame_is_told_once_and_only_to_those_who_ask() -> None:
+    depth = np.arange(12, dtype=np.float32).reshape(3, 4)
+    unit = (1.0, 0.0, 0.0, 0.0)
+    image = ImageSample(7, 5, 6, (0.0, 0.0, 1.0), unit, {"depth": depth})
+    empty = np.zeros(0, np.float32)
+    cloud = PointCloudSample(
+        3, 5, 6, (0.0, 0.0, 1.0), unit, np.ones((9, 3), np.float32), empty, empty, empty, empty, empty
+    )
+    latest = {"front": image, "lidar": cloud}
+    sent: dict[str, int] = {}
+    assert frame_streams(latest, [], sent) == {}
+    made = frame_streams(latest, ["front/depth", "lidar/points", "front/rgb", "gone/rgb", "front"], sent)
+    assert set(made) == {"front/depth", "lidar/points"}
+    assert np.array_equal(array_of(made["front/depth"]), depth)
+    assert len(made["lidar/points"]["points"]) == 9 * 3 * 4
+    assert frame_streams(latest, ["front/depth"], sent) == {}
+
+
+def test_a_trail_stays_short_and_keeps_its_ends() -> None:
+    trail = Trail(limit=100)
+    for k in range(100_000):
+        trail.add((float(k), 0.0, 0.0, 1.0))
+    assert 40 <= len(trail.points) < 100
+    assert trail.points[-1][0] > 97_000
+    gaps = {b[0] - a[0] for a, b in zip(trail.points, trail.points[1:], strict=False)}
+    assert max(gaps) <= 2 * min(gaps)
