@@ -515,7 +515,7 @@ class _Run:
                 posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
                 companion=None if self.companion is None else self.companion.report(),
                 router=self.router,
-                manual=self.page_manual,
+                manual=(self.manual, self.page_manual),
             )
 
         live.attach(

@@ -15,13 +15,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hil.config import Bench, load_bench
 from hil.entry import CONFIG_STATUS, ERROR_STATUS
 from hil.report.run_json import write_run_json
 from hil.signals.errors import ConfigError, HilError, Problem, RecordingError
 
 if TYPE_CHECKING:
     from hil.bench import RunResult
+    from hil.config import Bench
     from hil.dashboard.live_run import LiveRun
 
 app = typer.Typer(
@@ -121,6 +121,8 @@ def run(
 ) -> None:
     """Fly a mission on a rig and judge the flight."""
     began_s = time.monotonic()
+    from hil.config import load_bench
+
     try:
         bench = load_bench(config, rig=rig, scene=scene, mission=mission, seed=seed, settings=settings or ())
     except ConfigError as error:
@@ -167,6 +169,8 @@ def check(
     settings: SetOption = None,
 ) -> None:
     """Validate a bench without running it: print every problem, exit 2 if there is any."""
+    from hil.config import load_bench
+
     try:
         bench = load_bench(config, rig=rig, scene=scene, mission=mission, settings=settings or ())
         _check_wiring(bench)
@@ -227,6 +231,7 @@ def replay(
     """Run a recorded configuration again; exit 1 and name the first differing tick and port if not identical."""
     from hil.bench import run_bench
     from hil.companion.trace_name import TRACE_NAME
+    from hil.config import load_bench
     from hil.replay import replay as run_and_compare
 
     def again(config: Path, folder: Path) -> None:

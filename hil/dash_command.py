@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from hil.config.files import default_bench
 from hil.signals.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
         raise ConfigError([Problem(str(config), "is not there", "name a bench file, or none for ./hil.yaml")])
     token = new_token(host)
     listening = open_port(host, port)
-    dashboard = Dashboard(config=config, bench_file=config or default_bench(), runs=runs)
+    dashboard = Dashboard(config=config, runs=runs)
     console.print(f"dashboard: {address_of(listening, token)}   (Ctrl-C ends it)", markup=False)
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(serve(dashboard, listening, token))
@@ -59,8 +58,7 @@ def dashboard_beside(config: Path | None, console: Console, *, host: str, port: 
         with theirs:
             command = [sys.executable, "-m", "hil.dashboard.serve", f"--runs={runs}"]
             command += [f"--listen-fd={listening.fileno()}", f"--wire-fd={theirs.fileno()}"]
-            bench = config or default_bench()
-            command += [] if bench is None else [f"--config={bench}"]
+            command += [] if config is None else [f"--config={config}"]
             root = str(Path(__file__).resolve().parents[1])
             server = subprocess.Popen(
                 command,

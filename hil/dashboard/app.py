@@ -6,8 +6,9 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
 from starlette.requests import Request
@@ -16,13 +17,13 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hil.dashboard.choices import choices, run_arguments
 from hil.dashboard.guard import App, Guard
 from hil.dashboard.hub import Hub, Page
-from hil.dashboard.own_views import scene_of
-from hil.dashboard.past_runs import PastRuns
 from hil.dashboard.run_process import RunProcess
 from hil.signals.errors import HilError
+
+if TYPE_CHECKING:
+    from hil.dashboard.past_runs import PastRuns
 
 PAGE_FOLDER = Path(__file__).resolve().parent / "page"
 _LARGEST_WORD = 16_384  # bytes of one message of a page
@@ -34,14 +35,33 @@ _REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-in
 class Dashboard:
     """One server: its hub, the run it started, the past runs of one folder."""
 
-    def __init__(self, *, config: Path | None, bench_file: Path | None, runs: Path) -> None:
-        """`config`: the bench file that runs are started with; `bench_file`: whose scene is shown before any run."""
-        self.hub = Hub(bench_file)
+    def __init__(self, *, config: Path | None, runs: Path) -> None:
+        """`config`: the bench file that runs are started with; None: the default one."""
+        self.hub = Hub(self._default_bench)
         self.run = RunProcess(self.hub)
         self._config = config
-        self._past = PastRuns(runs)
         self._runs_folder = runs.resolve()
         self._again: list[str] | None = None  # arguments of the last start
+        self._warming: asyncio.Future[None] | None = None
+
+    @cached_property
+    def _past(self) -> PastRuns:
+        from hil.dashboard.past_runs import PastRuns
+
+        return PastRuns(self._runs_folder)
+
+    def _default_bench(self) -> Path | None:
+        from hil.config.files import default_bench
+
+        return self._config or default_bench()
+
+    def _warm(self) -> None:
+        """The bench's own modules take a second to load: after the page is there, and before anybody needs them."""
+        import hil.dashboard.choices
+        import hil.dashboard.own_views
+        import hil.dashboard.pictures  # noqa: F401
+
+        _ = self._past
 
     def application(self, token: str | None) -> App:
         """The ASGI application, guarded."""
@@ -60,32 +80,39 @@ class Dashboard:
         return Guard(Starlette(routes=routes), token=token)
 
     async def _index(self, _request: Request) -> Response:
+        if self._warming is None:
+            self._warming = asyncio.ensure_future(_in_thread(self._warm))
         return FileResponse(PAGE_FOLDER / "index.html", media_type="text/html")
 
     async def _choices(self, _request: Request) -> Response:
-        return JSONResponse(await _in_thread(choices, self._config))
+        return JSONResponse(await _in_thread(self._lists))
+
+    def _lists(self) -> dict[str, Any]:
+        from hil.dashboard.choices import choices
+
+        return choices(self._config)
 
     async def _scene(self, request: Request) -> Response:
         name = request.query_params.get("run")
-        folder = None if name is None else await _in_thread(self._past.folder, name)
+        folder = None if name is None else await _in_thread(lambda: self._past.folder(name))
         if name is not None and folder is None:
             return PlainTextResponse("no such run", 404)
         try:
-            triangles = await (self.hub.scene() if folder is None else _in_thread(scene_of, folder / "bench.yaml"))
+            triangles = await (self.hub.scene() if folder is None else _in_thread(_scene_of, folder / "bench.yaml"))
             return Response(triangles, media_type="application/octet-stream")
         except HilError as error:
             return PlainTextResponse(str(error), 422)
 
     async def _runs(self, _request: Request) -> Response:
-        return JSONResponse(await _in_thread(self._past.listed))
+        return JSONResponse(await _in_thread(lambda: self._past.listed()))
 
     async def _summary(self, request: Request) -> Response:
-        found = await _in_thread(self._past.summary, request.path_params["name"])
+        found = await _in_thread(lambda: self._past.summary(request.path_params["name"]))
         return PlainTextResponse("no such run", 404) if found is None else JSONResponse(found)
 
     async def _track(self, request: Request) -> Response:
         try:
-            return JSONResponse(await _in_thread(self._past.track, request.path_params["name"]))
+            return JSONResponse(await _in_thread(lambda: self._past.track(request.path_params["name"])))
         except HilError as error:
             return PlainTextResponse(str(error), 422)
 
@@ -96,11 +123,11 @@ class Dashboard:
         except ValueError:
             return PlainTextResponse("t_ns must be a whole number", 400)
         name, topic = request.path_params["name"], query.get("topic", "")
-        found = await _in_thread(self._past.picture, name, topic, t_ns)
+        found = await _in_thread(lambda: self._past.picture(name, topic, t_ns))
         return PlainTextResponse("no picture", 404) if found is None else Response(found[1], media_type=found[0])
 
     async def _file(self, request: Request) -> Response:
-        path = await _in_thread(self._past.file, request.path_params["name"], request.path_params["path"])
+        path = await _in_thread(lambda: self._past.file(request.path_params["name"], request.path_params["path"]))
         if path is None:
             return PlainTextResponse("no such file", 404)
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
@@ -132,6 +159,8 @@ class Dashboard:
             return
         if kind == "start" and self.run.going:
             return
+        from hil.dashboard.choices import run_arguments
+
         try:
             arguments = run_arguments(message, self._config) if kind == "start" else self._again
         except ValueError as error:
@@ -156,6 +185,12 @@ def _message(text: str) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return message if isinstance(message, dict) else None
+
+
+def _scene_of(bench_file: Path) -> bytes:
+    from hil.dashboard.own_views import scene_of
+
+    return scene_of(bench_file)
 
 
 async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:

@@ -34,17 +34,13 @@ def choices(config: Path | None) -> dict[str, Any]:
 def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
     """Arguments of `hil run` for a form that was sent. ValueError names what is not to be had."""
     lists = choices(config)
-    arguments: list[str] = []
-    for name in ("bench", "rig", "scene", "mission"):
-        value = message.get(name)
-        if value in (None, ""):
-            continue
-        if value not in lists[name]:
+    bench = message.get("bench") or (str(config) if config is not None else None)
+    for name, value in (("bench", bench), *((name, message.get(name)) for name in ("rig", "scene", "mission"))):
+        if value not in (None, "", *lists[name]):
             raise ValueError(f"no {name} {value!r}")
-        # Behind "=" a value is a value, whatever it begins with.
-        arguments.append(f"./{value}" if name == "bench" and not Path(value).is_absolute() else f"--{name}={value}")
-        if name == "bench" and Path(value).is_absolute():
-            arguments[-1] = str(value)
+    # An absolute path begins with no dash, and behind "=" a value is a value whatever it begins with.
+    arguments = [] if bench is None else [str(Path(bench).absolute())]
+    arguments += [f"--{name}={message[name]}" for name in ("rig", "scene", "mission") if message.get(name)]
     seed, pace = message.get("seed"), message.get("pace")
     if seed is not None:
         if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= _MAX_SEED:

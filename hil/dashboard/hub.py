@@ -15,13 +15,16 @@ import struct
 from collections import deque
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hil.dashboard.own_views import PREFIX, STREAMS, OwnViews, wait_s
-from hil.dashboard.pictures import Shown, shown
+from hil.dashboard.own_streams import PREFIX, STREAMS, wait_s
 from hil.dashboard.trail import Trail
 from hil.dashboard.wire import Unpacker, packed
 from hil.signals.errors import HilError
+
+if TYPE_CHECKING:  # numbers and pictures take half a second to load: not before the page is up
+    from hil.dashboard.own_views import OwnViews
+    from hil.dashboard.pictures import Shown
 
 _EVENTS = 300
 _READ = 1 << 18
@@ -48,7 +51,8 @@ class Page:
 class Hub:
     """All of it runs in one event loop; drawing and encoding in a thread."""
 
-    def __init__(self, bench_file: Path | None) -> None:
+    def __init__(self, bench_file: Callable[[], Path | None] = lambda: None) -> None:
+        """`bench_file`: whose scene is shown before there is a run."""
         self.pages: set[Page] = set()
         self.state: dict[str, Any] = {}
         self.about: dict[str, Any] = {}
@@ -125,6 +129,8 @@ class Hub:
         self.ask()
 
     async def _encode(self, bodies: dict[str, Any]) -> None:
+        from hil.dashboard.pictures import shown
+
         views = self._views_now()
         classes = None if views is None else views.classes
         loop = asyncio.get_running_loop()
@@ -239,13 +245,15 @@ class Hub:
     def bench_file(self) -> Path | None:
         """Of the scene that is shown: that of the run, or the one that would be flown."""
         out = self.about.get("out")
-        return Path(out) / "bench.yaml" if out else self._bench_file
+        return Path(out) / "bench.yaml" if out else self._bench_file()
 
     def _views_now(self) -> OwnViews | None:
         file = self.bench_file()
         if file is None:
             return None
         if file != self._views_of:
+            from hil.dashboard.own_views import OwnViews
+
             self._views, self._views_of = OwnViews(file), file
         return self._views
 
@@ -288,6 +296,8 @@ class Hub:
 
     @staticmethod
     def _draw_now(views: OwnViews, wanted: list[str], state: dict[str, Any]) -> dict[str, Shown]:
+        from hil.dashboard.pictures import shown
+
         bodies = views.draw(wanted, state["p"], state["q"], state["t_ns"])
         return {stream: shown(stream, body, views.classes) for stream, body in bodies.items()}
 

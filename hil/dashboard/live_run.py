@@ -40,6 +40,7 @@ _TRAIL_POINTS = 256  # in one update; a run that is faster than that leaves ever
 _EVENTS = 100  # in one update
 _COMMANDS = 500  # recorded of one run; each is kept
 _WIND_RISE_S = 1.0
+_WINDS = 100  # changes of the wind in one run: each is a gust that stays, and every tick adds them all up
 _LAST_S = 2.0  # the page's server has so long to take the last message
 _WIND_LIMIT_MPS = 30.0
 _HELD_S = 0.02  # one wait while held up
@@ -98,6 +99,7 @@ class LiveRun:
         self._slow_ns = 0
         self._asked: tuple[str, ...] | None = None  # streams of the update that is wanted; None: none is
         self._streams_sent: dict[str, int] = {}
+        self._winds = 0
         self._wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # by hand, on top of the bench's own
         self._texts = 0  # of the vehicle's that were told
         self._told: set[tuple[int, str]] = set()
@@ -336,6 +338,9 @@ class LiveRun:
             # Gusts add up: what is added now is what is missing.
             before = self._wind_W_mps
             more = (x - before[0], y - before[1], z - before[2])
+            self._winds += 1
+            if self._winds > _WINDS:
+                raise ValueError(f"{_WINDS} changes in one run; start a new one")
             flown.inject(GustEvent(at_s=at_s, velocity_W_mps=more, rise_s=_WIND_RISE_S))
             self._wind_W_mps = (x, y, z)
             self._note(f"wind by hand: {x:g}, {y:g}, {z:g} m/s (east, north, up)", alters=True)

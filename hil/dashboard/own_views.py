@@ -10,19 +10,11 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from hil.dashboard.own_streams import PREFIX, STREAMS
 from hil.dashboard.snapshot import CLOUD_PART, frame_streams
 from hil.signals.classes import Classes
 from hil.signals.samples import TruthState
 
-PREFIX = "view"  # of the streams' names: view/camera/rgb
-STREAMS = (
-    "view/camera/rgb",
-    "view/camera/depth",
-    "view/camera/segmentation",
-    "view/lidar/points",
-    "view/radar/range_doppler",
-    "view/radar/points",
-)
 _SIZE = (320, 240)
 _FOV_DEG = 90.0
 _STEP_NS = 4_000_000
@@ -106,11 +98,6 @@ class OwnViews:
                 outputs = {"outputs": parts, "processing": {"clutter": "none"}}
                 self._sensors[key] = make_sensor(name, preset="bgt60tr13c", overrides=outputs | mount, **common)
         return self._sensors[key]
-
-
-def wait_s(took_s: float) -> float:
-    """Before the next picture: as long as the last one took, so that drawing takes half a processor at most."""
-    return max(0.05, took_s)
 
 
 def scene_of(bench_file: Path) -> bytes:

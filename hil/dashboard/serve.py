@@ -19,7 +19,7 @@ from hil.signals.errors import PortBusy, PortNotFound
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8710
 _LARGEST_SOCKET_MESSAGE = 65_536
-_LINGER_S = 3.0  # a page that is being loaded again is not a page that was closed
+_LINGER_S = 2.0  # a page that is being loaded again is not a page that was closed
 
 
 def open_port(host: str, port: int) -> socket.socket:
@@ -111,7 +111,7 @@ def main() -> int:
     token = sys.stdin.readline().strip() or None  # not in the arguments, which every user can see
     listening = socket.socket(fileno=options.listen_fd)
     wire = socket.socket(fileno=options.wire_fd)
-    dashboard = Dashboard(config=options.config, bench_file=options.config, runs=options.runs)
+    dashboard = Dashboard(config=options.config, runs=options.runs)
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(serve(dashboard, listening, token, wire=wire))
     return 0

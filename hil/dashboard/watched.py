@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.manual.manual_control import ManualControlSource
+from firmware_bridge.manual.manual_control import Control, ManualControlSource
 from firmware_bridge.router import Router
 from hil.config import Bench
 from hil.dashboard.snapshot import autopilot_health, channels_of
@@ -59,7 +59,7 @@ def slow_facts(
     posings: tuple[int, int],
     companion: Mapping[str, Any] | None,
     router: Router | None,
-    manual: ManualControlSource | None,
+    manual: Sequence[ManualControlSource | None],
 ) -> dict[str, Any]:
     """Asked twice a second, while somebody looks."""
     links = [autopilot_health(link)]
@@ -94,5 +94,5 @@ def slow_facts(
         "skipped": rows,
         "late_ticks": scheduler.late,
         "own_us": scheduler.own_ns.mean_ns / 1000,
-        "manual": "none" if manual is None else manual.control.value,
+        "flying_by_hand": any(source is not None and source.control is Control.FLYING for source in manual),
     }

@@ -55,7 +55,7 @@ def state(k: int) -> dict[str, Any]:
 
 def test_a_slow_page_gets_the_newest_and_no_queue() -> None:
     async def scenario() -> None:
-        hub, slow = Hub(None), Collecting()
+        hub, slow = Hub(), Collecting()
         hub.pages.add(slow.page)
         await hub.hear(slow.page, {"kind": "streams", "streams": ["front/depth"]})
         for k in range(500):
@@ -76,7 +76,7 @@ def test_a_slow_page_gets_the_newest_and_no_queue() -> None:
 
 def test_the_run_is_asked_only_for_what_open_panes_show() -> None:
     async def scenario() -> None:
-        hub, page = Hub(None), Collecting()
+        hub, page = Hub(), Collecting()
         ours, theirs = socket.socketpair()
         theirs.setblocking(False)
         following = asyncio.create_task(hub.follow(ours))
@@ -106,7 +106,7 @@ def nothing(wire: socket.socket) -> bool:
 
 def test_one_page_flies_at_a_time_and_a_page_that_leaves_lets_go() -> None:
     async def scenario() -> None:
-        hub, first, second = Hub(None), Collecting().page, Collecting().page
+        hub, first, second = Hub(), Collecting().page, Collecting().page
         said: list[dict[str, Any]] = []
         hub._to_run = said.append  # type: ignore[method-assign]
         held = {"kind": "sticks", "held": True, "axes": [0, 0, 0, 0]}
@@ -125,7 +125,7 @@ def test_eight_hours_of_updates_leave_nothing_behind() -> None:
     """As many updates as matter to memory: every bound is met many times over."""
 
     async def scenario() -> None:
-        hub, page = Hub(None), Collecting()
+        hub, page = Hub(), Collecting()
         hub.pages.add(page.page)
         await hub.hear(page.page, {"kind": "streams", "streams": ["front/depth"]})
 

@@ -137,6 +137,7 @@ function showVehicle(s, t) {
 let slowShown = "";
 function showSlow(slow) {
   if (slow.battery) state.battery = slow.battery;
+  state.byHand = slow.flying_by_hand === true;  // also by the gamepad on the bench's own machine
   const text = JSON.stringify(slow);
   if (text === slowShown) return;
   slowShown = text;
@@ -164,7 +165,7 @@ function showStatus(result) {
     $("headline").textContent = `${named}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
     $("headline").title = result.digest;
   } else setStatus("no run", "");
-  const chip = $("deadman"), held = going && state.held;
+  const chip = $("deadman"), held = going && (state.held || state.byHand);
   chip.textContent = held ? "flying by hand" : "sticks released";
   chip.className = `chip ${held ? "good" : ""}`;
 }
