@@ -93,6 +93,7 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     tab.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
     tab.on("pageerror", lambda error: wrong.append(str(error)))
     tab.on("request", lambda request: wrong.append(request.url) if not local(request.url, address) else None)
+    tab.add_init_script("navigator.getGamepads = () => (window.pad ? [window.pad] : [null]);")
     tab.goto(address)
     tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
     yield tab
@@ -175,6 +176,12 @@ def test_flying_by_keyboard_and_breaking_a_sensor(page: Any) -> None:
     page.keyboard.up("Space")
     until(lambda: page.inner_text("#deadman") == "sticks released", page=page)
     until(lambda: "dead-man switch released" in page.inner_text("#log"), page=page)
+    held = """(_, held) => { window.pad = { connected: true, mapping: "standard", axes: [0, 0, 0, -0.7],
+      buttons: Array.from({ length: 17 }, (_, k) => ({ pressed: held && k === 4 })) }; }"""
+    page.locator("html").evaluate(held, True)  # a gamepad: L1 held, right stick forward
+    until(lambda: page.inner_text("#deadman") == "flying by hand", page=page)
+    page.locator("html").evaluate(held, False)
+    until(lambda: page.inner_text("#deadman") == "sticks released", page=page)
     page.select_option("#fault-sensor", "gps")
     page.fill("#fault-for", "1")
     page.click("#inject-sensor")

@@ -11,8 +11,9 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -105,6 +106,37 @@ def test_whatever_a_page_says_the_server_stays(dash: Hil) -> None:
     with connect(f"ws://{dash.host}/live") as page:
         page.send(b"\x00\x01")
     assert dash.get("/").status == 200
+
+
+def test_a_run_is_started_stepped_reset_and_stopped(dash: Hil) -> None:
+    with connect(f"ws://{dash.host}/live") as page:
+
+        def until(holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+            for _ in range(2000):
+                page.send('{"kind": "next"}')
+                data = page.recv(30.0)
+                assert isinstance(data, bytes)
+                update: dict[str, Any] = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+                if holds(update):
+                    return update
+            raise AssertionError(update)
+
+        page.send('{"kind": "start", "seed": 5, "paused": true}')
+        first = until(lambda update: update.get("run") == 1)
+        assert first["about"]["seed"] == 5
+        until(lambda update: update["state"].get("paused") is True and update["state"]["tick"] == 0)
+        page.send('{"kind": "step"}')
+        until(lambda update: update["state"].get("tick") == 1)
+        page.send('{"kind": "reset"}')
+        second = until(lambda update: update.get("run") == 2)
+        assert second["about"]["seed"] == 5
+        assert second["about"]["out"] != first["about"]["out"]
+        until(lambda update: update["state"].get("paused") is True and update["state"]["tick"] == 0)
+        page.send('{"kind": "stop"}')
+        ended = until(lambda update: update["result"] is not None)
+        assert ended["result"]["error"]["type"] == "Interrupted"
+    names = [run["name"] for run in json.loads(dash.get("/api/runs").read())]
+    assert len(names) == 2
 
 
 def test_a_run_with_a_page_beside_it(tmp_path: Path) -> None:
