@@ -118,6 +118,7 @@ class Hub:
                 self._event_count += 1
             self._slow = message.pop("slow", self._slow)
             frames = message.pop("frames", {})
+            message["actors"] = [] if self._views is None else self._views.places(message["t_ns"])
             self.state = message
             self._bump()
             if frames:

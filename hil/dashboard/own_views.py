@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from hil.dashboard.actors import Actors
 from hil.dashboard.own_streams import PREFIX, STREAMS
 from hil.dashboard.snapshot import CLOUD_PART, frame_streams
 from hil.signals.classes import Classes
@@ -30,6 +31,7 @@ class OwnViews:
         self._bench: Any = None
         self._frames: Any = None
         self._sensors: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._actors: Actors | None = None
         self._seq = 0
 
     @property
@@ -42,7 +44,14 @@ class OwnViews:
         from hil.dashboard.scene_mesh import scene_triangles
 
         with self._lock:
-            return scene_triangles(self._loaded().world)
+            world = self._loaded().world
+            made = scene_triangles(world)
+        self._actors = Actors(world)
+        return made
+
+    def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
+        """Of people and vehicles, once the 3-D view has them."""
+        return [] if self._actors is None else self._actors.places(t_ns)
 
     def draw(self, wanted: list[str], p_WB: Any, q_WB: Any, t_ns: int) -> dict[str, Any]:
         """Bodies as `hil.dashboard.snapshot` has them, by stream."""

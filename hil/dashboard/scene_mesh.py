@@ -11,30 +11,37 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.dashboard.actors import Actors, into_frame
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 
 _MOST_TRIANGLES = 250_000  # 9 MB; of more, the smallest things are left out
 _GROUND_M = 600.0  # half an edge of a plane that goes on for ever
 _ROUND = 12  # sides of a cylinder
 _GEOM = mujoco.mjtGeom
+_Piece = tuple[float, NDArray[np.float32], NDArray[np.uint8]]  # size [m], corners, colour
 
 
 def scene_triangles(world: Any) -> bytes:
-    """uint32 count, then per corner three float32 [m, W] and four uint8 (red, green, blue, 255).
+    """What stands still, then uint32 how many people and vehicles there are, then each of them.
 
-    `world`: sim.scene.world.World. People and vehicles stand where they are at the start.
+    A mesh is uint32 count, then per corner three float32 [m] and four uint8 (red, green, blue, 255): in W what stands
+    still, in its own frame (`hil.dashboard.actors`) what moves, after its place at the start as four float32.
+    `world`: sim.scene.world.World.
     """
     model = world.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    pieces: list[tuple[float, NDArray[np.float32], NDArray[np.uint8]]] = []
+    places = Actors(world).places(0)
+    pieces: list[_Piece] = []
+    moving: list[list[_Piece]] = [[] for _ in places]
     for geom in np.flatnonzero(world.geom_visible).tolist():
         corners = _corners(model, geom)
         if corners is None or not len(corners):
             continue
         placed: NDArray[np.float64] = corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         size = float(np.ptp(placed, axis=0).max())
-        pieces.append((size, placed.astype(np.float32), _colour(model, geom)))
+        piece = (size, placed.astype(np.float32), _colour(model, geom))
+        (pieces if world.geom_actor[geom] < 0 else moving[world.geom_actor[geom]]).append(piece)
     pieces.sort(key=lambda piece: -piece[0])
     kept, triangles = [], 0
     for piece in pieces:
@@ -42,6 +49,14 @@ def scene_triangles(world: Any) -> bytes:
         if triangles > _MOST_TRIANGLES:
             break
         kept.append(piece)
+    made = [_packed(kept), struct.pack("<I", len(moving))]
+    for place, parts in zip(places, moving, strict=True):
+        own = [(size, into_frame(corners, place), colour) for size, corners, colour in parts]
+        made += [struct.pack("<4f", *place), _packed(own)]
+    return b"".join(made)
+
+
+def _packed(kept: list[_Piece]) -> bytes:
     count = sum(len(corners) for _, corners, _ in kept)
     made = np.zeros(count, np.dtype([("at", "<f4", 3), ("colour", "u1", 4)]))
     at = 0

@@ -90,6 +90,7 @@ async function loadScene(which) {
 }
 
 function showState() {
+  view.setActors(state.actors);
   view.setPose(state.p, state.q);
   const flat = new Float32Array(3 * trail.length + 3);
   trail.forEach((point, k) => flat.set([point[1], point[2], point[3]], 3 * k));

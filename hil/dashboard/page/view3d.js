@@ -38,6 +38,8 @@ export class View3d {
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.scene = null;
+    this.actors = [];  // people and vehicles, and where each is: x, y, z, yaw
+    this.places = [];
     this.body = null;
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
     this.listen();
@@ -49,7 +51,19 @@ export class View3d {
     if (!gl) return;
     if (this.scene) { gl.deleteBuffer(this.scene.buffer); gl.deleteVertexArray(this.scene.array); this.scene = null; }
     const count = buffer.byteLength >= 4 ? new DataView(buffer).getUint32(0, true) : 0;
-    if (count) this.scene = meshOf(gl, this.mesh, new Uint8Array(buffer, 4), count);
+    if (count) this.scene = meshOf(gl, this.mesh, new Uint8Array(buffer, 4, 16 * count), count);
+    for (const actor of this.actors) { gl.deleteBuffer(actor.buffer); gl.deleteVertexArray(actor.array); }
+    this.actors = [];
+    this.places = [];
+    let at = 4 + 16 * count;
+    const numbers = new DataView(buffer), actors = at + 4 <= buffer.byteLength ? numbers.getUint32(at, true) : 0;
+    at += 4;
+    for (let k = 0; k < actors; k++) {
+      this.places.push([0, 4, 8, 12].map((more) => numbers.getFloat32(at + more, true)));
+      const corners = numbers.getUint32(at + 16, true);
+      this.actors.push(meshOf(gl, this.mesh, new Uint8Array(buffer, at + 20, 16 * corners), corners));
+      at += 20 + 16 * corners;
+    }
     // Where there is nothing but a plain, a grid shows how fast one goes.
     this.setLine("grid", count < 300 ? gridLines() : [], { mode: gl.LINES, colour: "--grid", alpha: 0.35 });
     this.touch();
@@ -80,6 +94,8 @@ export class View3d {
     Object.assign(entry, { count: points.length / 3, mode: mode ?? gl.LINE_STRIP, colour, alpha, size, at });
     this.touch();
   }
+
+  setActors(places) { if (places && places.length === this.actors.length) this.places = places; }
 
   setPose(p, q) {
     this.vehicle = { p, q };
@@ -125,6 +141,10 @@ export class View3d {
       gl.drawArrays(gl.TRIANGLES, 0, mesh.count);
     };
     if (this.scene) show(this.scene, IDENTITY);
+    this.actors.forEach((actor, k) => {
+      const [x, y, z, yaw] = this.places[k];
+      show(actor, pose([x, y, z], [Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)]));
+    });
     // Half a metre would be a dot from afar: it is never shown smaller than a twentieth of the picture.
     if (this.vehicle && this.body) show(this.body, pose(this.vehicle.p, this.vehicle.q, Math.max(1, this.distance * 0.07)));
     gl.useProgram(this.line.program);
