@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.dashboard.own_streams import PREFIX, STREAMS, wait_s
+from hil.dashboard.polite import polite_threads
 from hil.dashboard.trail import Trail
 from hil.dashboard.wire import Unpacker, packed
 from hil.signals.errors import HilError
@@ -68,6 +69,7 @@ class Hub:
         self._events: deque[tuple[Any, ...]] = deque(maxlen=_EVENTS)
         self._event_count = 0
         self._trail = Trail()
+        self._threads = polite_threads()
         self._slow: dict[str, Any] = {}
         self._wire: asyncio.StreamWriter | None = None
         self._asked = False  # an update is under way
@@ -136,7 +138,9 @@ class Hub:
         classes = None if views is None else views.classes
         loop = asyncio.get_running_loop()
         for stream, body in bodies.items():
-            made = await loop.run_in_executor(None, shown, stream, body, *(() if classes is None else (classes,)))
+            made = await loop.run_in_executor(
+                self._threads, shown, stream, body, *(() if classes is None else (classes,))
+            )
             self._frames[stream] = (self._version + 1, made)
         self._version += 1
 
@@ -264,7 +268,7 @@ class Hub:
         if views is None:
             return _HEAD.pack(0)
 
-        return await asyncio.get_running_loop().run_in_executor(None, views.triangles)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, views.triangles)
 
     def _draw(self) -> None:
         """See to it that open panes are drawn, one drawing at a time."""
@@ -285,7 +289,7 @@ class Hub:
             drawn_at = at
             began = loop.time()
             try:
-                made = await loop.run_in_executor(None, self._draw_now, views, wanted, state)
+                made = await loop.run_in_executor(self._threads, self._draw_now, views, wanted, state)
             except HilError:
                 return  # the scene cannot be loaded; the run itself says why
             if self.state and views is self._views:

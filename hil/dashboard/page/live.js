@@ -1,6 +1,7 @@
 // The socket: an update comes when this page has said that it can take one, so nothing piles up anywhere.
 
 const READER = new TextDecoder();
+const QUICK_MS = 40, LONGEST_REST_MS = 500;
 
 export class Live {
   constructor(onUpdate, onLost) {
@@ -21,9 +22,10 @@ export class Live {
     };
     socket.onmessage = (event) => {
       const { head, frames } = parse(event.data);
+      const came = performance.now();
       // A page that nobody sees draws no frames of its own, and so asks for nothing.
       requestAnimationFrame(() => {
-        try { this.onUpdate(head, frames); } finally { this.next(); }
+        try { this.onUpdate(head, frames); } finally { requestAnimationFrame(() => this.rest(came)); }
       });
     };
     socket.onclose = () => {
@@ -31,6 +33,13 @@ export class Live {
       this.onLost();
       setTimeout(() => this.open(), 1000);
     };
+  }
+
+  // By the second frame what was drawn is on the screen. A machine on which that takes long also flies the run: the page
+  // then rests as long as it drew.
+  rest(came) {
+    const extra = performance.now() - came - QUICK_MS;
+    if (extra > 0) setTimeout(() => this.next(), Math.min(extra, LONGEST_REST_MS)); else this.next();
   }
 
   next() { this.say({ kind: "next" }); }
