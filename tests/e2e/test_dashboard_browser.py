@@ -49,16 +49,16 @@ sensors:
 SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
 
 
-def until(holds: Callable[[], Any], limit_s: float = 30.0, *, page: Any = None) -> None:
+def until(holds: Callable[[], Any], limit_s: float = 60.0, *, page: Any = None) -> None:
     end = time.monotonic() + limit_s
     while not holds():
         assert time.monotonic() < end, "" if page is None else page.inner_text("body")
         page.wait_for_timeout(60) if page is not None else time.sleep(0.05)
 
 
-@pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    folder = tmp_path_factory.mktemp("dash")
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    folder = tmp_path
     (folder / "hil.yaml").write_text(BENCH)
     (folder / "hop.waypoints").write_text(HOP)
     server = subprocess.Popen(
@@ -78,7 +78,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         server.wait(15.0)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def browser() -> Iterator[Any]:
     with playwright.sync_playwright() as driver:
         chromium = driver.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
@@ -86,7 +86,7 @@ def browser() -> Iterator[Any]:
         chromium.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def page(browser: Any, address: str) -> Iterator[Any]:
     tab = browser.new_page(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
     wrong: list[str] = []
@@ -140,13 +140,13 @@ def altitude_m(page: Any) -> float:
     return float(page.inner_text("#numbers dd >> nth=0").split()[0])
 
 
-def test_a_mission_started_by_clicking_is_watched_to_its_end(page: Any) -> None:
+def start_and_watch(page: Any) -> None:
     page.select_option("#f-pace", "")
     page.fill("#f-seed", "4")
     page.click("#start")
     page.wait_for_selector("#start:disabled")
     page.click("[data-stream='front/rgb']")
-    until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), 40.0, page=page)
+    until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
     log = page.inner_text("#log")
     assert "Takeoff detected" in log
@@ -159,7 +159,7 @@ def test_a_mission_started_by_clicking_is_watched_to_its_end(page: Any) -> None:
     picture(page, "watched")
 
 
-def test_flying_by_keyboard_and_breaking_a_sensor(page: Any) -> None:
+def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     until(lambda: page.is_enabled("#start"), page=page)
     page.select_option("#f-pace", "10")
     page.click("#start")
@@ -196,7 +196,7 @@ def test_flying_by_keyboard_and_breaking_a_sensor(page: Any) -> None:
     assert "not deterministic" in page.inner_text("#headline")
 
 
-def test_past_runs_are_opened_replayed_and_compared(page: Any) -> None:
+def look_back(page: Any) -> None:
     page.click("#tab-runs")
     rows = page.locator("#runs-table tbody tr[data-run]")
     until(lambda: rows.count() >= 2, page=page)
@@ -226,3 +226,10 @@ def test_past_runs_are_opened_replayed_and_compared(page: Any) -> None:
     until(lambda: "farthest apart" in page.inner_text("#run-detail"), page=page)
     assert "different digests" in page.inner_text("#run-detail")
     picture(page, "compared")
+
+
+def test_an_afternoon_at_the_bench(page: Any) -> None:
+    """One test, as each part needs the runs of the one before."""
+    start_and_watch(page)
+    fly_by_hand_and_break_a_sensor(page)
+    look_back(page)
