@@ -38,8 +38,7 @@ from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.calibration_export import write_calibration
 from hil.companion.topics import available_ports
-from hil.config import Bench, BenchConfig, SensorConfig, save_bench
-from hil.config.radar_checks import radars, view_of
+from hil.config import Bench, BenchConfig, save_bench
 from hil.frame_stages import (
     description,
     draws_elsewhere,
@@ -63,17 +62,17 @@ from hil.signals.classes import Classes
 from hil.signals.desired import DesiredState
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState, Vec3
-from hil.signals.time import NS_PER_S, RateAccumulator, is_due
+from hil.signals.time import NS_PER_S, RateAccumulator
+from hil.simulated_sensors import SimulatedSensors, tick_rates
 from hil.stages import Port, Skipped, StagePlan, StageSpec, plan_stages
 from hil.summary import FREE_RUNNING, summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
-from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, SharedFrames
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.scene.geodesy import LocalFrame
 from sim.scene.wind import GustEvent
-from sim.sensors.catalog import KINDS, make_sensor
+from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
 from sim.sensors.radar import Radar
 
@@ -233,7 +232,6 @@ class _Run:
         self.slots: list[SensorSlot] = []
         self.drawn_elsewhere = False  # pictures by a driver that draws other ones on another machine
         self.frames: FrameSource | None = None  # what cameras, LiDARs and radars look at; None: the bench has none
-        self.shared: dict[str, SharedPicture] = {}  # by camera: its pictures, where radars read them
         self.radars: dict[str, Radar] = {}
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
@@ -406,11 +404,10 @@ class _Run:
             self.frames = make_frames(self.bench)
             stack.callback(self.frames.close)
         wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
-        read = {p.frame for p in radars(wanted).values() if p.frame is not None}
-        self.shared = {name: view_of(config.sensors[name]) for name in sorted(read)}
+        simulated = SimulatedSensors(self.bench, wanted, self.frames)
         # Cameras before the radars that read them; the order within a tick changes nothing else.
         last = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
-        self.slots = [self._slot(name, wanted[name], plan) for name in last]
+        self.slots = [self._slot(name, simulated, plan) for name in last]
         commands: list[CommandSource] = []
         if config.companion.on and config.companion.control:
             pilot = self.station = self._pilot()
@@ -677,24 +674,12 @@ class _Run:
         if self.recorder is not None:
             self.recorder.event(self._now_ns(), kind, text)
 
-    def _slot(self, name: str, sensor: SensorConfig, plan: StagePlan) -> SensorSlot:
+    def _slot(self, name: str, sensors: SimulatedSensors, plan: StagePlan) -> SensorSlot:
         config = self.config
-        rates = {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": config.tick_hz * 1000}
-        overrides = self.bench.sensor_parameters(name).model_dump() | wanted_parts(name, sensor, plan)
-        simulated = make_sensor(
-            name,
-            kind=sensor.kind,
-            rate_hz=sensor.rate_hz,
-            seed=config.seed,
-            scene=self.bench.scene,
-            step_ns=config.tick_ns,
-            overrides=overrides,
-            frames=self.frames,
-            shared=self.shared.get(getattr(sensor.parameters, "frame", None) or name),
-        )
+        sensor = config.sensors[name]
+        simulated = sensors.make(name, wanted_parts(name, sensor, plan))
         if isinstance(simulated, Radar):
             self.radars[name] = simulated
-            simulated.view.add_reader(simulated.channels, partial(is_due, **rates))
         assert self.recorder is not None
         if self.frames is not None and KINDS[sensor.kind].needs_frames:
             self.recorder.describe(name, description(name, simulated))
@@ -704,7 +689,9 @@ class _Run:
         self.sensors[name] = simulated
         if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
             made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
-        return SensorSlot(made, RateAccumulator(**rates), after_send=KINDS[sensor.kind].needs_frames)
+        return SensorSlot(
+            made, RateAccumulator(**tick_rates(sensor, config.tick_hz)), after_send=KINDS[sensor.kind].needs_frames
+        )
 
     def _inject(self, what: Injected) -> None:
         """A gust or fault that a script lets begin now."""

@@ -335,18 +335,8 @@ def encode_frame_in_ring(
     samples_at: tuple[int, int],
 ) -> bytes:
     """A frame in shared memory: from `release` on; `samples_at`: the samples, from there on, and their bytes."""
-    return _pack(
-        {
-            "k": "frame",
-            "frame": frame,
-            "tick": tick,
-            "t_ns": t_ns,
-            "t_sent_ns": t_sent_ns,
-            "dropped": dropped,
-            "release": release,
-            "samples_at": samples_at,
-        }
-    )
+    head = _frame_head(frame, tick, t_ns, t_sent_ns, dropped)
+    return _pack(head | {"release": release, "samples_at": samples_at})
 
 
 def encode_frame(
@@ -360,19 +350,17 @@ def encode_frame(
     ports_of_frame: Sequence[str] | None = None,
 ) -> bytes:
     """The header of a frame, round `samples` packed before. A map is its entries one behind the other."""
-    head: dict[str, Any] = {
-        "k": "frame",
-        "frame": frame,
-        "tick": tick,
-        "t_ns": t_ns,
-        "t_sent_ns": t_sent_ns,
-        "dropped": dropped,
-    }
+    head = _frame_head(frame, tick, t_ns, t_sent_ns, dropped)
     if ports_of_frame is not None:
         head["ports_of_frame"] = list(ports_of_frame)
     body = _pack(head)
     # Fewer than 16 entries: the number of entries is the low half of the first byte.
     return bytes((body[0] + 1,)) + body[1:] + _SAMPLES_KEY + samples
+
+
+def _frame_head(frame: int, tick: int, t_ns: int, t_sent_ns: int, dropped: int) -> dict[str, Any]:
+    """What every frame says of itself, on whichever way it goes."""
+    return {"k": "frame", "frame": frame, "tick": tick, "t_ns": t_ns, "t_sent_ns": t_sent_ns, "dropped": dropped}
 
 
 def _pack(message: object) -> bytes:

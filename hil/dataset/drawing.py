@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.bench import make_frames
-from hil.config.radar_checks import radars, view_of
 from hil.dataset.formats import voc
 from hil.dataset.formats.coco import CocoPicture, coco_picture
 from hil.dataset.formats.euroc import ROOT
@@ -31,11 +30,9 @@ from hil.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.frame_stages import description
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
-from hil.signals.time import is_due
+from hil.simulated_sensors import SimulatedSensors
 from sim._kernels import crc32
-from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
-from sim.sensors.radar import Radar
 
 
 def chunk_path(root: Path, index: int) -> Path:
@@ -61,27 +58,9 @@ class BatchDrawer:
         self.series = self.new_series(with_place=False)
 
     def _make_sensors(self) -> dict[str, Any]:
-        plan, config = self.plan, self.plan.config
-        read = {p.frame for p in radars(plan.frame_sensors).values() if p.frame is not None}
-        shared = {name: view_of(config.sensors[name]) for name in sorted(read)}
-        made = {}
-        for name, sensor in plan.frame_sensors.items():
-            p = sensor.parameters
-            made[name] = simulated = make_sensor(
-                name,
-                kind=sensor.kind,
-                rate_hz=sensor.rate_hz,
-                seed=config.seed,
-                scene=plan.bench.scene,
-                step_ns=config.tick_ns,
-                overrides=plan.bench.sensor_parameters(name).model_dump(),
-                frames=self.frames,
-                shared=shared.get(getattr(p, "frame", None) or name),
-            )
-            if isinstance(simulated, Radar):
-                rates = {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": config.tick_hz * 1000}
-                simulated.view.add_reader(simulated.channels, lambda tick, r=rates: is_due(tick, **r))
-        return made
+        sensors = self.plan.frame_sensors
+        simulated = SimulatedSensors(self.plan.bench, sensors, self.frames)
+        return {name: simulated.make(name) for name in sensors}
 
     def new_series(self, *, with_place: bool) -> dict[str, EncodedFrames]:
         series = {n: EncodedFrames(n, description(n, s), i) for i, (n, s) in enumerate(self.sensors.items())}
