@@ -167,13 +167,14 @@ class Dashboard:
             self.hub.message = str(error)
             await self.hub.changed()
             return
+        if arguments is None:  # nothing was started from here: there is nothing to start again
+            return
         if kind == "reset":
             await self.run.stop()
             await self.hub.waits_to_end.wait()
-        if arguments is not None:
-            self._again = arguments
-            self.hub.message = ""  # of the start before
-            self.run.start([*arguments, f"--dash-runs={self._runs_folder}"])
+        self._again = arguments
+        self.hub.message = ""  # of the start before
+        self.run.start([*arguments, f"--dash-runs={self._runs_folder}"])
 
 
 def _message(text: str) -> dict[str, Any] | None:

@@ -328,8 +328,8 @@ class LiveRun:
         """ValueError and its like where it is nothing that can happen to this run."""
         flown = self._flown
         assert flown is not None
-        if len(self.commands) >= _COMMANDS:
-            raise ValueError(f"{_COMMANDS} commands in one run; start a new one")
+        if sum(one["alters"] for one in self.commands) >= _COMMANDS:
+            raise ValueError(f"{_COMMANDS} commands that alter in one run; start a new one")
         at_s = flown.scheduler.t_ns / 1e9
         if kind == "wind":
             x, y, z = (float(v) for v in message["velocity_W_mps"])

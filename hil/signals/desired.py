@@ -29,6 +29,7 @@ _NORM_TOLERANCE = 1e-3
 
 MOST_KNOTS = 32
 LONGEST_AHEAD_S = 5.0
+LEAST_STEP_S = 1e-3  # from knot to knot: what divides by its square stays a number
 CARRIED_ON_S = 0.5  # at most, where there is no path ahead: beyond, what was said of change is too old
 
 
@@ -99,8 +100,8 @@ class DesiredState:
         knots, before_s = [], 0.0
         for dt_s, p_W, v_W in self.ahead:
             (dt_s,) = _finite("ahead", (dt_s,), 1)
-            if not before_s < dt_s <= LONGEST_AHEAD_S:
-                raise ValueError(f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most")
+            if not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
+                raise ValueError(f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, by {LEAST_STEP_S:g} s at least")
             before_s = dt_s
             knots.append(Knot(dt_s, _finite("ahead", p_W, 3), _finite("ahead", v_W, 3)))  # type: ignore[arg-type]
         object.__setattr__(self, "ahead", tuple(knots))

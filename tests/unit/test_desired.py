@@ -57,6 +57,7 @@ def test_some_desired_states_move_the_vehicle_and_others_do_not(fields: dict[str
         ({"land": 1}, "land"),
         ({"hold": "yes"}, "hold"),
         ({"p_W": (0, 0, 0), "ahead": ((0.1, (0, 0, 0), (0, 0, 0)),)}, "without p_W and v_W"),
+        ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((1e-200, (1, 0, 0), (0, 0, 0)),)}, "times rise"),
         ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.0, (0, 0, 0), (0, 0, 0)),)}, "times rise"),
         ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.2, (0, 0, 0), (0, 0, 0)),) * 2}, "times rise"),
         ({"p_W": (0, 0, 0), "v_W": (0, 0, 0), "ahead": ((0.2, (0, 0), (0, 0, 0)),)}, "ahead has 2 numbers"),

@@ -60,8 +60,12 @@ function remember() {
 
 function begin(head) {
   about = head.about;
-  if (head.run === run || replay.on) return;
+  if (head.run === run) return;
   run = head.run;
+  if (!replay.on) showRun();
+}
+
+function showRun() {
   for (const chart of Object.values(charts)) chart.clear();
   $("log").replaceChildren();
   showWorld(about);
@@ -273,13 +277,10 @@ replay = new Replay({
   bar: $("replay-bar"), slider: $("replay-time"), text: $("replay-text"), play: $("replay-play"), close: $("replay-close"),
   show: showReplay,
   onClose: () => {
-    for (const chart of Object.values(charts)) chart.clear();
     view.setLine("other", [], { colour: "--other" });
     $("legend-other").replaceChildren();
-    $("log").replaceChildren();
     $("clock").textContent = $("headline").textContent = "";
-    run = -1;
-    begin({ about, run: 0 });
+    showRun();
   },
 });
 const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare: $("compare"), onReplay: openReplay });
