@@ -70,7 +70,9 @@ class Desired:
         for at_s, p_W, v_W in given:
             dt_s = _number("ahead", at_s)
             if dt_s is None or not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
-                raise CutError(f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, by {LEAST_STEP_S:g} s at least")
+                raise CutError(
+                    f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, by {LEAST_STEP_S:g} s at least"
+                )
             if p_W is None or v_W is None:
                 raise CutError("desired ahead: for each knot a time, a position and a velocity are needed")
             knots.append([dt_s, _vector("ahead", p_W, 3), _vector("ahead", v_W, 3)])
