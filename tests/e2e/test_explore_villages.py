@@ -12,6 +12,9 @@ from hil.goal.closed_loop import START_Z_M, ClosedLoop
 from hil.view_command import load_frames
 from tests.unit.companion_bench import CLIENT
 
+from hil_companion.explore.slam import Slam  # isort: skip
+from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
+
 assert CLIENT
 GOAL = Goal(p_W=(70.0, 60.0, 10.0))
 
@@ -19,14 +22,12 @@ GOAL = Goal(p_W=(70.0, 60.0, 10.0))
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_a_village_that_nobody_has_mapped(seed: int) -> None:
-    slam = pytest.importorskip("hil_companion.explore.slam")
-    settings = pytest.importorskip("hil_companion.explore.slam_settings")
     scene, _, frames = load_frames("training_village", seed)
 
     def localiser(told: Any) -> Any:
         lidar = told["lidar"]
-        chosen = settings.SlamSettings(lidar_p_BL=tuple(lidar["p_BC"]), lidar_q_BL=tuple(lidar["q_BC"]))
-        return slam.Slam(chosen, start_W=(0.0, 0.0, START_Z_M, 0.0), seed=seed)
+        chosen = SlamSettings(lidar_p_BL=tuple(lidar["p_BC"]), lidar_q_BL=tuple(lidar["q_BC"]))
+        return Slam(chosen, start_W=(0.0, 0.0, START_Z_M, 0.0), seed=seed)
 
     vehicle = load_bench(None, settings=["mission=null"]).vehicle
     loop = ClosedLoop(scene, frames, vehicle, GOAL, localiser, seed=seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import signal
@@ -340,7 +341,8 @@ def test_datasheet_tells_of_few_frames(whole: Path) -> None:
     assert sum(manifest["split"].values()) == FRAMES
     rows = (whole / "checksums.csv").read_bytes()
     assert manifest["files"] == rows.count(b"\n") - 1
-    assert crc32(rows)  # the digest over it stands in the manifest
+    assert crc32(rows)
+    assert manifest["checksums_sha256"] == hashlib.sha256(rows).hexdigest()
     assert not (whole / ".work").exists()
 
 

@@ -25,6 +25,7 @@ from hil.dataset.formats.pictures import (
     normal_values,
     normals,
     palette_csv,
+    with_palette,
 )
 from hil.signals.errors import RecordingError
 from sim._kernels import PngEncoder
@@ -174,11 +175,14 @@ def test_values_are_the_same_with_every_instruction_set() -> None:
 def test_class_picture_with_palette_reads_as_ids_and_colours() -> None:
     ids = np.arange(12, dtype=np.uint8).reshape(3, 4) % 5
     palette = np.array([[0, 0, 0], [1, 2, 3], [4, 5, 6], [7, 8, 9], [255, 254, 253]], np.uint8)
-    data = PictureEncoder(palette=palette).class_png(ids, indexed=True)
-    image = Image.open(io.BytesIO(data))
-    assert image.mode == "P"
-    assert np.array_equal(np.asarray(image), ids)
-    assert np.array_equal(np.asarray(image.convert("RGB")), palette[ids])
+    indexed = PictureEncoder(palette=palette).class_png(ids, indexed=True)
+    for data in (indexed, with_palette(PictureEncoder().class_png(ids), palette)):
+        image = Image.open(io.BytesIO(data))
+        assert image.mode == "P"
+        assert np.array_equal(np.asarray(image), ids)
+        assert np.array_equal(np.asarray(image.convert("RGB")), palette[ids])
+    with pytest.raises(RecordingError, match="1 to 256 colours"):
+        with_palette(PictureEncoder().class_png(ids), palette[:0])
     with pytest.raises(RecordingError, match="palette has 2 colours"):
         PictureEncoder(palette=palette[:2].copy()).class_png(ids, indexed=True)
     with pytest.raises(RecordingError, match="no palette"):

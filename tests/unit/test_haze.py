@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -137,7 +139,7 @@ def test_a_lidar_sees_less_by_the_way_out_and_back() -> None:
     assert range_m.max() > 40.0
 
 
-def test_weather_is_read_strictly(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_weather_is_read_strictly(tmp_path: Path) -> None:
     path = tmp_path / "s.yaml"
     head = "name: s\ndescription: d\nsite: {latitude_deg: 1, longitude_deg: 1, altitude_m: 1}\nground_friction: 0.8\n"
     path.write_text(head + "weather: {visibility_m: 800}\nlight: {fog_per_m: 0.001}\n")

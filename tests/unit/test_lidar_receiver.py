@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim._kernels import LidarReceiver, frame_isa, lambert_strength, normal_block, sweep_rays, uniform_block
+from sim._kernels import LidarReceiver, lambert_strength, normal_block, sweep_rays, uniform_block
 from sim.sensors.lidar_pattern import casting_order
 from sim.sensors.noise_key import noise_key
 from tests.cpu_masks import ALL, output_of
+from tests.unit.test_frame_raster import ISAS
 
-ISAS = ("base", "avx2", "avx512")[: ("base", "avx2", "avx512").index(frame_isa()) + 1]
 KEYS = {"noise_key": noise_key(3, "a.range"), "loss_key": noise_key(3, "a.dropout")}
 MODELS: dict[str, dict[str, Any]] = {
     "exact": {"noise_m": 0.0, "range_at_10_percent_m": None, "dropout": 0.0, "intensity_falloff_m": None},
