@@ -70,7 +70,6 @@ class CompanionServer:
         self._doors: Doors | None = None
         self._packing = Packing()
         self._look_ns = 0  # when all sockets are looked at again, and not the doors alone
-        self._late: list[Reply] = []  # answers that came with the end of a connection
         self._looked_at: set[int] = set()  # descriptors besides those of the doors
         self._sender = Sender(self._sockets, None, clock_ns)
         self._doorkeeper: Doorkeeper | None = None
@@ -238,7 +237,7 @@ class CompanionServer:
     def poll(self, limit_s: float) -> list[Reply]:
         """Answers that are here, or come within the limit; returns with the first ones. Serves all else meanwhile."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
-        replies, self._late = self._late, []
+        replies: list[Reply] = []
         while self._sockets:
             self._serve_doors(replies)
             # Who waits for an answer at a door looks at all else every few milliseconds: that takes as long as a frame.
@@ -361,7 +360,7 @@ class CompanionServer:
                 raise CodecError(f"{message.parts} parts; a client sends headers only, one part each")
             decoded = wire.decode_client(message.raw)
             if isinstance(decoded, wire.Hello):
-                self._welcome(group, message, decoded)
+                self._welcome(group, message, decoded, replies)
             elif client is None:
                 raise CodecError("the first message must be a hello")
             else:
@@ -393,7 +392,7 @@ class CompanionServer:
 
     # --- in and out ---
 
-    def _welcome(self, group: str, message: Received, hello: wire.Hello) -> None:
+    def _welcome(self, group: str, message: Received, hello: wire.Hello, replies: list[Reply]) -> None:
         user = _user(message)
         if group != CONTROL:
             client = self._admission.check_port(hello, group, user, self.session)
@@ -408,7 +407,7 @@ class CompanionServer:
             if hello == here.hello:
                 return
             raise CodecError("hello: it has a place already; say bye first")
-        self._watch(self._late)  # a predecessor that has just gone makes its place free
+        self._watch(replies)  # a predecessor that has just gone makes its place free
         self._clients.check_name(message.identity, message.fd, hello.name)
         topics = self._admission.check(hello, message.identity)
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()

@@ -18,7 +18,6 @@ from sim.sensors.catalog import make_sensor
 
 _FRAME_HZ = 10
 _IMU_HZ, _BARO_HZ, _GPS_HZ, _LIDAR_HZ = 250.0, 50.0, 10.0, 10.0
-_STAMPS = ("seq", "t_capture_ns", "t_available_ns")
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,6 @@ class Noise:
 
     gps_m: float = 1.5
     gps_drift_m: float = 0.0
-    gps_lost_s: tuple[tuple[float, float], ...] = ()
     range_m: float = 0.015
     lidar: Mapping[str, Any] = field(default_factory=dict)  # parameters of the LiDAR besides
     imu: Mapping[str, Any] = field(default_factory=dict)
@@ -63,10 +61,9 @@ class RecordedFrame(dict[str, RecordedSample]):
 def record(place: Village, flight: Flight, noise: Noise) -> list[RecordedFrame]:
     """The frames of a flight. Poses of the sweeps are left out: nobody may look at them."""
     common: dict[str, Any] = {"seed": noise.seed, "scene": place.scene, "step_ns": flight.tick_ns}
-    loss = tuple({"from_s": a, "until_s": b} for a, b in noise.gps_lost_s)
     gps = {
         "horizontal_noise_m": noise.gps_m, "vertical_noise_m": 1.5 * noise.gps_m,
-        "horizontal_drift_m": noise.gps_drift_m, "vertical_drift_m": 1.5 * noise.gps_drift_m, "loss": loss,
+        "horizontal_drift_m": noise.gps_drift_m, "vertical_drift_m": 1.5 * noise.gps_drift_m,
         "horizontal_speed_noise_mps": 0.1, "vertical_speed_noise_mps": 0.15, "fix_type": 3,
     }  # fmt: skip
     sensors = {

@@ -8,7 +8,6 @@ import contextlib
 import secrets
 import socket
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import uvicorn
@@ -17,7 +16,6 @@ from hil.dashboard.app import Dashboard
 from hil.dashboard.guard import is_loopback
 from hil.signals.errors import PortBusy, PortNotFound
 
-DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8710
 _LARGEST_SOCKET_MESSAGE = 65_536
 _LINGER_S = 2.0  # a page that is being loaded again is not a page that was closed
 
@@ -61,7 +59,6 @@ async def serve(
     token: str | None,
     *,
     wire: socket.socket | None = None,
-    on_ready: Callable[[], None] = lambda: None,
 ) -> None:
     """Until it is stopped; with `wire`, the run at its other end, until that is over and no page is open."""
     server = uvicorn.Server(
@@ -80,7 +77,6 @@ async def serve(
     following = None
     if wire is not None:
         following = asyncio.create_task(_follow(dashboard, wire, server))
-    on_ready()
     try:
         await server.serve(sockets=[listening])
     finally:

@@ -25,8 +25,6 @@ from hil.signals.errors import RecordingError
 from hil.signals.samples import ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
 
-_MOST_EMPTY_FLIGHTS = 1  # a mission that gave no frame gives none the second time
-
 
 @dataclass
 class FlightPart:

@@ -102,7 +102,8 @@ class DesiredState:
             (dt_s,) = _finite("ahead", (dt_s,), 1)
             if not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
                 raise ValueError(
-                    f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, by {LEAST_STEP_S:g} s at least"
+                    f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, "
+                    f"by {LEAST_STEP_S:g} s at least"
                 )
             before_s = dt_s
             knots.append(Knot(dt_s, _finite("ahead", p_W, 3), _finite("ahead", v_W, 3)))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ another draws; no more does one surface, person or sensor more or less.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
@@ -106,7 +106,6 @@ class NoiseLimits(StrictModel):
 
 
 FEATURES = ("light", "haze", "textures", "people", "noise")
-Feature = Literal["light", "haze", "textures", "people", "noise"]
 
 
 class Randomize(StrictModel):

@@ -71,7 +71,8 @@ class Desired:
             dt_s = _number("ahead", at_s)
             if dt_s is None or not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
                 raise CutError(
-                    f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, by {LEAST_STEP_S:g} s at least"
+                    f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, "
+                    f"by {LEAST_STEP_S:g} s at least"
                 )
             if p_W is None or v_W is None:
                 raise CutError("desired ahead: for each knot a time, a position and a velocity are needed")

@@ -7,7 +7,6 @@ from typing import Any
 
 FLYING = "flying"
 GOAL, STUCK, NO_PATH, LIDAR_LOST, GOAL_IN_OBSTACLE = "goal", "stuck", "no_path", "lidar_lost", "goal_in_obstacle"
-OUTCOMES = (GOAL, STUCK, NO_PATH, LIDAR_LOST, GOAL_IN_OBSTACLE)
 
 
 class FlightReport:
