@@ -11,6 +11,7 @@ loses nothing by it, told not to look back.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -41,6 +42,7 @@ CHANNEL_FOLDERS = {"rgb": "cam", "depth": "depth", "segmentation": "segmentation
 CHANNEL_FOLDERS |= {"normal": "normal", "range": "range", "geom": "geom", "radial_velocity": "radial_velocity"}
 CHANNEL_FOLDERS |= {"material": "material"}
 RADAR_FOLDERS = {"raw": "radar", "range_doppler": "range_doppler"}
+_FOLDERS = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}  # by kind; of other kinds it is the kind itself
 
 
 @dataclass(frozen=True)
@@ -81,16 +83,20 @@ class DatasetPlan:
         cameras = [n for n, s in self.frame_sensors.items() if s.kind == "camera"]
         return next((n for n in cameras if needed <= set(self.frame_sensors[n].parameters.channels)), None)
 
-    def number(self, name: str) -> int:
-        """Of a sensor among those of its kind, from 0."""
-        kind = self.config.sensors[name].kind
-        return [n for n, s in self.config.sensors.items() if s.kind == kind].index(name)
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Of each sensor among those of its kind, from 0."""
+        count: Counter[str] = Counter()
+        numbers = {}
+        for name, sensor in self.config.sensors.items():
+            numbers[name] = count[sensor.kind]
+            count[sensor.kind] += 1
+        return numbers
 
     def folder(self, name: str, channel: str = "") -> str:
         """Of a sensor, or of a channel of it, in mav0."""
-        sensor = self.config.sensors[name]
-        base = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}.get(sensor.kind, {}).get(channel, sensor.kind)
-        return f"{base}{self.number(name)}"
+        kind = self.config.sensors[name].kind
+        return f"{_FOLDERS.get(kind, {}).get(channel, kind)}{self.numbers[name]}"
 
     @property
     def flight_bench(self) -> Bench:

@@ -15,8 +15,8 @@ constexpr std::size_t kShortest = 6, kLongest = 258;
 constexpr int kEnd = 256;       // symbol that ends a block
 constexpr int kSkipShift = 5;   // after 2^5 places without a match every second is tried, and so on
 constexpr std::size_t kStored = 65535;
-constexpr std::size_t kToken = 6;    // most bytes of one: 15 + 5 + 15 + 13 bits
-constexpr std::size_t kHead = 1024;  // more than a block's code lengths and its end can take
+constexpr std::size_t kHead = 1024;  // more than a block's code lengths, its end and a last flush can take
+constexpr int kAtOnce = 3;           // literals between two flushes: 7 bits that stayed and 3 x 15
 
 struct Symbol {
     std::uint16_t symbol;
@@ -29,11 +29,14 @@ struct Tables {
     std::array<Symbol, 259> length{};
     std::array<Symbol, 256> near{};  // distance - 1 below 256
     std::array<Symbol, 256> far{};   // (distance - 1) >> 7
+    std::array<Symbol, 29> by_length_code{};
+    std::array<Symbol, 30> by_distance_code{};
 
     constexpr Tables() {
         int first = 3;
         for (int code = 0; code < 28; ++code) {
             const int bits = code < 8 ? 0 : code / 4 - 1;
+            by_length_code[code] = {static_cast<std::uint16_t>(257 + code), static_cast<std::uint8_t>(bits), 0};
             for (int i = 0; i < 1 << bits && first + i < 259; ++i) {
                 length[first + i] = {static_cast<std::uint16_t>(257 + code), static_cast<std::uint8_t>(bits),
                                      static_cast<std::uint16_t>(first)};
@@ -41,11 +44,13 @@ struct Tables {
             first += 1 << bits;
         }
         length[258] = {285, 0, 258};
+        by_length_code[28] = length[258];
         first = 1;
         for (int code = 0; code < 30; ++code) {
             const int bits = code < 4 ? 0 : code / 2 - 1;
             const Symbol s{static_cast<std::uint16_t>(code), static_cast<std::uint8_t>(bits),
                            static_cast<std::uint16_t>(first)};
+            by_distance_code[code] = s;
             for (int i = 0; i < 1 << bits; ++i) {
                 const int distance = first + i;
                 if (distance <= 256) near[distance - 1] = s;
@@ -88,25 +93,31 @@ std::size_t match_length(const std::uint8_t *a, const std::uint8_t *b, std::size
     return n;
 }
 
-// Writes bits, the least significant first, to memory that has room for them.
+// Writes bits, the least significant first, to memory that has room for them and for seven bytes more.
 class Bits {
 public:
     explicit Bits(std::uint8_t *to) : to_(to) {}
 
-    void put(std::uint64_t value, int count) {  // count up to 32
+    // `count` up to 56 between two flushes.
+    void put(std::uint64_t value, int count) {
         held_ |= value << fill_;
         fill_ += count;
-        if (fill_ < 32) return;
-        for (int i = 0; i < 4; ++i) to_[i] = static_cast<std::uint8_t>(held_ >> (8 * i));
-        to_ += 4;
-        held_ >>= 32;
-        fill_ -= 32;
+    }
+
+    // Whole bytes go to memory; at most seven bits stay.
+    void flush() {
+        if constexpr (std::endian::native == std::endian::little) std::memcpy(to_, &held_, 8);
+        else for (int i = 0; i < 8; ++i) to_[i] = static_cast<std::uint8_t>(held_ >> (8 * i));
+        const int whole = fill_ >> 3;
+        to_ += whole;
+        held_ >>= 8 * whole;
+        fill_ &= 7;
     }
 
     // Where the stream ends, filled up to a whole byte.
     std::uint8_t *end() {
-        for (; fill_ > 0; fill_ -= 8, held_ >>= 8) *to_++ = static_cast<std::uint8_t>(held_);
-        return to_;
+        flush();
+        return fill_ ? to_ + 1 : to_;
     }
 
 private:
@@ -179,6 +190,12 @@ struct Code {
     }
 
     void put(Bits &to, int symbol) const { to.put(bits[symbol], length[symbol]); }
+
+    std::uint64_t size(const std::uint32_t *count, int symbols) const {
+        std::uint64_t sum = 0;
+        for (int s = 0; s < symbols; ++s) sum += std::uint64_t{count[s]} * length[s];
+        return sum;
+    }
 };
 
 struct Step {
@@ -228,10 +245,15 @@ void put_code_lengths(Bits &to, const Code &literals, const Code &distances) {
     to.put(static_cast<std::uint64_t>(n_literals - 257), 5);
     to.put(static_cast<std::uint64_t>(n_distances - 1), 5);
     to.put(static_cast<std::uint64_t>(n_codes - 4), 4);
-    for (int i = 0; i < n_codes; ++i) to.put(code.length[kOrder[i]], 3);
+    to.flush();
+    for (int i = 0; i < n_codes; ++i) {
+        to.put(code.length[kOrder[i]], 3);
+        to.flush();
+    }
     for (int i = 0; i < count; ++i) {
         code.put(to, steps[i].symbol);
         to.put(steps[i].extra, steps[i].extra_bits);
+        to.flush();
     }
 }
 
@@ -270,11 +292,13 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
     if (tokens_.size() < size) tokens_.resize(size);
     std::uint32_t *token = tokens_.data();
     std::fill(std::begin(literal_count_), std::end(literal_count_), 0);
+    // Of four counters in turn each has time to be written before it is read again, when one byte comes often.
+    std::uint32_t bytes_seen[4][256] = {};
     std::fill(std::begin(distance_count_), std::end(distance_count_), 0);
     std::size_t at = 0, missed = 0;
     const auto literal = [&](std::size_t place) {
         *token++ = data[place];
-        ++literal_count_[data[place]];
+        ++bytes_seen[place % 4][data[place]];
     };
     while (at + 8 <= size) {
         const std::uint64_t bytes = load(data + at);
@@ -298,6 +322,8 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
         }
     }
     for (; at < size; ++at) literal(at);
+    for (int value = 0; value < 256; ++value)
+        for (const auto &counted : bytes_seen) literal_count_[value] += counted[value];
     ++literal_count_[kEnd];
     n_tokens_ = static_cast<std::size_t>(token - tokens_.data());
 }
@@ -308,30 +334,28 @@ void Deflater::compress(const std::uint8_t *data, std::size_t size, std::vector<
     out.push_back(0x01);  // no dictionary, the fastest level
     find_matches(data, size);
     const Code literals(literal_count_, 286, 15), distances(distance_count_, 30, 15);
-    out.resize(start + 2 + kHead + kToken * n_tokens_);
+    std::uint64_t bits = literals.size(literal_count_, 286) + distances.size(distance_count_, 30);
+    for (const Symbol &of : kTables.by_length_code) bits += std::uint64_t{literal_count_[of.symbol]} * of.bits;
+    for (const Symbol &of : kTables.by_distance_code) bits += std::uint64_t{distance_count_[of.symbol]} * of.bits;
+    out.resize(start + 2 + kHead + static_cast<std::size_t>(bits / 8));
     Bits to(out.data() + start + 2);
     to.put(1, 1);  // the last block
     to.put(2, 2);  // of codes of its own
     put_code_lengths(to, literals, distances);
-    for (std::size_t i = 0; i < n_tokens_; ++i) {
-        const std::uint32_t token = tokens_[i];
-        if (token < 256) {
-            const std::uint32_t next = i + 1 < n_tokens_ ? tokens_[i + 1] : 256;
-            if (next < 256) {  // two at once
-                const int n = literals.length[token];
-                to.put(literals.bits[token] | std::uint64_t{literals.bits[next]} << n, n + literals.length[next]);
-                ++i;
-            } else {
-                literals.put(to, static_cast<int>(token));
-            }
-            continue;
+    const std::uint32_t *token = tokens_.data(), *const end = token + n_tokens_;
+    while (token < end) {
+        if (*token < 256) {
+            for (int i = 0; i < kAtOnce && token < end && *token < 256; ++i) literals.put(to, static_cast<int>(*token++));
+        } else {
+            const std::uint32_t length = *token >> 16, distance = *token & 0xffff;
+            ++token;
+            const Symbol &by_length = kTables.length[length], &by_distance = kTables.of_distance(distance);
+            literals.put(to, by_length.symbol);  // with what stayed 7 + 15 + 5 + 15 + 13 bits at most
+            to.put(length - by_length.base, by_length.bits);
+            distances.put(to, by_distance.symbol);
+            to.put(distance - by_distance.base, by_distance.bits);
         }
-        const std::uint32_t length = token >> 16, distance = token & 0xffff;
-        const Symbol &by_length = kTables.length[length], &by_distance = kTables.of_distance(distance);
-        literals.put(to, by_length.symbol);
-        to.put(length - by_length.base, by_length.bits);
-        distances.put(to, by_distance.symbol);
-        to.put(distance - by_distance.base, by_distance.bits);
+        to.flush();
     }
     literals.put(to, kEnd);
     out.resize(static_cast<std::size_t>(to.end() - out.data()));
