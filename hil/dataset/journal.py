@@ -139,30 +139,27 @@ class JournalWriter:
 
     def __init__(self, path: Path, kept: Sequence[tuple[BatchRecord, int]] = ()) -> None:
         self._path = path
-        self._kept = [record.to_bytes(offset) for record, offset in kept]
+        self._kept_bytes = sum(len(record.to_bytes(offset)) for record, offset in kept)
         self.crc32 = 0
         self.size = 0
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-            os.ftruncate(self._file, sum(map(len, self._kept)))
+            os.ftruncate(self._file, self._kept_bytes)
         except OSError as error:
             raise unwritable(path, error) from error
-        self._written = 0
 
     def append(self, record: BatchRecord, offset: int) -> None:
         data = record.to_bytes(offset)
-        there = self._written < len(self._kept) and self._kept[self._written] == data
         try:
-            if not there:
-                if self._written < len(self._kept):  # another entry than before: those after it follow anew
+            if self.size >= self._kept_bytes or os.pread(self._file, len(data), self.size) != data:
+                if self.size < self._kept_bytes:  # another entry than before: those after it follow anew
                     os.ftruncate(self._file, self.size)
-                    self._kept = []
+                    self._kept_bytes = 0
                 if os.pwrite(self._file, data, self.size) != len(data):
                     raise OSError("the file system took no more bytes")
         except OSError as error:
             os.ftruncate(self._file, self.size)
             raise unwritable(self._path, error) from error
-        self._written += 1
         self.size += len(data)
         self.crc32 = zlib.crc32(data, self.crc32)
 
