@@ -12,7 +12,6 @@ constexpr int kLanes = D::kCount;
 constexpr double kInf = __builtin_inf();
 constexpr double kSure = 0.9, kNever = 1.1;  // of the limit
 constexpr double kReference = 0.1;           // reflectivity that the limit is stated for
-constexpr std::uint64_t kCounterBlock = 256;  // NoiseStream::kBlock
 
 // Largest whole number not above x. Beyond 2^51 it adds nothing: there the steps are halves at least.
 HIL_INLINE D whole(const D &x) {
@@ -47,7 +46,7 @@ HIL_INLINE D uniforms(const std::uint64_t key[2], std::uint64_t index) {
     for (std::uint64_t group = 0; group < (skip == 0 ? 2u : 3u); ++group) {
         const std::uint64_t at = from + 4 * group;
         // numpy's generator counts before it draws: hence the one.
-        const std::uint64_t counter[4] = {at % kCounterBlock / 4 + 1, 0, at / kCounterBlock, 0};
+        const std::uint64_t counter[4] = {at % NoiseStream::kBlock / 4 + 1, 0, at / NoiseStream::kBlock, 0};
         philox(counter, key, drawn + 4 * group);
     }
     const L fraction = shift_right(load<L>((const std::int64_t *)drawn + skip), 12) & (std::int64_t)0xfffffffffffffLL;

@@ -109,7 +109,6 @@ void Synthesis::Cells<Real>::clear(int wanted, double scale) {
         }
         std::memset(cells.get(), 0, count * sizeof(Real));
         planes = wanted;
-        planes_used = 0;
     }
     grid.scale = scale;
     for (int r = 0; r < grid.rows + kHalo; ++r) {
