@@ -12,7 +12,8 @@ from tests.unit.companion_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
 WITH_CASADI = {"cuts/corridor.py"}
-WITH_OPENCV = "explore"  # the folder
+WITH_OPENCV = {"explore", "detect"}  # folders
+BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
 # Evaluated when a module is imported, where Python 3.8 does not know them: X | Y and list[X] outside annotations.
 BUILTIN_GENERICS = {"dict", "list", "tuple", "set", "frozenset", "type"}
@@ -24,7 +25,8 @@ def test_source_is_python_3_8_with_three_packages(path: Path) -> None:
     tree = ast.parse(path.read_text(), feature_version=(3, 8))
     place = path.relative_to(CLIENT / "hil_companion")
     allowed = ALLOWED | ({"casadi"} if str(place) in WITH_CASADI else set())
-    allowed |= {"cv2"} if place.parts[0] == WITH_OPENCV else set()
+    allowed |= {"cv2"} if place.parts[0] in WITH_OPENCV else set()
+    allowed |= BACKENDS.get(str(place), set())
     annotations = {id(n) for a in _annotations(tree) for n in ast.walk(a)}
     future = any(isinstance(n, ast.ImportFrom) and n.module == "__future__" for n in tree.body)
     for node in ast.walk(tree):

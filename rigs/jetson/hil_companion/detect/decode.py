@@ -1,0 +1,89 @@
+"""From a network's numbers to detections: scores, boxes, and one detection where many anchors saw the same thing.
+
+With anchor (x, y, w, h) and offsets (a, b, c, d), after Liu et al. (2016), SSD, with the usual variances:
+
+    centre = (x + 0.1 a w, y + 0.1 b h)      size = (w exp(0.2 c), h exp(0.2 d))      score = 1 / (1 + exp(-logit))
+
+The order is fixed: by score, equal ones by class and then by anchor, so that equal numbers give equal lists.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil_companion.detect.detection import Detection
+from hil_companion.detect.letterbox import Letterbox
+from hil_companion.detect.model_file import ModelFile
+
+CENTRE_VARIANCE, SIZE_VARIANCE = 0.1, 0.2
+_MOST_GROWTH = 4.0  # exp of it: an offset beyond is not a box any more, but must not overflow
+_MOST_CANDIDATES = 400  # of one class, before overlapping ones go
+MOST_DETECTIONS = 100  # in one picture
+
+
+def boxes_px(anchors_px: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """(N, 4): x0, y0, x1, y1 in pixels of the input, from anchors and offsets (N, 4)."""
+    centre = anchors_px[:, :2] + CENTRE_VARIANCE * offsets[:, :2] * anchors_px[:, 2:]
+    half = 0.5 * anchors_px[:, 2:] * np.exp(np.clip(SIZE_VARIANCE * offsets[:, 2:], -_MOST_GROWTH, _MOST_GROWTH))
+    return np.concatenate([centre - half, centre + half], axis=1)
+
+
+def overlaps(box: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Intersection over union of a box with each of (N, 4)."""
+    width = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
+    height = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
+    common = np.maximum(width, 0.0) * np.maximum(height, 0.0)
+    areas = (others[:, 2] - others[:, 0]) * (others[:, 3] - others[:, 1])
+    union = (box[2] - box[0]) * (box[3] - box[1]) + areas - common
+    return np.where(union > 0.0, common / np.where(union > 0.0, union, 1.0), 0.0)
+
+
+def suppressed(boxes: np.ndarray, scores: np.ndarray, iou: float) -> list[int]:
+    """Which stay, best first: each takes with it those that overlap it by more than `iou`."""
+    left = np.argsort(-scores, kind="stable")[:_MOST_CANDIDATES]
+    kept: list[int] = []
+    while left.size:
+        best = int(left[0])
+        kept.append(best)
+        left = left[1:][overlaps(boxes[best], boxes[left[1:]]) <= iou]
+    return kept
+
+
+def decode(
+    model: ModelFile,
+    logits: np.ndarray,
+    offsets: np.ndarray,
+    picture_size_px: tuple[int, int],
+    threshold: float | None = None,
+) -> list[Detection]:
+    """Detections of a picture (width, height) from logits (N, classes) and offsets (N, 4), best first.
+
+    `threshold`: the least score, default the model's. Boxes are cut off at the picture's edges.
+    """
+    anchors, classes = model.anchors_px, len(model.classes)
+    if logits.shape != (len(anchors), classes) or offsets.shape != (len(anchors), 4):
+        raise ValueError(
+            f"logits {logits.shape} and offsets {offsets.shape} for {len(anchors)} anchors and {classes} classes"
+        )
+    least = model.score_threshold if threshold is None else threshold
+    # Compared as logits: the exponential is only worth it for the few that stay. Not a number is never a detection.
+    least_logit = -np.inf if least <= 0.0 else np.inf if least >= 1.0 else float(np.log(least / (1.0 - least)))
+    candidates = logits >= least_logit
+    width, height = picture_size_px
+    found: list[tuple[float, int, int, np.ndarray]] = []
+    fit = Letterbox.of(picture_size_px, model.input_px)
+    for number in np.flatnonzero(candidates.any(axis=0)).tolist():
+        rows = np.flatnonzero(candidates[:, number])
+        boxes = boxes_px(anchors[rows].astype(np.float64), offsets[rows].astype(np.float64))
+        whole = np.isfinite(boxes).all(axis=1)
+        rows, boxes = rows[whole], boxes[whole]
+        scores = 1.0 / (1.0 + np.exp(-logits[rows, number].astype(np.float64)))
+        for i in suppressed(boxes, scores, model.nms_iou):
+            found.append((-float(scores[i]), number, int(rows[i]), boxes[i]))
+    found.sort(key=lambda f: f[:3])
+    detections: list[Detection] = []
+    for negative_score, number, _, box in found[:MOST_DETECTIONS]:
+        x0, y0, x1, y1 = np.clip(fit.back(box[None])[0], 0.0, (width, height, width, height)).tolist()
+        if x1 > x0 and y1 > y0:
+            detections.append(Detection(model.classes[number], (x0, y0, x1, y1), -negative_score))
+    return detections
