@@ -60,6 +60,7 @@ from hil.restartable_physics import RestartablePhysics
 from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
 from hil.signals.classes import Classes
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import ActuatorFrame, TruthState, Vec3
 from hil.signals.time import NS_PER_S, RateAccumulator
@@ -566,7 +567,8 @@ class _Run:
         if self.companion is None:
             return None
         pilot = self.station if isinstance(self.station, OffboardPilot) else None
-        return self.companion.stage(None if pilot is None else partial(self._desire, pilot), self._on_report)
+        desire = None if pilot is None else partial(self._desire, pilot)
+        return self.companion.stage(desire, self._on_report, self._on_detections)
 
     def _desire(self, pilot: OffboardPilot, desired: DesiredState, t_apply_ns: int, t_of_ns: int) -> None:
         if self.goal is not None and desired.land:
@@ -582,6 +584,11 @@ class _Run:
             self.outcomes[client] = outcome
             why = f": {report['why']}" if report.get("why") else ""
             self._companion_event(t_ns, "companion_outcome", f"{client}: {outcome}{why}")
+
+    def _on_detections(self, client: str, detections: Detections, t_ns: int) -> None:
+        """What a client has made out in a picture."""
+        assert self.recorder is not None
+        self.recorder.detected(t_ns, client, detections)
 
     def _times_of_companions(self) -> bool:
         """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""

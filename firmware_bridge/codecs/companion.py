@@ -22,8 +22,11 @@ from typing import Any, NamedTuple
 
 import msgpack
 
+from firmware_bridge.codecs.companion_detections import KEYS as _DETECTIONS_KEYS
+from firmware_bridge.codecs.companion_detections import detections_from_map
 from firmware_bridge.codecs.errors import CodecError
 from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
+from hil.signals.detections import Detections
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
@@ -45,7 +48,7 @@ _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it s
 _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
-    "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report"),
+    "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report", "detections"),
     "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
     "bye": ("reason",),
     "welcome": (
@@ -162,6 +165,7 @@ class Done(NamedTuple):
     desired: DesiredState | None
     finished: bool
     report: Mapping[str, ReportValue] | None = None  # None: nothing new
+    detections: Detections | None = None  # None: it looked at no picture
 
 
 @dataclass(frozen=True)
@@ -231,7 +235,8 @@ def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
     """First 16 hex digits of the SHA-256 of what these topics and the messages of this version look like."""
     described = {name: [schema.type, {f: list(u) for f, u in schema.fields.items()}] for name, schema in topics.items()}
     messages = {k: list(v) for k, v in _KEYS.items()}
-    whole = {"version": VERSION, "topics": described, "messages": messages, "desired": sorted(_DESIRED_KEYS)}
+    parts = {"desired": sorted(_DESIRED_KEYS), "detections": list(_DETECTIONS_KEYS)}
+    whole = {"version": VERSION, "topics": described, "messages": messages, **parts}
     text = json.dumps(whole, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
 
@@ -418,6 +423,7 @@ def _done(m: dict[str, Any]) -> Done:
         None if desired is None else desired_from_map(desired),
         _flag(m, "finished"),
         None if m.get("report") is None else report_from_map(m["report"]),
+        None if m.get("detections") is None else detections_from_map(m["detections"]),
     )
 
 

@@ -17,6 +17,8 @@ def take_answer(client: Client, done: Done, t_ns: int, sender: Sender) -> Reply:
         raise CodecError(f"done: frame {done.frame} was not sent, or has been answered")
     if done.desired is not None and not client.control:
         raise CodecError("done: a desired state of a client that has no control")
+    if done.detections is not None and done.detections.topic not in client.topics:
+        raise CodecError(f"done: detections in {done.detections.topic[:60]!a}, a topic that it does not get")
     sent = client.under_way[done.frame]
     if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
         raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
@@ -49,4 +51,5 @@ def take_answer(client: Client, done: Done, t_ns: int, sender: Sender) -> Reply:
         offset_ns,
         sent.t_sent_ns,
         done.report,
+        done.detections,
     )

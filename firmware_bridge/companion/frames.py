@@ -10,6 +10,7 @@ import numpy as np
 
 from firmware_bridge.codecs.companion import ReportValue, TopicSchema
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Reply(NamedTuple):
     clock_offset_ns: int  # client's clock minus the bench's
     t_frame_sent_ns: int = 0  # bench's clock: when the frame went
     report: Mapping[str, ReportValue] | None = None  # what it says of itself; None: nothing new
+    detections: Detections | None = None  # what it made out in a picture; None: it looked at none
 
 
 @dataclass(frozen=True)

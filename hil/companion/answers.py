@@ -11,6 +11,7 @@ from firmware_bridge.codecs.companion import ReportValue
 from firmware_bridge.companion.frames import CompanionFrame, Reply
 from firmware_bridge.companion.server import CompanionServer
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Answer:
     t2_ns: int
     link_ns: int = 0  # what else it took, from the frame sent to the answer here
     report: Mapping[str, ReportValue] | None = None  # what it says of itself; None: nothing new
+    detections: Detections | None = None  # in a picture of this frame
 
 
 class Answers(Protocol):
@@ -132,5 +134,6 @@ class LiveAnswers:
         for reply in self._server.poll(limit_s):
             self._on_reply(reply)
             link_ns = max(reply.t_arrived_ns - reply.t_frame_sent_ns - reply.t2_ns, 0)
-            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns, reply.report)
+            said = reply.report, reply.detections
+            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns, *said)
             self._come.append((reply.client, answer))

@@ -24,6 +24,7 @@ from hil.companion.topics import available_ports
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
 from hil.config import BenchConfig
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import Vec3
@@ -92,9 +93,10 @@ class CompanionLink:
         self,
         desire: Callable[[DesiredState, int, int], None] | None,
         on_report: Callable[[str, Mapping[str, ReportValue], int], None] = lambda _client, _report, _t_ns: None,
+        on_detections: Callable[[str, Detections, int], None] = lambda _client, _detections, _t_ns: None,
     ) -> CompanionStage:
         """What the scheduler steps. `desire` hears what controlling clients want, `on_report` what they say of
-        themselves."""
+        themselves, `on_detections` what they see."""
         companion, config = self.config.companion, self.config
         if self._server is not None and not (companion.control and companion.time == "realtime"):
             # Also where nobody controls: a repetition then needs no clients, and draws what was drawn.
@@ -109,8 +111,10 @@ class CompanionLink:
             link_delay_ns=None if companion.link_delay_s is None else round(companion.link_delay_s * NS_PER_S),
             desire=desire,
             on_report=on_report,
+            on_detections=on_detections,
             on_event=self._on_event,
-            trace=self._trace if companion.control else None,
+            detected_then=self._answers.detected_then if isinstance(self._answers, TracedAnswers) else _nothing_then,
+            trace=self._trace,
             timing=self._timing,
         )
         return self._stage
@@ -190,6 +194,10 @@ class CompanionLink:
         if self._told[kind] <= _EVENTS_OF_A_KIND:
             more = "" if self._told[kind] < _EVENTS_OF_A_KIND else " (more of this kind are not told)"
             self._on_event(-1, f"companion_{kind}", text + more)
+
+
+def _nothing_then(_t_ns: int) -> Sequence[tuple[str, Detections]]:
+    return ()
 
 
 def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:

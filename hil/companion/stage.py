@@ -34,6 +34,7 @@ from hil.companion.bundle import Bundle, Collector
 from hil.companion.timing import TimingLog
 from hil.companion.trace import TraceWriter
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 from hil.signals.errors import LinkClosed
 from hil.signals.samples import Sample, TruthState
 from hil.signals.time import RateAccumulator
@@ -82,15 +83,19 @@ class CompanionStage:
         link_delay_ns: int | None = None,
         desire: Callable[[DesiredState, int, int], None] | None = None,
         on_report: Callable[[str, Mapping[str, ReportValue], int], None] = lambda _client, _report, _t_ns: None,
+        on_detections: Callable[[str, Detections, int], None] = lambda _client, _detections, _t_ns: None,
         on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
+        detected_then: Callable[[int], Sequence[tuple[str, Detections]]] = lambda _t_ns: (),
         trace: TraceWriter | None = None,
         timing: TimingLog | None = None,
     ) -> None:
+        """`detected_then`: what lookers-on of a recorded run had detected up to that time, each once."""
         self._answers, self._mode, self._waiting = answers, mode, waiting
         self._collector = Collector(topics)
         self._due = rate.due
         self._link_delay_ns = link_delay_ns
         self._desire, self._on_report, self._on_event = desire, on_report, on_event
+        self._on_detections, self._detected_then = on_detections, detected_then
         self._trace, self._timing = trace, timing
         self._t_ns = 0
         self.frames = 0
@@ -126,6 +131,8 @@ class CompanionStage:
             self._step_realtime()
         else:
             self._step_waiting(truth.t_ns)
+        for client, detections in self._detected_then(truth.t_ns):
+            self._on_detections(client, detections, truth.t_ns)
 
     def serve(self, limit_s: float) -> None:
         """Between ticks, in realtime: take what comes within the limit, and give who is free the newest frame."""
@@ -306,7 +313,11 @@ class CompanionStage:
         if answer.report is not None:
             seat.report = answer.report
             self._on_report(seat.client.name, answer.report, from_ns)
+        if answer.detections is not None:
+            self._on_detections(seat.client.name, answer.detections, self._t_ns)
         if not seat.client.control:
+            if answer.detections is not None and self._trace is not None:
+                self._trace.looked_on(seat.client.name, self._t_ns, answer)
             return
         if self._trace is not None:
             self._trace.answer(seat.client.name, answer)

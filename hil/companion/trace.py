@@ -2,23 +2,27 @@
 
 `companion.jsonl`: first a line with the clients that controlled and their topics, then one line per answer in the order
 in which the bench took them: client, frame, t2_ns, link_ns, desired, finished, and `report` where it is new; `lost`
-where one was given up, `joined` where one came later.
+where one was given up, `joined` where one came later. What it detected goes with its answer (`detections`); of clients
+that control nothing there is a line of that alone, with the time at which it came (`looked_on`).
 """
 
 from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from firmware_bridge.codecs.companion import desired_from_map, desired_map, report_from_map
+from firmware_bridge.codecs.companion_detections import detections_from_map, detections_map
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from hil.companion.answers import Answer, Client
 from hil.companion.trace_name import TRACE_NAME as TRACE_NAME
+from hil.signals.detections import Detections
 from hil.signals.errors import LockstepLost, RecordingError
 
 _FORMAT = 1
@@ -47,8 +51,15 @@ class TraceWriter:
                 "desired": desired,
                 "finished": answer.finished,
                 **({} if answer.report is None else {"report": dict(answer.report)}),
+                **({} if answer.detections is None else {"detections": detections_map(answer.detections)}),
             }
         )
+
+    def looked_on(self, client: str, t_ns: int, answer: Answer) -> None:
+        """What one that controls nothing has detected; it came at `t_ns`, simulated."""
+        assert answer.detections is not None
+        values = {"looked_on": client, "frame": answer.frame, "t_ns": t_ns}
+        self._line(values | {"detections": detections_map(answer.detections)})
 
     def joined(self, client: Client, frame: int) -> None:
         """Later than the others, or again after it was given up: there from this frame on."""
@@ -90,6 +101,7 @@ class TracedAnswers:
         self._joins: list[tuple[int, Client]] = []  # still to come
         self._demotions: list[tuple[int, str]] = []
         self._answers: dict[tuple[str, int], Answer | None] = {}
+        self._looked_on: deque[tuple[int, str, Detections]] = deque()  # still to come
         try:
             head = json.loads(lines[0])
             if head["format"] != _FORMAT:
@@ -114,10 +126,22 @@ class TracedAnswers:
         if "demoted" in values:
             self._demotions.append((frame, str(values["demoted"])))
             return
+        if "looked_on" in values:
+            detections = detections_from_map(values["detections"])
+            self._looked_on.append((_count(values, "t_ns"), str(values["looked_on"]), detections))
+            return
         place = str(values["client"]), frame
         if place in self._answers:
             raise ValueError(f"a second answer of {place[0]} to frame {frame}")
         self._answers[place] = _answer(values, frame)
+
+    def detected_then(self, t_ns: int) -> list[tuple[str, Detections]]:
+        """What lookers-on had detected by this time of the run, and has not been asked for yet."""
+        come: list[tuple[str, Detections]] = []
+        while self._looked_on and self._looked_on[0][0] <= t_ns:
+            _, client, detections = self._looked_on.popleft()
+            come.append((client, detections))
+        return come
 
     def clients(self, frame: int) -> list[Client]:
         while self._joins and self._joins[0][0] <= frame:
@@ -160,7 +184,9 @@ def _answer(values: dict[str, Any], frame: int) -> Answer | None:
     if not isinstance(values["finished"], bool):
         raise ValueError(f"finished is {values['finished']!r}")
     report = None if values.get("report") is None else report_from_map(values["report"])
-    return Answer(frame, desired, values["finished"], _count(values, "t2_ns"), _count(values, "link_ns"), report)
+    seen = None if values.get("detections") is None else detections_from_map(values["detections"])
+    times = _count(values, "t2_ns"), _count(values, "link_ns")
+    return Answer(frame, desired, values["finished"], *times, report, seen)
 
 
 def _count(values: dict[str, Any], key: str) -> int:

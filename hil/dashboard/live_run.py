@@ -23,10 +23,12 @@ from typing import Any
 
 import pydantic
 
+from hil.dashboard.boxes import boxes_of
 from hil.dashboard.page_sticks import PageSticks
 from hil.dashboard.snapshot import frame_streams, scalar_samples
 from hil.dashboard.wire import RunEnd
 from hil.scheduler import Scheduler
+from hil.signals.detections import Detections
 from hil.signals.samples import Sample, Vec3
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
@@ -86,6 +88,7 @@ class LiveRun:
         self._clock_ns = clock_ns
         self._flown: Flown | None = None
         self._latest: dict[str, Sample] = {}
+        self._detected: dict[str, Detections] = {}  # by topic, the newest
         self._events: deque[tuple[int, str, str]] = deque(maxlen=_EVENTS)
         self._trail: list[float] = []
         self._trail_step = 1
@@ -118,6 +121,10 @@ class LiveRun:
         # What the vehicle says is recorded when the run is over, but told at once.
         if (t_ns, text) not in self._told:
             self._events.append((t_ns, kind, text))
+
+    def detected(self, client: str, detections: Detections) -> None:  # noqa: ARG002
+        """What a companion made out in a picture: kept until the next of its topic."""
+        self._detected[detections.topic] = detections
 
     def attach(self, flown: Flown) -> None:
         """The run is built. Tells the page what it is."""
@@ -275,6 +282,9 @@ class LiveRun:
         streams = frame_streams(self._latest, self._asked or (), self._streams_sent)
         if streams:
             state["frames"] = streams
+        boxes = boxes_of(self._detected, self._asked or ())
+        if boxes:
+            state["boxes"] = boxes
         self._asked = None
         return state
 

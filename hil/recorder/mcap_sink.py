@@ -19,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.recorder.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
+from hil.recorder.detection_series import DetectionSeries
 from hil.recorder.digest import RawFrame
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.frame_series import FrameSeries
 from hil.recorder.mcap_file import Block, McapFile, SafeFile
 from hil.recorder.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
+from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
@@ -203,6 +205,7 @@ class McapSink:
         self._sent = MavlinkSeries(self._mcap, "/mavlink/to_autopilot")
         self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
         self._events = EventSeries(self._mcap)
+        self._detections: dict[str, DetectionSeries] = {}
         self._mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **(metadata or {})}, 0)
         for name, data in (attachments or {}).items():
             self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
@@ -264,6 +267,14 @@ class McapSink:
         """Take an event. Kinds "debug", "warning" and "error" set the level; every other is information."""
         self._events.add(t_ns, kind, text)
 
+    def detected(self, t_ns: int, client: str, detections: Detections) -> None:
+        """Take what a companion made out in a picture."""
+        series = self._detections.get(client)
+        if series is None:
+            series = self._detections[client] = DetectionSeries(client)
+        described = self._descriptions.get(detections.topic.partition("/")[0])
+        series.add(t_ns, detections, detections.topic if described is None else described.frame_id)
+
     def flush(self, tick: int) -> None:
         """Write what has come in as one chunk. Raises RecordingError where that fails, once."""
         blocks = self._truth.blocks(self._mcap, self._tick_ns)
@@ -273,6 +284,8 @@ class McapSink:
             blocks += frames.blocks(self._mcap)
         blocks += [self._sent.block(), self._received.block()]
         blocks += self._actuators.blocks(self._mcap, self._tick_ns)
+        for detections in self._detections.values():
+            blocks += detections.blocks(self._mcap)
         blocks.append(self._events.block())
         self._mcap.chunk(blocks, tick)
 

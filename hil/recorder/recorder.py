@@ -22,6 +22,7 @@ from hil.recorder.mcap_file import SafeFile, open_unbuffered
 from hil.recorder.mcap_sink import McapSink
 from hil.recorder.tlog_sink import TlogSink
 from hil.recorder.track import Track
+from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
@@ -49,6 +50,8 @@ class Watch(Protocol):
     def sample(self, port: str, sample: Sample) -> None: ...
 
     def event(self, t_ns: int, kind: str, text: str) -> None: ...
+
+    def detected(self, client: str, detections: Detections) -> None: ...
 
 
 class Recorder:
@@ -186,6 +189,13 @@ class Recorder:
             self._mcap.event(t_ns, kind, text)
         if self._watch is not None:
             self._watch.event(t_ns, kind, text)
+
+    def detected(self, t_ns: int, client: str, detections: Detections) -> None:
+        """A companion has made something out in a picture. Its opinion, and no part of the digest."""
+        if self._mcap:
+            self._mcap.detected(t_ns, client, detections)
+        if self._watch is not None:
+            self._watch.detected(client, detections)
 
     def flush(self) -> None:
         """Put everything so far on disk."""

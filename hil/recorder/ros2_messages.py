@@ -1,8 +1,8 @@
 """ROS 2 message definitions of everything in a recording.
 
-The standard ones are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2), without their comments. The
-`hil_msgs` ones are this project's; the definition travels inside every recording, so no reader needs them
-installed. `hil.recorder.cdr` derives both the byte layout and the schema text from this one table.
+The standard ones are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2, vision_msgs), without their
+comments. The `hil_msgs` ones are this project's; the definition travels inside every recording, so no reader needs
+them installed. `hil.recorder.cdr` derives both the byte layout and the schema text from this one table.
 """
 
 from __future__ import annotations
@@ -63,6 +63,31 @@ DEFINITIONS: dict[str, str] = {
         "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
         "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\n"
         "uint32 line"
+    ),
+    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
+    "vision_msgs/Point2D": "float64 x\nfloat64 y",
+    "vision_msgs/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
+    "vision_msgs/BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
+    "vision_msgs/ObjectHypothesis": "string class_id\nfloat64 score",
+    "vision_msgs/ObjectHypothesisWithPose": (
+        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose"
+    ),
+    "vision_msgs/Detection2D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\nvision_msgs/BoundingBox2D bbox\n"
+        "string id"
+    ),
+    "vision_msgs/Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
+    "hil_msgs/Detection": (
+        "string label\nfloat64 score\nfloat64[4] box_px\nfloat64 range_m\nfloat64 radial_speed_mps\n"
+        "geometry_msgs/Point position"
+    ),
+    "hil_msgs/FoundObject": (
+        "uint32 number\nstring label\nbuiltin_interfaces/Time last_seen\ngeometry_msgs/Point position\n"
+        "geometry_msgs/Vector3 velocity\nuint32 sightings\nfloat64 sigma_m"
+    ),
+    "hil_msgs/Detections": (
+        "std_msgs/Header header\nstring topic\nuint32 width\nuint32 height\nhil_msgs/Detection[] detections\n"
+        "hil_msgs/FoundObject[] objects"
     ),
     "hil_msgs/PressureAltitude": "std_msgs/Header header\nfloat64 altitude_m",
     "hil_msgs/GpsQuality": (

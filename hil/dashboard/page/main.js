@@ -44,6 +44,7 @@ function update(head, frames) {
   showSlow(head.slow);
   if (state.p) showState();
   showStatus(head.result);
+  panes.boxes = state.boxes ?? {};
   for (const frame of frames) panes.show(frame);
 }
 

@@ -11,6 +11,7 @@ export class Panes {
     Object.assign(this, { chips, box, onChange, onCloud });
     this.open = new Map();
     this.all = [];
+    this.boxes = {};  // by stream: what a companion made out in its newest picture
     this.wanted = new Set(["view/camera/rgb"]);
     this.offer([]);
   }
@@ -63,8 +64,10 @@ export class Panes {
     const canvas = pane.firstChild, note = pane.lastChild.lastChild;
     note.textContent = `${(frame.t_ns / 1e9).toFixed(2)} s`;
     pane.dataset.frames = String(Number(pane.dataset.frames ?? 0) + 1);
-    if (frame.as.startsWith("image/")) await showPicture(canvas, new Blob([frame.data], { type: frame.as }));
-    else if (frame.as === "points") {
+    if (frame.as.startsWith("image/")) {
+      await showPicture(canvas, new Blob([frame.data], { type: frame.as }));
+      drawBoxes(canvas, this.boxes[frame.stream]?.boxes ?? []);
+    } else if (frame.as === "points") {
       const points = new Float32Array(frame.data);
       fromAbove(canvas, points);
       this.onCloud(frame.stream, { points, at: [frame.p, frame.q] });
@@ -93,6 +96,18 @@ async function showPicture(canvas, blob) {
   }
   canvas.getContext("2d").drawImage(picture, 0, 0);
   picture.close();
+}
+
+function drawBoxes(canvas, boxes) {
+  const g = canvas.getContext("2d"), { width, height } = canvas;
+  g.lineWidth = 1.5; g.font = "10px system-ui, sans-serif";
+  for (const [x0, y0, x1, y1, words] of boxes) {
+    g.strokeStyle = "#ffd400";
+    g.strokeRect(x0 * width, y0 * height, (x1 - x0) * width, (y1 - y0) * height);
+    const wide = g.measureText(words).width, x = Math.max(0, Math.min(x0 * width, width - wide)), y = Math.max(10, y0 * height - 2);
+    g.fillStyle = "#000a"; g.fillRect(x, y - 9, wide + 2, 11);
+    g.fillStyle = "#fff"; g.fillText(words, x + 1, y);
+  }
 }
 
 function ground(canvas, reach) {

@@ -6,9 +6,10 @@ A CUT is one function from a `Frame` to a `Desired` or None; `run` connects it t
 
 from hil_companion.client import Client
 from hil_companion.desired import Desired
+from hil_companion.detections import Detections, Found
 from hil_companion.errors import CompanionError
 from hil_companion.frame import Frame, Sample
 from hil_companion.protocol import Welcome
 from hil_companion.runner import run
 
-__all__ = ["Client", "CompanionError", "Desired", "Frame", "Sample", "Welcome", "run"]
+__all__ = ["Client", "CompanionError", "Desired", "Detections", "Found", "Frame", "Sample", "Welcome", "run"]

@@ -26,6 +26,7 @@ from hil_companion.barrier import Barrier
 from hil_companion.clock import BenchClock
 from hil_companion.connection import BYE_LINGER_MS, Connection
 from hil_companion.desired import Desired
+from hil_companion.detections import Detections
 from hil_companion.door import Door
 from hil_companion.errors import (
     BadMessage,
@@ -295,9 +296,11 @@ class Client:
         t2_ns: int = 0,
         finished: bool = False,
         report: Mapping[str, Any] | None = None,
+        detections: Detections | None = None,
     ) -> None:
         """Answer a frame. Its views into the ring, and those only, are invalid from here on. `report`: names and
-        texts, numbers or booleans that the bench is to note of this client; it takes the place of the one before."""
+        texts, numbers or booleans that the bench is to note of this client; it takes the place of the one before.
+        `detections`: what was made out in a picture of this frame."""
         if desired is not None and not isinstance(desired, Desired):
             raise CutError(f"a CUT returns a Desired or None, not {type(desired).__name__}")
         if desired is not None and not self.welcome.control:
@@ -318,6 +321,7 @@ class Client:
                 desired=wanted,
                 finished=finished,
                 report=None if report is None else checked_report(report),
+                detections=None if detections is None else detections.as_map(),
             )
         )
 

@@ -96,8 +96,10 @@ def done(
     desired: Header | None,
     finished: bool,
     report: Mapping[str, Any] | None = None,
+    detections: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """`report`: what the CUT has to say of itself so far; left out where there is nothing new."""
+    """`report`: what the CUT has to say of itself so far; left out where there is nothing new. `detections`: in a
+    picture of this frame."""
     return pack(
         {
             "k": "done",
@@ -108,6 +110,7 @@ def done(
             "desired": desired,
             "finished": finished,
             **({} if report is None else {"report": dict(report)}),
+            **({} if detections is None else {"detections": detections}),
         }
     )
 

@@ -1,8 +1,8 @@
 """Runs a CUT against a bench: connects, hands it every frame, sends what it desires, comes back after a loss.
 
 A CUT is a function from a `Frame` to a `Desired` or None; or an object that is called like one and may also have
-`start(welcome)`, called before the first frame of every session, `finished` and `report`, read after each frame, and
-`stop()`, called once at the end.
+`start(welcome)`, called before the first frame of every session, `finished`, `report` and `detections`, read after each
+frame, and `stop()`, called once at the end.
 """
 
 from __future__ import annotations
@@ -148,7 +148,9 @@ class Runner:
             t2_ns = time.monotonic_ns() - began_ns
             finished, report = bool(getattr(self._cut, "finished", False)), getattr(self._cut, "report", None)
             told = dict(report) if isinstance(report, Mapping) else None
-            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=told if told != before else None)
+            news = told if told != before else None
+            seen = getattr(self._cut, "detections", None)
+            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=news, detections=seen)
             before = told
             self.frames += 1
         if client.end is not None and client.end.status == DROPPED:

@@ -1,0 +1,147 @@
+"""Detections in an answer to a frame, as pure functions: msgpack values in and out, checked entry by entry.
+
+{topic, t_capture_ns, size_px: [w, h], boxes: [...], objects: [...] or nil}
+box      [label, score, x0, y0, x1, y1, range_m or nil, radial_speed_mps or nil, [x, y, z] or nil]
+object   [number, label, t_ns, [x, y, z], [vx, vy, vz], sightings, sigma_m]
+"""
+
+from __future__ import annotations
+
+import re
+from math import isfinite
+from typing import Any
+
+from firmware_bridge.codecs.errors import CodecError
+from hil.signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
+from hil.signals.samples import Vec3
+
+KEYS = ("topic", "t_capture_ns", "size_px", "boxes", "objects")
+_LABEL = re.compile(rf"[A-Za-z0-9_ .-]{{1,{LONGEST_LABEL}}}")
+_LARGEST = 1e6  # m, m/s, pixels
+_MOST_PIXELS = 65_536  # across
+_MOST_TIME_NS = 2**62
+_MOST_COUNT = 2**31
+
+
+def detections_from_map(values: object) -> Detections:
+    """Checked from what a message holds. CodecError naming the entry that is wrong."""
+    if type(values) is not dict:
+        raise CodecError(f"detections: {_shown(values)} is not a map")
+    unknown = [str(key)[:40] for key in values if key not in KEYS]
+    if unknown:
+        raise CodecError(f"detections: unknown entries {', '.join(sorted(unknown)[:5])}")
+    topic, size = values.get("topic"), values.get("size_px")
+    if type(topic) is not str or not 0 < len(topic) <= 200:
+        raise CodecError(f"detections.topic: {_shown(topic)} is no topic's name")
+    if type(size) is not list or len(size) != 2:
+        raise CodecError(f"detections.size_px: {_shown(size)}; width and height are needed")
+    width, height = (_whole("size_px", n, 1, _MOST_PIXELS) for n in size)
+    boxes = _rows("boxes", values.get("boxes"), 9, MOST_BOXES)
+    objects = values.get("objects")
+    return Detections(
+        topic,
+        _whole("t_capture_ns", values.get("t_capture_ns"), 0, _MOST_TIME_NS),
+        (width, height),
+        tuple(_box(f"boxes[{i}]", row) for i, row in enumerate(boxes)),
+        None if objects is None else _objects(objects),
+    )
+
+
+def detections_map(detections: Detections) -> dict[str, Any]:
+    """What `detections_from_map` takes."""
+    objects = detections.objects
+    return {
+        "topic": detections.topic,
+        "t_capture_ns": detections.t_capture_ns,
+        "size_px": list(detections.size_px),
+        "boxes": [
+            [d.label, d.score, *d.box_px, d.range_m, d.radial_speed_mps, None if d.p_W is None else list(d.p_W)]
+            for d in detections.boxes
+        ],
+        "objects": None
+        if objects is None
+        else [[o.number, o.label, o.t_ns, list(o.p_W), list(o.v_W), o.sightings, o.sigma_m] for o in objects],
+    }
+
+
+def _box(place: str, row: list[Any]) -> Detection:
+    score = _number(place, row[1])
+    if not 0.0 <= score <= 1.0:
+        raise CodecError(f"detections.{place}: a score of {score:g}; it goes from 0 to 1")
+    x0, y0, x1, y1 = (_number(place, v) for v in row[2:6])
+    if not (x0 <= x1 and y0 <= y1):
+        raise CodecError(f"detections.{place}: a box from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) is inside out")
+    range_m, speed_mps, p_W = (None if v is None else v for v in row[6:9])
+    if range_m is not None and _number(place, range_m) < 0.0:
+        raise CodecError(f"detections.{place}: a range of {_shown(range_m)}")
+    return Detection(
+        _label(place, row[0]),
+        score,
+        (x0, y0, x1, y1),
+        None if range_m is None else _number(place, range_m),
+        None if speed_mps is None else _number(place, speed_mps),
+        None if p_W is None else _vector(place, p_W),
+    )
+
+
+def _objects(values: object) -> tuple[FoundObject, ...]:
+    found = []
+    for i, row in enumerate(_rows("objects", values, 7, MOST_OBJECTS)):
+        place = f"objects[{i}]"
+        sigma_m = _number(place, row[6])
+        if sigma_m < 0.0:
+            raise CodecError(f"detections.{place}: a sigma of {sigma_m:g} m")
+        found.append(
+            FoundObject(
+                _whole(place, row[0], 0, _MOST_COUNT),
+                _label(place, row[1]),
+                _whole(place, row[2], 0, _MOST_TIME_NS),
+                _vector(place, row[3]),
+                _vector(place, row[4]),
+                _whole(place, row[5], 0, _MOST_COUNT),
+                sigma_m,
+            )
+        )
+    if len({one.number for one in found}) != len(found):
+        raise CodecError("detections.objects: a number comes twice")
+    return tuple(found)
+
+
+def _rows(name: str, values: object, length: int, most: int) -> list[list[Any]]:
+    if type(values) is not list or len(values) > most:
+        raise CodecError(f"detections.{name}: {_shown(values)}; a list of at most {most} is needed")
+    for i, row in enumerate(values):
+        if type(row) is not list or len(row) != length:
+            raise CodecError(f"detections.{name}[{i}]: {_shown(row)}; {length} entries are needed")
+    return values
+
+
+def _label(place: str, value: object) -> str:
+    if type(value) is not str or not _LABEL.fullmatch(value):
+        raise CodecError(f"detections.{place}: {_shown(value)} is no label of 1 to {LONGEST_LABEL} plain characters")
+    return value
+
+
+def _whole(place: str, value: object, low: int, high: int) -> int:
+    if type(value) is not int or not low <= value <= high:
+        raise CodecError(f"detections.{place}: {_shown(value)} is no whole number within {low}..{high}")
+    return value
+
+
+def _number(place: str, value: object) -> float:
+    if type(value) not in (int, float) or not isfinite(value) or abs(value) > _LARGEST:  # type: ignore[arg-type]
+        raise CodecError(f"detections.{place}: {_shown(value)} is no finite number of sensible size")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _vector(place: str, value: object) -> Vec3:
+    if type(value) is not list or len(value) != 3:
+        raise CodecError(f"detections.{place}: {_shown(value)}; three numbers are needed")
+    x, y, z = (_number(place, v) for v in value)
+    return (x, y, z)
+
+
+def _shown(value: object) -> str:
+    """A stranger's value in a message for people: short, and without control characters."""
+    text = ascii(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,33 @@
+"""Boxes of companions for the page: what they made out in the pictures that it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from hil.signals.detections import Detection, Detections
+
+
+def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict[str, Any]:
+    """Stream -> {t_ns, boxes: [[x0, y0, x1, y1, words], ...]}; places as shares of the picture's width and height."""
+    shown = {}
+    for stream in streams:
+        seen = detected.get(stream)
+        if seen is not None:
+            width, height = seen.size_px
+            rows = [
+                [d.box_px[0] / width, d.box_px[1] / height, d.box_px[2] / width, d.box_px[3] / height, words_of(d)]
+                for d in seen.boxes
+            ]
+            shown[stream] = {"t_ns": seen.t_capture_ns, "boxes": rows}
+    return shown
+
+
+def words_of(found: Detection) -> str:
+    """What stands beside a box."""
+    words = f"{found.label} {found.score:.2f}"
+    if found.range_m is not None:
+        words += f", {found.range_m:.1f} m"
+    if found.radial_speed_mps is not None:
+        words += f", {found.radial_speed_mps:+.1f} m/s"
+    return words

@@ -1,0 +1,103 @@
+"""What a CUT tells the bench of a picture: things in it, and things that it takes to be in the world. Checked before it
+is sent.
+
+Boxes are of the picture's pixels, 0 at its edge; W is ENU. What is said here is what the CUT believes: the bench
+records it, shows it and may judge it, and never corrects it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Sequence
+
+from hil_companion.errors import CutError
+
+MOST_BOXES, MOST_OBJECTS, LONGEST_LABEL = 128, 256, 64
+_LARGEST = 1e6
+_NOT_PLAIN = re.compile(r"[^A-Za-z0-9_ .-]+")
+
+
+@dataclass(frozen=True)
+class Found:
+    """One thing of the world: where it was when it was last seen, and how it moved."""
+
+    number: int  # stays its own
+    label: str
+    t_ns: int  # simulated
+    p_W: tuple[float, float, float]
+    v_W: tuple[float, float, float]
+    sightings: int
+    sigma_m: float
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Of one picture: `boxes` are `Detection`s, or whatever has their fields. `objects`: None where nothing is new."""
+
+    topic: str
+    t_capture_ns: int
+    size_px: tuple[int, int]  # width, height
+    boxes: Sequence[Any] = ()
+    objects: Sequence[Found] | None = None
+
+    def as_map(self) -> dict[str, Any]:
+        """What goes on the wire: the surest boxes and the newest objects, where there are too many. CutError for
+        numbers that are none."""
+        boxes = sorted(self.boxes, key=lambda d: -d.score)[:MOST_BOXES]
+        rows = [
+            [
+                _label(d.label),
+                _number("score", d.score),
+                *(_number("box_px", v) for v in d.box_px),
+                _maybe("range_m", d.range_m),
+                _maybe("radial_speed_mps", d.radial_speed_mps),
+                None if d.p_W is None else [_number("p_W", v) for v in d.p_W],
+            ]
+            for d in boxes
+        ]
+        return {
+            "topic": self.topic,
+            "t_capture_ns": int(self.t_capture_ns),
+            "size_px": [int(n) for n in self.size_px],
+            "boxes": rows,
+            "objects": None if self.objects is None else _objects(self.objects),
+        }
+
+
+def _objects(objects: Sequence[Found]) -> list[list[Any]]:
+    newest = sorted(objects, key=lambda one: (-one.t_ns, one.number))[:MOST_OBJECTS]
+    return [
+        [
+            int(one.number),
+            _label(one.label),
+            int(one.t_ns),
+            [_number("p_W", v) for v in one.p_W],
+            [_number("v_W", v) for v in one.v_W],
+            int(one.sightings),
+            _number("sigma_m", one.sigma_m),
+        ]
+        for one in sorted(newest, key=lambda one: one.number)
+    ]
+
+
+def _label(label: Any) -> str:
+    plain = _NOT_PLAIN.sub("-", str(label))[:LONGEST_LABEL]
+    if not plain:
+        raise CutError("detections: a label without a letter")
+    return plain
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not abs(number) <= _LARGEST:
+        raise CutError(f"detections: {name} {value!r}: a finite number of sensible size is needed")
+    return number
+
+
+def _maybe(name: str, value: Any) -> float | None:
+    return None if value is None else _number(name, value)

@@ -1,0 +1,186 @@
+"""Detections: checked on both sides of the wire, kept with the answer they belong to, recorded and shown."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from firmware_bridge.codecs.companion import Done, decode_client
+from firmware_bridge.codecs.companion_detections import detections_from_map, detections_map
+from firmware_bridge.codecs.errors import CodecError
+from hil.companion.answers import Answer, Client
+from hil.companion.stage import CompanionStage, Waiting
+from hil.companion.trace import TracedAnswers, TraceWriter
+from hil.dashboard.boxes import boxes_of
+from hil.recorder.recorder import Recorder
+from hil.signals.detections import Detection, Detections, FoundObject
+from hil.signals.samples import TruthState
+from hil.signals.time import RateAccumulator
+from tests.unit.companion_bench import CLIENT
+
+from hil_companion import protocol  # isort: skip
+from hil_companion import Detections as Told  # isort: skip
+from hil_companion import Found  # isort: skip
+from hil_companion.detect.detection import Detection as Seen  # isort: skip
+from hil_companion.errors import CutError  # isort: skip
+
+assert CLIENT
+TIMES: dict[str, Any] = {"t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0, "desired": None, "finished": False}
+PERSON = Detection("person", 0.75, (10.0, 20.0, 30.5, 60.0), 12.5, -1.25, (3.0, 4.0, 0.5))
+CAR = Detection("vehicle", 0.5, (0.0, 0.0, 8.0, 4.0))
+SOMEBODY = FoundObject(3, "person", 9_000_000, (3.0, 4.0, 0.5), (0.5, 0.0, 0.0), 7, 0.4)
+SEEN = Detections("front/rgb", 8_000_000, (320, 240), (PERSON, CAR), (SOMEBODY,))
+
+
+def told(**changes: Any) -> dict[str, Any]:
+    return detections_map(SEEN) | changes
+
+
+def test_what_a_cut_tells_arrives_as_it_is() -> None:
+    boxes = [Seen("person", PERSON.box_px, 0.75, 12.5, -1.25, (3.0, 4.0, 0.5)), Seen("vehicle", CAR.box_px, 0.5)]
+    found = [Found(3, "person", 9_000_000, (3.0, 4.0, 0.5), (0.5, 0.0, 0.0), 7, 0.4)]
+    mine = Told("front/rgb", 8_000_000, (320, 240), boxes, found)
+    message = decode_client(protocol.done(3, detections=mine.as_map(), **TIMES))
+    assert isinstance(message, Done)
+    assert message.detections == SEEN
+    silent = decode_client(protocol.done(3, **TIMES))
+    assert isinstance(silent, Done)
+    assert silent.detections is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "names"),
+    [
+        (told(boxes=[["person", math.nan, 0, 0, 1, 1, None, None, None]]), "boxes"),
+        (told(boxes=[["person", 1.5, 0, 0, 1, 1, None, None, None]]), "score"),
+        (told(boxes=[["person", 0.5, 5, 0, 1, 1, None, None, None]]), "inside out"),
+        (told(boxes=[["person", 0.5, 0, 0, 1, math.inf, None, None, None]]), "finite"),
+        (told(boxes=[["per\x00son", 0.5, 0, 0, 1, 1, None, None, None]]), "label"),
+        (told(boxes=[["person", 0.5, 0, 0, 1, 1, -1.0, None, None]]), "range"),
+        (told(boxes=[["person", 0.5, 0, 0, 1, 1, None, None, [1.0, 2.0]]]), "three numbers"),
+        (told(boxes=[["person", 0.5, 0, 0]]), "9 entries"),
+        (told(boxes=[["person", 0.5, 0, 0, 1, 1, None, None, None]] * 129), "at most 128"),
+        (told(boxes=None), "boxes"),
+        (told(size_px=[0, 240]), "size_px"),
+        (told(topic=7), "topic"),
+        (told(objects=[[1, "person", 5, [0, 0, 0], [0, 0, 0], 1, 0.5]] * 2), "twice"),
+        (told(objects=[[1, "person", 5, [0, 0, 0], [0, 0, 0], 1, -0.5]]), "sigma"),
+        (told(more=1), "unknown"),
+        ("people", "not a map"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(wrong: Any, names: str) -> None:
+    with pytest.raises(CodecError, match=names):
+        decode_client(protocol.done(3, detections=wrong, **TIMES))
+
+
+def test_a_cut_is_told_of_its_own_nonsense_and_the_surest_boxes_go() -> None:
+    with pytest.raises(CutError, match="score"):
+        Told("front/rgb", 0, (4, 3), [Seen("person", (0, 0, 1, 1), math.nan)]).as_map()
+    many = [Seen("person", (0.0, 0.0, 1.0, 1.0), i / 400) for i in range(400)]
+    kept = detections_from_map(Told("front/rgb", 0, (4, 3), many).as_map()).boxes
+    assert [box.score for box in kept] == [i / 400 for i in range(399, 271, -1)]
+
+
+def _stage(answers: Any, seen: list[tuple[str, Detections, int]], trace: TraceWriter | None = None) -> CompanionStage:
+    return CompanionStage(
+        answers,
+        mode="lockstep",
+        topics=["front/rgb"],
+        rate=RateAccumulator(event_mhz=125_000, tick_mhz=250_000),
+        waiting=Waiting(0.01, 0.01, True),
+        on_detections=lambda client, detections, t_ns: seen.append((client, detections, t_ns)),
+        detected_then=getattr(answers, "detected_then", lambda _t_ns: ()),
+        trace=trace,
+    )
+
+
+class _Seeing:
+    """A pilot and a looker-on, who both see the same in every second frame."""
+
+    def clients(self, frame: int) -> list[Client]:
+        topics = frozenset({"front/rgb"})
+        return [Client("pilot", topics, True), Client("watcher", topics, False)]
+
+    def gone(self, client: str) -> str | None:
+        return None
+
+    def send(self, client: str, frame: Any, dropped: int) -> bool:
+        return True
+
+    def wait(self, client: str, frame: int, limit_s: float) -> Answer:
+        return Answer(frame, None, False, 5, detections=SEEN if frame % 2 == 0 else None)
+
+    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
+        return []
+
+    def lose(self, client: str, why: str, back_within_s: float) -> bool:
+        return False
+
+
+def test_a_replay_sees_what_the_run_saw_of_pilots_and_of_lookers_on(tmp_path: Path) -> None:
+    path = tmp_path / "companion.jsonl"
+    live: list[tuple[str, Detections, int]] = []
+    writer = TraceWriter(path, [_Seeing().clients(0)[0]], ["front/rgb"])
+    stage = _stage(_Seeing(), live, writer)
+    still = (0.0, 0.0, 0.0)
+    truths = [
+        TruthState(k, 4_000_000 * k, still, (1.0, 0.0, 0.0, 0.0), still, still, still, still, (0.0,) * 4, False)
+        for k in range(8)
+    ]
+    for truth in truths:
+        stage.step(truth, ())
+    writer.close()
+    assert [client for client, *_ in live] == ["pilot", "watcher"] * 2
+    again: list[tuple[str, Detections, int]] = []
+    replayed = _stage(TracedAnswers(path), again)
+    for truth in truths:
+        replayed.step(truth, ())
+    assert again == live
+    broken = path.read_text().splitlines()
+    row = json.loads(broken[2])
+    row["detections"]["size_px"] = [-1, 2]
+    path.write_text("\n".join([*broken[:2], json.dumps(row), *broken[3:]]) + "\n")
+    with pytest.raises(Exception, match=r"companion\.jsonl:3"):
+        TracedAnswers(path)
+
+
+def test_official_readers_see_the_boxes(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, mcap=True, tlog=False, tick_ns=4_000_000)
+    recorder.detected(12_000_000, "detect", SEEN)
+    recorder.detected(16_000_000, "detect", Detections("front/rgb", 16_000_000, (320, 240)))
+    digest = recorder.digest
+    recorder.close("PASS")
+    with open(tmp_path / "run.mcap", "rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        read = [(c.topic, m.log_time, ros) for _, c, m, ros in reader.iter_decoded_messages()]
+    boxes = [(t, ros) for topic, t, ros in read if topic == "/companion/detect/boxes"]
+    assert [t for t, _ in boxes] == [12_000_000, 16_000_000]
+    person, car = boxes[0][1].detections
+    assert (person.bbox.center.position.x, person.bbox.center.position.y) == (20.25, 40.0)
+    assert (person.bbox.size_x, person.bbox.size_y) == (20.5, 40.0)
+    result = person.results[0]
+    assert (result.hypothesis.class_id, result.hypothesis.score) == ("person", 0.75)
+    assert result.pose.pose.position.y == 4.0
+    assert person.header.frame_id == "world"
+    assert math.isnan(car.results[0].pose.pose.position.x)
+    assert boxes[1][1].detections == []
+    whole = next(ros for topic, _, ros in read if topic == "/companion/detect/detections")
+    assert (whole.width, whole.height, whole.topic) == (320, 240, "front/rgb")
+    assert (whole.detections[0].range_m, whole.detections[0].radial_speed_mps) == (12.5, -1.25)
+    assert (whole.objects[0].number, whole.objects[0].sightings, whole.objects[0].velocity.x) == (3, 7, 0.5)
+    quiet = Recorder(tmp_path / "quiet", mcap=False, tlog=False, tick_ns=4_000_000)
+    assert quiet.digest == digest  # an opinion is no part of what happened
+
+
+def test_the_page_gets_boxes_of_the_pictures_it_shows() -> None:
+    assert boxes_of({"front/rgb": SEEN}, ["lidar/points"]) == {}
+    shown = boxes_of({"front/rgb": SEEN}, ["front/rgb"])["front/rgb"]
+    assert shown["boxes"][0] == [10 / 320, 20 / 240, 30.5 / 320, 60 / 240, "person 0.75, 12.5 m, -1.2 m/s"]
+    assert shown["boxes"][1][4] == "vehicle 0.50"
