@@ -10,11 +10,13 @@ from hil.config.radar_checks import view_of
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.mount import Mount
 from sim.sensors.camera_parameters import CameraParameters
+from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.radar_parameters import RadarParameters
 
 
 def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """By sensor: kind, rate_hz, p_BC [m] and q_BC of its frame in B, and of cameras the pinhole model."""
+    """By sensor: kind, rate_hz, p_BC [m] and q_BC of its frame in B; of cameras the pinhole model; of LiDARs the
+    elevation of each ring, none where a ring has none of its own."""
     found = {}
     for name in sensors:
         sensor = config.sensors[name]
@@ -27,6 +29,8 @@ def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[
             told |= _place(view.mount_m, view.mount_rpy_deg, optical=False) | {"chirp": p.chirp.model_dump(mode="json")}
         elif hasattr(p, "mount_m") and hasattr(p, "mount_rpy_deg"):
             told |= _place(p.mount_m, p.mount_rpy_deg, optical=False)
+            if isinstance(p, LidarParameters):
+                told |= {"elevation_deg": list(p.pattern.ring_elevations_deg)}
         found[name] = told
     return found
 

@@ -28,6 +28,7 @@ from sim.frame.source import FrameSource
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.sensors.catalog import make_sensor
+from sim.sensors.lidar import Lidar
 
 TICK_NS = 4_000_000
 _TAU_S, _TAU_TILT_S, _MOST_MPS2 = 0.35, 0.12, 4.0
@@ -222,6 +223,8 @@ def _make(
         told[name] = {"kind": values["preset"], "rate_hz": values["rate_hz"]}
         if isinstance(mount, Mount):
             told[name] |= {"p_BC": list(mount.p_BC), "q_BC": list(mount.q_BC)}
+        if isinstance(sensor, Lidar):
+            told[name] |= {"elevation_deg": list(sensor.ring_elevations_deg)}
     return made, told
 
 

@@ -84,6 +84,7 @@ class Lidar:
                 f"sensor '{self.name}': {count} points a sweep are more than {MAX_POINTS}; raise its rate_hz"
             )
         self._p = p
+        self.ring_elevations_deg = p.pattern.ring_elevations_deg
         self._frames = frames
         self._caster = RayCaster(frames.geometry.native)
         world = frames.geometry.world

@@ -105,6 +105,11 @@ class SpinningPattern(StrictModel):
             raise ValueError(f"{n} channels of {self.firing_ns} ns do not fit into a column of {self.column_ns} ns")
         return self
 
+    @property
+    def ring_elevations_deg(self) -> tuple[float, ...]:
+        """Of each ring. Rings count from the lowest channel up, whatever order they fire in."""
+        return tuple(sorted(self.elevation_deg))
+
     def points(self, period_ns: int) -> int:
         """Rays of one sweep."""
         columns = self.columns if self.columns is not None else period_ns // (self.column_ns or period_ns)
@@ -122,6 +127,11 @@ class RosettePattern(StrictModel):
     field_of_view_deg: Annotated[float, Field(gt=0.0, lt=170.0)]  # full angle of the cone
     prism_rpm: tuple[Annotated[int, Field(ge=-100_000, le=100_000)], Annotated[int, Field(ge=-100_000, le=100_000)]]
     points_per_s: Annotated[int, Field(gt=0, le=10_000_000)]
+
+    @property
+    def ring_elevations_deg(self) -> tuple[float, ...]:
+        """None: the one beam goes everywhere."""
+        return ()
 
     def points(self, period_ns: int) -> int:
         """Rays of one sweep."""

@@ -20,7 +20,7 @@ if str(CLIENT) not in sys.path:
     sys.path.insert(0, str(CLIENT))
 
 G = 9.80665
-RINGS_DEG = (-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0)
+RINGS_DEG = tuple(float(e) for e in range(-15, 16, 2))  # by ring, from the lowest
 COLUMNS = 720
 TOGETHER = 5  # columns that fire at one time
 IMU_NS = 4_000_000

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from hil.signals.samples import TruthState
+from hil.view_command import load_frames
 from sim.scene.geodesy import LocalFrame
 from sim.scene.scene import Site
+from sim.sensors.catalog import make_sensor
 from tests.unit.slam_yard import HEIGHT_M, IMU_NS, RINGS_DEG, Circle, wall_distance_m
 
 from hil_companion.explore.geodesy import LocalPlane  # isort: skip
@@ -16,6 +21,7 @@ from hil_companion.explore.matcher import match  # isort: skip
 from hil_companion.explore.particles import Particles  # isort: skip
 from hil_companion.explore.scan import Scan, make_scan  # isort: skip
 from hil_companion.explore.search import search  # isort: skip
+from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
 from hil_companion.explore.sweep import Sweep, make_sweep  # isort: skip
 from hil_companion.explore.tiles import CELLS, Tiles  # isort: skip
 
@@ -31,7 +37,7 @@ def flown(circle: Circle) -> InertialFilter:
     return inertial
 
 
-def swept(circle: Circle, inertial: InertialFilter) -> Sweep:
+def swept(circle: Circle, inertial: InertialFilter, elevation_deg: tuple[float, ...] = RINGS_DEG) -> Sweep:
     sample = circle.sweep(T_NS)
     return make_sweep(
         inertial,
@@ -41,7 +47,7 @@ def swept(circle: Circle, inertial: InertialFilter) -> Sweep:
         time_offset_ns=sample["time_offset_ns"],
         p_BL=circle.lidar_p_BL,
         q_BL=(1.0, 0.0, 0.0, 0.0),
-        elevation_deg=RINGS_DEG,
+        elevation_deg=elevation_deg,
     )
 
 
@@ -105,6 +111,37 @@ def test_a_beam_says_free_only_while_it_is_at_the_height_of_the_flight() -> None
     assert xy[:, 0].min() > -22.1
     assert xy[:, 1].max() < 19.4
     assert xy[:, 1].min() > -17.2
+
+
+def test_rings_that_look_elsewhere_than_told_say_nothing_by_beams_without_echo() -> None:
+    circle = Circle()
+    inertial = flown(circle)
+    told = swept(circle, inertial)
+    assert told.ray_H is not None
+    firing_order = tuple(e for pair in zip(RINGS_DEG[:8], RINGS_DEG[8:], strict=True) for e in pair)
+    for wrong in (firing_order, RINGS_DEG[:4], tuple(e + 2.0 for e in RINGS_DEG)):
+        sweep = swept(circle, inertial, wrong)
+        assert sweep.ray_H is None
+        # The rings lie one above the other all the same.
+        np.testing.assert_array_equal(sweep.p_H, told.p_H)
+
+
+def test_rings_of_the_benchs_lidars_look_where_clients_are_told() -> None:
+    scene, _, frames = load_frames("airfield", None)
+    for preset in ("vlp16", "os1_64", "hdl32e"):
+        lidar: Any = make_sensor(
+            "lidar", preset=preset, rate_hz=10.0, seed=1, scene=scene, step_ns=4_000_000, frames=frames
+        )
+        zero = (0.0, 0.0, 0.0)
+        truth = TruthState(25, 100_000_000, (0.0, 0.0, 4.0), (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
+        cloud = lidar.sample(truth, 0)
+        points = np.asarray(cloud.points_L, float)
+        slope = np.degrees(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
+        told = np.array(lidar.ring_elevations_deg)
+        assert np.abs(slope - told[cloud.ring]).max() < 0.5, preset
+        if preset == "vlp16":
+            assert SlamSettings().lidar_elevation_deg == lidar.ring_elevations_deg
+    frames.close()
 
 
 def corner_scan(offset: tuple[float, float] = (0.0, 0.0), *, second: bool = True) -> tuple[np.ndarray, np.ndarray]:

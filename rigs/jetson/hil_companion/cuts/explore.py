@@ -99,7 +99,7 @@ class Explore:
 
         told: dict[str, Any] = {"area_m": 2.0 * half_m, "lidar_topic": self._lidar}
         told.update(flight_height_m=settings.height_m, band_half_m=settings.slab_m)
-        for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC")):
+        for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC"), ("lidar_elevation_deg", "elevation_deg")):
             if key in calibration:
                 told[name] = tuple(calibration[key])
         x, y, z, yaw = self._start

@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 
 from hil_companion.errors import OptionError
 
-# VLP-16, channel by channel in firing order.
-VLP16_DEG = (-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0)
+VLP16_DEG = tuple(
+    float(e) for e in range(-15, 16, 2)
+)  # by ring: the bench counts them from the lowest, not as they fire
 
 
 @dataclass(frozen=True)

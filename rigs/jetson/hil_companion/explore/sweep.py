@@ -25,7 +25,11 @@ _MOST_SWEEP_S = 0.2
 _ALIVE = 4  # neighbours to each side among which a return must be for a beam to count as sent
 _BAD, _EMPTY = -1.0, 0.0
 _MOST_RINGS = 256
-_STRANGE = 0.01  # share of returns of unknown rings that may be errors of the wire
+_STRANGE = 0.01  # share of returns of unknown rings, or beside their ring, that may be errors of the wire
+_OFF_M, _OFF_RAD = (
+    0.05,
+    0.015,
+)  # of a return from its ring: beams do not begin in one point
 
 
 class Sweep(NamedTuple):
@@ -63,14 +67,15 @@ def make_sweep(
     offset = np.asarray(time_offset_ns).reshape(-1)
     n = min(len(points), len(ring), len(offset))
     points, ring, offset = points[:n], ring[:n], offset[:n]
-    if np.count_nonzero(ring >= len(elevation_deg)) > _STRANGE * n:
-        elevation_deg = ()  # another device than was said: no beam without echo is believed in
-    rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MOST_RINGS) if n else 1)
-    known = (ring >= 0) & (ring < rings)
     with np.errstate(invalid="ignore", over="ignore"):
         level_m = np.hypot(points[:, 0], points[:, 1])
         range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
-        good = known & np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
+        good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
+    if _other_device(elevation_deg, ring, points, level_m, range_m, good):
+        elevation_deg = ()  # than was said: no beam without echo is believed in
+    rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MOST_RINGS) if n else 1)
+    known = (ring >= 0) & (ring < rings)
+    good &= known
     order = np.argsort(_elevations(elevation_deg, ring[good], points[good], level_m[good], rings), kind="stable")
     rank = np.empty(rings, np.int64)
     rank[order] = np.arange(rings)
@@ -100,6 +105,25 @@ def make_sweep(
     shape = (rings, azimuths)
     found = _sent(slots.reshape(shape))
     return Sweep(t_ns, p_H.reshape(*shape, 3), found, ray_H, t_HL[0], roll, pitch, yaw, int(good.sum()), refused)
+
+
+def _other_device(
+    elevation_deg: Sequence[float],
+    ring: np.ndarray,
+    points: np.ndarray,
+    level_m: np.ndarray,
+    range_m: np.ndarray,
+    good: np.ndarray,
+) -> bool:
+    """Whether rings are not those that were told: more of them, or returns that lie elsewhere than their ring looks."""
+    count = len(elevation_deg)
+    inside = (ring >= 0) & (ring < count)
+    if np.count_nonzero(~inside) > _STRANGE * len(ring):
+        return True
+    kept = np.flatnonzero(inside & good)
+    slope = np.tan(np.radians(np.asarray(elevation_deg, float)))[ring[kept]] if count else np.zeros(len(kept))
+    off_m = np.abs(points[kept, 2] - slope * level_m[kept])
+    return bool(np.count_nonzero(off_m > _OFF_M + _OFF_RAD * range_m[kept]) > _STRANGE * len(kept))
 
 
 def _elevations(
