@@ -10,13 +10,13 @@ import pytest
 
 from tests.unit.companion_bench import CLIENT
 
+from hil_companion.explore.grid import GridView  # isort: skip
 from hil_companion.explore.inflation import berth, distances_m, prices, sigma_m  # isort: skip
 from hil_companion.explore.lines import SURE, clean  # isort: skip
 from hil_companion.explore.moving import Moving  # isort: skip
 from hil_companion.explore.plan_map import PlanMap, TooFar, make_map  # isort: skip
-from hil_companion.explore.route import Router, length_m, path_cost  # isort: skip
+from hil_companion.explore.route import Router, path_cost  # isort: skip
 from hil_companion.explore.settings import FlightSettings  # isort: skip
-from hil_companion.explore.true_pose import Grid  # isort: skip
 
 assert CLIENT
 CELL_M = 0.25
@@ -66,7 +66,7 @@ def test_a_passer_by_leaves_nothing_behind_and_a_wall_does_not_walk() -> None:
     odds[50, :] = 5.0  # was there from the beginning, and as sure as can be
 
     def gone(t_s: float, seen: Any) -> np.ndarray:
-        return moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, round(10 * t_s)), np.asarray(seen, float), t_s)
+        return moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, round(10 * t_s)), np.asarray(seen, float), t_s)
 
     assert not gone(0.0, NOBODY).any()
     for k in range(20):  # somebody walks along row 20, a cell each tenth of a second; nothing clears the cells
@@ -87,15 +87,15 @@ def test_a_passer_by_leaves_nothing_behind_and_a_wall_does_not_walk() -> None:
 def test_what_moved_is_known_though_the_grid_has_grown() -> None:
     moving = Moving(keep_s=1.0)
     odds = np.full((40, 40), -2.0, np.float32)
-    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 0), NOBODY, 0.0)
+    moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 0), NOBODY, 0.0)
     odds[20, 10] = 2.0
-    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
+    moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
     grown = np.zeros((60, 64), np.float32)
     grown[12:52, 16:56] = odds
     grown[5, 5] = 2.0  # nobody had seen that place: no passer-by
-    out = moving.gone(Grid(grown, (-16 * CELL_M, -12 * CELL_M), CELL_M, 2), NOBODY, 2.0)
+    out = moving.gone(GridView(grown, (-16 * CELL_M, -12 * CELL_M), CELL_M, 2), NOBODY, 2.0)
     assert np.argwhere(out).tolist() == [[32, 26]]
-    out = moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 3), NOBODY, 2.1)  # and shrunk
+    out = moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 3), NOBODY, 2.1)  # and shrunk
     assert np.argwhere(out).tolist() == [[20, 10]]
 
 
@@ -103,10 +103,10 @@ def test_a_wall_that_beams_had_missed_is_no_passer_by() -> None:
     moving = Moving(keep_s=0.5, settle_s=8.0)
     odds = np.full((40, 40), -2.0, np.float32)
     odds[20, 5:15] = 3.0
-    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 0), NOBODY, 0.0)
+    moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 0), NOBODY, 0.0)
     odds[20, 15:17] = 3.0
-    moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
-    assert not moving.gone(Grid(odds.copy(), (0.0, 0.0), CELL_M, 2), NOBODY, 3.0)[20, 15]
+    moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
+    assert not moving.gone(GridView(odds.copy(), (0.0, 0.0), CELL_M, 2), NOBODY, 3.0)[20, 15]
 
 
 def test_the_berth_grows_with_size_speed_and_doubt() -> None:
@@ -139,7 +139,7 @@ def test_distances_and_prices() -> None:
 
 
 def made(odds: np.ndarray, start: tuple[float, float], goal: tuple[float, float]) -> PlanMap:
-    grid = Grid(odds, (0.0, 0.0), CELL_M, 0)
+    grid = GridView(odds, (0.0, 0.0), CELL_M, 0)
     around = berth(FLIGHT, 0.0, CELL_M)
     return make_map(grid, np.zeros(odds.shape, bool), NOBODY, (start, goal), around, 0.4)
 
@@ -159,9 +159,9 @@ def test_a_way_in_the_open_is_straight_and_one_round_a_wall_is_short() -> None:
     assert math.isfinite(path_cost(place, route.points_W))
     tip = np.array([5.0, 10.125])
     direct = math.dist(start, tip) + math.dist(tip, goal)
-    assert direct < length_m(route.points_W) < direct + 2.0 * around.comfort_m
+    assert direct < np.hypot(*np.diff(route.points_W, axis=0).T).sum() < direct + 2.0 * around.comfort_m
     for a, b in zip(route.points_W, route.points_W[1:], strict=False):
-        rows, columns = place.fine(place.along(a, b))
+        rows, columns = place.fine(a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a))
         assert (place.distance_m[rows, columns] > around.red_m).all()
 
 

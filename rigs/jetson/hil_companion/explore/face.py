@@ -6,14 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-
-class GridView(Protocol):
-    """An occupancy grid: `log_odds[row, column]`, row along y, 0 where nothing is known, above 0 occupied."""
-
-    log_odds: np.ndarray  # (H, W) float32
-    origin_W: tuple[float, float]  # of the corner of cell (0, 0) [m]
-    cell_m: float
-    version: int  # another one for another content
+from hil_companion.explore.grid import GridView
 
 
 class Estimate(Protocol):

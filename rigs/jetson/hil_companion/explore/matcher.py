@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_companion.explore.maps import Maps
+from hil_companion.explore.rotation import wrapped
 
 _ROUNDS = 4
 _STEPS = 2  # of Gauss-Newton between two looks for the nearest
@@ -68,7 +69,7 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
             H, g = _normal_equations(w, r, nx, ny, turn)
             H = _INDEPENDENT * H + information
             off = predicted - pose
-            off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+            off[:, 2] = wrapped(off[:, 2])
             g = _INDEPENDENT * g + off @ information
             pose = pose + np.linalg.solve(H, g[:, :, None])[:, :, 0]
         step = np.abs(pose - begin).max(axis=0)
@@ -80,7 +81,7 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
     likely = np.where(known, np.exp(-0.5 * (r * (1.0 / _SIGMA_M)) ** 2) * ripe, 0.0)
     log_likelihood = np.log(likely + _RANDOM).mean(axis=1) * _WITNESSES
     off = predicted - pose
-    off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    off[:, 2] = wrapped(off[:, 2])
     log_likelihood -= 0.5 * np.einsum("ni,ij,nj->n", off, information, off)
     near = known & (np.abs(r) < 2.5 * _SIGMA_M)
     inliers = near.sum(axis=1) / np.maximum(known.sum(axis=1), 1)

@@ -16,6 +16,7 @@ from typing import Any, Mapping
 import numpy as np
 
 from hil_companion.explore.face import Estimate
+from hil_companion.explore.rotation import matrix_of
 from hil_companion.frame import Sample
 
 
@@ -43,7 +44,7 @@ class Sweeps:
     def __init__(self, calibration: Mapping[str, Any] | None, slab_m: float) -> None:
         told = calibration or {}
         self._p_BL = np.asarray(told.get("p_BC", (0.0, 0.0, 0.0)), float)
-        self._R_BL = matrix(np.asarray(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)), float))
+        self._R_BL = matrix_of(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
         self._slab_m = slab_m
 
     def read(self, sample: Sample, at: Estimate, yaw_rate_radps: float, height_m: float) -> Nearby:
@@ -70,17 +71,6 @@ class Sweeps:
         x = p_W[0] - v_W[0] * ago_s + c * level[:, 0] - s * level[:, 1]
         y = p_W[1] - v_W[1] * ago_s + s * level[:, 0] + c * level[:, 1]
         return Nearby(sample.t_capture_ns, np.stack([x, y], axis=1), len(points_L))
-
-
-def matrix(q: np.ndarray) -> np.ndarray:
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def tilt(roll: float, pitch: float) -> np.ndarray:

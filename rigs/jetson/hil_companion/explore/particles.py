@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hil_companion.explore.rotation import wrapped
+
 _DRIFT_M2_PS = 0.02**2  # of the shift's variance, per second
 _MOST_LOG = 8.0  # of one fix
 _GATE = 6.0  # standard deviations
@@ -50,17 +52,19 @@ class Particles:
 
     def mean(self) -> np.ndarray:
         """x, y, yaw."""
-        w = self.weights
         about = self.pose[self.best]
-        off = self.pose - about
-        off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-        return np.asarray(about + w @ off)
+        return np.asarray(about + self.weights @ self._off(about))
 
     def covariance(self) -> np.ndarray:
         """Of x, y, yaw."""
-        off = self.pose - self.mean()
-        off[:, 2] = (off[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+        off = self._off(self.mean())
         return np.asarray((off * self.weights[:, None]).T @ off)
+
+    def _off(self, pose: np.ndarray) -> np.ndarray:
+        """Of each from a pose."""
+        off = self.pose - pose
+        off[:, 2] = wrapped(off[:, 2])
+        return off
 
     def scatter(self, mean: np.ndarray, spread: np.ndarray) -> None:
         """Draw each from its own Gaussian: means (n, 3), covariances (n, 3, 3)."""

@@ -13,7 +13,7 @@ from typing import Sequence
 import cv2
 import numpy as np
 
-from hil_companion.explore.face import GridView
+from hil_companion.explore.grid import GridView
 from hil_companion.explore.inflation import Berth, distances_m, prices
 from hil_companion.explore.lines import clean, unknown_mask
 
@@ -68,12 +68,6 @@ class PlanMap:
     def distance_at(self, x_m: float, y_m: float) -> float:
         row, column = self.fine(np.array([[x_m, y_m]]))
         return float(self.distance_m[row[0], column[0]])
-
-    def along(self, a_W: np.ndarray, b_W: np.ndarray, step_m: float = 0.0) -> np.ndarray:
-        """Points from one to the other, half a fine cell apart."""
-        step_m = step_m or 0.5 * self.cell_m
-        count = max(2, math.ceil(float(np.hypot(*(b_W - a_W))) / step_m) + 1)
-        return a_W + np.linspace(0.0, 1.0, count)[:, None] * (b_W - a_W)
 
     def cost_along(self, a_W: np.ndarray, b_W: np.ndarray) -> float:
         """Of the straight line between two places on the map, by the plan's prices; infinite where it is blocked."""

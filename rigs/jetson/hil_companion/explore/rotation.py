@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Sequence, TypeVar
 
 import numpy as np
 
 
-def matrix_of(q: tuple[float, float, float, float]) -> np.ndarray:
+def matrix_of(q: Sequence[float]) -> np.ndarray:
     """Of a unit quaternion."""
     w, x, y, z = q
     return np.array(
@@ -49,9 +50,12 @@ def roll_pitch_yaw(R: np.ndarray) -> tuple[float, float, float]:
     return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
 
 
-def wrapped(angle: np.ndarray | float) -> np.ndarray:
+Angle = TypeVar("Angle", float, np.ndarray)
+
+
+def wrapped(angle: Angle) -> Angle:
     """To -pi .. pi."""
-    return np.asarray((np.asarray(angle) + math.pi) % (2.0 * math.pi) - math.pi)
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def skew(v: np.ndarray) -> np.ndarray:

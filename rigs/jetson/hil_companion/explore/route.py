@@ -1,4 +1,4 @@
-"""The way to the goal, planned anew every frame: A*, straightened where nothing stands in sight.
+"""The way to the goal, planned anew with every sweep: A*, straightened where nothing stands in sight.
 
 A new way takes the place of the one being flown only where that is blocked or clearly dearer: two ways of about the
 same cost would otherwise be flown by turns.
@@ -86,10 +86,6 @@ class Router:
 
 def path_cost(around: PlanMap, points_W: np.ndarray) -> float:
     return sum(around.cost_along(a, b) for a, b in zip(points_W[:-1], points_W[1:]))
-
-
-def length_m(points_W: np.ndarray) -> float:
-    return float(np.hypot(*np.diff(points_W, axis=0).T).sum()) if len(points_W) > 1 else 0.0
 
 
 def _step_costs(around: PlanMap, cells: list[tuple[int, int]], points_W: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ class FlightSettings:
     unknown_price: float = 0.4  # a metre of unknown counts as 1 + this
     lidar_lost_s: float = 2.0  # without a usable sweep
     no_path_s: float = 4.0  # without a way to the goal, hovering
-    stuck_s: float = 25.0  # without coming nearer by `progress_m` along the plan
+    stuck_s: float = 25.0  # without getting `progress_m` away from where it was
     progress_m: float = 1.0
     hover_s: float = 5.0  # with an outcome other than the goal, before it says that it is finished
     time_limit_s: float = 600.0  # of simulated time, from the first frame

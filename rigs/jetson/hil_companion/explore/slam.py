@@ -28,7 +28,7 @@ from hil_companion.explore.inertial import InertialFilter
 from hil_companion.explore.maps import Maps
 from hil_companion.explore.matcher import Match, match
 from hil_companion.explore.particles import Particles
-from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
+from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw, wrapped
 from hil_companion.explore.scan import Scan, ground_offset_m, make_scan
 from hil_companion.explore.search import search
 from hil_companion.explore.slam_settings import SlamSettings
@@ -59,8 +59,6 @@ class SlamEstimate:
     roll: float
     pitch: float
     covariance_xy: np.ndarray  # (2, 2)
-    n_eff: float
-    resampled: bool
     lidar_ok: bool
     gps_ok: bool
     grid: GridView
@@ -100,13 +98,12 @@ class Slam:
         self._take_gps(frame)
         self._take_baro(frame)
         sweep_ns = self._new_sweep(frame)
-        resampled = False
         self._inliers = 0.0
         if sweep_ns is not None:
-            resampled = self._with_sweep(frame[self.settings.lidar_topic], sweep_ns)
+            self._with_sweep(frame[self.settings.lidar_topic], sweep_ns)
         elif self._lidar_late(t_ns):
             self._without_sweep(t_ns)
-        return self._estimate(t_ns, resampled)
+        return self._estimate(t_ns)
 
     # What the sensors say.
 
@@ -170,7 +167,7 @@ class Slam:
 
     # What is made of it.
 
-    def _with_sweep(self, lidar: Any, sweep_ns: int) -> bool:
+    def _with_sweep(self, lidar: Any, sweep_ns: int) -> None:
         s = self.settings
         before = self._stand()
         self._inertial.advance(sweep_ns)
@@ -190,7 +187,7 @@ class Slam:
         if sweep.returns < _LEAST_RETURNS:
             self.particles.pose = predicted
             self._go_on_with_gps()
-            return False
+            return
         too_high_m = ground_offset_m(sweep, z_m=float(self._inertial.p[2]), ground_z_m=s.ground_z_m)
         if too_high_m is not None:
             self._inertial.correct_position((2,), np.array([-too_high_m]), np.array([_GROUND_SIGMA_M**2]))
@@ -199,7 +196,7 @@ class Slam:
             self.particles.pose = predicted
             self._sweep_ns = sweep_ns
             self._insert(scan, everybody=True)
-            return False
+            return
         if self._lidar_late(sweep_ns):
             predicted, motion = self._look_for(predicted, motion, scan)
         found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
@@ -210,12 +207,11 @@ class Slam:
                 # Nothing fits: better to believe the IMU than a wrong wall.
                 self.particles.pose = predicted
                 self._go_on_with_gps()
-                return False
+                return
         self._sweep_ns = sweep_ns
-        resampled = self._draw(found)
+        self._draw(found)
         self._insert(scan, everybody=False)
         self._correct_inertial()
-        return resampled
 
     def _fits(self, found: Match) -> bool:
         """Whether the scan lies on the map of the best particle, where there is any map."""
@@ -271,16 +267,16 @@ class Slam:
         c, s = np.cos(off), np.sin(off)
         pose[:, 0] += c * shift[0] - s * shift[1]
         pose[:, 1] += s * shift[0] + c * shift[1]
-        pose[:, 2] += (turn + math.pi) % (2.0 * math.pi) - math.pi
+        turn = wrapped(turn)
+        pose[:, 2] += turn
         speed_variance = float(max(i.cov[3, 3], i.cov[4, 4]))
         # Of the turn: the gyro's bias, and where rows were missing all that the heading may have done.
         drift_variance = float(i.cov[11, 11]) * dt_s * dt_s + max(0.0, float(i.cov[8, 8]) - before[3])
-        turned = float(abs((turn + math.pi) % (2.0 * math.pi) - math.pi))
         xy = _STEP_M**2 + speed_variance * dt_s * dt_s
-        yaw = _STEP_RAD**2 + drift_variance + (_TURN_SHARE * turned) ** 2
+        yaw = _STEP_RAD**2 + drift_variance + (_TURN_SHARE * turn) ** 2
         return pose, np.diag([xy, xy, yaw])
 
-    def _draw(self, found: Match) -> bool:
+    def _draw(self, found: Match) -> None:
         """Weigh and scatter the particles, and resample them where too few count."""
         particles = self.particles
         particles.weigh(found.log_likelihood)
@@ -290,8 +286,6 @@ class Slam:
             ancestors = particles.resample()
             self.maps.become(ancestors)
             self._inserted, self._waited = self._inserted[ancestors], self._waited[ancestors]
-            return True
-        return False
 
     def _weigh_by_fixes(self) -> None:
         """GPS positions, compared with where the particles' mean was when they were taken."""
@@ -323,7 +317,7 @@ class Slam:
         i, mean, cov = self._inertial, self.particles.mean(), self.particles.covariance()
         variance = np.diag(cov)[:2] + _FLOOR_M**2
         i.correct_position((0, 1), mean[:2] - i.p[:2], variance)
-        off = (float(mean[2]) - i.yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+        off = wrapped(float(mean[2]) - i.yaw_rad)
         i.correct_yaw(off, float(cov[2, 2]) + _FLOOR_RAD**2)
 
     def _without_sweep(self, t_ns: int) -> None:
@@ -364,7 +358,7 @@ class Slam:
 
     # What is told.
 
-    def _estimate(self, t_ns: int, resampled: bool) -> SlamEstimate:
+    def _estimate(self, t_ns: int) -> SlamEstimate:
         i, particles = self._inertial, self.particles
         now = i.ahead(t_ns)
         roll, pitch, yaw = roll_pitch_yaw(matrix_of(now.q))
@@ -382,8 +376,6 @@ class Slam:
             roll=roll,
             pitch=pitch,
             covariance_xy=particles.covariance()[:2, :2] + i.cov[:2, :2],
-            n_eff=particles.n_eff,
-            resampled=resampled,
             lidar_ok=lidar_ok,
             gps_ok=gps_ok,
             grid=self._view,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from hil_companion.errors import OptionError
 
@@ -53,7 +53,3 @@ class SlamSettings:
             )
         if problems:
             raise OptionError("slam: " + "; ".join(problems))
-
-    def names(self) -> tuple[str, ...]:
-        """Of all settings."""
-        return tuple(f.name for f in fields(self))

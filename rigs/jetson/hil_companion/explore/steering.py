@@ -15,7 +15,6 @@ than `accel_mps2` allows, braking by twice that where something stands in the wa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,21 +33,6 @@ _GOAL_GAIN_PER_S = 0.6  # near the goal: metres left to metres per second
 _CREEP_MPS = 0.3  # where the next unknown cell is nearer than can be stopped for, but the sweep shows nothing there
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What limited the speed, for the report [m/s]."""
-
-    known: float
-    free: float
-    near: float
-    corner: float
-    goal: float
-
-    @property
-    def least(self) -> float:
-        return min(self.known, self.free, self.near, self.corner, self.goal)
-
-
 class Steering:
     """Remembers the last command: it never jumps."""
 
@@ -56,7 +40,6 @@ class Steering:
         self._settings = settings
         self.v_W = np.zeros(2)
         self.yaw_rad: float | None = None
-        self.limits: Limits | None = None
 
     def follow(
         self,
@@ -82,25 +65,20 @@ class Steering:
         if distance_m < 1e-6:
             return self.slew(np.zeros(2), dt_s)
         direction = towards / distance_m
-        known_m = _known_m(around, berth, path_W, at, place)
-        known = s.speed_that_stops_mps(known_m - _KNOWN_SPARE_M)
+        known_m, blocked_m = _ahead_on_map(around, berth, path_W, at, place)
+        known_mps = s.speed_that_stops_mps(known_m - _KNOWN_SPARE_M)
         heading = v_W / speed_mps if speed_mps > _TURN_FROM_MPS else direction
         free_m = min(free_ahead_m(near, p_W, heading, berth.red_m), free_ahead_m(near, p_W, direction, berth.red_m))
-        if free_m > _SEEN_AHEAD_M / 3 and _blocked_m(around, berth, path_W, at, place) > 1.0:
-            known = max(known, _CREEP_MPS)
+        if free_m > _SEEN_AHEAD_M / 3 and blocked_m > 1.0:
+            known_mps = max(known_mps, _CREEP_MPS)
         d = min(around.distance_at(*p_W), around.distance_at(*(p_W + heading * min(1.0, left_m))))
         share = (d - berth.hard_m) / max(berth.comfort_m - berth.hard_m, 1e-6)
         near_mps = s.slow_mps + (s.speed_mps - s.slow_mps) * min(max(share, 0.0), 1.0)
-        self.limits = Limits(
-            known,
-            s.speed_that_stops_mps(free_m),
-            near_mps,
-            _corner_mps(s, path_W, at, place),
-            min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1)),
-        )
-        return self.slew(
-            direction * min(s.speed_mps, most_mps, self.limits.least), dt_s, hard=self.limits.free < speed_mps - 0.3
-        )
+        free_mps = s.speed_that_stops_mps(free_m)
+        goal_mps = min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1))
+        corner_mps = _corner_mps(s, path_W, at, place)
+        least_mps = min(s.speed_mps, most_mps, known_mps, free_mps, near_mps, corner_mps, goal_mps)
+        return self.slew(direction * least_mps, dt_s, hard=free_mps < speed_mps - 0.3)
 
     def slew(self, wanted_W: np.ndarray, dt_s: float, *, hard: bool = False) -> np.ndarray:
         """Towards a velocity, by what the acceleration allows; `hard` braking allows twice that."""
@@ -151,8 +129,8 @@ def _ahead(path_W: np.ndarray, at: int, place: np.ndarray, distance_m: float) ->
     return path_W[-1]
 
 
-def _samples(around: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) -> tuple[np.ndarray, float]:
-    """Points of the path from here on, and how far they lie apart."""
+def _samples(around: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) -> np.ndarray:
+    """Points of the path from here on, a cell apart."""
     step_m = around.cell_m
     points, sofar = [], 0.0
     here = place
@@ -164,27 +142,22 @@ def _samples(around: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) ->
         here = point
         if sofar >= _SEEN_AHEAD_M:
             break
-    return np.concatenate(points), step_m
+    return np.concatenate(points)
 
 
-def _known_m(around: PlanMap, berth: Berth, path_W: np.ndarray, at: int, place: np.ndarray) -> float:
-    """Along the path to the first place that is unknown or too near to something."""
-    points, step_m = _samples(around, path_W, at, place)
+def _ahead_on_map(around: PlanMap, berth: Berth, path_W: np.ndarray, at: int, place: np.ndarray) -> tuple[float, float]:
+    """Along the path to the first place that is unknown or too near to something, and to the first that is too near."""
+    points, step_m = _samples(around, path_W, at, place), around.cell_m
     rows, columns = around.fine(points)
-    bad = around.unknown[rows, columns] | (around.distance_m[rows, columns] < berth.red_m)
+    blocked = around.distance_m[rows, columns] < berth.red_m
+    bad = blocked | around.unknown[rows, columns]
     bad[: int(0.5 / step_m)] = False  # where it is, it can be
-    first = int(np.argmax(bad)) if bad.any() else len(bad)
-    if not bad.any() and len(points) * step_m < _SEEN_AHEAD_M - 1.0:
-        return math.inf  # to its end
-    return first * step_m
-
-
-def _blocked_m(around: PlanMap, berth: Berth, path_W: np.ndarray, at: int, place: np.ndarray) -> float:
-    """Along the path to the first place that is too near to something known."""
-    points, step_m = _samples(around, path_W, at, place)
-    rows, columns = around.fine(points)
-    bad = around.distance_m[rows, columns] < berth.red_m
-    return float(np.argmax(bad)) * step_m if bad.any() else math.inf
+    known_m = math.inf  # to its end
+    if bad.any():
+        known_m = int(np.argmax(bad)) * step_m
+    elif len(points) * step_m >= _SEEN_AHEAD_M - 1.0:
+        known_m = len(points) * step_m
+    return known_m, float(np.argmax(blocked)) * step_m if blocked.any() else math.inf
 
 
 def _corner_mps(s: FlightSettings, path_W: np.ndarray, at: int, place: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from typing import NamedTuple, Sequence
 
 import numpy as np
 
-from hil_companion.explore.inertial import InertialFilter, Moment
+from hil_companion.explore.inertial import InertialFilter
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 
 AZIMUTHS = 720
@@ -35,16 +35,11 @@ _OFF_M, _OFF_RAD = (
 class Sweep(NamedTuple):
     """Slots: rings by azimuths. Rings are ordered by elevation, lowest first."""
 
-    t_ns: int
     p_H: np.ndarray  # (rings, azimuths, 3) float32; zeros where there is none
     range_m: np.ndarray  # (rings, azimuths): > 0 a return, 0 none came back, < 0 nothing is known
     ray_H: np.ndarray | None  # (rings, azimuths, 3): where each beam points; None: not known
     origin_H: np.ndarray  # of the beams, about
-    roll: float
-    pitch: float
-    yaw: float
     returns: int  # finite ones
-    refused: int  # returns that were not finite or made no sense
 
 
 def make_sweep(
@@ -60,7 +55,7 @@ def make_sweep(
     decimation: int = 1,
     most_m: float = 200.0,
 ) -> Sweep:
-    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is counted."""
+    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is left out."""
     azimuths = AZIMUTHS // decimation
     points = np.asarray(points_L, np.float32).reshape(-1, 3)
     ring = np.asarray(ring).reshape(-1).astype(np.int64)
@@ -81,17 +76,16 @@ def make_sweep(
     rank[order] = np.arange(rings)
     slots = np.zeros(rings * azimuths, np.float32)
     yaw_bin = azimuths / (2.0 * math.pi)
-    refused = int(n - good.sum())
     at = points[good]
     azimuth = np.floor(np.arctan2(at[:, 1], at[:, 0]) * yaw_bin).astype(np.int64) % azimuths
     slot = rank[ring[good]] * azimuths + azimuth
     keep = _nearest(slot, range_m[good], slots)
-    if refused and known.any():
+    if known.any() and not good.all():
         _doubt(slots, rank, ring, offset, good, known, azimuth, azimuths)
     chosen = np.flatnonzero(good)[keep]
     times = offset[chosen] * 1e-9
-    R_BL, t_BL = matrix_of(tuple(q_BL)), np.array(p_BL)  # type: ignore[arg-type]
-    R_HB, (roll, pitch, yaw) = _level(inertial.R)
+    R_BL, t_BL = matrix_of(q_BL), np.array(p_BL)
+    R_HB = _level(inertial.R)
     turn, move = _motion(inertial, t_ns)
     step = np.clip((-times / _TABLE_S + 0.5).astype(np.int64), 0, len(turn) - 1)
     R_HL = np.matmul(np.matmul(R_HB, turn), R_BL).astype(np.float32)
@@ -104,7 +98,7 @@ def make_sweep(
         ray_H = _rays(np.asarray(elevation_deg)[order], azimuths, R_HL, azimuth[keep], step)
     shape = (rings, azimuths)
     found = _sent(slots.reshape(shape))
-    return Sweep(t_ns, p_H.reshape(*shape, 3), found, ray_H, t_HL[0], roll, pitch, yaw, int(good.sum()), refused)
+    return Sweep(p_H.reshape(*shape, 3), found, ray_H, t_HL[0], int(good.sum()))
 
 
 def _other_device(
@@ -187,11 +181,11 @@ def _sent(slots: np.ndarray) -> np.ndarray:
     return slots
 
 
-def _level(R_WB: np.ndarray) -> tuple[np.ndarray, tuple[float, float, float]]:
-    """The rotation from B to H, and roll, pitch, yaw."""
-    roll, pitch, yaw = roll_pitch_yaw(R_WB)
+def _level(R_WB: np.ndarray) -> np.ndarray:
+    """The rotation from B to H."""
+    _, _, yaw = roll_pitch_yaw(R_WB)
     c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_WB, (roll, pitch, yaw)
+    return np.asarray(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_WB)
 
 
 def _motion(inertial: InertialFilter, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
@@ -247,6 +241,3 @@ def _turned(R: np.ndarray, p: np.ndarray) -> np.ndarray:
     for i in range(3):
         out[..., i] = R[:, i, 0] * p[..., 0] + R[:, i, 1] * p[..., 1] + R[:, i, 2] * p[..., 2]
     return out
-
-
-__all__ = ["AZIMUTHS", "Moment", "Sweep", "make_sweep"]

@@ -46,14 +46,6 @@ class Tiles:
             at = self.table[particles, places]
         return at
 
-    def read(self, particle: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Cells by particle, row (y) and column (x); those outside the area are 0."""
-        inside = (row >= 0) & (column >= 0) & (row < self.across * SIDE) & (column < self.across * SIDE)
-        place = np.where(inside, (row >> SHIFT) * self.across + (column >> SHIFT), 0)
-        cell = ((row & LOW_BITS) << SHIFT) | (column & LOW_BITS)
-        value = self.pool[self.table[particle, place], cell]
-        return np.where(inside, value, self.pool.dtype.type(0))
-
     def become(self, ancestors: np.ndarray) -> None:
         """Particle i holds from now on what `ancestors[i]` held."""
         self.table = self.table[ancestors]
@@ -68,15 +60,3 @@ class Tiles:
         cells = self.pool[part].reshape(*part.shape, SIDE, SIDE)
         cells = cells.transpose(0, 2, 1, 3).reshape(part.shape[0] * SIDE, part.shape[1] * SIDE)
         return cells, int(rows[0]) * SIDE, int(columns[0]) * SIDE
-
-    def shrink(self) -> None:
-        """Give back pool that nobody needs, once most of it is free. Keeps what tables mean."""
-        used = np.unique(np.concatenate([[0], self.table.reshape(-1)]))
-        if len(self.pool) < 256 or len(used) * 3 > len(self.pool):
-            return
-        new = np.zeros(len(self.pool), np.int32)
-        new[used] = np.arange(len(used), dtype=np.int32)
-        self.table = new[self.table]
-        pool = np.zeros((2 * len(used), CELLS), self.pool.dtype)
-        pool[: len(used)] = self.pool[used]
-        self.pool = pool

@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 
 from hil_companion.errors import CutError
-from hil_companion.explore.nearby import matrix
+from hil_companion.explore.grid import GridView
+from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 from hil_companion.frame import Frame
 
 _CELL_M = 0.25
@@ -25,14 +26,6 @@ _BEAMS = 720
 _OPEN_M = 8.0  # free where no return says otherwise: below the horizon, beams leave the slab this far away
 _LOST_NS = 350_000_000  # without a usable sweep for so long, the LiDAR is lost
 _HIT, _MISS, _MOST = 0.9, -0.4, 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class Grid:
-    log_odds: np.ndarray
-    origin_W: tuple[float, float]
-    cell_m: float
-    version: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +39,7 @@ class TrueEstimate:
     covariance_xy: np.ndarray
     lidar_ok: bool
     gps_ok: bool
-    grid: Grid
-    n_eff: float = 1.0
-    resampled: bool = False
+    grid: GridView
 
 
 class TruePose:
@@ -66,23 +57,21 @@ class TruePose:
         told = calibration or {}
         self._lidar = lidar
         self._p_BL = np.asarray(told.get("p_BC", (0.0, 0.0, 0.0)), float)
-        self._R_BL = matrix(np.asarray(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)), float))
+        self._R_BL = matrix_of(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
         self._height_m, self._slab_m = height_m, slab_m
         size = int(2 * half_m / _CELL_M)
         self._mapped_ns: int | None = None
-        self._grid = Grid(np.zeros((size, size), np.float32), (-half_m, -half_m), _CELL_M, 0)
+        self._grid = GridView(np.zeros((size, size), np.float32), (-half_m, -half_m), _CELL_M, 0)
 
     def update(self, frame: Frame) -> TrueEstimate:
         if "truth" not in frame:
             raise CutError("explore: localiser 'truth' needs the topic truth; the bench sends none")
         truth = frame["truth"]
         p_W, v_W = np.asarray(truth["p_WB"], float), np.asarray(truth["v_WB_W"], float)
-        w, x, y, z = np.asarray(truth["q_WB"], float)
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        R_WB = matrix_of(truth["q_WB"])
+        roll, pitch, yaw = roll_pitch_yaw(R_WB)
         at_height = abs(p_W[2] - self._height_m) < self._slab_m
-        if at_height and self._lidar in frame and self._map(frame, p_W, v_W, matrix(np.array([w, x, y, z]))):
+        if at_height and self._lidar in frame and self._map(frame, p_W, v_W, R_WB):
             self._mapped_ns = frame.t_ns
         ok = self._mapped_ns is not None and frame.t_ns - self._mapped_ns <= _LOST_NS
         return TrueEstimate(frame.t_ns, p_W, v_W, yaw, roll, pitch, np.eye(2) * 1e-4, ok, True, self._grid)
@@ -119,7 +108,7 @@ class TruePose:
         inside = ((cells >= 0) & (cells < grid.log_odds.shape[0])).all(axis=1)
         hit[cells[inside, 1], cells[inside, 0]] = True
         log_odds = grid.log_odds + np.where(hit, np.float32(_HIT), np.float32(_MISS) * free)
-        self._grid = Grid(
+        self._grid = GridView(
             np.clip(log_odds, -_MOST, _MOST).astype(np.float32), grid.origin_W, grid.cell_m, grid.version + 1
         )
         return True
