@@ -14,14 +14,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hil.bench_suite.slam_flight import Flight, fly
-from hil.bench_suite.slam_recording import Noise, RecordedFrame, record
+from hil.bench_suite.slam_recording import Noise, record
 from hil.bench_suite.slam_village import Float64, Mask, distance_m, mask_of, surfaces_xy, village, way_through
 from hil.companion.started import use_client
+
+if TYPE_CHECKING:
+    from hil_companion.frame import Frame
 
 START, GOAL = (0.0, 0.0), (70.0, 60.0)
 _BAND_M = 1.0
@@ -34,7 +37,7 @@ class Recording:
 
     name: str
     flight: Flight
-    frames: list[RecordedFrame]
+    frames: list[Frame]
     surfaces: Mask
     height_m: float
 
@@ -76,7 +79,7 @@ def make_recording(
 def replay(
     recording: Recording,
     *,
-    frames: Sequence[RecordedFrame] | None = None,
+    frames: Sequence[Frame] | None = None,
     seed: int = 1,
     say: Callable[[str], None] = lambda _: None,
     **settings: Any,

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.goal.surfaces import surfaces_along
 from sim._kernels import RayCaster
 from sim.frame.source import SharedFrames
 from sim.scene.map_section import GeneratedMap
@@ -28,7 +29,6 @@ LOW_M, HIGH_M = -40.0, 110.0  # of both axes
 _CELL_M = 0.1
 _ROW_M = 0.1
 _SLICE_M = 0.2
-_SURFACES = 400  # along one ray; far more than a village has
 _WAY_CELL_M = 0.5
 
 
@@ -62,29 +62,11 @@ def surfaces_xy(place: Village, low_m: float, high_m: float, *, t_ns: int = 0) -
         row, height = (a.reshape(-1) for a in np.meshgrid(rows, np.linspace(low_m, high_m, count)))
         origins = np.empty((len(row), 3))
         origins[:, axis], origins[:, 1 - axis], origins[:, 2] = LOW_M, row, height
-        found += _surfaces(caster, origins, axis, 1.0, HIGH_M)
+        found += surfaces_along(caster, origins, np.eye(3)[axis], HIGH_M - LOW_M)
     x, y = (a.reshape(-1) for a in np.meshgrid(rows[::2], rows[::2]))
-    found += _surfaces(caster, np.stack([x, y, np.full(len(x), high_m)], axis=-1), 2, -1.0, low_m)
-    return np.concatenate(found) if found else np.zeros((0, 2))
-
-
-def _surfaces(caster: RayCaster, origins: Float64, axis: int, sign: float, end_m: float) -> list[Float64]:
-    """Where rays along an axis meet surfaces, one after the other, until `end_m`."""
-    found = []
-    direction = np.zeros(3)
-    direction[axis] = sign
-    for _ in range(_SURFACES):
-        range_m, geom = np.empty(len(origins)), np.empty(len(origins), np.int32)
-        directions = np.ascontiguousarray(np.broadcast_to(direction, origins.shape))
-        caster.cast(origins, directions, 0.0, HIGH_M - LOW_M, range_m, geom)
-        met = (geom >= 0) & (sign * (end_m - origins[:, axis]) > range_m)
-        if not met.any():
-            break
-        origins = origins[met]
-        origins[:, axis] += sign * range_m[met]
-        found.append(origins[:, :2].copy())
-        origins[:, axis] += sign * 1e-4
-    return found
+    above = np.stack([x, y, np.full(len(x), high_m)], axis=-1)
+    found += surfaces_along(caster, above, np.array([0.0, 0.0, -1.0]), high_m - low_m)
+    return np.concatenate(found)[:, :2]
 
 
 def mask_of(points_xy: Float64, cell_m: float = _CELL_M) -> Mask:

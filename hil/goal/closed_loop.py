@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from hil.companion.bundle import Collector
+from hil.companion.offline import Change, OfflineFrames
 from hil.companion.started import use_client
 from hil.config.schema import Goal
 from hil.goal.judgement import GoalMeasurement, GoalResult
-from hil.signals.samples import Quat, Sample, TruthState, Vec3
+from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from sim.frame.mount import Mount
 from sim.frame.source import FrameSource
@@ -136,7 +136,7 @@ class ClosedLoop:
         frame_hz: int = 20,
         flight: Mapping[str, Any] | None = None,
         sensors: Mapping[str, Mapping[str, Any]] | None = None,
-        change: Callable[[TruthState, str, Any], Any] | None = None,
+        change: Change | None = None,
         watch: Callable[[Any, TruthState, Any], None] | None = None,
     ) -> None:
         use_client()
@@ -144,17 +144,16 @@ class ClosedLoop:
         from hil_companion.explore.settings import FlightSettings
 
         self._geometry: Any = frames.geometry
-        self._sensors, told = _make(scene, frames, seed, {**SENSORS, **(sensors or {})})
+        made, told = _make(scene, frames, seed, {**SENSORS, **(sensors or {})})
+        self._frames = OfflineFrames(made, tick_ns=TICK_NS, change=change)
         settings = FlightSettings(**{"height_m": goal.p_W[2], **(flight or {})})
         self.explorer = Explorer(settings, localiser(told), goal.p_W[:2], told.get("lidar"))
         self.measurement = GoalMeasurement(goal, vehicle)
         self.vehicle = Follower(np.array([0.0, 0.0, START_Z_M]))
         self._every = round(NS_PER_S / frame_hz / TICK_NS)
-        self._change, self._watch = change, watch
-        self._collector = Collector(["truth", *self._sensors])
-        self._waiting: list[tuple[int, str, Sample]] = []  # sensors' samples on their way
+        self._watch = watch
         self._desired: Any = None
-        self._tick = self._number = 0
+        self._tick = 0
         self._seen: list[tuple[float, Vec3, Vec3]] = []
 
     def fly(self, limit_s: float = 300.0) -> Flown:
@@ -175,37 +174,23 @@ class ClosedLoop:
         self.vehicle.step(wanted_v, yaw, TICK_NS / NS_PER_S)
         truth = self.vehicle.truth(self._tick)
         self.measurement.add(truth)
-        self._sample(truth)
+        self._frames.add(truth)
         if self._tick % self._every:
             return
-        topics = ["truth", *self._sensors]
-        self._desired = self.explorer.step(_frame(self._collector.take(self._number, truth).frame(topics)))
-        self._number += 1
+        self._desired = self.explorer.step(self._frames.take(truth))
         self.measurement.reported(self.explorer.report.as_map(), truth.t_ns)
         if self._watch is not None:
             self._watch(self.explorer, truth, self._desired)
         x, y, z = self._desired.v_W
         self._seen.append((truth.t_ns / NS_PER_S, truth.p_WB, (x, y, z)))
 
-    def _sample(self, truth: TruthState) -> None:
-        for name, (sensor, period) in self._sensors.items():
-            if self._tick % period == 0:
-                sample = sensor.sample(truth, self._tick // period - 1)
-                if self._change is not None:
-                    sample = self._change(truth, name, sample)
-                if sample is not None:
-                    self._waiting.append((sample.t_available_ns, name, sample))
-        due = sorted((w for w in self._waiting if w[0] <= truth.t_ns), key=lambda w: w[:2])
-        if due:
-            self._waiting = [w for w in self._waiting if w[0] > truth.t_ns]
-            self._collector.add([(name, sample) for _, name, sample in due])
-
 
 def _make(
     scene: Scene, frames: FrameSource, seed: int, sensors: Mapping[str, Mapping[str, Any]]
-) -> tuple[dict[str, tuple[Any, int]], dict[str, dict[str, Any]]]:
-    """Sensors with their periods in ticks, and their calibrations as clients are told them."""
-    made, told = {}, {}
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Sensors, and their calibrations as clients are told them."""
+    made: dict[str, Any] = {}
+    told: dict[str, dict[str, Any]] = {}
     for name, values in sensors.items():
         rest = {key: value for key, value in values.items() if key not in ("preset", "rate_hz")}
         sensor: Any = make_sensor(
@@ -218,7 +203,7 @@ def _make(
             overrides=rest,
             frames=frames,
         )
-        made[name] = (sensor, round(NS_PER_S / values["rate_hz"] / TICK_NS))
+        made[name] = sensor
         mount = getattr(sensor, "mount", None)
         told[name] = {"kind": values["preset"], "rate_hz": values["rate_hz"]}
         if isinstance(mount, Mount):
@@ -226,16 +211,3 @@ def _make(
         if isinstance(sensor, Lidar):
             told[name] |= {"elevation_deg": list(sensor.ring_elevations_deg)}
     return made, told
-
-
-def _frame(bundle: Any) -> Any:
-    """As the client's library makes it of what comes over the wire."""
-    from hil_companion.frame import Frame as ClientFrame
-    from hil_companion.frame import Sample as ClientSample
-
-    samples = {
-        s.topic: ClientSample(s.topic, s.seq, s.t_capture_ns, s.t_available_ns, dict(s.values), dict(s.arrays))
-        for s in bundle.samples
-    }
-    header = {"frame": bundle.frame, "tick": bundle.tick, "t_ns": bundle.t_ns, "t_sent_ns": 0, "dropped": 0}
-    return ClientFrame(header, samples, in_ring=False, t_received_ns=0)
