@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.faults.faulty_transport import FaultyTransport
+from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.actions import ActionSource
 from firmware_bridge.ground_station.autopilot_frame import GeodeticFromW
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
@@ -37,6 +38,7 @@ from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedComm
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.calibration_export import write_calibration
+from hil.companion.link_faults import CompanionFault
 from hil.companion.topics import available_ports
 from hil.config import Bench, BenchConfig, save_bench
 from hil.frame_stages import (
@@ -317,6 +319,7 @@ class _Run:
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
             radars=self.radars,
             timing_s=self.timing_s,
+            link_faults=self.faulty_wire.faults if self.faulty_wire is not None else self.config.faults.links,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
             actions=self.actions.records if self.actions is not None else (),
         )
@@ -527,11 +530,22 @@ class _Run:
                 inject=self._inject_by_hand,
                 event=recorder.event,
                 can_wait=link.caps.lockstep,
+                views=lambda: {} if self.companion is None else self.companion.views.newest,
             )
         )
 
-    def _inject_by_hand(self, what: Injected) -> None:
-        """As `_inject`, of a sensor that nobody expected to fail. ValueError where it does not fit."""
+    def _inject_by_hand(self, what: Injected | LinkFault | CompanionFault) -> None:
+        """As `_inject`, of a sensor or a link that nobody expected to fail. ValueError where it does not fit."""
+        if isinstance(what, LinkFault):
+            if self.faulty_wire is None:
+                raise ValueError("the wire to this autopilot is not MAVLink: it has no faults")
+            self.faulty_wire.inject(what)
+            return
+        if isinstance(what, CompanionFault):
+            if self.companion is None:
+                raise ValueError("this run has no companion")
+            self.companion.inject(what, self._now_ns())
+            return
         if not isinstance(what, GustEvent | RotorFault) and what.sensor not in self.faulty:
             slot = next((slot for slot in self.slots if slot.port == what.sensor), None)
             if slot is None:
@@ -667,7 +681,7 @@ class _Run:
     def _wrap(self, wire: Transport) -> Transport:
         """The wire to the autopilot with the faults declared for it."""
         faults = self.config.faults.links
-        if not faults:
+        if not faults and self.live is None:  # from the page some may come later
             return wire  # any fault costs a look at every frame
         assert self.recorder is not None
         self.faulty_wire = FaultyTransport(wire, faults, self.config.seed, self._now_ns, self.recorder.event)

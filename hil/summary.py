@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.actions import Record
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
@@ -40,6 +41,7 @@ def summarise(
     posings: tuple[int, int] = (0, 0),
     radars: Mapping[str, Radar] | None = None,
     timing_s: Mapping[str, float],
+    link_faults: Sequence[LinkFault] = (),
     fault_hits: Mapping[int, int] | None = None,
     actions: Sequence[Record] = (),
 ) -> dict[str, Any]:
@@ -131,7 +133,7 @@ def summarise(
         "faults": {
             "links": [
                 {"kind": fault.kind, "hits": (fault_hits or {}).get(index, 0)}
-                for index, fault in enumerate(config.faults.links)
+                for index, fault in enumerate(link_faults)
             ],
         },
         "sensors": {

@@ -2,8 +2,9 @@
 
 Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian). To a
 client that reads shared memory a frame is one small packet: the arrays and the samples' header lie in the memory.
-A client sends hello, credit, done, ping and bye: `decode_client` turns their bytes into frozen dataclasses and refuses
-everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is told).
+A client sends hello, credit, done, view, ping and bye: `decode_client` turns their bytes into frozen dataclasses and
+refuses everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is
+told).
 The bench sends welcome, refused, frame, pong and end: the `encode_` functions.
 
 `schema_hash` names what the arrays and values of a session mean: topics, types, units, frames, and the keys of the
@@ -24,6 +25,7 @@ import msgpack
 
 from firmware_bridge.codecs.companion_detections import KEYS as _DETECTIONS_KEYS
 from firmware_bridge.codecs.companion_detections import detections_from_map
+from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
 from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
 from hil.signals.detections import Detections
@@ -49,11 +51,12 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
     "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report", "detections"),
+    "view": ("frame", "t_ns", "p_W", "yaw_rad", "goal_W", "plan_W", "particles_W", "map"),
     "ping": ("id", "t_client_ns", "bench_minus_client_ns", "round_trip_ns"),
     "bye": ("reason",),
     "welcome": (
         *("version", "schema", "session", "mode", "tick_ns", "rate_hz"),
-        *("topics", "sensors", "waypoints_W", "ports", "ring", "control"),
+        *("topics", "sensors", "waypoints_W", "ports", "ring", "control", "views_every_ns"),
     ),
     "refused": ("code", "text"),
     "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "samples_at", "release", "ports_of_frame"),
@@ -183,7 +186,7 @@ class Bye:
     reason: str
 
 
-ClientMessage = Hello | Credit | Done | Ping | Bye
+ClientMessage = Hello | Credit | Done | View | Ping | Bye
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,7 @@ class Welcome:
     ports: Mapping[str, str]
     ring: Ring | None
     control: bool
+    views_every_ns: int = 0  # simulated time from one `view` to the next that are wanted; 0: none
 
 
 def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
@@ -295,6 +299,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
             "ports": welcome.ports,
             "ring": None if welcome.ring is None else asdict(welcome.ring),
             "control": welcome.control,
+            "views_every_ns": welcome.views_every_ns,
         }
     )
 
@@ -463,6 +468,7 @@ _DECODERS: dict[str, Callable[[dict[str, Any]], ClientMessage]] = {
     "hello": _hello,
     "credit": _credit,
     "done": _done,
+    "view": view_from_map,
     "ping": _ping,
     "bye": _bye,
 }

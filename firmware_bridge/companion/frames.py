@@ -66,6 +66,7 @@ class SessionFacts:
     sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # calibration, by sensor
     waypoints_W: tuple[tuple[float, float, float], ...] = ()
     control: bool = True  # whether what a client desires is flown at all
+    views_every_ns: int = 0  # simulated; 0: no client need show anything
 
 
 @dataclass(frozen=True)

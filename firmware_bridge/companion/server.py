@@ -20,6 +20,7 @@ from typing import Any
 import zmq
 
 from firmware_bridge.codecs import companion as wire
+from firmware_bridge.codecs.companion_view import View
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.admission import CONTROL, Admission, group_of
 from firmware_bridge.companion.answering import take_answer
@@ -46,8 +47,14 @@ _LINGER_MS = 300  # for the last words to leave
 _REFUSALS_KEPT = 20
 
 
+def _unseen(client: str, view: View) -> None:
+    """Nobody looks."""
+
+
 class CompanionServer:
-    """One session. `on_event(kind, text)` is called from within the calls below."""
+    """One session. `on_event(kind, text)` and `on_view(client, view)` are called from within the calls below.
+
+    `barred`: whose link is unplugged just now."""
 
     def __init__(
         self,
@@ -55,6 +62,8 @@ class CompanionServer:
         facts: SessionFacts,
         *,
         on_event: Callable[[str, str], None] | None = None,
+        on_view: Callable[[str, View], None] = _unseen,
+        barred: Callable[[str], bool] = lambda _client: False,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.settings, self.facts = settings, facts
@@ -62,6 +71,7 @@ class CompanionServer:
         self.malformed = 0  # messages, of clients and strangers
         self.refused: list[str] = []  # who was turned away and why, the last ones
         self._on_event: Callable[[str, str], object] = on_event if on_event is not None else _unheard
+        self._on_view, self._barred = on_view, barred
         self._clock_ns = clock_ns
         self._clients = Clients()
         self._admission = Admission(settings, facts, self._clients)
@@ -374,12 +384,14 @@ class CompanionServer:
     def _hear(
         self,
         client: Client,
-        message: wire.Credit | wire.Done | wire.Ping | wire.Bye,
+        message: wire.Credit | wire.Done | View | wire.Ping | wire.Bye,
         t_ns: int,
         replies: list[Reply],
     ) -> None:
         if isinstance(message, wire.Done):
             replies.append(take_answer(client, message, t_ns, self._sender))
+        elif isinstance(message, View):
+            self._on_view(client.name, message)
         elif isinstance(message, wire.Ping):
             if message.bench_minus_client_ns is not None and message.round_trip_ns is not None:
                 client.clock.add_reading(t_ns, -message.bench_minus_client_ns, message.round_trip_ns)
@@ -409,6 +421,8 @@ class CompanionServer:
             raise CodecError("hello: it has a place already; say bye first")
         self._watch(replies)  # a predecessor that has just gone makes its place free
         self._clients.check_name(message.identity, message.fd, hello.name)
+        if self._barred(hello.name):
+            raise wire.HelloRefused("full", f"the link of {hello.name} is unplugged")
         topics = self._admission.check(hello, message.identity)
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
@@ -436,6 +450,7 @@ class CompanionServer:
             ports={t: self._sockets[group_of(t)].endpoint for t in sorted(client.topics)} if client.groups else {},
             ring=self._ring_of(client),
             control=client.control,
+            views_every_ns=f.views_every_ns,
         )
 
     def _ring_of(self, client: Client) -> wire.Ring | None:

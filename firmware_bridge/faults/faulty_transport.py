@@ -40,11 +40,17 @@ class _Way:
 
     def __init__(self, direction: Direction, faults: Sequence[LinkFault], *, seed: int, log: HitLog) -> None:
         self.splitter = FrameSplitter()
+        self._direction: Direction = direction
+        self._seed, self._log = seed, log
         self.stages = [
             FaultStage(index, fault, direction, seed=seed, log=log)
             for index, fault in enumerate(faults)
             if fault.kind != "unplug" and fault.acts_on(direction)
         ]
+
+    def add(self, index: int, fault: LinkFault) -> None:
+        if fault.kind != "unplug" and fault.acts_on(self._direction):
+            self.stages.append(FaultStage(index, fault, self._direction, seed=self._seed, log=self._log))
 
     @property
     def holds(self) -> bool:
@@ -74,6 +80,10 @@ class _Plug:
         self._waiting = [(index, fault) for index, fault in enumerate(faults) if fault.kind == "unplug"]
         self._log = log
         self._out: tuple[int, int, int] | None = None  # index, end in simulated time, end by wall clock
+
+    def add(self, index: int, fault: LinkFault) -> None:
+        if fault.kind == "unplug":
+            self._waiting.append((index, fault))
 
     @property
     def index(self) -> int:
@@ -125,6 +135,7 @@ class FaultyTransport:
         self._now_ns = now_ns
         self._wall_ns = wall_ns
         self._sleep = sleep
+        self.faults = list(faults)
         self._log = HitLog(faults, on_event)
         self._plug = _Plug(faults, self._log)
         self._out = _Way("to_autopilot", faults, seed=seed, log=self._log)
@@ -137,6 +148,13 @@ class FaultyTransport:
     @property
     def name(self) -> str:
         return self._inner.name
+
+    def inject(self, fault: LinkFault) -> None:
+        """One more, behind the others."""
+        self.faults.append(fault)
+        index = self._log.add(fault)
+        for part in (self._plug, self._out, self._in):
+            part.add(index, fault)
 
     def hits(self) -> dict[int, int]:
         """How many units each fault has hit since this object was made, by the fault's place in the list. Exact."""
@@ -172,6 +190,9 @@ class FaultyTransport:
             raise LinkClosed(self.name, self._unplugged)
 
     def write(self, data: bytes) -> None:
+        if not self.faults:  # none yet: no time is lost over them
+            self._inner.write(data)
+            return
         t_ns, wall_ns = self._now_ns(), self._wall_ns()
         self._check_plug(t_ns, wall_ns)
         if not self._out.stages:
@@ -186,6 +207,8 @@ class FaultyTransport:
             self._inner.write(data)
 
     def read(self, timeout_s: float) -> bytes:
+        if not self.faults:
+            return self._inner.read(timeout_s)
         deadline_ns = self._wall_ns() + int(max(timeout_s, 0.0) * 1e9)
         while True:
             t_ns, wall_ns = self._now_ns(), self._wall_ns()

@@ -19,10 +19,17 @@ class HitLog:
     """Exact counts per fault; the first `LISTED_PER_FAULT` hits of each are events of their own."""
 
     def __init__(self, faults: Sequence[LinkFault], on_event: EventSink | None) -> None:
-        self._faults = tuple(faults)
+        self._faults = list(faults)
         self._on_event = on_event
         self._counts = [0] * len(self._faults)
         self._summarised = [LISTED_PER_FAULT] * len(self._faults)
+
+    def add(self, fault: LinkFault) -> int:
+        """One more; its place in the list."""
+        self._faults.append(fault)
+        self._counts.append(0)
+        self._summarised.append(LISTED_PER_FAULT)
+        return len(self._faults) - 1
 
     def counts(self) -> dict[int, int]:
         """Hits so far, by the fault's place in the list."""

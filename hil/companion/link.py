@@ -16,12 +16,14 @@ from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.companion.answers import Answers, LiveAnswers
 from hil.companion.calibrations import calibrations
 from hil.companion.collector import QuietCollector
+from hil.companion.link_faults import CompanionFault, CompanionFaults
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
 from hil.companion.started import StartedClient, close_all
 from hil.companion.timing import ClientTiming, TimedPilot, TimingLog
 from hil.companion.topics import available_ports
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
+from hil.companion.view_log import VIEWS_EVERY_NS, ViewLog
 from hil.config import BenchConfig
 from hil.signals.desired import DesiredState
 from hil.signals.detections import Detections
@@ -58,6 +60,8 @@ class CompanionLink:
         self._stage: CompanionStage | None = None
         self._told: Counter[str] = Counter()  # events, by kind
         self._collector = QuietCollector()
+        self.views = ViewLog(out)
+        self._faults = CompanionFaults(config.seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
 
     def open(self) -> None:
@@ -71,7 +75,14 @@ class CompanionLink:
                 raise RecordingError(f"{companion.trace}: is of another bench: this one has no topics {names}")
             self._answers, self.topics = traced, traced.topics
             return
-        server = CompanionServer(link_settings(companion), self._facts(), on_event=self._server_event)
+        self.views.begin()
+        server = CompanionServer(
+            link_settings(companion),
+            self._facts(),
+            on_event=self._server_event,
+            on_view=self.views.take,
+            barred=self._faults.unplugged,
+        )
         server.open()
         self._server = server
         keys = None if companion.arrangement == "shared_memory" else server.settings.keys
@@ -116,8 +127,20 @@ class CompanionLink:
             detected_then=self._answers.detected_then if isinstance(self._answers, TracedAnswers) else _nothing_then,
             trace=self._trace,
             timing=self._timing,
+            faults=self._faults,
         )
         return self._stage
+
+    def inject(self, fault: CompanionFault, t_ns: int) -> None:
+        """Begins now. ValueError where there is no such client on the wire."""
+        here = [] if self._server is None else sorted(client.name for client in self._server.clients)
+        if fault.client not in here:
+            raise ValueError(f"no client {fault.client!r} is connected; there are: {', '.join(here) or 'none'}")
+        self._faults.inject(fault, t_ns)
+
+    def _unplug(self, client: str, why: str) -> None:
+        if self._server is not None:
+            self._server.drop(client, why)
 
     def timed(self, pilot: OffboardPilot) -> OffboardPilot | TimedPilot:
         """The pilot as a source of commands, each of which ends a frame's t3."""
@@ -136,6 +159,7 @@ class CompanionLink:
             self._trace = None
         if self._timing is not None:
             self._timing.close()
+        self.views.close()
 
     def report(self) -> dict[str, Any]:
         """For run.json."""
@@ -183,6 +207,7 @@ class CompanionLink:
             sensors=calibrations(config, config.sensors),
             waypoints_W=self._waypoints_W,
             control=config.companion.control,
+            views_every_ns=VIEWS_EVERY_NS,
         )
 
     def _ended(self, name: str) -> str | None:

@@ -31,6 +31,7 @@ from typing import Literal
 from firmware_bridge.codecs.companion import ReportValue
 from hil.companion.answers import Answer, Answers, Client
 from hil.companion.bundle import Bundle, Collector
+from hil.companion.link_faults import CompanionFaults
 from hil.companion.timing import TimingLog
 from hil.companion.trace import TraceWriter
 from hil.signals.desired import DesiredState
@@ -88,6 +89,7 @@ class CompanionStage:
         detected_then: Callable[[int], Sequence[tuple[str, Detections]]] = lambda _t_ns: (),
         trace: TraceWriter | None = None,
         timing: TimingLog | None = None,
+        faults: CompanionFaults | None = None,
     ) -> None:
         """`detected_then`: what lookers-on of a recorded run had detected up to that time, each once."""
         self._answers, self._mode, self._waiting = answers, mode, waiting
@@ -96,7 +98,7 @@ class CompanionStage:
         self._link_delay_ns = link_delay_ns
         self._desire, self._on_report, self._on_event = desire, on_report, on_event
         self._on_detections, self._detected_then = on_detections, detected_then
-        self._trace, self._timing = trace, timing
+        self._trace, self._timing, self._faults = trace, timing, faults
         self._t_ns = 0
         self.frames = 0
         self.seats: dict[str, Seat] = {}
@@ -114,6 +116,8 @@ class CompanionStage:
         self._t_ns = truth.t_ns
         self._collector.add(released)
         if self._due():
+            if self._faults is not None:
+                self._faults.step(truth.t_ns)
             if self._mode != "realtime":
                 # Who became free since the last tick did not wait for this frame, but took the one that was there.
                 self._step_waiting(truth.t_ns - 1)
@@ -185,10 +189,22 @@ class CompanionStage:
                 self._give(seat)
 
     def _give(self, seat: Seat) -> None:
-        if seat.pending is not None and seat.under_way is None and self._send(seat):
+        if seat.pending is None or seat.under_way is not None or self._lost_on_the_way(seat):
+            return
+        if self._send(seat):
+            assert seat.pending is not None
             seat.under_way, seat.under_way_t_ns = seat.pending.number, seat.pending.t_ns
             seat.sent_s = time.monotonic()
             seat.pending = None
+
+    def _lost_on_the_way(self, seat: Seat) -> bool:
+        """Whether the frame that waits for it never arrives. What was in it is gone."""
+        assert seat.pending is not None
+        if self._faults is None or not self._faults.loses(seat.client.name, seat.pending.number):
+            return False
+        seat.dropped += 1
+        seat.pending = None
+        return True
 
     def _step_realtime(self) -> None:
         self._give_and_take(0.0)
@@ -232,6 +248,8 @@ class CompanionStage:
         for seat in sorted(self.seats.values(), key=lambda seat: seat.client.control):
             pending = seat.pending
             if pending is not None and seat.free_ns <= until_ns:
+                if self._lost_on_the_way(seat):
+                    continue
                 asked.append((seat, pending, self._send(seat)))
                 seat.pending = None
         for seat, bundle, sent in reversed(asked):
@@ -310,6 +328,8 @@ class CompanionStage:
 
     def _take(self, seat: Seat, answer: Answer, from_ns: int, frame_ns: int) -> None:
         """An answer that holds from `from_ns` on, to the frame of `frame_ns`."""
+        if self._faults is not None:
+            from_ns = self._faults.late(seat.client.name, from_ns)
         if answer.report is not None:
             seat.report = answer.report
             self._on_report(seat.client.name, answer.report, from_ns)

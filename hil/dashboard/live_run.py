@@ -23,16 +23,17 @@ from typing import Any
 
 import pydantic
 
+from firmware_bridge.codecs.companion_view import View
 from hil.dashboard.boxes import boxes_of
+from hil.dashboard.client_views import view_streams
+from hil.dashboard.faults_by_hand import fault_of
 from hil.dashboard.page_sticks import PageSticks
 from hil.dashboard.snapshot import frame_streams, scalar_samples
 from hil.dashboard.wire import RunEnd
 from hil.scheduler import Scheduler
 from hil.signals.detections import Detections
 from hil.signals.samples import Sample, Vec3
-from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
-from sim.sensors.faults import FAULT_LIST
 
 _LOOK_NS = 4_000_000  # wall clock between two looks at the wire
 _UPDATE_NS = 45_000_000  # between two updates: a little over twenty a second
@@ -62,9 +63,10 @@ class Flown:
     wind_W_mps: Callable[[], Vec3]
     texts: Callable[[], Sequence[tuple[int, int, str]]]  # what the vehicle has said so far: t_ns, severity, text
     slow: Callable[[], dict[str, Any]]  # links, battery, what is skipped: asked twice a second
-    inject: Callable[[Any], None]  # a rotor fault, a gust, a sensor fault. ValueError where it does not fit
+    inject: Callable[[Any], None]  # a fault of a rotor, a sensor, a link, or a gust. ValueError where it does not fit
     event: Callable[[int, str, str], None]
     can_wait: bool  # whether the autopilot waits for the bench
+    views: Callable[[], Mapping[str, View]]  # what companions show of themselves, by client
 
 
 class LiveRun:
@@ -279,10 +281,12 @@ class LiveRun:
         if now_ns - self._slow_ns >= _SLOW_NS:
             self._slow_ns = now_ns
             state |= {"slow": flown.slow() | {"sensors": scalar_samples(self._latest)}}
-        streams = frame_streams(self._latest, self._asked or (), self._streams_sent)
+        asked = self._asked or ()
+        streams = frame_streams(self._latest, asked, self._streams_sent)
+        streams |= view_streams(flown.views(), asked, self._streams_sent)
         if streams:
             state["frames"] = streams
-        boxes = boxes_of(self._detected, self._asked or ())
+        boxes = boxes_of(self._detected, asked)
         if boxes:
             state["boxes"] = boxes
         self._asked = None
@@ -355,18 +359,9 @@ class LiveRun:
             self._wind_W_mps = (x, y, z)
             self._note(f"wind by hand: {x:g}, {y:g}, {z:g} m/s (east, north, up)", alters=True)
             return
-        fault = dict(message["fault"])
-        lasts_s = fault.pop("for_s", None)
-        what: Any
-        if "rotor" in fault:
-            what = RotorFault.model_validate(fault | {"at_s": at_s})
-        elif "sensor" in fault:
-            until = {} if lasts_s is None else {"until_s": at_s + float(lasts_s)}
-            what = FAULT_LIST.validate_python([fault | {"at_s": at_s} | until])[0]
-        else:
-            what = GustEvent.model_validate(fault | {"at_s": at_s})
+        what, words = fault_of(message["fault"], at_s)
         flown.inject(what)
-        self._note("fault: " + getattr(what, "text", f"{fault.get('sensor')}: {fault.get('kind')}"), alters=True)
+        self._note(f"fault: {words}", alters=True)
 
     def _note(self, text: str, *, alters: bool = False) -> None:
         """Of every command carried out: in the recording, for the page, and for run.json."""

@@ -29,6 +29,8 @@ def shown(stream: str, body: Mapping[str, Any], classes: Classes = Classes()) ->
     head = {"stream": stream, "t_ns": body["t_ns"], "p": body["p"], "q": body["q"]}
     if "points" in body:
         return Shown(head | {"as": "points"}, body["points"])
+    if "view" in body:
+        return Shown(head | {"as": "map", **body["view"]}, body["data"])
     if "records" in body:
         return Shown(head | {"as": "records", "records": body["records"]}, b"")
     array = array_of(body)

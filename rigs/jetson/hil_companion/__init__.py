@@ -11,5 +11,18 @@ from hil_companion.errors import CompanionError
 from hil_companion.frame import Frame, Sample
 from hil_companion.protocol import Welcome
 from hil_companion.runner import run
+from hil_companion.view import Grid, View
 
-__all__ = ["Client", "CompanionError", "Desired", "Detections", "Found", "Frame", "Sample", "Welcome", "run"]
+__all__ = [
+    "Client",
+    "CompanionError",
+    "Desired",
+    "Detections",
+    "Found",
+    "Frame",
+    "Grid",
+    "Sample",
+    "View",
+    "Welcome",
+    "run",
+]

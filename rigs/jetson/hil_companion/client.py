@@ -43,6 +43,7 @@ from hil_companion.keys import Keys, PathLike
 from hil_companion.protocol import End, Welcome
 from hil_companion.report import checked_report
 from hil_companion.ring import RingView, can_map
+from hil_companion.view import View
 
 PING_EVERY_S = 1.0
 MAX_BAD_IN_A_ROW = 10
@@ -324,6 +325,13 @@ class Client:
                 detections=None if detections is None else detections.as_map(),
             )
         )
+
+    def show(self, frame: Frame, view: View) -> None:
+        """Let people see this; it decides nothing. A bench that wants none (`welcome.views_every_ns` 0) gets none."""
+        if not isinstance(view, View):
+            raise CutError(f"a CUT shows a View or None, not {type(view).__name__}")
+        if self.welcome.views_every_ns > 0:
+            self._say(protocol.view(frame.frame, frame.t_ns, view.as_map()))
 
     def give_credit(self, n: int = 1) -> None:
         """Let the bench send more frames ahead of the answers."""

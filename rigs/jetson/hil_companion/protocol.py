@@ -115,6 +115,11 @@ def done(
     )
 
 
+def view(frame: int, t_ns: int, shown: Mapping[str, Any]) -> bytes:
+    """What the CUT shows of itself (`hil_companion.view`), after this frame."""
+    return pack({"k": "view", "frame": frame, "t_ns": t_ns, **shown})
+
+
 def ping(number: int, t_client_ns: int, bench_minus_client_ns: int | None, round_trip_ns: int | None) -> bytes:
     """The last two, where they are known, tell the bench what earlier pings have shown of the clocks."""
     entries = {"k": "ping", "id": number, "t_client_ns": t_client_ns}
@@ -155,6 +160,7 @@ class Welcome:
     ports: dict[str, str]  # topic -> address; empty: all on the one socket
     ring: Ring | None
     control: bool
+    views_every_ns: int = 0  # simulated time from one `view` to the next; 0: the bench wants none
 
 
 @dataclass(frozen=True)
@@ -205,6 +211,7 @@ def read_welcome(header: Header) -> Welcome:
         ports=ports,
         ring=_ring(at.optional_map("ring")),
         control=at.boolean("control"),
+        views_every_ns=at.integer("views_every_ns") if at.entries.get("views_every_ns") is not None else 0,
     )
 
 

@@ -2,7 +2,7 @@
 
 A CUT is a function from a `Frame` to a `Desired` or None; or an object that is called like one and may also have
 `start(welcome)`, called before the first frame of every session, `finished`, `report` and `detections`, read after each
-frame, and `stop()`, called once at the end.
+frame, `view()`, called now and then behind an answer, and `stop()`, called once at the end.
 """
 
 from __future__ import annotations
@@ -142,6 +142,8 @@ class Runner:
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
         before: dict[str, Any] | None = None  # a report is sent where it differs
+        show = getattr(self._cut, "view", None) if welcome.views_every_ns > 0 else None
+        shown_ns = -welcome.views_every_ns
         for frame in client.frames():
             began_ns = time.monotonic_ns()
             desired = self._call(self._cut, frame)
@@ -153,6 +155,11 @@ class Runner:
             client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=news, detections=seen)
             before = told
             self.frames += 1
+            if show is not None and frame.t_ns - shown_ns >= welcome.views_every_ns:
+                shown_ns = frame.t_ns
+                view = self._call(show)  # the answer has gone: nobody waits for this
+                if view is not None:
+                    client.show(frame, view)
         if client.end is not None and client.end.status == DROPPED:
             raise ConnectionLost(f"{self._address}: dropped by the bench ({client.end.text})")
         if client.end is not None:
@@ -160,10 +167,10 @@ class Runner:
             self._say(f"{name}: the bench ended ({words}) after {self.frames} frames")
 
     @staticmethod
-    def _call(function: Any, argument: Any) -> Any:
+    def _call(function: Any, *arguments: Any) -> Any:
         """Call into the CUT. Its own faults become CutError, after their traceback."""
         try:
-            return function(argument)
+            return function(*arguments)
         except CompanionError:
             raise
         except Exception as error:

@@ -14,11 +14,13 @@ from typing import Any, Mapping, Sequence
 from hil_companion.desired import Desired
 from hil_companion.errors import OptionError
 from hil_companion.explore.explorer import Explorer
+from hil_companion.explore.overview import overview
 from hil_companion.explore.pictures import Pictures
 from hil_companion.explore.settings import FlightSettings, number
 from hil_companion.explore.true_pose import TruePose
 from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
+from hil_companion.view import View
 
 GOAL_W = (70.0, 60.0, 10.0)
 OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wants to leave; the bench sets it
@@ -112,6 +114,10 @@ class Explore:
             self._pictures.look(self._explorer, frame)
         self._landing = self._explorer.finished
         return desired
+
+    def view(self) -> View | None:
+        """For people who look on."""
+        return None if self._explorer is None else overview(self._explorer)
 
     def stop(self) -> None:
         if self._pictures is not None:
