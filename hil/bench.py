@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from hil.companion.stage import CompanionStage
     from hil.dashboard.live_run import LiveRun
     from hil.goal.judgement import GoalMeasurement
+    from hil.search.judgement import SearchMeasurement
 
 RUN_JSON_NAME = "run.json"
 # A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
@@ -239,6 +240,7 @@ class _Run:
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
         self.goal: GoalMeasurement | None = None
+        self.search: SearchMeasurement | None = None
         self.actions: ActionSource | None = None
         self.sensors: dict[str, Any] = {}  # by name, without their faults
         self.faulty: dict[str, FaultySensor] = {}  # by sensor: what a script can break during the flight
@@ -281,12 +283,14 @@ class _Run:
         script = self.bench.script
         if script is None:
             verdict = judge(self.measurement.result(), self.config.limits)
-            if self.goal is None:
-                return verdict
-            return verdict.with_rows(*self.goal.judged())
-        records = self.actions.records if self.actions is not None else ()
-        declared = self.declared.results()
-        return judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
+        else:
+            records = self.actions.records if self.actions is not None else ()
+            declared = self.declared.results()
+            verdict = judge_scripted(self.measurement.result(), self.config.limits, script.script, declared, records)
+        for further in (self.goal, self.search):
+            if further is not None:
+                verdict = verdict.with_rows(*further.judged())
+        return verdict
 
     def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
         routed: dict[str, Any] = {} if self.router is None else {"router": self.router.report()}
@@ -294,6 +298,8 @@ class _Run:
             routed["companion"] = self.companion.report()
         if self.goal is not None:
             routed["goal"] = self.goal.result.as_map()
+        if self.search is not None:
+            routed["search"] = self.search.result.as_map()
         if self.live is not None and self.live.commands:
             routed["by_hand"] = self.live.commands
         return routed | summarise(
@@ -352,12 +358,20 @@ class _Run:
             self.build(stack)
             self.timing_s["setup"] = time.monotonic() - began_s
             self.fly()
-            if self.goal is not None:
-                frames = self.frames
-                if frames is None:
-                    frames = make_frames(self.bench)
-                    stack.callback(frames.close)
-                self.goal.conclude(frames.geometry)
+            if self.goal is not None or self.search is not None:
+                self._conclude(stack)
+
+    def _conclude(self, stack: ExitStack) -> None:
+        """What is judged from the scene itself, after the flight."""
+        frames = self.frames
+        if frames is None:
+            frames = make_frames(self.bench)
+            stack.callback(frames.close)
+        if self.goal is not None:
+            self.goal.conclude(frames.geometry)
+        if self.search is not None:
+            self.search.conclude(frames, frames.geometry.world)
+            self.search.write(self.out)
 
     def build(self, stack: ExitStack) -> None:
         config = self.config
@@ -387,6 +401,10 @@ class _Run:
             from hil.goal.judgement import GoalMeasurement  # OpenCV, which most runs do without
 
             self.goal = GoalMeasurement(config.goal, self.bench.vehicle)
+        if config.search is not None:
+            from hil.search.judgement import SearchMeasurement
+
+            self.search = SearchMeasurement(config.search, config.sensors[config.search.camera])
         self.recorder = self.recorder or Recorder(
             self.out,
             mcap=config.record.mcap,
@@ -470,6 +488,8 @@ class _Run:
             observers.append(self.declared.add)
         if self.goal is not None:
             observers.append(self.goal.add)
+        if self.search is not None:
+            observers.append(self.search.add)
         for source in (self.link, self.manual, self.page_manual):
             if isinstance(source, ArduPilotJsonLink | ManualControlSource):
                 observers.append(partial(self._record_events, source))
@@ -603,6 +623,8 @@ class _Run:
         """What a client has made out in a picture."""
         assert self.recorder is not None
         self.recorder.detected(t_ns, client, detections)
+        if self.search is not None:
+            self.search.detected(client, detections)
 
     def _times_of_companions(self) -> bool:
         """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""

@@ -84,6 +84,16 @@ def survey() -> str:
     return plan(items, hover_speed_mps=4)
 
 
+def people_search() -> str:
+    """Four lines of 72 m, 20 m apart, up and down over the park, at 4 m/s and 12 m, then return."""
+    lines = [(-36.0 if i % 2 == 0 else 36.0, 30.0 - 20.0 * i) for i in range(4)]
+    ends = [(x, y) for start, y in lines for x in (start, -start)]
+    items = [item(1, TAKEOFF, [0, 0, 0, None, *place(0, 0, 12)]), speed(2, 4)]
+    items += [item(i, WAYPOINT, [0, 0, 0, None, *place(*xy, 12)]) for i, xy in enumerate(ends, start=3)]
+    items.append(item(len(items) + 1, RETURN, [0, 0, 0, 0, 0, 0, 0], FRAME_MISSION))
+    return plan(items, hover_speed_mps=4)
+
+
 def square() -> str:
     """A square of 20 m at 8 m, with home first as Mission Planner writes it."""
     home = (SITE.latitude_deg, SITE.longitude_deg, SITE.altitude_m)
@@ -100,5 +110,6 @@ def square() -> str:
 
 
 if __name__ == "__main__":
-    for name, text in (("rectangle.plan", rectangle()), ("survey.plan", survey()), ("square.waypoints", square())):
+    plans = {"rectangle.plan": rectangle(), "survey.plan": survey(), "people_search.plan": people_search()}
+    for name, text in (plans | {"square.waypoints": square()}).items():
         (FOLDER / name).write_text(text, encoding="utf-8")

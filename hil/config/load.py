@@ -347,6 +347,14 @@ def _cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
             wrong(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
         if not (config.companion.on and config.companion.control):
             wrong(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
+    if config.search is not None:
+        if not config.companion.on:
+            wrong(("search",), "needs a companion that searches", "companion: {start: [detect]}")
+        camera = config.sensors.get(config.search.camera)
+        if camera is None or camera.kind != "camera":
+            cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
+            hint = nearest(config.search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
+            wrong(("search", "camera"), f"is no camera of this bench: {config.search.camera!r}", hint)
     autopilot = config.autopilot
     if autopilot.transport == "loopback" and autopilot.port is not None:
         wrong(("autopilot", "port"), "has no meaning with the transport 'loopback'", "leave it out")

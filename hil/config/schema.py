@@ -249,6 +249,20 @@ class Goal(Section):
     max_path_ratio: Annotated[float, Field(ge=1)] | None = 1.35  # way flown over the shortest on the full map
 
 
+class Search(Section):
+    """Things of a class that a companion is to find and place; judged by ground truth. null: not judged."""
+
+    label: str = "person"
+    camera: str = "front"  # sensor: who was to be seen is who it could see
+    visible_px: Annotated[int, Field(ge=1)] = 64  # of somebody who can be seen
+    visible_looks: Annotated[int, Field(ge=1)] = 4  # four a second
+    gate_m: Annotated[float, Field(gt=0, le=100)] = 4.0  # farther from everybody, an object is a false one
+    min_found_share: Annotated[float, Field(ge=0, le=1)] | None = 0.9  # of those who were to be seen
+    max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # median, horizontally
+    max_false: Annotated[int, Field(ge=0)] | None = None
+    doubles_count: bool = False  # whether one person told twice is a false one too
+
+
 class Physics(Section):
     """Switches of the dynamics."""
 
@@ -311,6 +325,7 @@ class BenchConfig(Section):
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
     goal: Goal | None = None  # null: the flight is not judged by one
+    search: Search | None = None  # null: the flight is not judged by what was found
 
     @property
     def tick_ns(self) -> int:

@@ -62,6 +62,7 @@ def write_report(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         pictures = _draw(out_dir, run, track, plan, timing, title)
+        pictures += [("Found in the search, and who was there", p) for p in sorted(out_dir.glob("search.png"))]
         pictures += [(f"What {p.parent.name.removeprefix('companion_')} left", p) for p in _left_by_clients(out_dir)]
         pictures += _draw_companion(out_dir, companion_timing or {})
         pictures += _draw_frames(out_dir, frames or {}, classes, chirps or {})

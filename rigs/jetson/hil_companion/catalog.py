@@ -15,6 +15,7 @@ from typing import Any, Iterable
 from hil_companion.errors import OptionError
 
 SHIPPED = {
+    "detect": "hil_companion.cuts.detect:Detect",
     "echo": "hil_companion.cuts.echo:Echo",
     "record": "hil_companion.cuts.record:Record",
     "explore": "hil_companion.cuts.explore:Explore",

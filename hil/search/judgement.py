@@ -1,0 +1,230 @@
+"""What a search was worth, measured from ground truth (the section `search` of a bench).
+
+The client's word is its last list of objects: what it takes to be there, where, and when it last saw it. Truth is who
+was there to be seen: four looks a second through the camera, from the vehicle's true poses.
+
+visible        somebody with `visible_px` pixels and more in `visible_looks` looks and more
+found          a visible one near whom (`gate_m`, at the time of the last sighting) there is an object of the client's;
+               each object goes to one person, the nearest pairs first, several objects may go to one
+found_share    found, of those visible
+error_m        median over the found: horizontal distance of the object with most sightings from the person at its time
+false_objects  objects with nobody of the class within `gate_m`, visible or not
+doubles        objects beyond the first of a person; told, and judged only with the false ones if `doubles_count`
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hil.config import SensorConfig
+from hil.config.schema import Search
+from hil.search.true_people import TruePeople, TruePerson, visible_px
+from hil.signals.detections import Detections, FoundObject
+from hil.signals.errors import RecordingError
+from hil.signals.samples import TruthState
+from hil.signals.time import NS_PER_S
+from hil.verdict import AIRBORNE_M, Row
+from sim.frame.source import FrameSource
+from sim.scene.world import World
+
+PEOPLE_NAME, PICTURE_NAME = "people.json", "search.png"
+_EVERY_NS = NS_PER_S // 4
+
+
+@dataclass(frozen=True)
+class PersonResult:
+    """One who is there, and what the client made of it. Places are of the object's time, else of the best look."""
+
+    name: str
+    visible: bool
+    looks: int  # with enough pixels
+    most_px: int
+    truth_m: tuple[float, float]
+    found_m: tuple[float, float] | None = None
+    error_m: float | None = None
+    t_s: float | None = None
+    objects: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """None: not measured."""
+
+    client: str = ""
+    visible: int = 0
+    found: int = 0
+    found_share: float | None = None
+    error_m: float | None = None
+    worst_error_m: float | None = None
+    false_objects: int = 0
+    doubles: int = 0
+    objects: int = 0
+    people: tuple[PersonResult, ...] = ()
+    false_at: tuple[FoundObject, ...] = field(default=())
+
+    def as_map(self) -> dict[str, Any]:
+        """For run.json; people one by one are in people.json."""
+        names = [name for name in type(self).__dataclass_fields__ if name not in ("people", "false_at")]
+        return {name: getattr(self, name) for name in names}
+
+
+class SearchMeasurement:
+    """Watches truth and what clients say while the flight goes on; `conclude` afterwards."""
+
+    def __init__(self, search: Search, camera: SensorConfig) -> None:
+        self._search, self._camera = search, camera
+        self._objects: dict[str, tuple[FoundObject, ...]] = {}  # by client: its newest word
+        self._looks: list[TruthState] = []
+        self._home_m: float | None = None
+        self._next_ns = 0
+        self.result = SearchResult()
+
+    def add(self, truth: TruthState) -> None:
+        """Every tick, in order."""
+        if self._home_m is None:
+            self._home_m = truth.p_WB[2]
+        if truth.t_ns >= self._next_ns and truth.p_WB[2] > self._home_m + AIRBORNE_M:
+            self._next_ns = truth.t_ns - truth.t_ns % _EVERY_NS + _EVERY_NS
+            self._looks.append(truth)
+
+    def detected(self, client: str, detections: Detections) -> None:
+        """What a client says of a picture."""
+        if detections.objects is not None:
+            self._objects[client] = detections.objects
+
+    def conclude(self, frames: FrameSource, world: World) -> None:
+        """Everything that takes a while, after the flight."""
+        people = TruePeople(world, self._search.label)
+        pixels = visible_px(frames, self._camera, people.people, self._looks)
+        client = max(self._objects, key=lambda name: len(self._objects[name]), default="")
+        objects = [o for o in self._objects.get(client, ()) if o.label == self._search.label]
+        near, wrong = matched(objects, people, self._search.gate_m)
+        results = []
+        for k, person in enumerate(people.people):
+            counts = pixels[:, k]
+            looks = int((counts >= self._search.visible_px).sum())
+            best_ns = self._looks[int(counts.argmax())].t_ns if len(counts) else 0
+            most_px = int(counts.max(initial=0))
+            results.append(_person(person, people, near.get(k, []), looks, most_px, best_ns, self._search))
+        self.result = _summed(client, results, objects, wrong)
+
+    def judged(self) -> tuple[list[Row], list[str]]:
+        """Measurements beside their limits, and why the flight fails."""
+        return judged(self.result, self._search)
+
+    def write(self, out: Path, track_m: Sequence[tuple[float, float]] | None = None) -> None:
+        """people.json and the map. RecordingError."""
+        from hil.search.picture import search_figure  # matplotlib: half a second
+
+        result = self.result
+        told = result.as_map() | {
+            "people": [vars(one) for one in result.people],
+            "false": [one._asdict() for one in result.false_at],
+        }
+        flown = track_m or [(t.p_WB[0], t.p_WB[1]) for t in self._looks]
+        try:
+            (out / PEOPLE_NAME).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+            search_figure(result, self._search, flown).savefig(out / PICTURE_NAME, dpi=110)
+        except OSError as error:
+            raise RecordingError(f"{out}: the search's result cannot be written ({error.strerror or error})") from error
+
+
+def matched(
+    objects: Sequence[FoundObject], people: TruePeople, gate_m: float
+) -> tuple[dict[int, list[tuple[float, FoundObject]]], list[FoundObject]]:
+    """By person: distance and object, those with most sightings first; and the objects with nobody there."""
+    near: dict[int, list[tuple[float, FoundObject]]] = {}
+    pairs = []
+    for i, one in enumerate(objects):
+        for k, person in enumerate(people.people):
+            distance = math.dist(people.place_m(person, one.t_ns), one.p_W[:2])
+            if distance <= gate_m:
+                pairs.append((distance, i, k))
+    taken_i: set[int] = set()
+    # First everybody gets the nearest object that is left, then what is left goes to whoever is nearest.
+    for once in (True, False):
+        for distance, i, k in sorted(pairs):
+            if i not in taken_i and not (once and k in near):
+                taken_i.add(i)
+                near.setdefault(k, []).append((distance, objects[i]))
+    wrong = [one for i, one in enumerate(objects) if i not in taken_i]
+    for mine in near.values():
+        mine.sort(key=lambda pair: (-pair[1].sightings, pair[0]))
+    return near, wrong
+
+
+def _person(
+    person: TruePerson,
+    people: TruePeople,
+    mine: Sequence[tuple[float, FoundObject]],
+    looks: int,
+    most_px: int,
+    best_ns: int,
+    search: Search,
+) -> PersonResult:
+    visible = looks >= search.visible_looks
+    if not mine:
+        return PersonResult(person.name, visible, looks, most_px, people.place_m(person, best_ns))
+    distance, best = mine[0]
+    return PersonResult(
+        person.name,
+        visible,
+        looks,
+        most_px,
+        people.place_m(person, best.t_ns),
+        (best.p_W[0], best.p_W[1]),
+        distance,
+        best.t_ns / NS_PER_S,
+        tuple(one.number for _, one in mine),
+    )
+
+
+def _summed(
+    client: str, results: Sequence[PersonResult], objects: Sequence[FoundObject], wrong: Sequence[FoundObject]
+) -> SearchResult:
+    visible = [one for one in results if one.visible]
+    found = [one for one in visible if one.error_m is not None]
+    errors = sorted(one.error_m for one in found if one.error_m is not None)
+    middle = len(errors) // 2
+    median = None if not errors else errors[middle] if len(errors) % 2 else 0.5 * (errors[middle - 1] + errors[middle])
+    return SearchResult(
+        client,
+        len(visible),
+        len(found),
+        len(found) / len(visible) if visible else None,
+        median,
+        errors[-1] if errors else None,
+        len(wrong),
+        sum(max(0, len(one.objects) - 1) for one in results),
+        len(objects),
+        tuple(results),
+        tuple(wrong),
+    )
+
+
+def judged(result: SearchResult, search: Search) -> tuple[list[Row], list[str]]:
+    """Rows and reasons."""
+    rows: list[Row] = []
+    reasons: list[str] = []
+
+    def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
+        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+        rows.append(Row(name, value, limit, unit, ok))
+        if not ok:
+            measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
+            reasons.append(f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+
+    if not result.client:
+        reasons.append("no client said what it had found: start one that does (companion.start: [detect])")
+    elif not result.visible:
+        reasons.append(f"nobody of class {search.label!r} was to be seen: fly where there are some")
+    row("found_share", result.found_share, search.min_found_share, "", least=True)
+    row("search_error_m", result.error_m, search.max_error_m, "m")
+    wrong = result.false_objects + (result.doubles if search.doubles_count else 0)
+    row("false_objects", float(wrong), None if search.max_false is None else float(search.max_false), "")
+    return rows, reasons

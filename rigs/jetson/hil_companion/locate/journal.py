@@ -1,0 +1,48 @@
+"""What was detected, as files: a line for each picture, and at the end everything that was found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import IO, Any, Sequence
+
+from hil_companion.detections import Found
+from hil_companion.errors import CutError
+
+LINES_NAME, FOUND_NAME = "detections.jsonl", "found.json"
+
+
+class Journal:
+    """In a folder that is there. CutError where it cannot be written."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        try:
+            self._lines: IO[str] = (folder / LINES_NAME).open("w", encoding="utf-8")
+        except OSError as error:
+            raise CutError(f"detect: {folder / LINES_NAME} cannot be written ({error.strerror or error})") from error
+
+    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any]) -> None:
+        rows = [
+            {
+                "label": d.label,
+                "score": round(float(d.score), 4),
+                "box_px": [round(float(v), 2) for v in d.box_px],
+                "range_m": d.range_m,
+                "radial_speed_mps": d.radial_speed_mps,
+                "p_W": d.p_W,
+            }
+            for d in boxes
+        ]
+        try:
+            self._lines.write(json.dumps({"frame": frame, "t_capture_ns": t_capture_ns, "boxes": rows}) + "\n")
+        except OSError as error:
+            raise CutError(f"detect: {self._folder} cannot be written ({error.strerror or error})") from error
+
+    def close(self, found: Sequence[Found]) -> None:
+        try:
+            self._lines.close()
+            text = json.dumps([vars(one) for one in found], indent=2)
+            (self._folder / FOUND_NAME).write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            raise CutError(f"detect: {self._folder} cannot be written ({error.strerror or error})") from error

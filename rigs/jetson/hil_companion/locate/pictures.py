@@ -1,0 +1,99 @@
+"""Pictures with boxes in them: a sequence of JPEGs, and a strip of those that show most."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Sequence
+
+import cv2
+import numpy as np
+
+from hil_companion.errors import CutError
+
+STRIP_NAME = "report.png"  # the bench shows it on its page
+_ACROSS, _STRIP_MOST, _KEPT_MOST = 3, 9, 60
+_SIDE_PX = 426  # width of one in the strip
+_JPEG_QUALITY = 88
+_COLOURS = (
+    (40, 220, 255),
+    (90, 230, 90),
+    (255, 160, 60),
+    (220, 110, 255),
+    (120, 120, 255),
+    (230, 230, 60),
+)  # blue first
+
+
+class BoxPictures:
+    """One every `every_s` of simulated time. CutError where they cannot be written."""
+
+    def __init__(self, folder: Path, *, every_s: float) -> None:
+        self._folder, self._every_ns = folder, round(every_s * 1e9)
+        self._next_ns = 0
+        self._count = 0
+        self._kept: list[tuple[int, int, np.ndarray]] = []  # boxes, number, picture
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CutError(f"detect: {folder} cannot be made ({error.strerror or error})") from error
+
+    def look(self, rgb: np.ndarray, found: Sequence[Any], t_ns: int) -> None:
+        """After every picture."""
+        if t_ns < self._next_ns:
+            return
+        self._next_ns = t_ns + self._every_ns
+        self._count += 1
+        picture = with_boxes(rgb, found, f"{t_ns * 1e-9:.1f} s")
+        self._write(f"{self._count:04d}.jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        height = round(_SIDE_PX * picture.shape[0] / picture.shape[1])
+        small = cv2.resize(picture, (_SIDE_PX, height), interpolation=cv2.INTER_AREA)
+        self._kept.append((len(found), self._count, small))
+        if len(self._kept) > _KEPT_MOST:
+            self._kept.remove(min(self._kept, key=lambda kept: (kept[0], kept[1])))
+
+    def close(self) -> None:
+        """The strip: of those with most boxes, as they came."""
+        if not self._kept:
+            return
+        best = sorted(self._kept, key=lambda kept: (-kept[0], kept[1]))[: 3 * _STRIP_MOST]
+        best.sort(key=lambda kept: kept[1])
+        count = min(_STRIP_MOST, len(best))
+        chosen = [best[round(i * (len(best) - 1) / max(count - 1, 1))][2] for i in range(count)]
+        while len(chosen) % _ACROSS and len(chosen) > _ACROSS:
+            chosen.append(np.full_like(chosen[0], 255))
+        across = min(_ACROSS, len(chosen))
+        rows = [np.hstack(chosen[i : i + across]) for i in range(0, len(chosen), across)]
+        self._write(STRIP_NAME, np.vstack(rows), [])
+        self._kept = []
+
+    def _write(self, name: str, picture: np.ndarray, options: list[int]) -> None:
+        done, data = cv2.imencode(Path(name).suffix, picture, options)
+        try:
+            if done:
+                (self._folder / name).write_bytes(data.tobytes())
+        except OSError as error:
+            raise CutError(f"detect: {self._folder / name} cannot be written ({error.strerror or error})") from error
+
+
+def with_boxes(rgb: np.ndarray, found: Sequence[Any], words: str = "") -> np.ndarray:
+    """A copy with boxes, blue first as OpenCV has it; twice as large where it is small, so that words can be read."""
+    scale = 2 if rgb.shape[1] <= 400 else 1
+    picture = cv2.resize(rgb[..., ::-1], None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    labels = sorted({d.label for d in found})
+    for one in found:
+        colour = _COLOURS[labels.index(one.label) % len(_COLOURS)] if one.label != "person" else _COLOURS[0]
+        x0, y0, x1, y1 = (round(scale * v) for v in one.box_px)
+        cv2.rectangle(picture, (x0, y0), (x1, y1), colour, 1, cv2.LINE_AA)
+        said = f"{one.label} {one.score:.2f}"
+        if one.range_m is not None:
+            said += f" {one.range_m:.0f} m"
+        if one.radial_speed_mps is not None:
+            said += f" {one.radial_speed_mps:+.1f} m/s"
+        at = (max(0, x0), max(10, y0 - 3))
+        cv2.putText(picture, said, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(picture, said, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, colour, 1, cv2.LINE_AA)
+    if words:
+        at = (6, picture.shape[0] - 8)
+        cv2.putText(picture, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(picture, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
