@@ -48,7 +48,7 @@ _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it s
 
 # Keys of every message: part of the schema, so that a change of the wire cannot go unnoticed.
 _KEYS: dict[str, tuple[str, ...]] = {
-    "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
+    "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory", "stream"),
     "credit": ("n",),
     "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report", "detections"),
     "view": ("frame", "t_ns", "p_W", "yaw_rad", "goal_W", "plan_W", "particles_W", "map"),
@@ -56,7 +56,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "bye": ("reason",),
     "welcome": (
         *("version", "schema", "session", "mode", "tick_ns", "rate_hz"),
-        *("topics", "sensors", "waypoints_W", "ports", "ring", "control", "views_every_ns"),
+        *("topics", "sensors", "waypoints_W", "ports", "ring", "streams", "control", "views_every_ns"),
     ),
     "refused": ("code", "text"),
     "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "samples_at", "release", "ports_of_frame"),
@@ -151,6 +151,7 @@ class Hello:
     shared_memory: bool
     schema: str | None
     session: str | None = None  # on the port of one sensor: that of the welcome
+    stream: bool = False  # may be left out: it can take frames by plain TCP beside ZeroMQ
 
 
 @dataclass(frozen=True)
@@ -218,6 +219,14 @@ class Ring:
 
 
 @dataclass(frozen=True)
+class Streams:
+    """Plain TCP connections for a client to open: one for each group, "" for all that no sensor's port takes."""
+
+    word: str  # to say on each first
+    addresses: Mapping[str, tuple[str, int]]
+
+
+@dataclass(frozen=True)
 class Welcome:
     """What a client is told at the beginning."""
 
@@ -231,6 +240,7 @@ class Welcome:
     waypoints_W: Sequence[Sequence[float]]
     ports: Mapping[str, str]
     ring: Ring | None
+    streams: Streams | None
     control: bool
     views_every_ns: int = 0  # simulated time from one `view` to the next that are wanted; 0: none
 
@@ -275,6 +285,7 @@ def encode_hello(hello: Hello) -> bytes:
             "control": hello.control,
             "credit": hello.credit,
             "shared_memory": hello.shared_memory,
+            "stream": hello.stream,
             **({"session": hello.session} if hello.session is not None else {}),
         }
     )
@@ -298,6 +309,7 @@ def encode_welcome(welcome: Welcome) -> bytes:
             "waypoints_W": [list(p) for p in welcome.waypoints_W],
             "ports": welcome.ports,
             "ring": None if welcome.ring is None else asdict(welcome.ring),
+            "streams": None if welcome.streams is None else asdict(welcome.streams),
             "control": welcome.control,
             "views_every_ns": welcome.views_every_ns,
         }
@@ -407,6 +419,7 @@ def _hello(m: dict[str, Any]) -> Hello:
             _flag(m, "shared_memory"),
             schema,
             session,
+            "stream" in m and _flag(m, "stream"),
         )
     except HelloRefused:
         raise

@@ -10,13 +10,7 @@ from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.patterns import matching
 from firmware_bridge.companion.settings import CompanionSettings
 
-CONTROL = ""  # the group of the first socket, at which clients knock
 _NAMES = 256  # of clients in a session: what is counted is kept for each of them to the end
-
-
-def group_of(topic: str) -> str:
-    """The sensor that a topic belongs to: what is before the first slash."""
-    return topic.partition("/")[0]
 
 
 class Admission:

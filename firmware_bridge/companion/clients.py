@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from firmware_bridge.codecs.companion import MAX_CREDIT, Hello, HelloRefused
 from firmware_bridge.companion.clock_offset import ClockOffset
-from firmware_bridge.companion.doors import Door
 from firmware_bridge.companion.frames import ClientInfo
+from firmware_bridge.companion.groups import CONTROL
+from firmware_bridge.companion.newcomers import Way
 from hil.signals.latency import LatencyHistogram
 
 _STRANGERS = 256
@@ -60,15 +61,23 @@ class Client:
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
         self.in_ring = False
-        self.word = ""  # by which it is known at the door; of one in the ring
-        self.door: Door | None = None
+        self.word = ""  # by which it is known beside ZeroMQ
+        self.ways_needed: frozenset[str] = frozenset()  # groups in which it is to have a way beside ZeroMQ
+        self.ways: dict[str, Way] = {}
         self.address = ""
         self.user = ""  # public key, where there is one
 
     @property
     def ready(self) -> bool:
-        """Whether frames can go: it has said on every sensor's port, or at the door of the ring, who it is."""
-        return self.groups <= self.ports.keys() and (self.door is not None or not self.in_ring)
+        """Whether frames can go: it has said on every sensor's port, or beside ZeroMQ, who it is."""
+        if self.ways_needed:
+            return self.ways_needed <= self.ways.keys()
+        return self.groups <= self.ports.keys()
+
+    @property
+    def way(self) -> Way | None:
+        """On which it is heard, where that is not ZeroMQ."""
+        return self.ways.get(CONTROL)
 
     def add_credit(self, n: int) -> bool:
         """Whether that was within what a client may have."""

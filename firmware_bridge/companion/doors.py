@@ -15,24 +15,24 @@ import os
 import socket
 import struct
 import tempfile
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from firmware_bridge.companion.newcomers import Newcomers, Way
 from firmware_bridge.companion.unreachable import Unreachable
 from hil.signals.errors import PortNotFound
 
 _PACKET_BYTES = 64 << 10  # of a client; what is longer is cut off by the kernel, and no message any more
 _PATH_BYTES = 107  # sockaddr_un, with the zero behind it 108
-_WORD_S = 3.0  # for a newcomer to say its word
-_NEWCOMERS = 64
 _UNREAD = 1024  # packets; more than the kernel holds for a socket
 _CREDENTIALS = struct.Struct("=iII")  # pid, uid, gid
 
 
 class Door:
     """One client's connection. Never waits."""
+
+    unsent_bytes = 0  # the kernel takes a packet whole, or not at all
 
     def __init__(self, wire: socket.socket) -> None:
         self._wire = wire
@@ -68,6 +68,9 @@ class Door:
             raise Unreachable
         return self._view[:size]
 
+    def flush(self) -> None:
+        """Nothing is ever left."""
+
     def close(self) -> None:
         """What was said before can still be received there."""
         with suppress(
@@ -85,8 +88,8 @@ class Doors:
         """`beside`: the file of ZeroMQ's socket, next to which this one lies. PortNotFound."""
         self._folder: Path | None = None
         self.path = f"{beside}-door"
-        self._newcomers: list[tuple[float, Door]] = []
         self._wire = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._newcomers = Newcomers(self._wire, lambda wire: Door(wire) if _of_this_user(wire) else None)
         try:
             if beside.startswith("@") or len(os.fsencode(self.path)) > _PATH_BYTES:
                 self._folder = Path(tempfile.mkdtemp(prefix="hil-companion-"))
@@ -104,33 +107,13 @@ class Doors:
     def fileno(self) -> int:
         return self._wire.fileno()
 
-    def serve(self, welcome: Callable[[bytes, Door], bool]) -> None:
+    def serve(self, welcome: Callable[[bytes, Way], bool]) -> None:
         """Let in who says a word that `welcome` knows; the others are sent away."""
-        with suppress(BlockingIOError, ConnectionAbortedError):
-            while True:
-                wire, _ = self._wire.accept()
-                if len(self._newcomers) < _NEWCOMERS and _of_this_user(wire):
-                    self._newcomers.append((time.monotonic() + _WORD_S, Door(wire)))
-                else:
-                    wire.close()
-        still = []
-        for until_s, door in self._newcomers:
-            try:
-                word = door.receive()
-            except Unreachable:
-                door.close()
-                continue
-            if word is None and time.monotonic() < until_s:
-                still.append((until_s, door))
-            elif word is None or not welcome(bytes(word[:64]), door):
-                door.close()
-        self._newcomers = still
+        self._newcomers.serve(welcome)
 
     def close(self) -> None:
         """May be called twice."""
-        for _, door in self._newcomers:
-            door.close()
-        self._newcomers = []
+        self._newcomers.close()
         if self._wire.fileno() >= 0:
             self._wire.close()
             with suppress(OSError):

@@ -14,8 +14,8 @@ import zmq
 
 from firmware_bridge.codecs.companion import pack_arrays, pack_samples
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.block import Block
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
-from firmware_bridge.companion.shared_ring import Block
 
 _PLAIN = "?biufc"
 _AS_THEY_ARE = frozenset(np.dtype(t) for t in ("?", "u1", "i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8"))
@@ -64,16 +64,24 @@ class Outgoing:
         self._arrays = [
             [(name, _plain(sample.topic, name, a)) for name, a in sample.arrays.items()] for sample in frame.samples
         ]
-        self._packed: dict[frozenset[str], tuple[bytes, list[zmq.Frame], int]] = {}
+        self._packed: dict[frozenset[str], tuple[bytes, Block]] = {}
+        self._together: dict[frozenset[str], list[zmq.Frame]] = {}
         self._in_ring: dict[frozenset[str], tuple[int, int, int]] = {}
 
-    def on_wire(self, topics: frozenset[str]) -> tuple[bytes, list[zmq.Frame], int]:
-        """Packed samples of these topics, the part behind the header, if there are arrays, and its bytes."""
+    def packed(self, topics: frozenset[str]) -> tuple[bytes, Block]:
+        """Of these topics the samples, for the header, and the arrays behind it, good while the frame's are."""
         ready = self._packed.get(topics)
         if ready is None:
             block, headers = self._block(topics)
-            parts = [self._packing.together(block)] if block.size else []
-            ready = self._packed[topics] = pack_samples(list(headers.values())), parts, block.size
+            ready = self._packed[topics] = pack_samples(list(headers.values())), block
+        return ready
+
+    def together(self, topics: frozenset[str]) -> list[zmq.Frame]:
+        """The arrays of these topics as one part of a message, if there are any."""
+        ready = self._together.get(topics)
+        if ready is None:
+            _, block = self.packed(topics)
+            ready = self._together[topics] = [self._packing.together(block)] if block.size else []
         return ready
 
     def _block(self, topics: frozenset[str]) -> tuple[Block, dict[int, dict[str, Any]]]:

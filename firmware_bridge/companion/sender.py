@@ -1,16 +1,20 @@
-"""The ways of a frame to a client: through the ring, whole over one socket, or by its sensors' ports. Never waits."""
+"""The ways of a frame to a client: through the ring, whole over one socket, or by its sensors' ports. Never waits.
+
+Over a socket a frame is one part of a message to ZeroMQ, or goes in pieces over a stream, where the client has one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
 from firmware_bridge.codecs import companion as wire
-from firmware_bridge.companion.admission import CONTROL, group_of
 from firmware_bridge.companion.bench_socket import BenchSocket
 from firmware_bridge.companion.clients import Client, UnderWay
-from firmware_bridge.companion.doors import Door
+from firmware_bridge.companion.groups import CONTROL, group_of
+from firmware_bridge.companion.newcomers import Way
 from firmware_bridge.companion.outgoing import Outgoing
 from firmware_bridge.companion.shared_ring import SharedRing
+from firmware_bridge.companion.streams import Stream
 
 
 class Sender:
@@ -34,8 +38,8 @@ class Sender:
             client.count_dropped()
             return False
         t_sent_ns = self._clock_ns()
-        if slot is not None and client.door is not None:
-            sent = self._send_in_ring(client, client.door, out, t_sent_ns, slot)
+        if slot is not None and client.way is not None:
+            sent = self._send_in_ring(client, client.way, out, t_sent_ns, slot)
         elif client.groups:
             sent = self._send_by_ports(client, out, t_sent_ns)
         else:
@@ -56,7 +60,7 @@ class Sender:
             self._ring.give_back(slot, client.name)
 
     @staticmethod
-    def _send_in_ring(client: Client, door: Door, out: Outgoing, t_sent_ns: int, slot: int) -> bool:
+    def _send_in_ring(client: Client, way: Way, out: Outgoing, t_sent_ns: int, slot: int) -> bool:
         f = out.frame
         offset, length, size = out.in_ring(client.topics)
         packet = wire.encode_frame_in_ring(
@@ -69,7 +73,7 @@ class Sender:
             samples_at=(offset, length),
         )
         client.stats.bytes += len(packet) + length + size
-        return door.send(packet)
+        return way.send(packet)
 
     def _send_by_ports(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
         topics = sorted(client.topics & out.topics)
@@ -91,23 +95,9 @@ class Sender:
         *,
         ports_of_frame: list[str] | None = None,
     ) -> bool:
-        samples, parts, size = out.on_wire(topics)
-        header = self._header(client, out, t_sent_ns, samples, ports_of_frame=ports_of_frame)
-        identity = client.identity if group == CONTROL else client.ports[group][0]
-        client.stats.bytes += len(header) + size
-        return self._sockets[group].send(identity, [header, *parts])
-
-    @staticmethod
-    def _header(
-        client: Client,
-        out: Outgoing,
-        t_sent_ns: int,
-        samples: bytes,
-        *,
-        ports_of_frame: list[str] | None = None,
-    ) -> bytes:
+        samples, block = out.packed(topics)
         f = out.frame
-        return wire.encode_frame(
+        header = wire.encode_frame(
             f.frame,
             f.tick,
             f.t_ns,
@@ -116,3 +106,9 @@ class Sender:
             samples=samples,
             ports_of_frame=ports_of_frame,
         )
+        client.stats.bytes += len(header) + block.size
+        way = client.ways.get(group)
+        if isinstance(way, Stream):
+            return way.send_frame(header, block.pieces(), block.size)
+        identity = client.identity if group == CONTROL else client.ports[group][0]
+        return self._sockets[group].send(identity, [header, *out.together(topics)])

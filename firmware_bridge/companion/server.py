@@ -11,31 +11,29 @@ What is wrong on a wire never raises here: it is counted, told to the client whe
 from __future__ import annotations
 
 import secrets
-import select
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from functools import partial
 
 import zmq
 
 from firmware_bridge.codecs import companion as wire
 from firmware_bridge.codecs.companion_view import View
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.companion.admission import CONTROL, Admission, group_of
+from firmware_bridge.companion.admission import Admission
 from firmware_bridge.companion.answering import take_answer
-from firmware_bridge.companion.bench_socket import BenchSocket, Received
+from firmware_bridge.companion.bench_socket import Received
 from firmware_bridge.companion.clients import Client, Clients, ClientStats
-from firmware_bridge.companion.doorkeeper import Doorkeeper
-from firmware_bridge.companion.doors import Door, Doors
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
-from firmware_bridge.companion.keys import read_allowed, read_bench_keys
+from firmware_bridge.companion.groups import CONTROL, group_of
+from firmware_bridge.companion.newcomers import Way
 from firmware_bridge.companion.outgoing import Outgoing, Packing
+from firmware_bridge.companion.patience import Patience
 from firmware_bridge.companion.sender import Sender
-from firmware_bridge.companion.sentry import Sentry
 from firmware_bridge.companion.settings import CompanionSettings
-from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.unreachable import Unreachable
+from firmware_bridge.companion.wires import Wires, flush_all
 from hil.signals.errors import HandshakeError, LinkClosed
 
 _SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
@@ -75,87 +73,35 @@ class CompanionServer:
         self._clock_ns = clock_ns
         self._clients = Clients()
         self._admission = Admission(settings, facts, self._clients)
-        self._sockets: dict[str, BenchSocket] = {}  # by group; "" is the one that clients knock at
-        self._ring: SharedRing | None = None
-        self._doors: Doors | None = None
+        self._wires = Wires(settings)
         self._packing = Packing()
-        self._look_ns = 0  # when all sockets are looked at again, and not the doors alone
-        self._looked_at: set[int] = set()  # descriptors besides those of the doors
-        self._sender = Sender(self._sockets, None, clock_ns)
-        self._doorkeeper: Doorkeeper | None = None
-        self._sentry: Sentry | None = None
-        self._context: zmq.Context[zmq.Socket[bytes]] | None = None
-        self._poller: Any = zmq.Poller()
+        self._patience = Patience()
+        self._look_ns = 0  # when ZeroMQ's sockets are looked at again, where all clients have other ways
+        self._sender = Sender(self._wires.sockets, None, clock_ns)
         self._turn = 0  # which socket is served first
 
     # --- beginning and end ---
 
     def open(self) -> None:
         """Bind. ConfigError (keys), PortBusy, PortNotFound."""
-        s = self.settings
-        keys = None if s.keys is None or s.bind.startswith("ipc://") else read_bench_keys(s.keys)
-        self._context = zmq.Context(io_threads=1)
-        try:
-            if keys is not None and s.keys is not None:
-                self._doorkeeper = Doorkeeper(self._context, read_allowed(s.keys))
-            self._sockets[CONTROL] = BenchSocket(self._context, s.bind, s, keys)
-            if s.arrangement == "ports":
-                for i, group in enumerate(sorted({group_of(topic) for topic in self.facts.topics})):
-                    port = "*" if s.first_port is None else str(s.first_port + i)
-                    self._sockets[group] = BenchSocket(
-                        self._context, f"tcp://{s.host}:{port}", s, keys, any_free="companion.sensor_port=null"
-                    )
-            if s.arrangement == "shared_memory":
-                self._ring = SharedRing(s.ring_bytes)
-                self._doors = Doors(self.endpoint.removeprefix("ipc://"))
-                # Of descriptors: ZeroMQ's own poller takes as long as a frame is on its way.
-                self._poller = select.poll()
-                self._poller.register(self._doors, select.POLLIN)
-                self._sender = Sender(self._sockets, self._ring, self._clock_ns)
-            for bound in self._sockets.values():
-                if self._doors is None:
-                    bound.register(self._poller)
-                else:
-                    self._poller.register(bound, select.POLLIN)
-                    self._looked_at |= {bound.fileno(), self._doors.fileno()}
-            self._sentry = Sentry(list(self._sockets.values()))
-        except BaseException:
-            self._release(0)
-            raise
+        self._wires.open(self.facts.topics)
+        self._sender = Sender(self._wires.sockets, self._wires.ring, self._clock_ns)
 
     @property
     def endpoint(self) -> str:
         """Where clients connect to, with the port that was given."""
-        return self._sockets[CONTROL].endpoint
+        return self._wires.endpoint
 
     def close(self, status: str = "", text: str = "") -> None:
         """Tell every client that it is over, and let go of everything. Within a second; may be called twice."""
         last = wire.encode_end(status, text)
-        for client in list(self._clients.by_name.values()):
+        clients = list(self._clients.by_name.values())
+        for client in clients:
             self._tell(client.identity, last)
+        flush_all([way for client in clients for way in client.ways.values()], _LINGER_MS)
+        for client in clients:
             self._remove(client, "the session ended")
-        self._release(_LINGER_MS)
-
-    def _release(self, linger_ms: int) -> None:
-        if self._sentry is not None:
-            self._sentry.close()
-            self._sentry = None
-        if self._doors is not None:
-            self._doors.close()
-            self._doors = None
-        for bound in self._sockets.values():
-            bound.close(linger_ms)
-        self._sockets.clear()
-        self._poller = zmq.Poller()
-        if self._doorkeeper is not None:
-            self._doorkeeper.close()
-            self._doorkeeper = None
-        if self._context is not None:
-            self._context.term()  # waits for what lingers, no longer
-            self._context = None
-        if self._ring is not None:
-            self._ring.close()
-            self._ring = None
+        self._wires.close(_LINGER_MS)
 
     # --- clients ---
 
@@ -219,7 +165,7 @@ class CompanionServer:
 
         Arrays are copied before it returns. CodecError for arrays that cannot be sent.
         """
-        if not self._sockets:
+        if not self._wires.sockets:
             raise LinkClosed("companion", "the session is closed")
         t_begun_ns = self._clock_ns()
         out = Outgoing(frame, self._packing)
@@ -246,31 +192,38 @@ class CompanionServer:
 
     def poll(self, limit_s: float) -> list[Reply]:
         """Answers that are here, or come within the limit; returns with the first ones. Serves all else meanwhile."""
-        deadline_ns = self._clock_ns() + int(limit_s * 1e9)
+        begun_ns = self._clock_ns()
+        deadline_ns = begun_ns + int(limit_s * 1e9)
         replies: list[Reply] = []
-        while self._sockets:
-            self._serve_doors(replies)
-            # Who waits for an answer at a door looks at all else every few milliseconds: that takes as long as a frame.
-            if self._doors is None or self._clock_ns() >= self._look_ns:
+        while self._wires.sockets:
+            beside_zmq = self._hear_ways(replies)
+            now_ns = self._clock_ns()
+            # Who waits for answers on other ways looks at ZeroMQ every few milliseconds: it takes as long as a frame.
+            if not beside_zmq or now_ns >= self._look_ns:
                 self._serve(replies)
-            left_ns = deadline_ns - self._clock_ns()
-            if replies or left_ns <= 0:
+                now_ns = self._clock_ns()
+            if replies or now_ns >= deadline_ns:
                 break
+            if beside_zmq and self._patience.stays_awake(now_ns - begun_ns):
+                continue
+            left_ns = deadline_ns - now_ns
             if left_ns < _MS:  # the poller counts whole milliseconds
                 time.sleep(min(left_ns, _NAP_NS) * 1e-9)
             else:
                 self._wait(min(left_ns // _MS, _ROUND_MS))
+        if limit_s > 0.0:
+            self._patience.waited(self._clock_ns() - begun_ns)
         return replies
 
     def _wait(self, limit_ms: int) -> None:
         """Until something comes."""
-        if self._doors is None:
-            self._poller.poll(limit_ms)
+        if not self._wires.entrances:
+            self._wires.wait(limit_ms, ())
             return
+        unsent = [w for c in self._clients.by_name.values() for w in c.ways.values() if w.unsent_bytes]
         # ZeroMQ's descriptors tell of changes only, and may have told before: hence the short limit.
-        for fd, _ in self._poller.poll(min(limit_ms, _LOOK_MS)):
-            if fd in self._looked_at:
-                self._look_ns = 0
+        if self._wires.wait(min(limit_ms, _LOOK_MS), unsent):
+            self._look_ns = 0
 
     def _serve(self, replies: list[Reply]) -> None:
         """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
@@ -278,7 +231,7 @@ class CompanionServer:
         self._watch(replies)
         begun_ns = self._clock_ns()
         end_ns = begun_ns + _SERVE_NS
-        waiting = list(self._sockets.items())
+        waiting = list(self._wires.sockets.items())
         self._turn = (self._turn + 1) % len(waiting)
         waiting = waiting[self._turn :] + waiting[: self._turn]
         while waiting:
@@ -293,46 +246,56 @@ class CompanionServer:
             waiting = still
         self._look_ns = begun_ns + _LOOK_MS * _MS
 
-    def _serve_doors(self, replies: list[Reply]) -> None:
-        """One packet of each in turn, until there is an answer, or for a moment."""
-        if self._doors is None:
-            return
+    def _hear_ways(self, replies: list[Reply]) -> bool:
+        """One message of each client in turn, until there is an answer, or for a moment. Whether there are clients, and
+        all are heard beside ZeroMQ."""
         end_ns = self._clock_ns() + _SERVE_NS
-        talking = [client for client in self._clients.by_name.values() if client.door is not None]
+        clients = list(self._clients.by_name.values())
+        talking = [(client, client.way) for client in clients if client.way is not None]
+        beside_zmq = 0 < len(clients) == len(talking)
         while talking and not replies:
-            talking = [client for client in talking if self._hear_at_door(client, replies)]
+            talking = [(client, way) for client, way in talking if self._hear_on(client, way, replies)]
             if talking and self._clock_ns() >= end_ns:
-                return
+                break
+        return beside_zmq
 
-    def _hear_at_door(self, client: Client, replies: list[Reply]) -> bool:
-        """Whether there was a packet, and may be another."""
-        if client.door is None:
+    def _hear_on(self, client: Client, way: Way, replies: list[Reply]) -> bool:
+        """Whether there was a message, and may be another."""
+        if way not in client.ways.values():
             return False  # it was lost meanwhile
         try:
-            packet = client.door.receive()
+            for other in client.ways.values():
+                if other.unsent_bytes:
+                    other.flush()
+            message = way.receive()
         except Unreachable:
             self._lose(client, "its connection ended")
             return False
-        if packet is not None:
-            self._take_at_door(client, packet, replies)
-        return packet is not None
+        if message is not None:
+            self._take_from(client, message, replies)
+        return message is not None
 
-    def _let_in(self, word: bytes, door: Door) -> bool:
-        """Whether it is the word of a client that has no door yet: then this is its."""
-        without = (c for c in self._clients.by_name.values() if c.in_ring and c.door is None)
+    def _let_in(self, group: str, word: bytes, way: Way) -> bool:
+        """Whether it is the word of a client that has no such way yet: then this is its."""
+        without = (c for c in self._clients.by_name.values() if group in c.ways_needed - c.ways.keys())
         client = next((c for c in without if secrets.compare_digest(c.word.encode("ascii"), word)), None)
         if client is None:
             return False
-        client.door = door
-        self._poller.register(door, select.POLLIN)
-        self._joined(client)
+        client.ways[group] = way
+        self._wires.add(way)
+        if client.ready:
+            self._joined(client)
         return True
 
     def _watch(self, replies: list[Reply]) -> None:
         """Who has come to the door, and who has gone."""
-        if self._doors is not None:
-            self._doors.serve(self._let_in)
-        for group, bound in self._sockets.items():
+        for group, entrance in self._wires.entrances.items():
+            entrance.serve(partial(self._let_in, group))
+        # By a sensor's way nothing is said, but it may have ended.
+        sensors = [(c, w) for c in self._clients.by_name.values() for g, w in c.ways.items() if g != CONTROL]
+        for one, way in sensors:
+            self._hear_on(one, way, replies)
+        for group, bound in self._wires.sockets.items():
             ended, texts = bound.gone()
             for text in texts:
                 self._refuse_text(f"{bound.endpoint}: {text}", kind="wire")
@@ -341,7 +304,7 @@ class CompanionServer:
                     self._clients.connection_ended(fd)
                     client = self._clients.on_connection(fd)
                     for _ in range(wire.MAX_CREDIT):  # what it said before it went
-                        if client is None or not self._hear_at_door(client, replies):
+                        if client is None or client.way is None or not self._hear_on(client, client.way, replies):
                             break
                     if client is not None and self._clients.at(client.identity) is client:
                         self._lose(client, "its connection ended")
@@ -351,10 +314,10 @@ class CompanionServer:
                         del client.ports[group]
                         self._on_event("wire", f"{client.name}: its connection to the port of {group} ended")
 
-    def _take_at_door(self, client: Client, packet: memoryview, replies: list[Reply]) -> None:
+    def _take_from(self, client: Client, message: memoryview, replies: list[Reply]) -> None:
         t_ns = self._clock_ns()
         try:
-            decoded = wire.decode_client(packet)
+            decoded = wire.decode_client(message)
             if isinstance(decoded, wire.Hello):
                 raise CodecError("hello: it has a place already; say bye first")
             self._hear(client, decoded, t_ns, replies)
@@ -427,7 +390,11 @@ class CompanionServer:
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
         client.credit = min(client.credit, self.settings.max_credit)
-        client.in_ring = self._ring is not None and hello.shared_memory
+        client.in_ring = self._wires.ring is not None and hello.shared_memory
+        if client.in_ring:
+            client.ways_needed = frozenset((CONTROL,))
+        elif hello.stream and self._wires.streams:
+            client.ways_needed = groups | {CONTROL}
         client.word = secrets.token_hex(16)
         client.user, client.address = user, _property(message, "Peer-Address")
         self._clients.add(client)
@@ -447,16 +414,29 @@ class CompanionServer:
             topics={name: f.topics[name] for name in sorted(client.topics)},
             sensors={name: values for name, values in f.sensors.items() if name in sensors},
             waypoints_W=f.waypoints_W,
-            ports={t: self._sockets[group_of(t)].endpoint for t in sorted(client.topics)} if client.groups else {},
+            ports=self._ports_of(client),
             ring=self._ring_of(client),
+            streams=self._streams_of(client),
             control=client.control,
             views_every_ns=f.views_every_ns,
         )
 
+    def _ports_of(self, client: Client) -> dict[str, str]:
+        if not client.groups or client.ways_needed:
+            return {}
+        return {t: self._wires.sockets[group_of(t)].endpoint for t in sorted(client.topics)}
+
     def _ring_of(self, client: Client) -> wire.Ring | None:
-        if not client.in_ring or self._ring is None or self._doors is None:
+        ring, doors = self._wires.ring, self._wires.doors
+        if not client.in_ring or ring is None or doors is None:
             return None
-        return wire.Ring(self._ring.name, self._ring.size, self._doors.path, client.word)
+        return wire.Ring(ring.name, ring.size, doors.path, client.word)
+
+    def _streams_of(self, client: Client) -> wire.Streams | None:
+        if client.in_ring or not client.ways_needed:
+            return None
+        addresses = {group: self._wires.streams[group].address for group in sorted(client.ways_needed)}
+        return wire.Streams(client.word, addresses)
 
     def _joined(self, client: Client) -> None:
         again = "again, " if client.stats.returned else ""
@@ -469,7 +449,7 @@ class CompanionServer:
             self.malformed += 1
         self._refuse_text(f"{error.code}: {error}")
         if self._clients.strike(message.identity) > self.settings.malformed_in_a_row:
-            self._sockets[group].cut(message.fd)
+            self._wires.sockets[group].cut(message.fd)
 
     def _refuse_text(self, text: str, kind: str = "refused") -> None:
         if text not in self.refused:
@@ -489,7 +469,7 @@ class CompanionServer:
             if in_a_row >= limit:
                 self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
         if in_a_row >= limit:
-            self._sockets[group].cut(fd)
+            self._wires.sockets[group].cut(fd)
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
         for under_way in client.under_way.values():
@@ -500,22 +480,18 @@ class CompanionServer:
 
     def _remove(self, client: Client, why: str) -> None:
         self._clients.remove(client, why)
-        if client.door is not None:
-            self._poller.unregister(client.door)
-            client.door.close()
-            client.door = None
+        for way in client.ways.values():
+            self._wires.remove(way)
+        client.ways.clear()
 
     def _tell(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
         """A word to a client, if it can take one."""
         client = self._clients.at(identity) if group == CONTROL else None
-        if client is not None and client.door is not None:
-            with suppress(Unreachable):
-                client.door.send(message)
-            return
-        bound = self._sockets.get(group)
-        if bound is not None:
-            with suppress(Unreachable):
-                bound.send(identity, [message])
+        with suppress(Unreachable):
+            if client is not None and client.way is not None:
+                client.way.send(message)
+            elif group in self._wires.sockets:
+                self._wires.sockets[group].send(identity, [message])
 
 
 def _unheard(kind: str, text: str) -> None:

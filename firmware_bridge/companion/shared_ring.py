@@ -20,33 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_bridge.companion.block import ALIGN, Block
 from hil.signals.errors import PortNotFound
 
-_ALIGN = 64
 _FOLDER = Path("/dev/shm")  # noqa: S108
-
-
-class Block:
-    """Arrays in C order that are to lie together, each on a boundary of 64 bytes."""
-
-    __slots__ = ("arrays", "size")
-
-    def __init__(self) -> None:
-        self.arrays: list[tuple[np.ndarray, int]] = []  # each with its offset
-        self.size = 0
-
-    def add(self, array: np.ndarray) -> int:
-        """Its offset."""
-        offset, size = self.size, array.nbytes
-        if size:  # a radar that sees nothing has no points
-            self.arrays.append((array, offset))
-            self.size += -(-size // _ALIGN) * _ALIGN
-        return offset
-
-    def copy_to(self, view: memoryview) -> None:
-        """The arrays, each to its offset."""
-        for array, offset in self.arrays:
-            view[offset : offset + array.nbytes] = _bytes_of(array)
 
 
 class SharedRing:
@@ -66,17 +43,18 @@ class SharedRing:
             raise _none(size, error) from error
         self.name = self._memory.name
         self.size = size
-        self._bytes: np.ndarray | None = np.ndarray((size,), np.uint8, self._memory.buf)
-        self._view = self._bytes.data
-        self._bytes[::4096] = 0  # pages are made now, not under the first frames
+        assert self._memory.buf is not None
+        view = self._memory.buf[:size]
+        np.frombuffer(view, np.uint8)[::4096] = 0  # pages are made now, not under the first frames
+        self._view: memoryview | None = view
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
         self.full = 0  # frames for which there was no room
 
     def put(self, block: Block, holders: Iterable[str]) -> int | None:
         """Copy a block in; where it begins. None if there is no room."""
-        size = max(block.size, _ALIGN)
+        size = max(block.size, ALIGN)
         place = self._gap(size)
-        if place is None or self._bytes is None:
+        if place is None or self._view is None:
             self.full += 1
             return None
         index, start = place
@@ -104,19 +82,11 @@ class SharedRing:
 
     def close(self) -> None:
         """Take the name away and let go. May be called twice."""
-        self._bytes = None
-        self._view = memoryview(b"")
+        self._view = None
         with suppress(FileNotFoundError):
             self._memory.unlink()
         with suppress(BufferError):  # somebody still has a view: the memory goes when that does
             self._memory.close()
-
-
-def _bytes_of(array: np.ndarray) -> memoryview:
-    try:
-        return array.data.cast("B")
-    except (TypeError, ValueError):  # complex numbers are none of memoryview's
-        return array.reshape(-1).view(np.uint8).data
 
 
 def _allocate(name: str, size: int) -> None:

@@ -20,6 +20,7 @@ import zmq
 
 from firmware_bridge.codecs.companion import decode_client
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.keys import make_keys
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
@@ -235,8 +236,8 @@ def test_silence_is_waited_for_no_longer_than_asked() -> None:
     """The poller counts whole milliseconds: it must never be asked for more than is left."""
     with serving() as server:
         asked: list[int] = []
-        poller = server._poller
-        server._poller = SimpleNamespace(poll=lambda ms: asked.append(ms) or poller.poll(ms))  # type: ignore[assignment, func-returns-value]
+        wires, poller = server._wires, server._wires._poller
+        wires._poller = SimpleNamespace(poll=lambda ms: asked.append(ms) or poller.poll(ms))  # type: ignore[assignment, func-returns-value]
         server.poll(0.0024)
         assert set(asked) <= {1, 2}
         asked.clear()
@@ -247,7 +248,7 @@ def test_silence_is_waited_for_no_longer_than_asked() -> None:
 def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path) -> None:
     bind = f"ipc://{tmp_path}/socket"
     with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server:
-        for number in range(17):  # sixteen such frames fit
+        for number in range(17):  # many more than fit
             with RawClient(bind) as client:
                 join(server, client)
             end_s = time.monotonic() + 5.0
@@ -260,7 +261,12 @@ def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path)
             step(server, client, 100)
 
 
-def test_what_the_sentry_reads_the_caller_does_not_wait_for() -> None:
+def test_what_the_sentry_reads_the_caller_does_not_wait_for(tmp_path: Path) -> None:
     """A ZeroMQ socket is for one thread at a time; the monitors are read under a lock, by two."""
-    with serving(arrangement="ports") as server:
-        assert [s.type for s, _ in server._poller.sockets] == [zmq.ROUTER] * 4
+    with serving(arrangement="ports") as server:  # with other ways: the kernel's poller
+        wires = server._wires
+        assert wires._zmq_files == {bound.fileno() for bound in wires.sockets.values()}
+        assert len(wires._zmq_files) == 4
+    make_keys(tmp_path / "keys", ["cut"])
+    with serving(arrangement="ports", keys=tmp_path / "keys") as server:  # without: ZeroMQ's
+        assert [s.type for s, _ in server._wires._poller.sockets] == [zmq.ROUTER] * 4

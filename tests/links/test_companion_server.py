@@ -24,12 +24,13 @@ from firmware_bridge.codecs.companion import (
     schema_hash,
 )
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.companion.block import Block
 from firmware_bridge.companion.clock_offset import ClockOffset
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys, read_pair
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
-from firmware_bridge.companion.shared_ring import Block, SharedRing
+from firmware_bridge.companion.shared_ring import SharedRing
 from hil.signals.desired import DesiredState, Knot
 from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
 from tests.links.companion_world import (

@@ -17,7 +17,7 @@ import re
 import select
 import time
 from collections import deque
-from typing import Any, Iterator, Mapping, Sequence
+from typing import Any, Callable, Iterator, Mapping, Sequence
 
 import zmq
 
@@ -40,9 +40,11 @@ from hil_companion.errors import (
 )
 from hil_companion.frame import Frame, SampleReader
 from hil_companion.keys import Keys, PathLike
-from hil_companion.protocol import End, Welcome
+from hil_companion.patience import Patience
+from hil_companion.protocol import End, Streams, Welcome
 from hil_companion.report import checked_report
 from hil_companion.ring import RingView, can_map
+from hil_companion.stream import Stream
 from hil_companion.view import View
 
 PING_EVERY_S = 1.0
@@ -69,6 +71,7 @@ class Client:
         hold: bool = False,
         credit: int = 1,
         shared_memory: bool = True,
+        stream: bool = True,
         schema: str | None = None,
         key: PathLike | None = None,
         bench_key: PathLike | None = None,
@@ -78,7 +81,8 @@ class Client:
     ) -> Client:
         """Say hello and wait for the welcome. OptionError, NoBench, WrongKeys, Refused, SchemaChanged.
 
-        `hold`: everything desired is flown as it stands (`Desired.hold`).
+        `hold`: everything desired is flown as it stands (`Desired.hold`). `stream`: frames by plain TCP connections
+        beside ZeroMQ, where the bench offers that (on this machine, without keys) and they can be opened.
         """
         if not _NAME.match(name):
             raise OptionError(f"name {name!r}: 1 to 64 of letters, digits, _ . - are needed")
@@ -93,7 +97,7 @@ class Client:
         self._hold = hold
         self._hello = {"name": name, "topics": topics, "control": control, "credit": credit}
         try:
-            self._join(address, schema, shared_memory and can_map(), wait_s)
+            self._join(address, schema, shared_memory and can_map(), stream, wait_s)
         except BaseException:
             self.close()
             raise
@@ -113,7 +117,9 @@ class Client:
         self._hello: dict[str, Any] = {}
         self._hold = False
         self._samples = SampleReader()
-        self._door: Door | None = None  # of the ring; where there is one, all goes through it
+        # Beside ZeroMQ, where there is such a way; all goes by it, and what is said by the first one.
+        self._ways: list[Door | Stream] = []
+        self._patience = Patience()
         self._ready: deque[Frame] = deque()
         self._unanswered: deque[Frame] = deque()
         self._bad_in_a_row = 0
@@ -124,11 +130,30 @@ class Client:
 
     # --- connecting ---
 
-    def _join(self, address: str, schema: str | None, shared_memory: bool, wait_s: float) -> None:
+    def _join(self, address: str, schema: str | None, shared_memory: bool, stream: bool, wait_s: float) -> None:
         speaking = self._open(address)
-        greeting = protocol.hello(schema=schema, shared_memory=shared_memory, **self._hello)
+        self._greet(speaking, wait_s, schema=schema, shared_memory=shared_memory, stream=stream)
+        if self.welcome.ring is not None:
+            self._samples = SampleReader(RingView(self.welcome.ring))
+            self._ways = [Door(self.welcome.ring.door, self.welcome.ring.word)]
+        elif self.welcome.streams is not None and not self._open_streams(self.welcome.streams):
+            # The bench is reached by a way that leads to one port only: through a tunnel, from another container.
+            speaking.send(protocol.bye("its streams cannot be reached"))
+            self._greet(speaking, wait_s, schema=schema, shared_memory=shared_memory, stream=False)
+        if self._ways:
+            self._wait_at(self._ways)
+        # Each port learns by a hello of its own who is at the other end.
+        greeting = protocol.hello(
+            schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
+        )
+        for port in sorted(set(self.welcome.ports.values())):
+            self._open(reachable(port, address)).send(greeting)
+
+    def _greet(self, speaking: Connection, wait_s: float, **wishes: Any) -> None:
+        """Say hello until there is a welcome."""
+        greeting = protocol.hello(**wishes, **self._hello)
         speaking.send(greeting)
-        greeted = 1
+        greeted = max(1, speaking.handshakes)
         deadline_s = time.monotonic() + wait_s
         while True:
             left_s = deadline_s - time.monotonic()
@@ -145,16 +170,17 @@ class Client:
         self.welcome = protocol.read_welcome(header)
         if self._hello["control"] and not self.welcome.control:
             raise Refused("control", "the bench takes no commands from this client")
-        if self.welcome.ring is not None:
-            self._samples = SampleReader(RingView(self.welcome.ring))
-            self._door = Door(self.welcome.ring.door, self.welcome.ring.word)
-            self._wait_at(self._door)
-        # Each port learns by a hello of its own who is at the other end.
-        greeting = protocol.hello(
-            schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
-        )
-        for port in sorted(set(self.welcome.ports.values())):
-            self._open(reachable(port, address)).send(greeting)
+
+    def _open_streams(self, streams: Streams) -> bool:
+        """Whether all of them could be opened; none is open if not."""
+        try:
+            for _, host, port in streams.addresses:
+                self._ways.append(Stream(host, port, streams.word, self._max_message_bytes))
+        except OSError:
+            for way in self._ways:
+                way.close()
+            self._ways = []
+        return bool(self._ways)
 
     def _open(self, address: str) -> Connection:
         connection = Connection(self._context, address, self._keys, self._max_message_bytes)
@@ -163,13 +189,14 @@ class Client:
         self._poller.register(connection.monitor, zmq.POLLIN)
         return connection
 
-    def _wait_at(self, door: Door) -> None:
+    def _wait_at(self, ways: Sequence[Door | Stream]) -> None:
         """From here on by descriptors: ZeroMQ's own poller takes as long as a frame is on its way.
 
         Its descriptors tell of changes only, so it has to be asked before each wait, as `_drain` does.
         """
         self._poller = select.poll()
-        self._poller.register(door, select.POLLIN)
+        for way in ways:
+            self._poller.register(way, select.POLLIN)
         for connection in self._connections:
             for socket in (connection.socket, connection.monitor):
                 self._poller.register(int(socket.getsockopt(zmq.FD)), select.POLLIN)
@@ -205,15 +232,21 @@ class Client:
 
     def receive(self, timeout_s: float = math.inf) -> Frame | None:
         """The next frame; None where none came in time, or the bench ended."""
-        deadline_s = time.monotonic() + timeout_s
+        began_s = now_s = time.monotonic()
+        deadline_s = began_s + timeout_s
         while not self._ready and self.end is None:
-            now_s = time.monotonic()
             if now_s >= self._next_ping_s:
                 self.ping()
-            if self._drain() == 0:
-                if now_s >= deadline_s:
-                    return None
-                self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
+            if not self._drain_ways():
+                now_s = time.monotonic()
+                if self._ways and now_s < deadline_s and self._patience.stays_awake(now_s - began_s):
+                    continue
+                if self._drain() == 0:
+                    if now_s >= deadline_s:
+                        return None
+                    self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
+            now_s = time.monotonic()
+        self._patience.waited(now_s - began_s)
         if not self._ready:
             return None
         frame = self._ready.popleft()
@@ -223,10 +256,9 @@ class Client:
         return frame
 
     def _drain(self) -> int:
-        """Take in what is there; how many messages that were. A loss counts only once nothing is left to read."""
+        """Take in what is there by ZeroMQ; how many messages that were. A loss counts only once nothing is left to
+        read."""
         taken = 0
-        if self._door is not None and self._drain_door(self._door):
-            return 1
         for connection in self._connections:
             parts = connection.receive()
             while parts is not None:
@@ -239,24 +271,28 @@ class Client:
                     raise ConnectionLost(f"{connection.address}: the connection was lost")
         return taken
 
-    def _drain_door(self, door: Door) -> bool:
-        """Up to the first frame: asking in vain for more would take as long as reading it."""
+    def _drain_ways(self) -> bool:
+        """The same beside ZeroMQ, up to the first frame: asking in vain for more would take as long as reading it."""
         taken = False
-        while self.end is None and not self._ready:
-            packet = door.receive()
-            if packet is None:
-                break
-            taken = True
-            self._take([packet])
+        for way in self._ways:
+            while self.end is None and not self._ready:
+                parts = way.receive()
+                if parts is None:
+                    break
+                taken = True
+                self._take(parts, way.finish)
         return taken
 
-    def _take(self, parts: list[Any]) -> None:
+    def _take(self, parts: Sequence[Any], finish: Callable[[], None] | None = None) -> None:
+        """`finish` waits for what of the parts is still on its way."""
         t_received_ns = time.monotonic_ns()
         header: protocol.Header = {}
         try:
             header = protocol.unpack(getattr(parts[0], "buffer", parts[0]))
-            self._dispatch(header, parts, t_received_ns)
+            self._dispatch(header, parts, finish, t_received_ns)
         except BadMessage as error:
+            if finish is not None:
+                finish()
             self.malformed += 1
             self._bad_in_a_row += 1
             if self._bad_in_a_row >= MAX_BAD_IN_A_ROW:
@@ -267,12 +303,17 @@ class Client:
         else:
             self._bad_in_a_row = 0
 
-    def _dispatch(self, header: protocol.Header, parts: list[Any], t_received_ns: int) -> None:
+    def _dispatch(
+        self, header: protocol.Header, parts: Sequence[Any], finish: Callable[[], None] | None, t_received_ns: int
+    ) -> None:
         kind = header["k"]
         if kind == "frame":
             samples = self._samples.read(header, parts)
             topics = protocol.ports_of_frame(header)
-            part = Frame(header, samples, in_ring=self._door is not None, t_received_ns=t_received_ns)
+            part = Frame(header, samples, in_ring=self.welcome.ring is not None, t_received_ns=t_received_ns)
+            if len(parts) > 1 and finish is not None:
+                finish()
+                part.t_received_ns = time.monotonic_ns()
             frame, lost = self.barrier.add(part, topics)
             if lost:
                 self.give_credit(lost)
@@ -346,7 +387,7 @@ class Client:
         )
 
     def _say(self, message: bytes) -> None:
-        (self._connections[0] if self._door is None else self._door).send(message)
+        (self._ways[0] if self._ways else self._connections[0]).send(message)
 
     # --- leaving ---
 
@@ -358,8 +399,8 @@ class Client:
         if self.end is None and self._connections:
             with contextlib.suppress(ConnectionLost):  # nobody may be there to hear it
                 self._say(protocol.bye(reason))
-        if self._door is not None:
-            self._door.close()
+        for way in self._ways:
+            way.close()
         for connection in self._connections:
             connection.close(BYE_LINGER_MS)
         if self._own_context:

@@ -48,7 +48,7 @@ class Door:
         except OSError as error:
             raise ConnectionLost(f"{self.path}: the connection was lost ({error.strerror})") from error
 
-    def receive(self) -> memoryview | None:
+    def receive(self) -> list[memoryview] | None:
         """The next packet, good until the next call; None if there is none. ConnectionLost once it has ended."""
         try:
             try:
@@ -63,7 +63,10 @@ class Door:
             raise ConnectionLost(f"{self.path}: the connection was lost")
         if size > PACKET_BYTES:
             raise BadMessage(f"a packet of more than {PACKET_BYTES} bytes")
-        return self._view[:size]
+        return [self._view[:size]]
+
+    def finish(self) -> None:
+        """A packet comes whole."""
 
     def close(self) -> None:
         self._wire.close()

@@ -64,6 +64,7 @@ def hello(
     control: bool,
     credit: int,
     shared_memory: bool,
+    stream: bool = False,
     session: str | None = None,
 ) -> bytes:
     """The first word on a connection; with the session, on a port: says whose connection that is."""
@@ -78,6 +79,7 @@ def hello(
             "control": control,
             "credit": credit,
             "shared_memory": shared_memory,
+            "stream": stream,
             **({} if session is None else {"session": session}),
         }
     )
@@ -146,6 +148,14 @@ class Ring:
 
 
 @dataclass(frozen=True)
+class Streams:
+    """Plain TCP connections to open: ("", host, port) first, by which everything is said, then those of sensors."""
+
+    word: str  # to say on each first
+    addresses: tuple[tuple[str, str, int], ...]
+
+
+@dataclass(frozen=True)
 class Welcome:
     """What the bench says about itself to a client that it has taken on."""
 
@@ -159,6 +169,7 @@ class Welcome:
     waypoints_W: tuple[tuple[float, float, float], ...]
     ports: dict[str, str]  # topic -> address; empty: all on the one socket
     ring: Ring | None
+    streams: Streams | None
     control: bool
     views_every_ns: int = 0  # simulated time from one `view` to the next; 0: the bench wants none
 
@@ -210,6 +221,7 @@ def read_welcome(header: Header) -> Welcome:
         waypoints_W=tuple(_point(p, i) for i, p in enumerate(at.sequence("waypoints_W", MAX_WAYPOINTS))),
         ports=ports,
         ring=_ring(at.optional_map("ring")),
+        streams=_streams(at.optional_map("streams")),
         control=at.boolean("control"),
         views_every_ns=at.integer("views_every_ns") if at.entries.get("views_every_ns") is not None else 0,
     )
@@ -231,6 +243,21 @@ def _ring(entries: Header | None) -> Ring | None:
     if not name or "/" in name or name.startswith("."):
         raise at.wrong("name", "the plain name of a shared memory")
     return Ring(name, at.integer("bytes", 1), at.text("door", 107), at.text("word", 64))
+
+
+def _streams(entries: Header | None) -> Streams | None:
+    if entries is None:
+        return None
+    at = Fields(entries, "welcome.streams")
+    addresses = []
+    for group, place in sorted(at.mapping("addresses").items()):
+        if not isinstance(place, list) or len(place) != 2:
+            raise at.wrong("addresses", "a host and a port for each")
+        here = Fields(dict(zip(("host", "port"), place)), f"welcome.streams.addresses.{group}")
+        addresses.append((group, here.text("host", 255), here.integer("port", 1, 65535)))
+    if not 1 <= len(addresses) <= MAX_TOPICS or addresses[0][0] != "":
+        raise at.wrong("addresses", "that of the group '', and of sensors,")
+    return Streams(at.text("word", 64), tuple(addresses))
 
 
 def read_refusal(header: Header) -> Refusal:

@@ -1,0 +1,28 @@
+"""Whether to stay awake for what is about to come: going to sleep and being woken takes as long as a short answer."""
+
+from __future__ import annotations
+
+import os
+
+_AWAKE_NS = 300_000  # and no longer in vain
+_SHORT_NS = 600_000  # a wait that was over by then was worth staying awake for, sleep and waking included
+
+
+class Patience:
+    """Of one that waits again and again. Awake only where the wait before was short, and another core is there for
+    whom is waited for: a slow client costs nothing, a fast one some hundred microseconds of a core per frame."""
+
+    def __init__(self) -> None:
+        self._short = False
+        self._cores = len(os.sched_getaffinity(0))
+
+    def stays_awake(self, waited_ns: int) -> bool:
+        """Whether to look again at once, after so long. Lets others go first who want this core."""
+        if not self._short or waited_ns >= _AWAKE_NS or self._cores < 2:
+            return False
+        os.sched_yield()
+        return True
+
+    def waited(self, waited_ns: int) -> None:
+        """How long it took in the end."""
+        self._short = waited_ns < _SHORT_NS
