@@ -85,12 +85,12 @@ def survey() -> str:
 
 
 def people_search() -> str:
-    """Four lines of 72 m, 20 m apart, up and down over the park, at 4 m/s and 12 m, then return."""
+    """Four lines of 72 m, 20 m apart, up and down over the park, at 4 m/s and 12 m; landing at home."""
     lines = [(-36.0 if i % 2 == 0 else 36.0, 30.0 - 20.0 * i) for i in range(4)]
     ends = [(x, y) for start, y in lines for x in (start, -start)]
     items = [item(1, TAKEOFF, [0, 0, 0, None, *place(0, 0, 12)]), speed(2, 4)]
-    items += [item(i, WAYPOINT, [0, 0, 0, None, *place(*xy, 12)]) for i, xy in enumerate(ends, start=3)]
-    items.append(item(len(items) + 1, RETURN, [0, 0, 0, 0, 0, 0, 0], FRAME_MISSION))
+    items += [item(i, WAYPOINT, [0, 0, 0, None, *place(*xy, 12)]) for i, xy in enumerate([*ends, (0.0, 0.0)], start=3)]
+    items.append(item(len(items) + 1, LAND, [0, 0, 0, None, *place(0, 0, 0)]))
     return plan(items, hover_speed_mps=4)
 
 

@@ -27,6 +27,7 @@ from hil_companion.frame import Frame
 from hil_companion.locate.camera import Camera
 from hil_companion.locate.geolocation import Geolocation, RadarView
 from hil_companion.locate.journal import Journal
+from hil_companion.locate.looks import look_of
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
 from hil_companion.locate.tiles import pieces, without_doubles
@@ -144,7 +145,8 @@ class Detect:
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
         found = self._place.place(found, self._pose(frame, t_ns), depth_m, self._radar(frame))
-        objects = self._follow(found, t_ns, by_depth=depth_m is not None)
+        looks = [look_of(rgb, d.box_px) for d in found]
+        objects = self._follow(found, looks, t_ns, by_depth=depth_m is not None)
         height, width = rgb.shape[:2]
         self.detections = Detections(self._camera_topic, t_ns, (width, height), found, objects)
         self._looked += 1
@@ -152,7 +154,7 @@ class Detect:
         self._without_place += sum(d.p_W is None for d in found)
         self.report = self._report()
         if self._journal is not None:
-            self._journal.picture(frame.frame, t_ns, found)
+            self._journal.picture(frame.frame, t_ns, found, looks)
         if self._pictures is not None:
             self._pictures.look(rgb, found, t_ns)
 
@@ -213,13 +215,13 @@ class Detect:
             return None
         return RadarView(frame[self._radar_topic], *self._radar_at)
 
-    def _follow(self, found: Sequence[Any], t_ns: int, *, by_depth: bool) -> list[Found] | None:
+    def _follow(self, found: Sequence[Any], looks: Sequence[Any], t_ns: int, *, by_depth: bool) -> list[Found] | None:
         """Add what has a place to the world; what is there now, where that is news."""
         assert self._place is not None
         own_m = 0.0 if self._own is None else self._own.sigma_m
         sightings = [
-            Sighting(d.label, d.p_W, self._place.sigma_m(d.range_m, own_m, by_depth=by_depth))
-            for d in found
+            Sighting(d.label, d.p_W, self._place.sigma_m(d.range_m, own_m, by_depth=by_depth), look)
+            for d, look in zip(found, looks)
             if d.p_W is not None and (self._labels is None or d.label in self._labels)
         ]
         self._tracks.add(t_ns, sightings)

@@ -22,7 +22,7 @@ class Journal:
         except OSError as error:
             raise CutError(f"detect: {folder / LINES_NAME} cannot be written ({error.strerror or error})") from error
 
-    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any]) -> None:
+    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], looks: Sequence[Any]) -> None:
         rows = [
             {
                 "label": d.label,
@@ -31,8 +31,9 @@ class Journal:
                 "range_m": d.range_m,
                 "radial_speed_mps": d.radial_speed_mps,
                 "p_W": d.p_W,
+                "look_lab": None if look is None else [round(float(v), 1) for v in look],
             }
-            for d in boxes
+            for d, look in zip(boxes, looks)
         ]
         try:
             self._lines.write(json.dumps({"frame": frame, "t_capture_ns": t_capture_ns, "boxes": rows}) + "\n")

@@ -1,7 +1,8 @@
 """How far away what is in a box is, and how fast it goes away: from a depth picture, the ground, or a radar's points.
 
-Depth    the box's middle shows the thing and what is behind it. Of its depths the near half counts, of that the middle:
-         the 25th percentile. A twig before it, or a few wrong pixels, move that little.
+Depth    the box's middle shows the thing and what is behind it. Sought is the nearest heap of depths: from the 25th
+         percentile on, three times the median of what lies within a tenth of the last (0.6 m at least). A twig before
+         it, a few wrong pixels, or noise of metres from pixel to pixel move that little.
 Ground   without depth: where the ray through the middle of the box's lower edge meets the ground, taken for level.
 Radar    points in the direction of the box, and about as far away where that is known; the strongest of them.
 """
@@ -14,7 +15,7 @@ from typing import Any, Sequence
 import numpy as np
 
 _MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # of the box: where the thing is, rather than what is beside it
-_NEAR_PERCENT = 25.0
+_NEAR_PERCENT, _HEAP_SHARE, _HEAP_M, _ROUNDS = 25.0, 0.1, 0.6, 3
 _LEAST_PIXELS, _MOST_M = 4, 1000.0
 _EDGE_PX = 1.5  # a box that ends so near to the picture's lower edge shows no feet
 _LEAST_DOWN = 0.05  # of a ray of length 1: flatter ones meet the ground anywhere
@@ -35,7 +36,10 @@ def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
     values = values[np.isfinite(values) & (values > 0.0) & (values < _MOST_M)]
     if len(values) < _LEAST_PIXELS:
         return None
-    return float(np.percentile(values, _NEAR_PERCENT))
+    depth = float(np.percentile(values, _NEAR_PERCENT))
+    for _ in range(_ROUNDS):
+        depth = float(np.median(values[np.abs(values - depth) <= max(_HEAP_M, _HEAP_SHARE * depth)]))
+    return depth
 
 
 def ground_range(p_WC: np.ndarray, R_WC: np.ndarray, ray_C: np.ndarray, ground_z_m: float) -> float | None:

@@ -1,11 +1,15 @@
 """What all sightings add up to: things of the world, each with a place, a motion and a number of its own.
 
-A thing moves with a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]; people stop, turn
-and go on. Its state (x, y, vx, vy) is a Kalman filter's; the height is a mean. The sightings of one picture go to the
-things they fit best, nearest first, one each, within `_GATE` standard deviations and `_FARTHEST_M`. What fits none is a
-new thing; it counts once it has been seen `least` times.
+A thing that walks moves with a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]; one
+that was seen to stay where it is stays there, give or take `_STROLL` [m / sqrt(s)]. Its state (x, y, vx, vy) is a
+Kalman filter's, the height a mean. Of the ways to give the sightings of one picture to things the cheapest pairs are
+taken first, one each, with
 
-Two things that come to be at one place, and were never in one picture, were one all the while: the first has it.
+    cost = d^2 + ln det S + look^2        d: distance in standard deviations of S, at most `_GATE`
+
+`look` compares colours, in units of `_LOOK`. Somebody who was out of sight for a while is known again by them: without
+colours that fit, only near to where he has to be. What fits nothing is a new thing; it counts once it has been seen
+`least` times. Two things that come to be at one place, and were never in one picture, were one all the while.
 """
 
 from __future__ import annotations
@@ -17,12 +21,16 @@ from typing import Sequence
 import numpy as np
 
 from hil_companion.detections import Found
+from hil_companion.locate.looks import difference
 
-_ACCEL = 0.35
-_FIRST_SPEED_MPS, _MOST_SPEED_MPS = 0.9, 3.5
-_GATE, _FARTHEST_M = 3.2, 5.0
+_ACCEL, _STROLL = 0.35, 0.12
+_FIRST_SPEED_MPS, _MOST_SPEED_MPS = 0.9, 2.5
+_STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
+_GATE, _NEAR_M = 3.2, 5.0
+_AWAY_S, _REACH_MPS, _MOST_AWAY_S = 1.6, 2.2, 60.0
+_LOOK, _MOST_LOOK = 5.0, 2.2  # CIE units to one, and how many may be between two looks of one thing
+_LOOKS_KEPT = 12.0  # sightings that a mean look is worth at most
 _ONE_PLACE_M = 1.0
-_LOOSE_M = 12.0  # sigma from which nothing is known any more of where it has got to
 _UNCONFIRMED_S = 12.0  # what was seen too seldom is forgotten after so long
 
 
@@ -33,6 +41,7 @@ class Sighting:
     label: str
     p_W: tuple[float, float, float]
     sigma_m: float
+    look: np.ndarray | None = None  # its colours, where it is large enough to tell
 
 
 class Track:
@@ -46,29 +55,53 @@ class Track:
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.diag([seen.sigma_m**2] * 2 + [_FIRST_SPEED_MPS**2] * 2)
+        self.look = seen.look
+        self._looks = 0.0 if seen.look is None else 1.0
+
+    @property
+    def stands(self) -> bool:
+        """Whether it was watched for a while and stayed where it was."""
+        watched = self.sightings >= _STANDS_SEEN and (self.t_ns - self.first_ns) * 1e-9 >= _STANDS_S
+        return watched and float(np.hypot(*self.state[2:])) < _STANDS_MPS
 
     def at(self, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
         """State and covariance by then."""
         dt = (t_ns - self.t_ns) * 1e-9
+        a = abs(dt)
+        if self.stands and a > _AWAY_S:
+            state, cov = self.state.copy(), self.cov.copy()
+            state[2:] = 0.0
+            cov[:2, :2] += np.eye(2) * _STROLL * _STROLL * a
+            cov[:2, 2:] = cov[2:, :2] = 0.0
+            return state, cov
         F = np.eye(4)
         F[0, 2] = F[1, 3] = dt
-        q, a = _ACCEL * _ACCEL, abs(dt)
+        q = _ACCEL * _ACCEL
         Q = np.zeros((4, 4))
         for i in (0, 1):
             Q[i, i], Q[i + 2, i + 2] = q * a**3 / 3.0, q * a
             Q[i, i + 2] = Q[i + 2, i] = q * dt * a / 2.0
         return F @ self.state, F @ self.cov @ F.T + Q
 
-    def distance(self, t_ns: int, seen: Sighting) -> float:
-        """In standard deviations; infinite where it cannot be this one."""
+    def cost(self, t_ns: int, seen: Sighting) -> float:
+        """Of taking this sighting; infinite where it cannot be this one."""
         if seen.label != self.label:
             return math.inf
         state, cov = self.at(t_ns)
         off = np.array(seen.p_W[:2]) - state[:2]
         S = cov[:2, :2] + np.eye(2) * seen.sigma_m**2
-        if S[0, 0] > _LOOSE_M**2 or float(np.hypot(off[0], off[1])) > _FARTHEST_M:
+        squared = float(off @ np.linalg.solve(S, off))
+        if squared > _GATE * _GATE:
             return math.inf
-        return math.sqrt(float(off @ np.linalg.solve(S, off)))
+        away_s = (t_ns - self.t_ns) * 1e-9
+        look = None if self.look is None or seen.look is None else difference(self.look, seen.look) / _LOOK
+        if away_s > _AWAY_S:
+            moved_m = float(np.hypot(*(np.array(seen.p_W[:2]) - self.state[:2])))
+            known = look is not None and look < _MOST_LOOK and away_s < _MOST_AWAY_S
+            limit_m = _NEAR_M + _REACH_MPS * away_s if known and not self.stands else _NEAR_M
+            if moved_m > limit_m or (look is not None and look > _MOST_LOOK and not self.stands):
+                return math.inf
+        return squared + math.log(float(np.linalg.det(S))) + (0.0 if look is None else look * look)
 
     def take(self, t_ns: int, picture: int, seen: Sighting) -> None:
         state, cov = self.at(t_ns)
@@ -85,6 +118,16 @@ class Track:
         self.sightings += 1
         self.z_m += (seen.p_W[2] - self.z_m) / self.sightings
         self.pictures.add(picture)
+        if seen.look is not None:
+            self._looks = min(self._looks + 1.0, _LOOKS_KEPT)
+            before = seen.look if self.look is None else self.look
+            self.look = before + (seen.look - before) / self._looks
+
+    def become(self, late: Track) -> None:
+        """The other one was this one: what it knows is newer."""
+        self.state, self.cov, self.t_ns = late.state, late.cov, late.t_ns
+        self.sightings += late.sightings
+        self.pictures |= late.pictures
 
     def found(self) -> Found:
         x, y, vx, vy = self.state.tolist()
@@ -105,15 +148,12 @@ class Tracks:
         """Those of one picture; pictures come in the order of time."""
         self._pictures += 1
         pairs = [
-            (track.distance(t_ns, seen), i, k)
-            for i, track in enumerate(self._tracks)
-            for k, seen in enumerate(sightings)
+            (track.cost(t_ns, seen), i, k) for i, track in enumerate(self._tracks) for k, seen in enumerate(sightings)
         ]
-        taken_i, taken_k = set(), set()
-        for distance, i, k in sorted(pairs):
-            if distance > _GATE:
-                break
-            if i not in taken_i and k not in taken_k:
+        taken_i: set[int] = set()
+        taken_k: set[int] = set()
+        for cost, i, k in sorted(pairs):
+            if cost < math.inf and i not in taken_i and k not in taken_k:
                 taken_i.add(i)
                 taken_k.add(k)
                 self._tracks[i].take(t_ns, self._pictures, sightings[k])
@@ -136,9 +176,7 @@ class Tracks:
                 near_m = float(np.hypot(*(state[:2] - late.state[:2])))
                 if near_m > _ONE_PLACE_M or cov[0, 0] > 4.0 or early.pictures & late.pictures:
                     continue
-                early.state, early.cov, early.t_ns = late.state, late.cov, late.t_ns
-                early.sightings += late.sightings
-                early.pictures |= late.pictures
+                early.become(late)
                 self._tracks.remove(late)
                 break
 
