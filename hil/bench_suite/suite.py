@@ -11,12 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.bench_suite.result import BenchmarkResult, work_precision_plot
+from hil.report.run_json import finite
 from hil.signals.errors import RecordingError
 
 # name -> (module with a function `measure(*, quick, say) -> BenchmarkResult` and, if its picture is another one than
 # error against time, `plot(result, title, path)`; title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "dataset": ("hil.bench_suite.dataset", "Data sets: error of the labels against time of a frame"),
+    "detect": ("hil.bench_suite.detect", "Detector: precision lost against the time of a picture"),
     "lidar": ("hil.bench_suite.lidar", "LiDAR: range error against time of a sweep"),
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.bench_suite.link", "Links: lateness, message errors and flight errors against time"),
@@ -44,7 +46,7 @@ def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console
     if json is not None:
         try:
             json.parent.mkdir(parents=True, exist_ok=True)
-            json.write_text(jsonlib.dumps(result.as_json(name), indent=2) + "\n")
+            json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
         except OSError as error:
             raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
         plot = json.with_suffix(".png")

@@ -12,7 +12,7 @@ from tests.unit.companion_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
 WITH_CASADI = {"cuts/corridor.py"}
-WITH_OPENCV = {"explore", "detect"}  # folders
+WITH_OPENCV = {"detect", "explore", "locate"}  # folders
 BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
 # Evaluated when a module is imported, where Python 3.8 does not know them: X | Y and list[X] outside annotations.
