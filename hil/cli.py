@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.detect.cli import detect_app
 from hil.entry import CONFIG_STATUS, ERROR_STATUS
 from hil.report.run_json import write_run_json
 from hil.signals.errors import ConfigError, HilError, Problem, RecordingError
@@ -396,6 +397,7 @@ def companion(
 
 calibrate = typer.Typer(no_args_is_help=True, help="A sensor's preset from a recording of your own sensor.")
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(detect_app, name="detect")
 
 
 @calibrate.callback()

@@ -1,0 +1,38 @@
+"""How the shipped network is laid out: input, anchors, normalisation. What a training writes into the description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hil_companion.detect.anchors import Level, all_anchors_px
+from hil_companion.detect.model_file import ModelFile
+
+INPUT_PX = (320, 240)
+RATIOS = (0.45, 1.0, 2.2)
+LEVELS = (
+    Level(8, (12.0,), RATIOS),
+    Level(16, (32.0,), RATIOS),
+    Level(32, (80.0,), RATIOS),
+    Level(64, (190.0,), RATIOS),
+)
+MEAN, STD = (0.5, 0.5, 0.5), (0.25, 0.25, 0.25)
+SCORE_THRESHOLD = 0.5  # until one has been chosen on pictures
+NMS_IOU = 0.5
+
+
+def described(
+    path: Path, classes: tuple[str, ...], *, sha256: str = "", threshold: float = SCORE_THRESHOLD
+) -> ModelFile:
+    """A model of this layout; `path` of its .onnx, which need not be there yet."""
+    return ModelFile(
+        path=path,
+        sha256=sha256,
+        classes=classes,
+        input_px=INPUT_PX,
+        levels=LEVELS,
+        mean=MEAN,
+        std=STD,
+        score_threshold=threshold,
+        nms_iou=NMS_IOU,
+        anchors_px=all_anchors_px(LEVELS, INPUT_PX),
+    )

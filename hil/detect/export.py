@@ -1,0 +1,73 @@
+"""From trained weights to the files that a companion runs: NAME.onnx, its description NAME.json, NAME.pt for PyTorch.
+
+Batch normalisation is folded into the convolutions before it, so that all libraries calculate the same products. The
+exporter is PyTorch's own older one, which needs no further package, at an operator set that OpenCV 4.5 can read.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import warnings
+from pathlib import Path
+
+import torch
+from hil_companion.detect.model_file import ModelFile
+from torch import nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from hil.detect.arrangement import INPUT_PX, LEVELS, described
+from hil.signals.errors import RecordingError
+
+OPERATOR_SET = 11
+
+
+def folded(model: nn.Module) -> nn.Module:
+    """A copy for inference, without batch normalisation."""
+    out = copy.deepcopy(model).eval().float().to(memory_format=torch.contiguous_format)
+    for module in out.modules():
+        if isinstance(module, nn.Sequential):
+            for i in range(len(module) - 1):
+                if isinstance(module[i], nn.Conv2d) and isinstance(module[i + 1], nn.BatchNorm2d):
+                    module[i] = fuse_conv_bn_eval(module[i], module[i + 1])
+                    module[i + 1] = nn.Identity()
+    return out
+
+
+def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold: float) -> ModelFile:
+    """Write the three files; `path` is that of the .onnx. RecordingError."""
+    plain = folded(model)
+    blob = torch.zeros(1, 3, INPUT_PX[1], INPUT_PX[0])
+    outputs = [f"level{i}" for i in range(len(LEVELS))]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore")  # that this exporter and TorchScript are old: JetPack's readers are older
+            torch.onnx.export(
+                plain,
+                (blob,),
+                str(path),
+                input_names=["picture"],
+                output_names=outputs,
+                opset_version=OPERATOR_SET,
+                dynamo=False,
+            )
+            torch.jit.trace(plain, blob, check_trace=False).save(str(path.with_suffix(".pt")))  # type: ignore[no-untyped-call]
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        model_file = described(path, classes, sha256=digest, threshold=threshold)
+        path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(f"{path}: the model cannot be written ({error})") from error
+    return ModelFile.load(path)
+
+
+def with_threshold(model: ModelFile, threshold: float) -> ModelFile:
+    """The same model with another threshold in its description. RecordingError."""
+    file = model.path.with_suffix(".json")
+    try:
+        data = {**json.loads(file.read_text()), "score_threshold": round(threshold, 4)}
+        file.write_text(json.dumps(data, indent=1) + "\n")
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be written ({error.strerror or error})") from error
+    return ModelFile.load(model.path)

@@ -1,0 +1,125 @@
+"""SSD-Lite on a small MobileNet-style backbone, for pictures of 320 x 240 and things from 8 pixels up.
+
+    stride   2  stem     3 x 3
+             4  detail   3 x 3, 3 x 3
+             8  mid      3 x 3, inverted residuals
+            16  deep     3 x 3, inverted residuals
+            32  wide     3 x 3, inverted residuals
+            64  far      3 x 3
+    levels  8 (with the deep features added, twice as large), 16, 32, 64
+
+Where the resolution is halved stand plain convolutions: processors run them faster, and train them several times
+faster, than a widening at the higher resolution and a depthwise one.
+
+Each level's head is one map: a 3 x 3 depthwise convolution, then 1 x 1 to classes + 4 numbers per anchor, numbered as
+`hil_companion.detect.anchors` says. Sandler et al. (2018), MobileNetV2; Liu et al. (2016), SSD.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+PRIOR = 0.01  # score of every anchor before training: else the many that see nothing drown the few that do
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Channels of each stride, and blocks at it."""
+
+    stem: int = 16
+    detail: int = 32
+    mid: int = 64
+    deep: int = 128
+    wide: int = 192
+    far: int = 128
+    mid_blocks: int = 2
+    deep_blocks: int = 4
+    wide_blocks: int = 2
+    expand: int = 2
+    head: int = 96
+
+
+def _conv(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True) -> nn.Sequential:
+    layers: list[nn.Module] = [
+        nn.Conv2d(inside, outside, kernel, stride, kernel // 2, groups=groups, bias=False),
+        nn.BatchNorm2d(outside),
+    ]
+    return nn.Sequential(*layers, nn.ReLU(inplace=True)) if act else nn.Sequential(*layers)
+
+
+class InvertedResidual(nn.Module):
+    """Wider, depthwise, narrower, and added to what came in."""
+
+    def __init__(self, width: int, expand: int) -> None:
+        super().__init__()
+        hidden = width * expand
+        self.body = nn.Sequential(
+            _conv(width, hidden, 1), _conv(hidden, hidden, 3, groups=hidden), _conv(hidden, width, 1, act=False)
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.body(x)
+
+
+class SsdLite(nn.Module):
+    """Blobs (B, 3, H, W), H and W multiples of 16, to one map (B, per_place * (classes + 4), rows, columns) a level."""
+
+    def __init__(self, classes: int, per_place: Sequence[int], widths: Widths | None = None) -> None:
+        super().__init__()
+        w = widths or Widths()
+        self.classes = classes
+        self.stem = _conv(3, w.stem, 3, 2)
+        self.detail = nn.Sequential(_conv(w.stem, w.detail, 3, 2), _conv(w.detail, w.detail, 3))
+        self.mid = _stage(w.detail, w.mid, w.mid_blocks, w.expand)
+        self.deep = _stage(w.mid, w.deep, w.deep_blocks, w.expand)
+        self.wide = _stage(w.deep, w.wide, w.wide_blocks, w.expand)
+        self.far = _stage(w.wide, w.far, 0, w.expand)
+        self.down = _conv(w.deep, w.head, 1)
+        self.up = nn.Upsample(scale_factor=2, mode="nearest")
+        self.side = _conv(w.mid, w.head, 1, act=False)
+        self.join = _conv(w.head, w.head, 3, groups=w.head)
+        inside = (w.head, w.head, w.wide, w.far)
+        if len(per_place) != len(inside):
+            raise ValueError(f"{len(per_place)} levels for a network of {len(inside)}")
+        self.heads = nn.ModuleList(_head(i, n, classes) for i, n in zip(inside, per_place, strict=True))
+        self._begin(per_place)
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        mid = self.mid(self.detail(self.stem(x)))
+        deep = self.deep(mid)
+        wide = self.wide(deep)
+        far = self.far(wide)
+        down = self.down(deep)
+        near = self.join(torch.relu(self.side(mid) + self.up(down)))
+        return [head(v) for head, v in zip(self.heads, (near, down, wide, far), strict=True)]
+
+    def _begin(self, per_place: Sequence[int]) -> None:
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
+        for head, n in zip(self.heads, per_place, strict=True):
+            last = head[-1]
+            nn.init.normal_(last.weight, std=0.01)
+            bias = torch.zeros(n, self.classes + 4)
+            bias[:, : self.classes] = -math.log((1.0 - PRIOR) / PRIOR)
+            last.bias.data.copy_(bias.reshape(-1))
+
+
+def _stage(inside: int, outside: int, blocks: int, expand: int) -> nn.Sequential:
+    return nn.Sequential(_conv(inside, outside, 3, 2), *(InvertedResidual(outside, expand) for _ in range(blocks)))
+
+
+def _head(inside: int, per_place: int, classes: int) -> nn.Sequential:
+    return nn.Sequential(_conv(inside, inside, 3, groups=inside), nn.Conv2d(inside, per_place * (classes + 4), 1))
+
+
+def by_anchor(maps: Sequence[Tensor], classes: int) -> tuple[Tensor, Tensor]:
+    """Maps to logits (B, N, classes) and offsets (B, N, 4): what the companion does with a single picture's."""
+    flat = [m.permute(0, 2, 3, 1).reshape(m.shape[0], -1, classes + 4) for m in maps]
+    joined = torch.cat(flat, 1)
+    return joined[..., :classes], joined[..., classes:]
