@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from hil.signals.detections import Detection, Detections
+from hil.signals.detections import Detections, words_of
 
 
 def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict[str, Any]:
@@ -21,13 +21,3 @@ def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict
             ]
             shown[stream] = {"t_ns": seen.t_capture_ns, "boxes": rows}
     return shown
-
-
-def words_of(found: Detection) -> str:
-    """What stands beside a box."""
-    words = f"{found.label} {found.score:.2f}"
-    if found.range_m is not None:
-        words += f", {found.range_m:.1f} m"
-    if found.radial_speed_mps is not None:
-        words += f", {found.radial_speed_mps:+.1f} m/s"
-    return words

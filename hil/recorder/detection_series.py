@@ -1,9 +1,11 @@
-"""What a companion has detected, as ROS 2 messages of two topics, one pair a client.
+"""What a companion has detected, as ROS 2 messages of three topics of each client.
 
 /companion/NAME/boxes        vision_msgs/Detection2DArray: what other tools read. A result's pose is where the thing is
                              in `world`, by the companion's own estimate; NaN where it has none.
 /companion/NAME/detections   hil_msgs/Detections: the same with range and radial speed, and the objects that the
                              companion takes to be there, in messages that have news of them.
+/companion/NAME/overlay      foxglove_msgs/ImageAnnotations: boxes and words, for Foxglove's image panel to draw over
+                             the picture of the same stamp.
 
 header.stamp is the picture's capture, its frame that of the camera; log time when the bench had the answer.
 """
@@ -18,11 +20,14 @@ import numpy as np
 from hil.recorder.cdr import Layout, schema_text
 from hil.recorder.mcap_file import Block, McapFile
 from hil.recorder.topics import WORLD
-from hil.signals.detections import Detection, Detections
+from hil.signals.detections import Detection, Detections, words_of
 from hil.signals.samples import Vec3
 from hil.signals.time import NS_PER_S
 
 _BOXES, _DETECTIONS = "vision_msgs/Detection2DArray", "hil_msgs/Detections"
+_OVERLAY = "foxglove_msgs/ImageAnnotations"
+_LINE_LOOP = 2
+_YELLOW, _WHITE, _SHADE, _CLEAR = (1.0, 0.83, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.6), (0.0,) * 4
 _NOWHERE: Vec3 = (math.nan, math.nan, math.nan)
 
 
@@ -33,7 +38,7 @@ class DetectionSeries:
         self._client = client
         self._waiting: list[tuple[int, Detections, str]] = []
         self._count = 0
-        self._channels: tuple[int, int] | None = None
+        self._channels: tuple[int, ...] = ()
 
     def add(self, t_ns: int, detections: Detections, frame_id: str) -> None:
         """Remember one picture's; `frame_id` is its camera's."""
@@ -43,19 +48,19 @@ class DetectionSeries:
         """The records of everything that came in, which is then forgotten."""
         if not self._waiting:
             return []
-        if self._channels is None:
-            topics = (
-                (f"/companion/{self._client}/boxes", _BOXES),
-                (f"/companion/{self._client}/detections", _DETECTIONS),
+        if not self._channels:
+            kinds = {"boxes": _BOXES, "detections": _DETECTIONS, "overlay": _OVERLAY}
+            self._channels = tuple(
+                file.channel(f"/companion/{self._client}/{topic}", kind, schema_text(kind))
+                for topic, kind in kinds.items()
             )
-            first, second = (file.channel(topic, kind, schema_text(kind)) for topic, kind in topics)
-            self._channels = (first, second)
-        boxes, whole = self._channels
-        records: dict[int, list[bytes]] = {boxes: [], whole: []}
+        boxes, whole, overlay = self._channels
+        records: dict[int, list[bytes]] = {channel: [] for channel in self._channels}
         log_ns = np.array([t_ns for t_ns, _, _ in self._waiting], np.uint64)
         for t_ns, detections, frame_id in self._waiting:
             records[boxes].append(self._record(_boxes_layout(detections, frame_id, boxes), t_ns, detections))
             records[whole].append(self._record(_whole_layout(detections, frame_id, whole), t_ns, detections))
+            records[overlay].append(self._record(_overlay_layout(detections, overlay), t_ns))
             self._count += 1
         self._waiting.clear()
         blocks = []
@@ -64,11 +69,12 @@ class DetectionSeries:
             blocks.append(Block(channel, b"".join(parts), log_ns, offsets))
         return blocks
 
-    def _record(self, layout: Layout, t_ns: int, detections: Detections) -> bytes:
+    def _record(self, layout: Layout, t_ns: int, stamped: Detections | None = None) -> bytes:
         record = layout.records(1)
         record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
-        seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
-        record["header.stamp.sec"], record["header.stamp.nanosec"] = seconds, nanoseconds
+        if stamped is not None:
+            seconds, nanoseconds = divmod(stamped.t_capture_ns, NS_PER_S)
+            record["header.stamp.sec"], record["header.stamp.nanosec"] = seconds, nanoseconds
         return record.tobytes()
 
 
@@ -130,3 +136,31 @@ def _numbers(found: Detection) -> dict[str, Any]:
         "radial_speed_mps": math.nan if found.radial_speed_mps is None else found.radial_speed_mps,
         "position": found.p_W or _NOWHERE,
     }
+
+
+def _overlay_layout(detections: Detections, channel: int) -> Layout:
+    strings: dict[str, str] = {}
+    count = len(detections.boxes)
+    lengths = {"circles": 0, "points": count, "texts": count}
+    seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
+    values: dict[str, Any] = {}
+    for i, found in enumerate(detections.boxes):
+        outline, words = f"points[{i}]", f"texts[{i}]"
+        x0, y0, x1, y1 = found.box_px
+        lengths |= {f"{outline}.points": 4, f"{outline}.outline_colors": 0}
+        strings[f"{words}.text"] = words_of(found)
+        for at in (outline, words):
+            values |= {f"{at}.timestamp.sec": seconds, f"{at}.timestamp.nanosec": nanoseconds}
+        for k, (x, y) in enumerate(((x0, y0), (x1, y0), (x1, y1), (x0, y1))):
+            values |= {f"{outline}.points[{k}].x": x, f"{outline}.points[{k}].y": y}
+        values |= {
+            f"{outline}.type": _LINE_LOOP,
+            f"{outline}.outline_color": _YELLOW,
+            f"{outline}.fill_color": _CLEAR,
+            f"{outline}.thickness": 1.0,
+            f"{words}.position": (x0, y0),
+            f"{words}.font_size": 8.0,
+            f"{words}.text_color": _WHITE,
+            f"{words}.background_color": _SHADE,
+        }
+    return Layout(_OVERLAY, channel=channel, strings=strings, lengths=lengths, values=values)

@@ -1,8 +1,8 @@
 """ROS 2 message definitions of everything in a recording.
 
-The standard ones are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2, vision_msgs), without their
-comments. The `hil_msgs` ones are this project's; the definition travels inside every recording, so no reader needs
-them installed. `hil.recorder.cdr` derives both the byte layout and the schema text from this one table.
+The standard ones are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2, vision_msgs) and of Foxglove,
+without their comments. The `hil_msgs` ones are this project's; the definition travels inside every recording, so no
+reader needs them installed. `hil.recorder.cdr` derives both the byte layout and the schema text from this one table.
 """
 
 from __future__ import annotations
@@ -77,6 +77,25 @@ DEFINITIONS: dict[str, str] = {
         "string id"
     ),
     "vision_msgs/Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
+    "foxglove_msgs/Point2": "float64 x\nfloat64 y",
+    "foxglove_msgs/Color": "float64 r\nfloat64 g\nfloat64 b\nfloat64 a",
+    "foxglove_msgs/CircleAnnotation": (
+        "builtin_interfaces/Time timestamp\nfoxglove_msgs/Point2 position\nfloat64 diameter\nfloat64 thickness\n"
+        "foxglove_msgs/Color fill_color\nfoxglove_msgs/Color outline_color"
+    ),
+    "foxglove_msgs/PointsAnnotation": (
+        "builtin_interfaces/Time timestamp\nuint8 LINE_LOOP=2\nuint8 type\nfoxglove_msgs/Point2[] points\n"
+        "foxglove_msgs/Color outline_color\nfoxglove_msgs/Color[] outline_colors\nfoxglove_msgs/Color fill_color\n"
+        "float64 thickness"
+    ),
+    "foxglove_msgs/TextAnnotation": (
+        "builtin_interfaces/Time timestamp\nfoxglove_msgs/Point2 position\nstring text\nfloat64 font_size\n"
+        "foxglove_msgs/Color text_color\nfoxglove_msgs/Color background_color"
+    ),
+    "foxglove_msgs/ImageAnnotations": (
+        "foxglove_msgs/CircleAnnotation[] circles\nfoxglove_msgs/PointsAnnotation[] points\n"
+        "foxglove_msgs/TextAnnotation[] texts"
+    ),
     "hil_msgs/Detection": (
         "string label\nfloat64 score\nfloat64[4] box_px\nfloat64 range_m\nfloat64 radial_speed_mps\n"
         "geometry_msgs/Point position"

@@ -50,3 +50,13 @@ class Detections:
     size_px: tuple[int, int]  # width, height
     boxes: tuple[Detection, ...] = ()
     objects: tuple[FoundObject, ...] | None = None
+
+
+def words_of(found: Detection) -> str:
+    """What stands beside a box."""
+    words = f"{found.label} {found.score:.2f}"
+    if found.range_m is not None:
+        words += f", {found.range_m:.1f} m"
+    if found.radial_speed_mps is not None:
+        words += f", {found.radial_speed_mps:+.1f} m/s"
+    return words

@@ -175,6 +175,10 @@ def test_official_readers_see_the_boxes(tmp_path: Path) -> None:
     assert (whole.width, whole.height, whole.topic) == (320, 240, "front/rgb")
     assert (whole.detections[0].range_m, whole.detections[0].radial_speed_mps) == (12.5, -1.25)
     assert (whole.objects[0].number, whole.objects[0].sightings, whole.objects[0].velocity.x) == (3, 7, 0.5)
+    overlay = next(ros for topic, _, ros in read if topic == "/companion/detect/overlay")
+    corners = [(p.x, p.y) for p in overlay.points[0].points]
+    assert corners == [(10.0, 20.0), (30.5, 20.0), (30.5, 60.0), (10.0, 60.0)]
+    assert (overlay.points[0].type, overlay.texts[1].text) == (2, "vehicle 0.50")
     quiet = Recorder(tmp_path / "quiet", mcap=False, tlog=False, tick_ns=4_000_000)
     assert quiet.digest == digest  # an opinion is no part of what happened
 
