@@ -7,14 +7,15 @@ import math
 from pathlib import Path
 
 import pytest
-from hil_companion.detect import model_file
-from hil_companion.detect.detection import Detection
 
 from hil.bench_suite import detect
 from hil.bench_suite.detect_cases import apart_px, load_model
 from hil.bench_suite.result import BenchmarkResult, Row
 from hil.report.run_json import finite
 from hil.signals.errors import RecordingError
+
+from hil_companion.detect import model_file  # isort: skip
+from hil_companion.detect.detection import Detection  # isort: skip
 
 
 def box(x: float, score: float = 0.9, label: str = "person") -> Detection:
