@@ -72,7 +72,8 @@ class Flat:
         far = ranges_m(self.boxes, float(self.p[0]), float(self.p[1]))
         seen = far < _FAR_M
         level = far[seen, None] * np.stack([np.cos(_ANGLES[seen]), np.sin(_ANGLES[seen])], axis=1)
-        ground = 12.0 * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+        # No two sweeps are alike: one that is, while the vehicle moves, is a LiDAR that hangs.
+        ground = (12.0 + 0.002 * (n % 5)) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
         points: np.ndarray | None = np.vstack(
             [
                 np.column_stack([level, np.zeros(len(level))]),

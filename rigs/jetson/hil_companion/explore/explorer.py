@@ -9,7 +9,8 @@
     goal_in_obstacle   the goal lies in something, or in something closed
     no_path            no way is left: the vehicle is shut in
     stuck              it has not got on for stuck_s, its position is not known, or time_limit_s are over
-    lidar_lost         no usable sweep for lidar_lost_s. It brakes after a third of a second without
+    lidar_lost         no usable sweep for lidar_lost_s. It brakes after a third of a second without, and does not climb
+    imu_lost           roll and pitch not known for imu_lost_s. It brakes at once
 
 Only sensors' data count here, never what the autopilot takes its position for: velocities are commanded, and closed
 over the estimate. What is commanded depends on the frames alone.
@@ -27,12 +28,11 @@ from hil_companion.desired import Desired
 from hil_companion.explore.face import Estimate, Localiser
 from hil_companion.explore.inflation import Berth, berth, sigma_m
 from hil_companion.explore.moving import Moving
-from hil_companion.explore.nearby import Nearby, Sweeps
+from hil_companion.explore.nearby import Nearby
 from hil_companion.explore.outcome import (
     FLYING,
     GOAL,
     GOAL_IN_OBSTACLE,
-    LIDAR_LOST,
     NO_PATH,
     STUCK,
     FlightReport,
@@ -40,17 +40,17 @@ from hil_companion.explore.outcome import (
 from hil_companion.explore.plan_map import PlanMap, TooFar, make_map
 from hil_companion.explore.retreat import RetreatRule
 from hil_companion.explore.route import NO_WAY, Route, Router
+from hil_companion.explore.senses import Senses
 from hil_companion.explore.settings import FlightSettings
 from hil_companion.explore.steering import Steering
 from hil_companion.frame import Frame
 
-_FEWEST_POINTS = 20  # of a sweep that shows anything
-_STALE_SWEEP_S = 0.35
 _AT_HEIGHT_M = 0.5
 _HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
 _HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
 _SLOW_MPS = 0.5
 _NEAR_M = 6.0  # of the newest sweep, what is drawn into the map at once
+_FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # of the set speed, and wind: nobody flies faster, an estimate that does is off
 _UNSURE_M, _LOST_M = 0.3, 3.0  # sigma above which it flies slower; above which the position is not known
 
 
@@ -76,12 +76,11 @@ class Explorer:
         self.estimate: Estimate | None = None
         self.map: PlanMap | None = None
         self.route: Route = NO_WAY
-        self.near: Nearby | None = None
         self._localiser = localiser
         x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
         self._beyond = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
-        self._lidar, self._imu, self._clock_s = lidar, imu, clock_s
-        self._sweeps = Sweeps(calibration, settings.slab_m)
+        self._clock_s = clock_s
+        self._senses = Senses(settings, calibration, lidar=lidar, imu=imu)
         self._moving = Moving()
         self._router = Router(settings.move_goal_m)
         self._steering = Steering(settings)
@@ -89,17 +88,29 @@ class Explorer:
         self._retreating = False
         self._begun_ns: int | None = None
         self._before_ns: int | None = None
-        self._sweep_ns: int | None = None  # of the newest usable one
         self._planned_ns: int | None = None  # sweep that the route was planned with
         self._shut_since_ns: int | None = None
         self._anchor: tuple[int, np.ndarray] | None = None  # when and where it last had got on
         self._outcome_ns = 0
         self._hold_W: np.ndarray | None = None
         self._start_W: np.ndarray | None = None
+        self._height_m = settings.height_m  # that it climbs to, or keeps
+        self._up_m = 0.0  # where it was when that was last known
+        self._command: Desired | None = None
+
+    @property
+    def near(self) -> Nearby | None:
+        """What the newest sweep shows."""
+        return self._senses.near
 
     # --- one frame ---
 
     def step(self, frame: Frame) -> Desired:
+        if self._command is None or self._before_ns is None or frame.t_ns > self._before_ns:
+            self._command = self._step(frame)  # a frame that is no newer says nothing new
+        return self._command
+
+    def _step(self, frame: Frame) -> Desired:
         dt_s = 0.1 if self._before_ns is None else min((frame.t_ns - self._before_ns) * 1e-9, 1.0)
         self._before_ns = frame.t_ns
         if self._begun_ns is None:
@@ -108,12 +119,13 @@ class Explorer:
         estimate = self.estimate = self._localiser.update(frame)
         self.report.update_ms.append(1e3 * (self._clock_s() - began_s))
         sigma = self.report.sigma_m = sigma_m(np.asarray(estimate.covariance_xy))
-        if not _usable(estimate) or sigma > _LOST_M:
+        if not self._usable(estimate) or sigma > _LOST_M:
             return self._blind(frame, dt_s)
         p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
+        self._up_m = float(p_W[2])
         if self._start_W is None:
             self._start_W = p_W[:2].copy()
-        self._look(frame, estimate)
+        self._senses.look(frame, estimate)
         if not self.finished:
             self.report.goal_distance_m = float(np.hypot(*(p_W[:2] - self.goal_W)))
         if self.report.phase == "climb":
@@ -124,57 +136,48 @@ class Explorer:
             v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
         return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
 
-    def _look(self, frame: Frame, estimate: Estimate) -> None:
-        if self._lidar not in frame:
-            return
-        rate = 0.0
-        if self._imu in frame:
-            rows = np.asarray(frame[self._imu]["gyro_radps"], float).reshape(-1, 3)
-            rate = float(np.mean(rows[:, 2])) if np.isfinite(rows).all() else 0.0
-        near = self._sweeps.read(frame[self._lidar], estimate, rate, self.settings.height_m)
-        newer = self._sweep_ns is None or near.t_ns > self._sweep_ns
-        if near.usable >= _FEWEST_POINTS and newer:
-            self.near, self._sweep_ns = near, near.t_ns
-
     def _climb(self, frame: Frame, p_W: np.ndarray, dt_s: float) -> Desired:
+        estimate = self.estimate
         assert self._start_W is not None
-        if abs(p_W[2] - self.settings.height_m) < _AT_HEIGHT_M:
+        assert estimate is not None
+        lost = self._senses.lost(frame.t_ns)
+        if lost is not None:
+            self._end(frame, *lost)
+        elif abs(p_W[2] - self.settings.height_m) < _AT_HEIGHT_M:
             self.report.phase = "fly"
-            if self._sweep_ns is None:
-                self._sweep_ns = frame.t_ns
         elif self._over_s(frame) > self.settings.time_limit_s:
             self._end(frame, STUCK, "it did not get to the height of the flight")
-            self.report.phase = "hover"
+        if not self._senses.ready(frame.t_ns):
+            v_xy = self._steering.stop(dt_s)
+            return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), 0.0), yaw_rad=self._steering.yaw_rad)
         v_xy = _limited(_HOLD_GAIN_PER_S * (self._start_W - p_W[:2]), _HOLD_MPS)
-        estimate = self.estimate
-        assert estimate is not None
         return self._desired(self._steering.slew(v_xy, dt_s), p_W[2], estimate.yaw_rad, dt_s)
 
     def _fly(
         self, frame: Frame, estimate: Estimate, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float
     ) -> np.ndarray:
         s = self.settings
-        blind_s = (frame.t_ns - (self._sweep_ns or 0)) * 1e-9
-        if blind_s > _STALE_SWEEP_S or self.near is None:
-            if blind_s > s.lidar_lost_s:
-                self._end(frame, LIDAR_LOST, f"no usable sweep for {blind_s:.1f} s")
+        lost = self._senses.lost(frame.t_ns)
+        if lost is not None:
+            self._end(frame, *lost)
+        near = self._senses.near
+        if near is None or not self._senses.ready(frame.t_ns):
             return self._steering.stop(dt_s)
         berth_ = berth(s, sigma, float(estimate.grid.cell_m))
-        if self._planned_ns != self._sweep_ns:  # nothing new to plan with between two sweeps
+        if self._planned_ns != near.t_ns:  # nothing new to plan with between two sweeps
             began_s = self._clock_s()
             try:
                 if self._beyond:
                     raise TooFar("the goal lies beyond the area that is mapped")
-                self.route = self._plan(frame, estimate, p_W, berth_)
+                self.route = self._plan(frame, estimate, near, p_W, berth_)
             except TooFar as error:
                 self._end(frame, NO_PATH, str(error))
                 return self._steering.stop(dt_s)
             self.report.plan_ms.append(1e3 * (self._clock_s() - began_s))
             self.report.replans += 1
-            self._planned_ns = self._sweep_ns
+            self._planned_ns = near.t_ns
         route = self.route
         assert self.map is not None
-        near = self.near
         nearest_m, dx, dy = near.nearest(*p_W)
         self.report.nearest_m = min(self.report.nearest_m, nearest_m)
         giving_way = self._give_way(berth_, near, p_W, v_W, nearest_m, dx, dy)
@@ -189,9 +192,8 @@ class Explorer:
         most = max(s.slow_mps, most)
         return self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
 
-    def _plan(self, frame: Frame, estimate: Estimate, p_W: np.ndarray, around: Berth) -> Route:
-        s, near = self.settings, self.near
-        assert near is not None
+    def _plan(self, frame: Frame, estimate: Estimate, near: Nearby, p_W: np.ndarray, around: Berth) -> Route:
+        s = self.settings
         gone = self._moving.gone(estimate.grid, near.level_W, frame.t_ns * 1e-9)
         d = near.level_W - p_W
         close = near.level_W[(d * d).sum(axis=1) < _NEAR_M * _NEAR_M]
@@ -235,6 +237,8 @@ class Explorer:
         return self.report.outcome != FLYING
 
     def _end(self, frame: Frame, outcome: str, why: str) -> None:
+        if self.report.phase == "climb":
+            self._height_m = self._up_m  # no higher, and not down on what it came from
         self.report.outcome, self.report.why, self.report.t_s = outcome, why, frame.t_ns * 1e-9
         self.report.phase = "hover"
         self._outcome_ns = frame.t_ns
@@ -244,14 +248,14 @@ class Explorer:
         """Where it is, as long as something tells where that is; away from what comes near."""
         hover_s = 0.0 if self.report.outcome == GOAL else self.settings.hover_s
         self.finished = self.finished or (frame.t_ns - self._outcome_ns) * 1e-9 >= hover_s
-        fresh = self._sweep_ns is not None and (frame.t_ns - self._sweep_ns) * 1e-9 < _STALE_SWEEP_S
-        if not fresh or self.near is None:
+        near = self._senses.near
+        if near is None or not self._senses.sees(frame.t_ns):
             self._hold_W = None
             return self._steering.stop(dt_s)
         estimate = self.estimate
         assert estimate is not None
         around = berth(self.settings, sigma, float(estimate.grid.cell_m))
-        away = self._give_way(around, self.near, p_W, v_W, *self.near.nearest(*p_W))
+        away = self._give_way(around, near, p_W, v_W, *near.nearest(*p_W))
         if away is not None:
             self._hold_W = None
             return self._steering.slew(away, dt_s, hard=True)
@@ -277,17 +281,19 @@ class Explorer:
 
     def _desired(self, v_xy: np.ndarray, up_m: float, yaw_rad: float, dt_s: float) -> Desired:
         s = self.settings
-        climb = min(max(_HEIGHT_GAIN_PER_S * (s.height_m - float(up_m)), -_SINK_MPS), s.climb_mps)
+        climb = min(max(_HEIGHT_GAIN_PER_S * (self._height_m - float(up_m)), -_SINK_MPS), s.climb_mps)
         yaw = self._steering.turn(yaw_rad, v_xy, dt_s)
         return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), climb), yaw_rad=yaw)
 
+    def _usable(self, estimate: Estimate) -> bool:
+        """Whether the estimate can be that of this vehicle."""
+        p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
+        values = (*p_W, *v_W, estimate.yaw_rad, estimate.roll, estimate.pitch)
+        fastest = _FASTEST_SHARE * self.settings.speed_mps + _FASTEST_MPS
+        return all(math.isfinite(float(v)) for v in values) and float(np.linalg.norm(v_W)) < fastest
+
     def _over_s(self, frame: Frame) -> float:
         return (frame.t_ns - (self._begun_ns or 0)) * 1e-9
-
-
-def _usable(estimate: Estimate) -> bool:
-    values = (*np.asarray(estimate.p_W, float), *np.asarray(estimate.v_W, float), estimate.yaw_rad)
-    return all(math.isfinite(float(v)) for v in (*values, estimate.roll, estimate.pitch))
 
 
 def _limited(v: np.ndarray, most: float) -> np.ndarray:

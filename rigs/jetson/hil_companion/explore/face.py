@@ -20,6 +20,7 @@ class Estimate(Protocol):
     pitch: float
     covariance_xy: np.ndarray  # (2, 2) [m2]
     lidar_ok: bool
+    imu_ok: bool  # roll and pitch are known
     grid: GridView
 
 

@@ -9,20 +9,26 @@ compared with where the vehicle was then, and corrects where it is.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NamedTuple, Sequence
 
 import numpy as np
 
-from hil_companion.explore.rotation import matrix_of, product, roll_pitch_yaw, skew, turned
+from hil_companion.explore.rotation import matrix_of, product, quaternion_of, roll_pitch_yaw, skew, turned
 
 G_MPS2 = 9.80665
 _KEPT_ROWS = 1000  # of the past: a second at 1 kHz
 _MOST_WAITING = 4096
 _GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # with what vibration and scale add
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
-_GAP_S = 0.05  # a longer gap between rows is flown through at constant velocity
+_MOST_RADPS, _MOST_MPS2 = 60.0, 400.0  # no gyro or accelerometer of a drone goes further: rows beyond are errors
+_GAP_S = 0.05  # a longer gap between rows is flown through more and more slowly, and level
+_STOP_S = 1.0  # a vehicle whose IMU is silent is braked
 _COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # what a vehicle may do meanwhile
+_LEVEL_S, _TILT_RAD = 0.5, 0.15  # a tilt that nobody sees is forgotten in so long; what then may be there
+_UNSURE_TILT_RAD = 0.04  # above it gravity tells what is level,
+_SHAKE_MPS2 = 2.0  # as well as a vehicle that accelerates lets it
 
 P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 
@@ -50,15 +56,24 @@ class InertialFilter:
         self.cov = np.diag(np.array(sigma) ** 2)
         self.t_ns: int | None = None
         self.last_imu_ns: int | None = None
+        self._force_W: np.ndarray | None = None  # mean of what was sensed since the last stand; None: nothing was
         self._waiting: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MOST_WAITING)
         self._past: deque[Moment] = deque(maxlen=_KEPT_ROWS)
 
     def take(
-        self, t_ns: Sequence[int], gyro_radps: Sequence[Sequence[float]], accel_mps2: Sequence[Sequence[float]]
+        self,
+        t_ns: Sequence[int],
+        gyro_radps: Sequence[Sequence[float]],
+        accel_mps2: Sequence[Sequence[float]],
+        *,
+        upto_ns: float = math.inf,
     ) -> None:
-        """Rows of the IMU, each the mean over the time since the row before. Those that are not finite are left out."""
+        """Rows of the IMU, each the mean over the time since the row before. Those that are not finite, more than
+        any sensor says, or of the future, are left out."""
         for t, w, f in zip(t_ns, gyro_radps, accel_mps2):
-            if np.isfinite(w).all() and np.isfinite(f).all() and (self.last_imu_ns is None or t > self.last_imu_ns):
+            sane = max(map(abs, w)) < _MOST_RADPS and max(map(abs, f)) < _MOST_MPS2
+            sane = sane and np.isfinite(w).all() and np.isfinite(f).all() and t <= upto_ns
+            if sane and (self.last_imu_ns is None or t > self.last_imu_ns):
                 self._waiting.append((int(t), tuple(w), tuple(f)))
                 self.last_imu_ns = int(t)
 
@@ -86,8 +101,22 @@ class InertialFilter:
             self._past.append(moment)
         self.t_ns = moment.t_ns
         self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
-        force_W = f_sum / used if used else np.array([0.0, 0.0, G_MPS2])
+        self._force_W = f_sum / used if used else None
+        force_W = self._force_W if self._force_W is not None else np.array([0.0, 0.0, G_MPS2])
         self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s)
+
+    @property
+    def tilt_sigma_rad(self) -> float:
+        """How sure roll and pitch are."""
+        return float(np.sqrt(max(self.cov[6, 6], self.cov[7, 7], 0.0)))
+
+    def level(self) -> None:
+        """Where roll and pitch are not known: on the average a vehicle does not accelerate, so what it feels is up."""
+        if self._force_W is None or self.tilt_sigma_rad < _UNSURE_TILT_RAD:
+            return
+        H = np.zeros((2, 15))
+        H[:, TH], H[:, BA] = -skew(self._force_W)[:2], -self.R[:2]
+        self.correct(H, -self._force_W[:2], np.full(2, _SHAKE_MPS2**2))
 
     def moment(self) -> Moment:
         """Where it stands."""
@@ -146,6 +175,16 @@ class InertialFilter:
         H[np.arange(len(axes)), list(axes)] = 1.0
         return self.correct(H, innovation, variance, gate)
 
+    def correct_place(self, innovation: np.ndarray, variance: np.ndarray, *, above_m: float) -> None:
+        """x and y, found by things that lie so much above the vehicle: what it takes for level moves them, by
+
+        p_found - p = d_theta x (0, 0, above)
+        """
+        H = np.zeros((2, 15))
+        H[0, 0] = H[1, 1] = 1.0
+        H[0, 7], H[1, 6] = above_m, -above_m
+        self.correct(H, innovation, variance)
+
     def correct_velocity(self, innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
         H = np.zeros((3, 15))
         H[:, V] = np.eye(3)
@@ -181,23 +220,36 @@ class InertialFilter:
 
     def _coast(self, m: Moment, to_ns: int) -> Moment:
         dt = (to_ns - m.t_ns) * 1e-9
-        return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
+        if dt <= _GAP_S:
+            return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
+        tilt, speed = math.exp(-dt / _LEVEL_S), math.exp(-dt / _STOP_S)
+        roll, pitch, yaw = roll_pitch_yaw(matrix_of(m.q))
+        way_s = _STOP_S * (1.0 - speed)
+        p = (m.p[0] + way_s * m.v[0], m.p[1] + way_s * m.v[1], m.p[2] + way_s * m.v[2])
+        v = (speed * m.v[0], speed * m.v[1], speed * m.v[2])
+        return Moment(to_ns, p, v, quaternion_of(tilt * roll, tilt * pitch, yaw))
 
     def _spread(self, T: float, force_W: np.ndarray, coasted_s: float) -> None:
         """Covariance over T seconds with the mean force, of which nothing was sensed for some."""
         if T <= 0.0:
             return
+        felt_s = T - coasted_s
         F = np.eye(15)
         R = self.R
         F[P, V] = T * np.eye(3)
-        F[V, TH] = -T * skew(force_W)
-        F[P, TH] = -0.5 * T * T * skew(force_W)
-        F[V, BA] = -T * R
-        F[TH, BG] = -T * R
+        F[V, V] *= math.exp(-coasted_s / _STOP_S)
+        F[V, TH] = -felt_s * skew(force_W)
+        F[P, TH] = -0.5 * T * felt_s * skew(force_W)
+        F[V, BA] = -felt_s * R
+        F[TH, BG] = -felt_s * R
         noise = np.zeros(15)
         noise[V] = T * _ACCEL_MPS_PER_RTS**2 + coasted_s * _COAST_MPS_PER_RTS**2
         noise[P] = noise[V] * T * T / 3.0
-        noise[TH] = T * _GYRO_RAD_PER_RTS**2 + coasted_s * _COAST_RAD_PER_RTS**2
+        noise[TH] = T * _GYRO_RAD_PER_RTS**2
+        noise[8] += coasted_s * _COAST_RAD_PER_RTS**2
+        left = math.exp(-coasted_s / _LEVEL_S)
+        F[6, 6] = F[7, 7] = left
+        noise[6:8] += (1.0 - left * left) * _TILT_RAD**2
         noise[BG], noise[BA] = T * _GYRO_WALK**2, T * _ACCEL_WALK**2
         self.cov = F @ self.cov @ F.T + np.diag(noise)
 

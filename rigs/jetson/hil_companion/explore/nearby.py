@@ -4,7 +4,8 @@ A point fired `time_offset_ns` before the capture lay at its place as seen from 
 
     p_W = p_now - v (t_now - t_fired) + R(yaw - r (t_now - t_fired), pitch, roll) p_B
 
-Points that are not finite are left out. A sweep without any others is no sweep.
+Points that are not finite, or lie in the LiDAR itself (a range of zero), are left out. A sweep without any others is no
+sweep.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import numpy as np
 from hil_companion.explore.face import Estimate
 from hil_companion.explore.rotation import matrix_of
 from hil_companion.frame import Sample
+
+_LEAST_M = 0.1  # of a range
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,9 @@ class Sweeps:
         """`height_m`: of the flight. What is looked at lies round the vehicle's own height and round this one."""
         points_L = np.asarray(sample["points_L"], float).reshape(-1, 3)
         offset_ns = np.asarray(sample["time_offset_ns"], float).reshape(-1)
-        good = np.isfinite(points_L).all(axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squared_m2 = (points_L * points_L).sum(axis=1)
+        good = np.isfinite(squared_m2) & (squared_m2 > _LEAST_M * _LEAST_M)
         points_L, offset_ns = points_L[good], offset_ns[good]
         ago_s = ((at.t_ns - sample.t_capture_ns) - offset_ns) * 1e-9
         points_B = points_L @ self._R_BL.T + self._p_BL

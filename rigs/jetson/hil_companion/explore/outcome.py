@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 FLYING = "flying"
-GOAL, STUCK, NO_PATH, LIDAR_LOST, GOAL_IN_OBSTACLE = "goal", "stuck", "no_path", "lidar_lost", "goal_in_obstacle"
+GOAL, STUCK, NO_PATH, GOAL_IN_OBSTACLE = "goal", "stuck", "no_path", "goal_in_obstacle"
+LIDAR_LOST, IMU_LOST = "lidar_lost", "imu_lost"
 
 
 class FlightReport:

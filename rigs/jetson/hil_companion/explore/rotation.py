@@ -50,6 +50,12 @@ def roll_pitch_yaw(R: np.ndarray) -> tuple[float, float, float]:
     return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
 
 
+def quaternion_of(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Of Rz(yaw) Ry(pitch) Rx(roll)."""
+    q = (math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw))
+    return turned(turned(q, 0.0, pitch, 0.0), roll, 0.0, 0.0)
+
+
 Angle = TypeVar("Angle", float, np.ndarray)
 
 

@@ -36,6 +36,7 @@ class Scan(NamedTuple):
     all_xy: np.ndarray  # (k, 2) all upright points, one a cell, for the map to match with
     band_xy: np.ndarray  # (b, 2)
     reach_m: np.ndarray  # (_BINS,)
+    above_m: tuple[float, float] = (0.0, 0.0)  # mean and spread of how high over the body the upright points lie
 
 
 def make_scan(
@@ -54,7 +55,8 @@ def make_scan(
     p, there = sweep.p_H, sweep.range_m > 0.0
     z = p[:, :, 2] + np.float32(z_m)
     r = np.hypot(p[:, :, 0], p[:, :, 1])
-    xy, normal = _upright(p, r, z, there, ground_z_m, match_range_m)
+    xy, normal, up_m = _upright(p, r, z, there, ground_z_m, match_range_m)
+    above_m = (float(up_m.mean()) - z_m, float(up_m.std())) if len(up_m) else (0.0, 0.0)
     xy, normal = _one_a_cell(xy, normal, cell_m)
     some = _spread(len(xy), match_points)
     low, high = height_z_m - band_half_m, height_z_m + band_half_m
@@ -63,7 +65,7 @@ def make_scan(
     reach_m = _reach(sweep, r, z, band, z_m, height_z_m, _FREE_SHARE * band_half_m, map_range_m, cell_m)
     band_xy = p[:, :, :2][band].astype(float)
     band_xy, _ = _one_a_cell(band_xy, np.zeros_like(band_xy), 0.5 * cell_m)
-    return Scan(xy[some], normal[some], xy, band_xy, reach_m)
+    return Scan(xy[some], normal[some], xy, band_xy, reach_m, above_m)
 
 
 def ground_offset_m(sweep: Sweep, *, z_m: float, ground_z_m: float) -> float | None:
@@ -81,8 +83,8 @@ def ground_offset_m(sweep: Sweep, *, z_m: float, ground_z_m: float) -> float | N
 
 def _upright(
     p: np.ndarray, r: np.ndarray, z: np.ndarray, there: np.ndarray, ground_z_m: float, range_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of pairs of rings on something upright, and the normals of what they are on."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Middles of pairs of rings on something upright, the normals of what they are on, and their heights."""
     rise = z[1:] - z[:-1]
     out = np.abs(r[1:] - r[:-1])
     pair = there[1:] & there[:-1] & (rise > _LEAST_RISE_M) & (out < _LEAN * rise + _NOISE_M)
@@ -101,7 +103,7 @@ def _upright(
     safe = np.where(line, length, 1.0)
     normal[:, :, 0] = np.where(line, -along[:, :, 1] / safe, 0.0)
     normal[:, :, 1] = np.where(line, along[:, :, 0] / safe, 0.0)
-    return middle[pair].astype(float), normal[pair].astype(float)
+    return middle[pair].astype(float), normal[pair].astype(float), 0.5 * (z[1:] + z[:-1])[pair]
 
 
 def _one_a_cell(xy: np.ndarray, normal: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

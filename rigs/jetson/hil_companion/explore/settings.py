@@ -27,6 +27,7 @@ class FlightSettings:
     move_goal_m: float = 0.0  # a goal where it cannot be is moved to the nearest place where it can, this far at most
     unknown_price: float = 0.4  # a metre of unknown counts as 1 + this
     lidar_lost_s: float = 2.0  # without a usable sweep
+    imu_lost_s: float = 5.0  # without knowing roll and pitch
     no_path_s: float = 4.0  # without a way to the goal, hovering
     stuck_s: float = 25.0  # without getting `progress_m` away from where it was
     progress_m: float = 1.0

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from hil_companion.explore.fresh import FreshSweeps
 from hil_companion.explore.geodesy import LocalPlane
 from hil_companion.explore.grid import GridView
 from hil_companion.explore.inertial import InertialFilter
@@ -45,6 +46,13 @@ _LEAST_SHARE = 0.5  # of the points on the map, for a search to have found
 _GROUND_SIGMA_M = 0.15  # of the ground's height as a sweep has it: things on it, tilt
 _GPS_GATE = 5.0
 _GPS_LOST_S = 0.6
+_SURE_M = 0.5  # of a position, that may begin a new part of the map
+_SETTLE = (
+    8  # sweeps that have to fit one after the other before maps go on, after one was away: what moves is not known
+)
+_IMU_LOST_S = 0.2
+_REST_S = 3.0  # after rows were missing: for sweeps that fit; where nothing is to fit, it goes on without
+_LEVEL_RAD = 0.05  # less sure of roll and pitch, what a sweep met at 30 m may be 3 m higher or lower: it is not used
 _RESAMPLE = 0.5  # of the particles
 
 
@@ -61,6 +69,7 @@ class SlamEstimate:
     covariance_xy: np.ndarray  # (2, 2)
     lidar_ok: bool
     gps_ok: bool
+    imu_ok: bool  # rows come, roll and pitch are known, and so is, by sweeps that fit, how it moves
     grid: GridView
     inliers: float  # share of matched points on a surface of the map; 0 without a sweep
     particles_xy: np.ndarray  # (n, 2)
@@ -79,11 +88,14 @@ class Slam:
         self._start = np.array([x, y, z])
         self._plane: LocalPlane | None = None
         self._baro_zero: list[float] = []
+        self._fresh = FreshSweeps()
         self._sweep_ns: int | None = None
         self._last_fix_ns: int | None = None
         self._fixes: list[tuple[int, np.ndarray, float]] = []  # waiting: time, position, variance
         self._speeds: list[tuple[int, np.ndarray]] = []
         self._heights: list[tuple[int, float, float]] = []
+        self._fitted = 0  # sweeps in a row
+        self._tilted_ns: int | None = None  # when roll and pitch were last not known
         self._turn = 0
         self._inserted = np.full((s.particles, 3), np.inf)
         self._waited = np.zeros(s.particles, int)
@@ -111,7 +123,7 @@ class Slam:
         topic = self.settings.imu_topic
         if topic in frame:
             imu = frame[topic]
-            self._inertial.take(imu["t_capture_ns"], imu["gyro_radps"], imu["accel_mps2"])
+            self._inertial.take(imu["t_capture_ns"], imu["gyro_radps"], imu["accel_mps2"], upto_ns=int(frame.t_ns))
 
     def _take_gps(self, frame: Any) -> None:
         topic = self.settings.gps_topic
@@ -151,12 +163,12 @@ class Slam:
         del self._heights[:-64]
 
     def _new_sweep(self, frame: Any) -> int | None:
-        """Its time, if there is one that is newer than the last."""
+        """Its time, if there is a new one."""
         topic = self.settings.lidar_topic
         if topic not in frame:
             return None
         t_ns = int(frame[topic].t_capture_ns)
-        if t_ns > int(frame.t_ns) or (self._sweep_ns is not None and t_ns <= self._sweep_ns):
+        if not self._fresh.take(frame[topic], now_ns=int(frame.t_ns), p_W=self._inertial.p):
             return None
         if self._inertial.t_ns is not None and t_ns < self._inertial.t_ns:
             return None  # the filter went on without it
@@ -171,6 +183,7 @@ class Slam:
         s = self.settings
         before = self._stand()
         self._inertial.advance(sweep_ns)
+        self._inertial.level()
         self._aid()
         sweep = make_sweep(
             self._inertial,
@@ -184,7 +197,7 @@ class Slam:
             decimation=s.decimation,
         )
         predicted, motion = self._moved(before)
-        if sweep.returns < _LEAST_RETURNS:
+        if sweep.returns < _LEAST_RETURNS or self._inertial.tilt_sigma_rad > _LEVEL_RAD:
             self.particles.pose = predicted
             self._go_on_with_gps()
             return
@@ -196,34 +209,46 @@ class Slam:
             self.particles.pose = predicted
             self._sweep_ns = sweep_ns
             self._insert(scan, everybody=True)
+            self._fitted = _SETTLE
             return
-        if self._lidar_late(sweep_ns):
+        late = self._lidar_late(sweep_ns)
+        if late:
+            self._fitted = 0
             predicted, motion = self._look_for(predicted, motion, scan)
         found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
-        if not self._fits(found):
+        if not self._fits(found, late=late):
             predicted, motion = self._look_for(predicted, motion, scan)
             found = match(self.maps, predicted, np.linalg.inv(motion), scan.match_xy, scan.normal_xy)
-            if not self._fits(found):
+            if not self._fits(found, late=late):
                 # Nothing fits: better to believe the IMU than a wrong wall.
                 self.particles.pose = predicted
                 self._go_on_with_gps()
                 return
         self._sweep_ns = sweep_ns
         self._draw(found)
-        self._insert(scan, everybody=False)
-        self._correct_inertial()
+        self._fitted += 1
+        if self._fitted >= _SETTLE:
+            self._insert(scan, everybody=False)
+        self._correct_inertial(scan)
 
-    def _fits(self, found: Match) -> bool:
-        """Whether the scan lies on the map of the best particle, where there is any map."""
+    def _fits(self, found: Match, *, late: bool) -> bool:
+        """Whether the scan lies on the map of the best particle. Where no map is there is nothing to fit; but `late`,
+        when it is long since one did, that is believed only of a position that is known all the same."""
         best = self.particles.best
         self._inliers = float(found.inliers[best])
-        return float(found.known[best]) < _LEAST_KNOWN or self._inliers >= _LEAST_INLIERS
+        if float(found.known[best]) < _LEAST_KNOWN:
+            return not late or self._sigma_m < _SURE_M
+        return self._inliers >= _LEAST_INLIERS
+
+    @property
+    def _sigma_m(self) -> float:
+        i = self._inertial
+        return math.sqrt(max(0.0, float(max(i.cov[0, 0], i.cov[1, 1]))))
 
     def _look_for(self, predicted: np.ndarray, motion: np.ndarray, scan: Scan) -> tuple[np.ndarray, np.ndarray]:
         """Poses and what is known of them, after a search in the best particle's map; unchanged where it finds none."""
         i, best = self._inertial, self.particles.best
-        sigma_m = math.sqrt(max(0.0, float(max(i.cov[0, 0], i.cov[1, 1]))))
-        window_m = min(_WINDOW_M[1], max(_WINDOW_M[0], 3.0 * sigma_m))
+        window_m = min(_WINDOW_M[1], max(_WINDOW_M[0], 3.0 * self._sigma_m))
         window_rad = min(_WINDOW_RAD[1], max(_WINDOW_RAD[0], 3.0 * math.sqrt(max(0.0, float(i.cov[8, 8])))))
         found = search(
             self.maps.met_xy(best, 2),
@@ -313,16 +338,18 @@ class Slam:
         self._inserted[due] = pose[due]
         self._waited[due] = 0
 
-    def _correct_inertial(self) -> None:
+    def _correct_inertial(self, scan: Scan) -> None:
         i, mean, cov = self._inertial, self.particles.mean(), self.particles.covariance()
-        variance = np.diag(cov)[:2] + _FLOOR_M**2
-        i.correct_position((0, 1), mean[:2] - i.p[:2], variance)
+        above_m, spread_m = scan.above_m
+        variance = np.diag(cov)[:2] + _FLOOR_M**2 + (spread_m * i.tilt_sigma_rad) ** 2
+        i.correct_place(mean[:2] - i.p[:2], variance, above_m=above_m)
         off = wrapped(float(mean[2]) - i.yaw_rad)
         i.correct_yaw(off, float(cov[2, 2]) + _FLOOR_RAD**2)
 
     def _without_sweep(self, t_ns: int) -> None:
         before = self._stand()
         self._inertial.advance(t_ns)
+        self._inertial.level()
         self._aid()
         self.particles.pose, _ = self._moved(before)
         self._go_on_with_gps()
@@ -368,6 +395,11 @@ class Slam:
             self._viewed = (self.maps.version, best)
         lidar_ok = self._sweep_ns is not None and (t_ns - self._sweep_ns) * 1e-9 <= self.settings.lidar_lost_s
         gps_ok = self._last_fix_ns is not None and (t_ns - self._last_fix_ns) * 1e-9 <= _GPS_LOST_S
+        imu_ok = i.last_imu_ns is not None and (t_ns - i.last_imu_ns) * 1e-9 <= _IMU_LOST_S
+        if not imu_ok or i.tilt_sigma_rad > _LEVEL_RAD:
+            imu_ok, self._tilted_ns = False, t_ns
+        elif self._tilted_ns is not None and (t_ns - self._tilted_ns) * 1e-9 < _REST_S:
+            imu_ok = self._fitted >= _SETTLE
         return SlamEstimate(
             t_ns=t_ns,
             p_W=np.array(now.p),
@@ -378,6 +410,7 @@ class Slam:
             covariance_xy=particles.covariance()[:2, :2] + i.cov[:2, :2],
             lidar_ok=lidar_ok,
             gps_ok=gps_ok,
+            imu_ok=imu_ok,
             grid=self._view,
             inliers=self._inliers,
             particles_xy=particles.pose[:, :2].copy(),

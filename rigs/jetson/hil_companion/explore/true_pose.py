@@ -38,8 +38,8 @@ class TrueEstimate:
     pitch: float
     covariance_xy: np.ndarray
     lidar_ok: bool
-    gps_ok: bool
     grid: GridView
+    imu_ok: bool = True
 
 
 class TruePose:
@@ -74,7 +74,7 @@ class TruePose:
         if at_height and self._lidar in frame and self._map(frame, p_W, v_W, R_WB):
             self._mapped_ns = frame.t_ns
         ok = self._mapped_ns is not None and frame.t_ns - self._mapped_ns <= _LOST_NS
-        return TrueEstimate(frame.t_ns, p_W, v_W, yaw, roll, pitch, np.eye(2) * 1e-4, ok, True, self._grid)
+        return TrueEstimate(frame.t_ns, p_W, v_W, yaw, roll, pitch, np.eye(2) * 1e-4, ok, self._grid)
 
     def _map(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, R_WB: np.ndarray) -> bool:
         sweep = frame[self._lidar]
