@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -65,6 +66,82 @@ def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: Any) -> None:
     assert flat.least_m >= CLEAR_M
     assert float(np.hypot(*flat.v[:2])) < 0.05
     assert flat.p[0] < 2.0 * 3.0 + 5.0
+
+
+def _zero(t_s: float, points: np.ndarray) -> np.ndarray | None:
+    return np.zeros_like(points) if t_s > 2.0 else points
+
+
+def test_ranges_of_zero_are_no_points() -> None:
+    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=_zero).fly(20.0)
+    assert flat.outcome == "lidar_lost"
+    assert flat.explorer.report.retreats == 0
+
+
+def test_a_lidar_that_hangs_is_a_lost_one() -> None:
+    """Stamps go on, points do not: the wall ahead would stay as far as it was."""
+    hung: list[np.ndarray] = []
+
+    def hang(t_s: float, points: np.ndarray) -> np.ndarray:
+        hung.extend([points] if t_s > 2.0 and not hung else [])
+        return hung[0] if hung else points
+
+    flat = Flat(((14.0, -9.0, 15.0, 9.0),), (20.0, 0.0), lidar=hang).fly(20.0)
+    assert flat.outcome == "lidar_lost"
+    assert flat.least_m >= CLEAR_M
+
+
+def test_without_a_lidar_it_does_not_climb() -> None:
+    flat = Flat((), (20.0, 0.0), lidar=lambda _t_s, _points: None)
+    flat.p[2] = 0.2
+    flat.fly(10.0)
+    assert flat.outcome == "lidar_lost"
+    assert flat.explorer.finished
+    assert flat.p[2] == pytest.approx(0.2)
+
+
+def test_a_lidar_lost_in_the_climb_ends_it_at_that_height() -> None:
+    flat = Flat((), (20.0, 0.0), lidar=lambda t_s, points: points if t_s < 1.5 else None)
+    flat.p[2] = 0.2
+    flat.fly(12.0)
+    assert flat.outcome == "lidar_lost"
+    assert 0.5 < flat.p[2] < 3.0
+
+
+def test_not_knowing_what_is_level_it_hovers_and_then_says_so() -> None:
+    for back_s, outcome in ((4.0, "goal"), (1e9, "imu_lost")):
+        flat = Flat((), (9.0, 0.0), settings={"imu_lost_s": 3.0})
+        known = flat.localiser.update
+
+        def update(frame: Any, known: Any = known, back_s: float = back_s) -> Any:
+            return dataclasses.replace(known(frame), imu_ok=not 2.0 < frame.t_ns * 1e-9 < back_s)
+
+        flat.localiser.update = update
+        for _ in range(38):
+            flat.step()
+        assert float(np.hypot(*flat.v[:2])) < 0.2
+        assert flat.outcome == "flying"
+        assert flat.fly(30.0).outcome == outcome
+
+
+def test_an_estimate_that_flies_away_is_none() -> None:
+    flat = Flat((), (25.0, 0.0), settings={"stuck_s": 3.0})
+    for _ in range(20):
+        flat.step()
+    known = flat.localiser.update
+    flat.localiser.update = lambda frame: dataclasses.replace(known(frame), v_W=np.array([18.0, 0.0, 0.0]))
+    flat.fly(10.0)
+    assert flat.outcome == "stuck"
+    assert float(np.hypot(*flat.v[:2])) < 0.05
+
+
+def test_a_frame_that_is_older_changes_nothing() -> None:
+    one, other = Flat((), (8.0, 0.0)), Flat((), (8.0, 0.0))
+    for k in range(25):
+        wanted = one.step()
+        if k % 3 == 2:
+            other.explorer.step(other.frame(k - 2))
+        assert other.step() == wanted
 
 
 def test_some_points_that_are_no_numbers_do_no_harm() -> None:

@@ -94,6 +94,54 @@ def test_a_lost_lidar_is_told_and_found_again(how: str) -> None:
     assert slam.maps.version > 0
 
 
+def test_without_imu_rows_the_map_waits_and_the_vehicle_is_found_again() -> None:
+    circle = Circle()
+    frames = []
+    for frame in circle.frames(4.6):
+        frames.append(frame)
+        if 2.0 <= frame.t_ns * 1e-9 < 2.8:
+            del frame["imu"]
+    _, estimates = fly(frames, circle)
+    told = [e.imu_ok for e in estimates]
+    assert all(told[:20])
+    assert not any(told[22:30])
+    assert all(told[-5:])
+    assert len({e.grid.version for e in estimates[21:33]}) == 1
+    assert max(errors_m(circle, estimates)) < 0.25
+    assert max(errors_m(circle, estimates)[-10:]) < 0.06
+    last = estimates[-1]
+    assert abs(last.roll) < 0.2
+    assert np.mean(wall_distance_m(last.grid.centres(last.grid.occupied)) <= 2.0 * last.grid.cell_m) > 0.99
+
+
+def test_a_lidar_that_hangs_is_told_though_its_stamps_go_on() -> None:
+    circle, frames = flight()
+    changed = []
+    for frame in frames:
+        new = copy.copy(frame)
+        if frame.t_ns * 1e-9 >= 2.5:
+            new["lidar"] = copy.copy(frames[25]["lidar"])
+            new["lidar"].t_capture_ns = frame.t_ns
+        changed.append(new)
+    _, estimates = fly(changed, circle)
+    assert all(e.lidar_ok for e in estimates[1:25])
+    assert not any(e.lidar_ok for e in estimates[32:])
+    assert max(errors_m(circle, estimates)) < 0.2
+
+
+def test_imu_rows_that_no_imu_sends_are_left_out() -> None:
+    circle, frames = flight()
+    changed = []
+    for frame in frames[1:20]:
+        new = copy.copy(frame)
+        imu = new["imu"] = copy.deepcopy(frame["imu"])
+        imu.values["accel_mps2"][3], imu.values["gyro_radps"][4] = [1e6, 0.0, 0.0], [0.0, 0.0, -1e4]
+        imu.values["t_capture_ns"] = [*imu.values["t_capture_ns"][:-1], 10**15]  # the last of the far future
+        changed.append(new)
+    _, estimates = fly(changed, circle)
+    assert max(errors_m(circle, estimates)) < 0.08
+
+
 def test_a_broken_part_of_the_lidar_says_nothing_is_free() -> None:
     circle, frames = flight()
     frame = copy.deepcopy(frames[0])
