@@ -11,7 +11,8 @@ contacts         ticks with contact, from the first 0.3 m above the ground until
 path_ratio       horizontal length of the way flown, over that of the shortest way from start to goal that keeps
                  `min_clearance_m` on the full map (`hil.goal.shortest_path`)
 
-Where another outcome than `goal` is wanted, error and ratio are not judged.
+Where another outcome than `goal` is wanted, error and ratio are not judged, nor the clearance of a flight that never
+got half as high.
 """
 
 from __future__ import annotations
@@ -152,7 +153,8 @@ def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
             reasons.append(f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
 
     row("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m")
-    row("clearance_m", result.clearance_m, goal.min_clearance_m, "m", least=True)
+    flown = result.clearance_m is not None or at_goal  # it may have ended before it was half as high as it was to fly
+    row("clearance_m", result.clearance_m, goal.min_clearance_m if flown else None, "m", least=True)
     row("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "")
     row("contacts", float(result.contacts), 0.0, "")
     return rows, reasons

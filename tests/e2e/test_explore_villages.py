@@ -13,7 +13,7 @@ from hil.view_command import load_frames
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion.explore.slam import Slam  # isort: skip
-from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
+from hil_companion.explore.slam_settings import SlamSettings, lidar_settings  # isort: skip
 
 assert CLIENT
 GOAL = Goal(p_W=(70.0, 60.0, 10.0))
@@ -25,8 +25,7 @@ def test_a_village_that_nobody_has_mapped(seed: int) -> None:
     scene, _, frames = load_frames("training_village", seed)
 
     def localiser(told: Any) -> Any:
-        lidar = told["lidar"]
-        chosen = SlamSettings(lidar_p_BL=tuple(lidar["p_BC"]), lidar_q_BL=tuple(lidar["q_BC"]))
+        chosen = SlamSettings(**lidar_settings(told["lidar"]))
         return Slam(chosen, start_W=(0.0, 0.0, START_Z_M, 0.0), seed=seed)
 
     vehicle = load_bench(None, settings=["mission=null"]).vehicle

@@ -60,12 +60,27 @@ def _empty(t_s: float, points: np.ndarray) -> np.ndarray | None:
 
 @pytest.mark.parametrize("loss", [_none, _nan, _empty])
 def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: Any) -> None:
-    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=loss).fly(20.0)
+    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=loss).fly(40.0)
     assert flat.outcome == "lidar_lost"
     assert flat.explorer.finished
     assert flat.least_m >= CLEAR_M
     assert float(np.hypot(*flat.v[:2])) < 0.05
     assert flat.p[0] < 2.0 * 3.0 + 5.0
+
+
+def test_who_is_driven_to_and_fro_is_stuck() -> None:
+    """Something that jumps from one side to the other lets nobody through, and drives it farther than `progress_m`."""
+    settings = {"stuck_s": 4.0, "progress_m": 0.3, "no_path_s": 60.0}
+    flat = Flat((), (20.0, 0.0), settings=settings)
+    for k in range(300):
+        side = 1.0 if k // 15 % 2 else -1.0
+        x, y = float(flat.p[0]) + 1.1 * side, float(flat.p[1])
+        flat.boxes = ((x - 0.1, y - 3.0, x + 0.1, y + 3.0),)
+        flat.step()
+        if flat.outcome != "flying":
+            break
+    assert flat.outcome == "stuck"
+    assert "to and fro" in flat.explorer.report.why
 
 
 def _zero(t_s: float, points: np.ndarray) -> np.ndarray | None:

@@ -36,7 +36,7 @@ def open_map(*, unknown_from_x: float = math.inf, wall_x: float = math.inf) -> P
 
 
 def nearby(*points: tuple[float, float]) -> Nearby:
-    return Nearby(0, np.array(points, float).reshape(-1, 2), 1000)
+    return Nearby(0, np.array(points, float).reshape(-1, 2), 1000, np.zeros((0, 3)))
 
 
 @given(st.floats(0.0, 10.0))

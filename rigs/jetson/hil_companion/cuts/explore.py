@@ -97,13 +97,10 @@ class Explore:
             half_m += max(abs(self._start[0]), abs(self._start[1]))  # its grid is about the origin
             return TruePose(calibration, settings.height_m, slab_m=settings.slab_m, half_m=half_m, lidar=self._lidar)
         from hil_companion.explore.slam import Slam
-        from hil_companion.explore.slam_settings import SlamSettings
+        from hil_companion.explore.slam_settings import SlamSettings, lidar_settings
 
-        told: dict[str, Any] = {"area_m": 2.0 * half_m, "lidar_topic": self._lidar}
+        told: dict[str, Any] = {"area_m": 2.0 * half_m, "lidar_topic": self._lidar, **lidar_settings(calibration)}
         told.update(flight_height_m=settings.height_m, band_half_m=settings.slab_m)
-        for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC"), ("lidar_elevation_deg", "elevation_deg")):
-            if key in calibration:
-                told[name] = tuple(calibration[key])
         x, y, z, yaw = self._start
         return Slam(_made(SlamSettings, "slam", {**told, **self._slam}), start_W=(x, y, z, yaw), seed=self._seed)
 

@@ -2,8 +2,8 @@
 
     climb     straight up to the flight's height, over where it started
     fly       every frame: where am I, what is near, which way, how fast
-    outcome   goal: it is there, and the bench may land it. Anything else: brake and hover, say so, `hover_s` later be
-              finished
+    outcome   goal: it is there, and the bench may land it. Anything else: brake, hover over bare ground, say so, be
+              finished `hover_s` later (landing.py)
 
     goal               within goal_radius_m of it by its own estimate, and slow
     goal_in_obstacle   the goal lies in something, or in something closed
@@ -26,7 +26,9 @@ import numpy as np
 
 from hil_companion.desired import Desired
 from hil_companion.explore.face import Estimate, Localiser
+from hil_companion.explore.ground import GROUND, UNKNOWN, Ground
 from hil_companion.explore.inflation import Berth, berth, sigma_m
+from hil_companion.explore.landing import Landing
 from hil_companion.explore.moving import Moving
 from hil_companion.explore.nearby import Nearby
 from hil_companion.explore.outcome import (
@@ -49,6 +51,8 @@ _AT_HEIGHT_M = 0.5
 _HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
 _HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
 _SLOW_MPS = 0.5
+_WIDE = 3.0  # so much farther it has to have got in so much longer
+_GROUND_M = 128.0  # to each side of the start, that what lies below is remembered, where nobody says how far maps go
 _NEAR_M = 6.0  # of the newest sweep, what is drawn into the map at once
 _FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # of the set speed, and wind: nobody flies faster, an estimate that does is off
 _UNSURE_M, _LOST_M = 0.3, 3.0  # sigma above which it flies slower; above which the position is not known
@@ -77,6 +81,9 @@ class Explorer:
         self.map: PlanMap | None = None
         self.route: Route = NO_WAY
         self._localiser = localiser
+        self._mapped_W = mapped_W
+        self._ground: Ground | None = None
+        self._landing: Landing | None = None
         x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
         self._beyond = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
         self._clock_s = clock_s
@@ -91,6 +98,7 @@ class Explorer:
         self._planned_ns: int | None = None  # sweep that the route was planned with
         self._shut_since_ns: int | None = None
         self._anchor: tuple[int, np.ndarray] | None = None  # when and where it last had got on
+        self._wide_anchor: tuple[int, np.ndarray] | None = None  # the same, for whoever flies to and fro
         self._outcome_ns = 0
         self._hold_W: np.ndarray | None = None
         self._start_W: np.ndarray | None = None
@@ -125,7 +133,7 @@ class Explorer:
         self._up_m = float(p_W[2])
         if self._start_W is None:
             self._start_W = p_W[:2].copy()
-        self._senses.look(frame, estimate)
+        self._look(frame, estimate, p_W)
         if not self.finished:
             self.report.goal_distance_m = float(np.hypot(*(p_W[:2] - self.goal_W)))
         if self.report.phase == "climb":
@@ -135,6 +143,19 @@ class Explorer:
         else:
             v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
         return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
+
+    def _look(self, frame: Frame, estimate: Estimate, p_W: np.ndarray) -> None:
+        before = self._senses.near
+        self._senses.look(frame, estimate)
+        near = self._senses.near
+        if self._ground is None:
+            x, y, s = float(p_W[0]), float(p_W[1]), self.settings
+            x0, y0, x1, y1 = self._mapped_W or (x - _GROUND_M, y - _GROUND_M, x + _GROUND_M, y + _GROUND_M)
+            self._ground = Ground((x0, y0, x1, y1), float(p_W[2]), s.vehicle_radius_m + s.clearance_m)
+            self._ground.stood_on(x, y)
+            self._landing = Landing(s, self._ground)
+        if near is not None and near is not before and estimate.imu_ok:
+            self._ground.add(near.points_W)
 
     def _climb(self, frame: Frame, p_W: np.ndarray, dt_s: float) -> Desired:
         estimate = self.estimate
@@ -169,7 +190,7 @@ class Explorer:
             try:
                 if self._beyond:
                     raise TooFar("the goal lies beyond the area that is mapped")
-                self.route = self._plan(frame, estimate, near, p_W, berth_)
+                self.route = self._plan(frame, estimate, near, p_W, berth_, self.goal_W)
             except TooFar as error:
                 self._end(frame, NO_PATH, str(error))
                 return self._steering.stop(dt_s)
@@ -192,14 +213,22 @@ class Explorer:
         most = max(s.slow_mps, most)
         return self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
 
-    def _plan(self, frame: Frame, estimate: Estimate, near: Nearby, p_W: np.ndarray, around: Berth) -> Route:
+    def _plan(
+        self,
+        frame: Frame,
+        estimate: Estimate,
+        near: Nearby,
+        p_W: np.ndarray,
+        around: Berth,
+        goal_W: tuple[float, float],
+    ) -> Route:
         s = self.settings
         gone = self._moving.gone(estimate.grid, near.level_W, frame.t_ns * 1e-9)
         d = near.level_W - p_W
         close = near.level_W[(d * d).sum(axis=1) < _NEAR_M * _NEAR_M]
-        ends = ((float(p_W[0]), float(p_W[1])), self.goal_W)
+        ends = ((float(p_W[0]), float(p_W[1])), goal_W)
         self.map = make_map(estimate.grid, gone, close, ends, around, s.unknown_price)
-        return self._router.route(self.map, around, p_W, self.goal_W)
+        return self._router.route(self.map, around, p_W, goal_W)
 
     def _give_way(
         self, around: Berth, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, nearest_m: float, dx: float, dy: float
@@ -219,6 +248,8 @@ class Explorer:
         s, t_ns = self.settings, frame.t_ns
         if self._anchor is None or np.hypot(*(p_W - self._anchor[1])) > s.progress_m:
             self._anchor = (t_ns, p_W.copy())
+        if self._wide_anchor is None or np.hypot(*(p_W - self._wide_anchor[1])) > _WIDE * s.progress_m:
+            self._wide_anchor = (t_ns, p_W.copy())
         if route.found:
             self._shut_since_ns = None
             left_m = float(np.hypot(*(p_W - route.goal_W)))
@@ -232,6 +263,8 @@ class Explorer:
             self._end(frame, route.why, what)
         if self.report.outcome == FLYING and (t_ns - self._anchor[0]) * 1e-9 > s.stuck_s:
             self._end(frame, STUCK, f"no {s.progress_m:g} m farther in {s.stuck_s:g} s")
+        if self.report.outcome == FLYING and (t_ns - self._wide_anchor[0]) * 1e-9 > _WIDE * s.stuck_s:
+            self._end(frame, STUCK, f"to and fro within {_WIDE * s.progress_m:g} m for {_WIDE * s.stuck_s:g} s")
         if self.report.outcome == FLYING and self._over_s(frame) > s.time_limit_s:
             self._end(frame, STUCK, f"not there after {s.time_limit_s:g} s")
         return self.report.outcome != FLYING
@@ -246,8 +279,11 @@ class Explorer:
 
     def _hover(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float) -> np.ndarray:
         """Where it is, as long as something tells where that is; away from what comes near."""
-        hover_s = 0.0 if self.report.outcome == GOAL else self.settings.hover_s
-        self.finished = self.finished or (frame.t_ns - self._outcome_ns) * 1e-9 >= hover_s
+        assert self._ground is not None
+        assert self._landing is not None
+        self.report.below = self._ground.below(float(p_W[0]), float(p_W[1]))
+        since_s = (frame.t_ns - self._outcome_ns) * 1e-9
+        self.finished = self.finished or self._landing.due(self.report.outcome, self.report.below, since_s)
         near = self._senses.near
         if near is None or not self._senses.sees(frame.t_ns):
             self._hold_W = None
@@ -259,11 +295,35 @@ class Explorer:
         if away is not None:
             self._hold_W = None
             return self._steering.slew(away, dt_s, hard=True)
+        if self.report.below != GROUND and not self.finished and self._senses.ready(frame.t_ns):
+            v_xy = self._to_bare_ground(frame, near, p_W, v_W, around, dt_s)
+            if v_xy is not None:
+                self._hold_W = None
+                return v_xy
         if self._hold_W is None:
             if float(np.hypot(*v_W)) > _SLOW_MPS:
                 return self._steering.stop(dt_s)
             self._hold_W = p_W.copy()
         return self._steering.slew(_limited(_HOLD_GAIN_PER_S * (self._hold_W - p_W), _HOLD_MPS), dt_s)
+
+    def _to_bare_ground(
+        self, frame: Frame, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, around: Berth, dt_s: float
+    ) -> np.ndarray | None:
+        """Towards where it can be landed; None where there is no such place, or no way."""
+        assert self._landing is not None
+        assert self.estimate is not None
+        if self._planned_ns != near.t_ns and self.map is not None:
+            spot = self._landing.spot(p_W, self.map, around)
+            try:
+                self.route = NO_WAY if spot is None else self._plan(frame, self.estimate, near, p_W, around, spot)
+            except TooFar:
+                self.route = NO_WAY
+            self._planned_ns = near.t_ns
+        if self.map is None or not self.route.found:
+            return None
+        return self._steering.follow(
+            self.map, around, near, self.route.points_W, p_W, v_W, dt_s, most_mps=self.settings.slow_mps
+        )
 
     def _blind(self, frame: Frame, dt_s: float) -> Desired:
         """Its position is not known: brake, and wait for it to come back."""
@@ -272,8 +332,9 @@ class Explorer:
         if self.report.outcome == FLYING:
             if (frame.t_ns - self._anchor[0]) * 1e-9 > self.settings.stuck_s:
                 self._end(frame, STUCK, "its position is not known")
-        elif (frame.t_ns - self._outcome_ns) * 1e-9 >= self.settings.hover_s:
-            self.finished = True
+        else:
+            self.report.below = UNKNOWN
+            self.finished = self.finished or (frame.t_ns - self._outcome_ns) * 1e-9 >= self.settings.unsafe_hover_s
         v_xy = self._steering.stop(dt_s)
         return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), 0.0), yaw_rad=self._steering.yaw_rad)
 

@@ -4,8 +4,8 @@ A point fired `time_offset_ns` before the capture lay at its place as seen from 
 
     p_W = p_now - v (t_now - t_fired) + R(yaw - r (t_now - t_fired), pitch, roll) p_B
 
-Points that are not finite, or lie in the LiDAR itself (a range of zero), are left out. A sweep without any others is no
-sweep.
+Points that are not finite, lie in the LiDAR itself (a range of zero) or beside where their ring looks (a negative one)
+are left out. A sweep without any others is no sweep.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, Mapping
 import numpy as np
 
 from hil_companion.explore.face import Estimate
+from hil_companion.explore.rings import on_ring
 from hil_companion.explore.rotation import matrix_of
 from hil_companion.frame import Sample
 
@@ -30,6 +31,7 @@ class Nearby:
     t_ns: int  # of the capture
     level_W: np.ndarray
     usable: int  # points of the sweep, at any height
+    points_W: np.ndarray  # (n, 3) all of them
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
         """Distance of the nearest point, and where it is from there; infinite where there is none."""
@@ -48,15 +50,21 @@ class Sweeps:
         told = calibration or {}
         self._p_BL = np.asarray(told.get("p_BC", (0.0, 0.0, 0.0)), float)
         self._R_BL = matrix_of(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
+        self._elevation_deg = tuple(float(e) for e in told.get("elevation_deg", ()))
         self._slab_m = slab_m
 
     def read(self, sample: Sample, at: Estimate, yaw_rate_radps: float, height_m: float) -> Nearby:
         """`height_m`: of the flight. What is looked at lies round the vehicle's own height and round this one."""
         points_L = np.asarray(sample["points_L"], float).reshape(-1, 3)
         offset_ns = np.asarray(sample["time_offset_ns"], float).reshape(-1)
+        ring = np.asarray(sample["ring"]).reshape(-1).astype(np.int64) if "ring" in sample else None
+        n = min(len(points_L), len(offset_ns), len(points_L) if ring is None else len(ring))
+        points_L, offset_ns = points_L[:n], offset_ns[:n]
         with np.errstate(over="ignore", invalid="ignore"):
             squared_m2 = (points_L * points_L).sum(axis=1)
         good = np.isfinite(squared_m2) & (squared_m2 > _LEAST_M * _LEAST_M)
+        if self._elevation_deg and ring is not None:
+            good &= on_ring(points_L, ring[:n], self._elevation_deg)
         points_L, offset_ns = points_L[good], offset_ns[good]
         ago_s = ((at.t_ns - sample.t_capture_ns) - offset_ns) * 1e-9
         points_B = points_L @ self._R_BL.T + self._p_BL
@@ -69,13 +77,13 @@ class Sweeps:
             if high - low < self._slab_m
             else (np.abs(level[:, 2]) < self._slab_m)
         )
-        level, ago_s = level[kept], ago_s[kept]
         yaw = at.yaw_rad - yaw_rate_radps * ago_s
         c, s = np.cos(yaw), np.sin(yaw)
         v_W = np.asarray(at.v_W, float)
         x = p_W[0] - v_W[0] * ago_s + c * level[:, 0] - s * level[:, 1]
         y = p_W[1] - v_W[1] * ago_s + s * level[:, 0] + c * level[:, 1]
-        return Nearby(sample.t_capture_ns, np.stack([x, y], axis=1), len(points_L))
+        points_W = np.stack([x, y, up], axis=1)
+        return Nearby(sample.t_capture_ns, points_W[kept, :2], len(points_L), points_W)
 
 
 def tilt(roll: float, pitch: float) -> np.ndarray:

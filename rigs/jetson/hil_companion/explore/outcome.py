@@ -17,6 +17,7 @@ class FlightReport:
         self.phase = "climb"
         self.outcome = FLYING
         self.why = ""
+        self.below = ""  # what it would land on, after an outcome: ground, obstacle, unknown
         self.t_s = 0.0  # of the outcome, simulated
         self.goal_distance_m = math.inf  # by its own estimate
         self.sigma_m = 0.0
@@ -31,6 +32,7 @@ class FlightReport:
             "phase": self.phase,
             "outcome": self.outcome,
             "why": self.why[:200],
+            "below": self.below,
             "t_s": self.t_s,
             "goal_distance_m": self.goal_distance_m,
             "sigma_m": self.sigma_m,

@@ -2,7 +2,8 @@
 
 To match, everything upright counts, at whatever height: a wall is the same line at 3 m and at 10 m, so there is
 something to hold on to while climbing and over low houses. A pair of rings that meets the same azimuth at the same
-distance, one above the other, met something upright; ground and roofs do not.
+distance, one above the other, met something upright; ground and roofs do not. Of a LiDAR of one ring it is what stands
+about its own height.
 
 For the map only a band about the flight's height counts. A beam says "free" only as far as it stays within that band,
 and "occupied" where it met something in it.
@@ -21,6 +22,7 @@ _LEAN = 0.35  # horizontal over vertical distance of two returns of something up
 _NOISE_M = 0.04  # what two returns may differ by besides
 _LEAST_RISE_M = 0.02
 _ABOVE_GROUND_M = 0.4
+_LEVEL_M = 2.0  # of a LiDAR of one ring
 _NORMAL_REACH = 3  # azimuth slots to both sides over which a normal is taken
 _STRAIGHT = 0.25  # of the length between them, that both sides may differ in distance from the middle
 _FREE_SHARE = 0.6  # of the band: a beam is in it only so near its middle
@@ -85,11 +87,15 @@ def _upright(
     p: np.ndarray, r: np.ndarray, z: np.ndarray, there: np.ndarray, ground_z_m: float, range_m: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Middles of pairs of rings on something upright, the normals of what they are on, and their heights."""
-    rise = z[1:] - z[:-1]
-    out = np.abs(r[1:] - r[:-1])
-    pair = there[1:] & there[:-1] & (rise > _LEAST_RISE_M) & (out < _LEAN * rise + _NOISE_M)
-    pair &= (np.minimum(z[1:], z[:-1]) > ground_z_m + _ABOVE_GROUND_M) & (r[1:] < range_m)
-    middle = 0.5 * (p[1:, :, :2] + p[:-1, :, :2])
+    if len(p) == 1:  # one ring shows no heights: what it meets about its own is taken for upright
+        pair = there & (z > ground_z_m + _ABOVE_GROUND_M) & (np.abs(p[:, :, 2]) < _LEVEL_M) & (r < range_m)
+        middle, up = p[:, :, :2], z
+    else:
+        rise = z[1:] - z[:-1]
+        out = np.abs(r[1:] - r[:-1])
+        pair = there[1:] & there[:-1] & (rise > _LEAST_RISE_M) & (out < _LEAN * rise + _NOISE_M)
+        pair &= (np.minimum(z[1:], z[:-1]) > ground_z_m + _ABOVE_GROUND_M) & (r[1:] < range_m)
+        middle, up = 0.5 * (p[1:, :, :2] + p[:-1, :, :2]), 0.5 * (z[1:] + z[:-1])
     # The slots to both sides on the same ring pair, if they lie on a line with this one.
     a, b = np.roll(middle, _NORMAL_REACH, axis=1), np.roll(middle, -_NORMAL_REACH, axis=1)
     both = np.roll(pair, _NORMAL_REACH, axis=1) & np.roll(pair, -_NORMAL_REACH, axis=1)
@@ -97,13 +103,13 @@ def _upright(
     length = np.hypot(along[:, :, 0], along[:, :, 1])
     off = np.abs(along[:, :, 0] * (middle - a)[:, :, 1] - along[:, :, 1] * (middle - a)[:, :, 0])
     share = np.abs(np.sum((middle - a) * along, axis=2) - 0.5 * length * length)
-    line = pair & both & (length > 0.05) & (length < 0.2 * r[1:] + 0.5)
+    line = pair & both & (length > 0.05) & (length < 0.2 * r[-len(pair) :] + 0.5)
     line &= (off < (0.05 + 0.05 * length) * length) & (share < _STRAIGHT * length * length)
     normal = np.zeros_like(middle)
     safe = np.where(line, length, 1.0)
     normal[:, :, 0] = np.where(line, -along[:, :, 1] / safe, 0.0)
     normal[:, :, 1] = np.where(line, along[:, :, 0] / safe, 0.0)
-    return middle[pair].astype(float), normal[pair].astype(float), 0.5 * (z[1:] + z[:-1])[pair]
+    return middle[pair].astype(float), normal[pair].astype(float), up[pair]
 
 
 def _one_a_cell(xy: np.ndarray, normal: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:

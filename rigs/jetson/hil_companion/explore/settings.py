@@ -32,6 +32,7 @@ class FlightSettings:
     stuck_s: float = 25.0  # without getting `progress_m` away from where it was
     progress_m: float = 1.0
     hover_s: float = 5.0  # with an outcome other than the goal, before it says that it is finished
+    unsafe_hover_s: float = 30.0  # the same where what is below is no bare ground, or not known
     time_limit_s: float = 600.0  # of simulated time, from the first frame
 
     def __post_init__(self) -> None:

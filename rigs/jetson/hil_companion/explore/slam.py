@@ -194,6 +194,7 @@ class Slam:
             p_BL=s.lidar_p_BL,
             q_BL=s.lidar_q_BL,
             elevation_deg=s.lidar_elevation_deg,
+            rings_sure=s.lidar_rings_sure,
             decimation=s.decimation,
         )
         predicted, motion = self._moved(before)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Mapping
 
 from hil_companion.errors import OptionError
 
@@ -32,6 +33,7 @@ class SlamSettings:
     lidar_p_BL: tuple[float, float, float] = (0.0, 0.0, 0.12)
     lidar_q_BL: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
     lidar_elevation_deg: tuple[float, ...] = VLP16_DEG  # of each ring; empty: unknown, and no beam without echo counts
+    lidar_rings_sure: bool = False  # the elevations are told by who made the data: returns beside their ring are errors
     gps_speed_sigma_mps: float = 0.15
     gps_sigma_m: float | None = None  # None: what the receiver says
     lidar_lost_s: float = 0.35  # without a usable sweep for so long, the LiDAR is lost
@@ -53,3 +55,13 @@ class SlamSettings:
             )
         if problems:
             raise OptionError("slam: " + "; ".join(problems))
+
+
+def lidar_settings(calibration: Mapping[str, Any]) -> dict[str, Any]:
+    """What the bench says of a LiDAR (`welcome.sensors`), as settings."""
+    told: dict[str, Any] = {}
+    for name, key in (("lidar_p_BL", "p_BC"), ("lidar_q_BL", "q_BC"), ("lidar_elevation_deg", "elevation_deg")):
+        if key in calibration:
+            told[name] = tuple(float(v) for v in calibration[key])
+    told["lidar_rings_sure"] = bool(told.get("lidar_elevation_deg"))
+    return told

@@ -17,6 +17,7 @@ from typing import NamedTuple, Sequence
 import numpy as np
 
 from hil_companion.explore.inertial import InertialFilter
+from hil_companion.explore.rings import on_ring
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 
 AZIMUTHS = 720
@@ -25,11 +26,7 @@ _MOST_SWEEP_S = 0.2
 _ALIVE = 4  # neighbours to each side among which a return must be for a beam to count as sent
 _BAD, _EMPTY = -1.0, 0.0
 _MOST_RINGS = 256
-_STRANGE = 0.01  # share of returns of unknown rings, or beside their ring, that may be errors of the wire
-_OFF_M, _OFF_RAD = (
-    0.05,
-    0.015,
-)  # of a return from its ring: beams do not begin in one point
+_STRANGE = 0.01  # share of returns beside their ring that may be errors of the wire
 
 
 class Sweep(NamedTuple):
@@ -52,10 +49,12 @@ def make_sweep(
     p_BL: Sequence[float],
     q_BL: Sequence[float],
     elevation_deg: Sequence[float],
+    rings_sure: bool = False,
     decimation: int = 1,
     most_m: float = 200.0,
 ) -> Sweep:
-    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is left out."""
+    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is left out.
+    `rings_sure`: the elevations are this very LiDAR's, so what lies beside its ring makes none."""
     azimuths = AZIMUTHS // decimation
     points = np.asarray(points_L, np.float32).reshape(-1, 3)
     ring = np.asarray(ring).reshape(-1).astype(np.int64)
@@ -66,8 +65,12 @@ def make_sweep(
         level_m = np.hypot(points[:, 0], points[:, 1])
         range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
         good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
-    if _other_device(elevation_deg, ring, points, level_m, range_m, good):
-        elevation_deg = ()  # than was said: no beam without echo is believed in
+    if len(elevation_deg):
+        beside = good & ~on_ring(points, ring, elevation_deg)
+        if rings_sure:
+            good &= ~beside
+        elif np.count_nonzero(beside) > _STRANGE * max(1, np.count_nonzero(good)):
+            elevation_deg = ()  # another device than was said: no beam without echo is believed in
     rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MOST_RINGS) if n else 1)
     known = (ring >= 0) & (ring < rings)
     good &= known
@@ -99,25 +102,6 @@ def make_sweep(
     shape = (rings, azimuths)
     found = _sent(slots.reshape(shape))
     return Sweep(p_H.reshape(*shape, 3), found, ray_H, t_HL[0], int(good.sum()))
-
-
-def _other_device(
-    elevation_deg: Sequence[float],
-    ring: np.ndarray,
-    points: np.ndarray,
-    level_m: np.ndarray,
-    range_m: np.ndarray,
-    good: np.ndarray,
-) -> bool:
-    """Whether rings are not those that were told: more of them, or returns that lie elsewhere than their ring looks."""
-    count = len(elevation_deg)
-    inside = (ring >= 0) & (ring < count)
-    if np.count_nonzero(~inside) > _STRANGE * len(ring):
-        return True
-    kept = np.flatnonzero(inside & good)
-    slope = np.tan(np.radians(np.asarray(elevation_deg, float)))[ring[kept]] if count else np.zeros(len(kept))
-    off_m = np.abs(points[kept, 2] - slope * level_m[kept])
-    return bool(np.count_nonzero(off_m > _OFF_M + _OFF_RAD * range_m[kept]) > _STRANGE * len(kept))
 
 
 def _elevations(
