@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import time
 
 _AWAKE_NS = 300_000  # and no longer in vain
+_CROWDED_NS = 15_000  # to get this core back after offering it to others: somebody else runs on it too
 _SHORT_NS = 600_000  # a wait that was over by then was worth staying awake for, sleep and waking included
 
 
@@ -13,16 +15,20 @@ class Patience:
     whom is waited for: a slow client costs nothing, a fast one some hundred microseconds of a core per frame."""
 
     def __init__(self) -> None:
-        self._short = False
+        self._short = self._crowded = False
         self._cores = len(os.sched_getaffinity(0))
 
     def stays_awake(self, waited_ns: int) -> bool:
         """Whether to look again at once, after so long. Lets others go first who want this core."""
-        if not self._short or waited_ns >= _AWAKE_NS or self._cores < 2:
+        if not self._short or self._crowded or waited_ns >= _AWAKE_NS or self._cores < 2:
             return False
+        offered = time.monotonic_ns()
         os.sched_yield()
+        # Two that wait for each other on one core, both awake, would share it for ever: who sleeps can be moved.
+        self._crowded = time.monotonic_ns() - offered > _CROWDED_NS
         return True
 
     def waited(self, waited_ns: int) -> None:
         """How long it took in the end."""
+        self._crowded = False
         self._short = waited_ns < _SHORT_NS

@@ -79,10 +79,12 @@ class Sender:
         topics = sorted(client.topics & out.topics)
         if not topics:
             return self._send_whole(client, out, client.topics, CONTROL, t_sent_ns)
+        groups = [frozenset(topic for topic in topics if group_of(topic) == group) for group in client.groups]
+        # Small ones first: they are read while the large ones are being sent.
+        groups = sorted(filter(None, groups), key=lambda mine: (out.packed(mine)[1].size, min(mine)))
         sent = True
-        for group in sorted({group_of(topic) for topic in topics}):
-            mine = frozenset(topic for topic in topics if group_of(topic) == group)
-            sent = self._send_whole(client, out, mine, group, t_sent_ns, ports_of_frame=topics) and sent
+        for mine in groups:
+            sent = self._send_whole(client, out, mine, group_of(min(mine)), t_sent_ns, ports_of_frame=topics) and sent
         return sent
 
     def _send_whole(

@@ -76,6 +76,7 @@ class CompanionServer:
         self._wires = Wires(settings)
         self._packing = Packing()
         self._patience = Patience()
+        self._served_ns = 0  # when all of ZeroMQ's sockets were looked at
         self._look_ns = 0  # when ZeroMQ's sockets are looked at again, where all clients have other ways
         self._sender = Sender(self._wires.sockets, None, clock_ns)
         self._turn = 0  # which socket is served first
@@ -198,8 +199,7 @@ class CompanionServer:
         while self._wires.sockets:
             beside_zmq = self._hear_ways(replies)
             now_ns = self._clock_ns()
-            # Who waits for answers on other ways looks at ZeroMQ every few milliseconds: it takes as long as a frame.
-            if not beside_zmq or now_ns >= self._look_ns:
+            if not beside_zmq or (now_ns >= self._look_ns and self._has_to_look(now_ns)):
                 self._serve(replies)
                 now_ns = self._clock_ns()
             if replies or now_ns >= deadline_ns:
@@ -215,6 +215,13 @@ class CompanionServer:
             self._patience.waited(self._clock_ns() - begun_ns)
         return replies
 
+    def _has_to_look(self, now_ns: int) -> bool:
+        """Of who waits for answers on other ways: ZeroMQ takes as long as a frame to ask, its descriptors do not."""
+        if now_ns >= self._served_ns + _ROUND_MS * _MS or self._wires.stirred():
+            return True
+        self._look_ns = now_ns + _LOOK_MS * _MS
+        return False
+
     def _wait(self, limit_ms: int) -> None:
         """Until something comes."""
         if not self._wires.entrances:
@@ -223,7 +230,7 @@ class CompanionServer:
         unsent = [w for c in self._clients.by_name.values() for w in c.ways.values() if w.unsent_bytes]
         # ZeroMQ's descriptors tell of changes only, and may have told before: hence the short limit.
         if self._wires.wait(min(limit_ms, _LOOK_MS), unsent):
-            self._look_ns = 0
+            self._served_ns = self._look_ns = 0
 
     def _serve(self, replies: list[Reply]) -> None:
         """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
@@ -244,7 +251,7 @@ class CompanionServer:
                     if self._clock_ns() >= end_ns:
                         return  # and look again at once
             waiting = still
-        self._look_ns = begun_ns + _LOOK_MS * _MS
+        self._served_ns, self._look_ns = begun_ns, begun_ns + _LOOK_MS * _MS
 
     def _hear_ways(self, replies: list[Reply]) -> bool:
         """One message of each client in turn, until there is an answer, or for a moment. Whether there are clients, and
@@ -268,8 +275,8 @@ class CompanionServer:
                 if other.unsent_bytes:
                     other.flush()
             message = way.receive()
-        except Unreachable:
-            self._lose(client, "its connection ended")
+        except Unreachable as error:
+            self._lose(client, str(error) or "its connection ended")
             return False
         if message is not None:
             self._take_from(client, message, replies)

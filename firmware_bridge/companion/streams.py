@@ -123,7 +123,7 @@ class Stream:
         if there >= LENGTHS.size:
             length, body_bytes = LENGTHS.unpack_from(self._room, self._begin)
             if length > _HEADER_BYTES or body_bytes:
-                raise Unreachable
+                raise Unreachable(f"it sent what is no message ({length} and {body_bytes} bytes)")
             if there >= LENGTHS.size + length:
                 begin = self._begin + LENGTHS.size
                 self._begin = begin + length

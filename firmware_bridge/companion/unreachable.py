@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class Unreachable(Exception):  # never leaves the companion package
-    """The peer has gone."""
+    """The peer has gone, or, where there is a text, must."""

@@ -40,6 +40,7 @@ class Wires:
         self._poller: Any = zmq.Poller()
         self._zmq_files: set[int] = set()  # descriptors of ZeroMQ, where the poller is the kernel's
         self._knocked_at: set[int] = set()  # descriptors of what clients come to beside ZeroMQ
+        self._entries: Any = select.poll()  # both of them
         self._doorkeeper: Doorkeeper | None = None
         self._sentry: Sentry | None = None
         self._context: zmq.Context[zmq.Socket[bytes]] | None = None
@@ -97,6 +98,7 @@ class Wires:
         self._knocked_at = {entrance.fileno() for entrance in entrances.values()}
         for fd in self._zmq_files | self._knocked_at:
             self._poller.register(fd, select.POLLIN)
+            self._entries.register(fd, select.POLLIN)
 
     def add(self, way: Way) -> None:
         """One that is waited for from now on."""
@@ -117,6 +119,11 @@ class Wires:
             self._poller.modify(way, select.POLLIN)
         return any(fd in self._zmq_files or fd in self._knocked_at for fd, _ in ready)
 
+    def stirred(self) -> bool:
+        """Whether something may have come over ZeroMQ, or somebody to the doors. It has been told once, seldom never:
+        ZeroMQ may take notice of what comes while it sends."""
+        return bool(self._entries.poll(0))
+
     def close(self, linger_ms: int) -> None:
         """Let go of everything. May be called twice."""
         if self._sentry is not None:
@@ -129,7 +136,7 @@ class Wires:
         for bound in self.sockets.values():
             bound.close(linger_ms)
         self.sockets.clear()
-        self._poller = zmq.Poller()
+        self._poller, self._entries = zmq.Poller(), select.poll()
         if self._doorkeeper is not None:
             self._doorkeeper.close()
             self._doorkeeper = None
