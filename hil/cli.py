@@ -356,7 +356,9 @@ def keys(
 
 @app.command()
 def companion(
-    name: Annotated[str, typer.Argument(help="echo, record, waypoints, or MODULE:NAME of your own.", metavar="NAME")],
+    name: Annotated[
+        str, typer.Argument(help="echo, record, waypoints, explore, or MODULE:NAME of your own.", metavar="NAME")
+    ],
     connect: Annotated[str, typer.Option(help="tcp://HOST:PORT or ipc://FILE of a bench.", metavar="ADDR")],
     client_name: Annotated[str | None, typer.Option("--name", help="What the bench calls it; default NAME.")] = None,
     topics: Annotated[
@@ -368,6 +370,9 @@ def companion(
         list[str] | None, typer.Option("--set", help="A setting of the client. May be repeated.", metavar="KEY=VALUE")
     ] = None,
     control: Annotated[bool, typer.Option("--control", help="Ask to command, for one of your own.")] = False,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="What it desires is flown as it stands, not carried on.")
+    ] = False,
     credit: Annotated[int, typer.Option(help="Frames on the way at once.")] = 1,
     no_shared_memory: Annotated[
         bool, typer.Option("--no-shared-memory", help="Even where the bench is on this machine.")
@@ -387,6 +392,7 @@ def companion(
         bench_key=bench_key,
         settings=settings or (),
         control=control,
+        hold=hold,
         credit=credit,
         shared_memory=not no_shared_memory,
         wait_s=wait,

@@ -86,8 +86,9 @@ class CompanionLink:
         server.open()
         self._server = server
         keys = None if companion.arrangement == "shared_memory" else server.settings.keys
-        for name in companion.start:
-            self._started.append(StartedClient(name, server.endpoint, self._out, companion.settings, keys))
+        for cut in companion.start:
+            settings = companion.settings | cut.settings
+            self._started.append(StartedClient(cut.name, server.endpoint, self._out, settings, keys))
 
         def still_there() -> None:
             for client in self._started:

@@ -31,9 +31,10 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
     if companion.time != "realtime" and not config.autopilot.lockstep:
         message = f"is {companion.time!r}, but {config.autopilot.kind} waits for nobody"
         wrong("time", message, "--set companion.time=realtime")
-    for name in unknown_clients(companion.start):
+    cuts = [started.name for started in companion.start]
+    for name in unknown_clients(cuts):
         wrong("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
-    names = [client_name(cut) for cut in companion.start]
+    names = [client_name(cut) for cut in cuts]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         wrong(

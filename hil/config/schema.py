@@ -161,13 +161,24 @@ class Manual(Section):
     needs_dead_man: bool = True  # false: a gamepad whose mapping names no dead-man switch will do
 
 
+def _client_by_name(value: Any) -> Any:
+    """A client that needs no settings of its own is written by its name alone."""
+    return {"name": value} if isinstance(value, str) else value
+
+
+class StartedCut(Section):
+    """A client under test that the bench starts itself on this machine."""
+
+    name: str  # as `hil companion` knows it
+    settings: dict[str, Any] = Field(default_factory=dict)  # of this one, over those of all
+
+
 class Companion(Section):
     """The link to the companion computer: frames of sensor data out, desired states back (docs/companion.md)."""
 
     clients: Annotated[int, Field(ge=0, le=32)] = 0  # waited for before the flight; more may come and go
-    # Clients under test that the bench starts itself on this machine, by the names that `hil companion` knows.
-    start: Annotated[tuple[str, ...], Field(max_length=8)] = ()
-    settings: dict[str, Any] = Field(default_factory=dict)  # of the started ones, as `hil companion --set` takes them
+    start: Annotated[tuple[Annotated[StartedCut, BeforeValidator(_client_by_name)], ...], Field(max_length=8)] = ()
+    settings: dict[str, Any] = Field(default_factory=dict)  # of all started ones, as `hil companion --set` takes them
     control: bool = False  # what the clients desire is flown; the mission is then theirs to fly, and still judged
     time: Literal["lockstep", "realtime", "latency_true"] = "lockstep"
     rate_hz: Annotated[float, Field(gt=0, le=1000)] = 10.0  # frames

@@ -590,6 +590,28 @@ def test_the_bench_has_the_same_command() -> None:
     assert run_command_line(nobody) == ERROR_STATUS
 
 
+def test_the_bench_s_command_can_hold_what_a_client_desires(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hil.cli import run_command_line
+
+    (tmp_path / "hovering_cut.py").write_text(
+        "from hil_companion import Desired\ndef hover(frame):\n    return Desired(p_W=(0, 0, 2), v_W=(1, 0, 0))\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def script(bench: Bench) -> None:
+        client = bench.greet(control=True)
+        bench.send(client, frame(0))
+        bench.receive("done")
+        bench.send(client, END)
+
+    for flags, hold in (([], False), (["--hold"], True)):
+        with running(script) as bench:
+            command = ["companion", "hovering_cut:hover", "--connect", bench.address, "--control", *flags]
+            assert run_command_line(command) == END_STATUS
+        assert bench.of_kind("done")[0]["desired"].get("hold", False) is hold
+
+
 def test_desired_states_are_checked_when_made() -> None:
     wrong: list[dict[str, Any]] = [
         {"p_W": (1, 2)},

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from firmware_bridge.companion.keys import make_keys
+from hil.companion import link
+from hil.companion.started import StartedClient
 from hil.config import Bench, load_bench
 from hil.config.schema import Companion
-from hil.signals.errors import ConfigError
+from hil.signals.errors import ConfigError, LinkClosed
 
 
 @pytest.fixture(autouse=True)
@@ -44,6 +48,9 @@ def problem(*lines: str, more: str = "", rig: str | None = None) -> str:
         ("clients: many", "companion.clients"),
         ("start: waypoints", "companion.start"),
         ("start: [echo, 1]", "companion.start"),
+        ("start: [{name: 5}]", "companion.start"),
+        ("start: [{name: echo, setings: {}}]", "settings"),
+        ("start: [{name: echo, settings: 5}]", "companion.start"),
         (f"start: [{', '.join(f'm:c{i}' for i in range(9))}]", "companion.start"),
         ("settings: [1]", "companion.settings"),
         ("control: maybe", "companion.control"),
@@ -95,6 +102,8 @@ def test_every_key_is_tried_above_and_unknown_ones_are_refused() -> None:
         (["time: realtime", "clients: 1"], "", 2, "the run does not keep it .*pace=1"),
         (["start: [waypoint]"], "", 2, "does not exist: 'waypoint'.*waypoints"),
         (["start: [echo, 'm:echo']"], "", 2, "names echo twice"),
+        (["start: [echo, {name: 'm:echo'}]"], "", 2, "names echo twice"),
+        (["start: [{name: recrod}]"], "", 2, "does not exist: 'recrod'.*record"),
         (["clients: 1", "rate_hz: 251"], "", 3, "at most the tick's rate, 250 Hz, not 251 Hz"),
         (["clients: 1", "rate_hz: 10.0001"], "", 3, "whole number of millihertz"),
         (["clients: 1", "rate_hz: 0.0001"], "", 3, "whole number of millihertz"),
@@ -150,3 +159,36 @@ def test_all_at_once_and_a_right_one_passes() -> None:
     companion = load("start: [waypoints, 'my.module:Cut']", "control: true", "rate_hz: 25").config.companion
     assert (companion.on, companion.expected, companion.port) == (True, 2, 5570)
     assert not load("rate_hz: 300").config.companion.on  # without clients there is nothing to be wrong
+
+
+def test_a_started_client_has_its_own_settings_over_those_of_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[tuple[str, Mapping[str, Any]]] = []
+
+    class Seen(StartedClient):
+        def __init__(self, cut: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
+            started.append((cut, settings))
+
+        def check(self) -> None:
+            raise LinkClosed("companion", "it is not there")
+
+        running = False
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(link, "StartedClient", Seen)
+    lines = [
+        "port: 0",
+        "settings: {out: a, keep_mb: 1}",
+        "start: [echo, {name: record, settings: {out: b, stop: true}}]",
+    ]
+    companion = link.CompanionLink(load(*lines).config, tmp_path, waypoints_W=(), on_event=lambda *_: None)
+    with pytest.raises(LinkClosed):
+        companion.open()
+    companion.close()
+    assert started == [
+        ("echo", {"out": "a", "keep_mb": 1}),
+        ("record", {"out": "b", "keep_mb": 1, "stop": True}),
+    ]
