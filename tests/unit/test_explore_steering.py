@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion.errors import OptionError  # isort: skip
+from hil_companion.explore.blind_spot import BlindSpot  # isort: skip
 from hil_companion.explore.inflation import Berth, berth  # isort: skip
 from hil_companion.explore.nearby import Nearby, Sweeps  # isort: skip
 from hil_companion.explore.plan_map import PlanMap  # isort: skip
@@ -164,3 +165,14 @@ def test_points_that_are_no_numbers_or_at_other_heights_do_not_count() -> None:
 def test_settings_that_cannot_be_flown(wrong: dict[str, Any]) -> None:
     with pytest.raises(OptionError, match="explore"):
         FlightSettings(**wrong)
+
+
+def test_what_came_too_near_to_be_seen_is_remembered_for_a_while() -> None:
+    eye, spot, ground = np.array([0.0, 0.0, 2.1]), BlindSpot(), [(8.0, y, 0.0) for y in np.linspace(-4.0, 4.0, 40)]
+    head = np.array([(2.4, 0.0, 1.5), (2.4, 0.02, 1.55), (2.4, 0.0, 2.5)])
+    assert not len(spot.unseen(0, eye, np.array([*head, *ground]), head))
+    # 1.4 m nearer its top is 14 degrees and more below the eye, where the lowest ring looks 14.7 degrees down.
+    eye = np.array([1.4, 0.0, 2.1])
+    seen = spot.unseen(500_000_000, eye, np.array(ground), np.zeros((0, 3)))
+    np.testing.assert_allclose(seen, [(2.4, 0.0)], atol=0.11)
+    assert not len(spot.unseen(2_600_000_000, eye, np.array(ground), np.zeros((0, 3))))

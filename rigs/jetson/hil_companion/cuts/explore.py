@@ -81,6 +81,9 @@ class Explore:
         if len(goal) == 3:
             flight.setdefault("height_m", goal[2])
         settings = _made(FlightSettings, "flight", flight)
+        fields = welcome.topics.get(self._lidar, {}).get("fields", {})
+        if fields and "points_L" not in fields:
+            raise OptionError(f"explore: lidar {self._lidar!r}: the topic of a LiDAR is needed; it has no points_L")
         calibration = welcome.sensors.get(self._lidar, {})
         x, y, _, _ = self._start
         half_m = max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M
@@ -138,9 +141,8 @@ def _mapping(name: str, values: Mapping[str, Any] | None) -> dict[str, Any]:
 
 def _made(kind: Any, name: str, values: Mapping[str, Any]) -> Any:
     """Settings of that kind. OptionError for names that it does not have."""
-    try:
-        return kind(**values)
-    except TypeError:
+    strange = sorted(set(values) - set(kind.__dataclass_fields__))
+    if strange:
         known = ", ".join(kind.__dataclass_fields__)
-        strange = ", ".join(sorted(set(values) - set(kind.__dataclass_fields__)))
-        raise OptionError(f"explore: {name} has no setting {strange}; it has {known}") from None
+        raise OptionError(f"explore: {name} has no setting {', '.join(map(str, strange))}; it has {known}")
+    return kind(**values)

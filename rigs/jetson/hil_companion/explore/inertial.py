@@ -26,7 +26,8 @@ _MOST_RADPS, _MOST_MPS2 = 60.0, 400.0  # no gyro or accelerometer of a drone goe
 _GAP_S = 0.05  # a longer gap between rows is flown through more and more slowly, and level
 _STOP_S = 1.0  # a vehicle whose IMU is silent is braked
 _COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # what a vehicle may do meanwhile
-_LEVEL_S, _TILT_RAD = 0.5, 0.15  # a tilt that nobody sees is forgotten in so long; what then may be there
+_LEVEL_S, _TILT_RAD = 0.5, 0.15  # a tilt that nobody sees is forgotten in so long; what then may be there,
+_SPIN_RADPS = 0.25  # and how fast it comes to be
 _UNSURE_TILT_RAD = 0.04  # above it gravity tells what is level,
 _SHAKE_MPS2 = 2.0  # as well as a vehicle that accelerates lets it
 
@@ -57,6 +58,8 @@ class InertialFilter:
         self.t_ns: int | None = None
         self.last_imu_ns: int | None = None
         self._force_W: np.ndarray | None = None  # mean of what was sensed since the last stand; None: nothing was
+        self._row_ns: int | None = None  # of the last row that was used
+        self._silent_s = 0.0  # since the last row, as far as it was flown through without
         self._waiting: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MOST_WAITING)
         self._past: deque[Moment] = deque(maxlen=_KEPT_ROWS)
 
@@ -82,28 +85,33 @@ class InertialFilter:
         if self.t_ns is None:
             self.t_ns = self._waiting[0][0] if self._waiting else to_ns
             self._past.append(self.moment())
-        began, f_sum, used, coasted_s = self.t_ns, np.zeros(3), 0, 0.0
+        began, f_sum, used, coasted_s, tilt_variance = self.t_ns, np.zeros(3), 0, 0.0, 0.0
         moment = self.moment()
         while self._waiting and self._waiting[0][0] <= to_ns:
             row = self._waiting.popleft()
             if row[0] <= moment.t_ns:
                 continue
             gap_s = (row[0] - moment.t_ns) * 1e-9
-            coasted_s += gap_s if gap_s > _GAP_S else 0.0
+            if gap_s > _GAP_S:
+                coasted_s += gap_s
+                tilt_variance += self._unseen(gap_s)
+            self._silent_s, self._row_ns = 0.0, row[0]
             moment, force = self._step(moment, row)
             f_sum += force
             used += 1
             self._past.append(moment)
         if moment.t_ns < to_ns:
             rest_s = (to_ns - moment.t_ns) * 1e-9
-            coasted_s += rest_s if rest_s > _GAP_S else 0.0
-            moment = self._coast(moment, to_ns)
+            if _silent(self._row_ns, to_ns):
+                coasted_s += rest_s
+                tilt_variance += self._unseen(rest_s)
+            moment = _coasted(moment, to_ns, self._row_ns)
             self._past.append(moment)
         self.t_ns = moment.t_ns
         self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
         self._force_W = f_sum / used if used else None
         force_W = self._force_W if self._force_W is not None else np.array([0.0, 0.0, G_MPS2])
-        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s)
+        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s, tilt_variance)
 
     @property
     def tilt_sigma_rad(self) -> float:
@@ -124,11 +132,12 @@ class InertialFilter:
 
     def ahead(self, to_ns: int) -> Moment:
         """Where the vehicle is by then, by the rows that wait."""
-        moment = self.moment()
+        moment, row_ns = self.moment(), self._row_ns
         for row in self._waiting:
             if moment.t_ns < row[0] <= to_ns:
                 moment, _ = self._step(moment, row)
-        return self._coast(moment, to_ns) if moment.t_ns < to_ns else moment
+                row_ns = row[0]
+        return _coasted(moment, to_ns, row_ns) if moment.t_ns < to_ns else moment
 
     def then(self, t_ns: int) -> Moment | None:
         """Where it was; None: longer ago than is kept."""
@@ -207,7 +216,7 @@ class InertialFilter:
         t_ns, w, f = row
         dt = (t_ns - m.t_ns) * 1e-9
         if dt > _GAP_S:
-            m, dt = self._coast(m, t_ns), 0.0
+            m, dt = _braked(m, t_ns), 0.0
         bg, ba = self.gyro_bias, self.accel_bias
         half = turned(m.q, 0.5 * dt * (w[0] - bg[0]), 0.5 * dt * (w[1] - bg[1]), 0.5 * dt * (w[2] - bg[2]))
         q = turned(m.q, dt * (w[0] - bg[0]), dt * (w[1] - bg[1]), dt * (w[2] - bg[2]))
@@ -218,19 +227,9 @@ class InertialFilter:
         p = (px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az))
         return Moment(t_ns, p, (vx + dt * ax, vy + dt * ay, vz + dt * az), q), force
 
-    def _coast(self, m: Moment, to_ns: int) -> Moment:
-        dt = (to_ns - m.t_ns) * 1e-9
-        if dt <= _GAP_S:
-            return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
-        tilt, speed = math.exp(-dt / _LEVEL_S), math.exp(-dt / _STOP_S)
-        roll, pitch, yaw = roll_pitch_yaw(matrix_of(m.q))
-        way_s = _STOP_S * (1.0 - speed)
-        p = (m.p[0] + way_s * m.v[0], m.p[1] + way_s * m.v[1], m.p[2] + way_s * m.v[2])
-        v = (speed * m.v[0], speed * m.v[1], speed * m.v[2])
-        return Moment(to_ns, p, v, quaternion_of(tilt * roll, tilt * pitch, yaw))
-
-    def _spread(self, T: float, force_W: np.ndarray, coasted_s: float) -> None:
-        """Covariance over T seconds with the mean force, of which nothing was sensed for some."""
+    def _spread(self, T: float, force_W: np.ndarray, coasted_s: float, tilt_variance: float) -> None:
+        """Covariance over T seconds with the mean force, of which nothing was sensed for some, while it may have come
+        to tilt."""
         if T <= 0.0:
             return
         felt_s = T - coasted_s
@@ -249,9 +248,14 @@ class InertialFilter:
         noise[8] += coasted_s * _COAST_RAD_PER_RTS**2
         left = math.exp(-coasted_s / _LEVEL_S)
         F[6, 6] = F[7, 7] = left
-        noise[6:8] += (1.0 - left * left) * _TILT_RAD**2
+        noise[6:8] += tilt_variance + (1.0 - left * left) * np.minimum(np.diag(self.cov)[6:8], _TILT_RAD**2)
         noise[BG], noise[BA] = T * _GYRO_WALK**2, T * _ACCEL_WALK**2
         self.cov = F @ self.cov @ F.T + np.diag(noise)
+
+    def _unseen(self, gap_s: float) -> float:
+        """By how much roll and pitch may have come to vary while nobody felt them for so much longer."""
+        before, self._silent_s = self._silent_s, self._silent_s + gap_s
+        return min(_SPIN_RADPS * self._silent_s, _TILT_RAD) ** 2 - min(_SPIN_RADPS * before, _TILT_RAD) ** 2
 
     def _apply(self, error: np.ndarray) -> None:
         shift_p, shift_v = error[P], error[V]
@@ -264,3 +268,27 @@ class InertialFilter:
         # The newest of the past moves along: what a sweep from here on is straightened by has no jump in it.
         if self._past:
             self._past[-1] = self.moment()
+
+
+def _silent(row_ns: int | None, t_ns: int) -> bool:
+    """Whether the IMU has said nothing for too long by then."""
+    return row_ns is None or (t_ns - row_ns) * 1e-9 > _GAP_S
+
+
+def _coasted(m: Moment, to_ns: int, row_ns: int | None) -> Moment:
+    """On to a time of which no row tells."""
+    if _silent(row_ns, to_ns):
+        return _braked(m, to_ns)
+    dt = (to_ns - m.t_ns) * 1e-9
+    return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
+
+
+def _braked(m: Moment, to_ns: int) -> Moment:
+    """What becomes of a vehicle that nothing is felt of."""
+    dt = (to_ns - m.t_ns) * 1e-9
+    tilt, speed = math.exp(-dt / _LEVEL_S), math.exp(-dt / _STOP_S)
+    roll, pitch, yaw = roll_pitch_yaw(matrix_of(m.q))
+    way_s = _STOP_S * (1.0 - speed)
+    p = (m.p[0] + way_s * m.v[0], m.p[1] + way_s * m.v[1], m.p[2] + way_s * m.v[2])
+    v = (speed * m.v[0], speed * m.v[1], speed * m.v[2])
+    return Moment(to_ns, p, v, quaternion_of(tilt * roll, tilt * pitch, yaw))

@@ -16,6 +16,7 @@ from typing import Any, Mapping
 
 import numpy as np
 
+from hil_companion.explore.blind_spot import BlindSpot
 from hil_companion.explore.face import Estimate
 from hil_companion.explore.rings import on_ring
 from hil_companion.explore.rotation import matrix_of
@@ -26,7 +27,8 @@ _LEAST_M = 0.1  # of a range
 
 @dataclass(frozen=True, eq=False)
 class Nearby:
-    """`level_W` (n, 2): what stands at the height of the vehicle, in the world as the estimate has it."""
+    """`level_W` (n, 2): what stands at the height of the vehicle, in the world as the estimate has it, and what it is
+    too near to see any more."""
 
     t_ns: int  # of the capture
     level_W: np.ndarray
@@ -52,6 +54,7 @@ class Sweeps:
         self._R_BL = matrix_of(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
         self._elevation_deg = tuple(float(e) for e in told.get("elevation_deg", ()))
         self._slab_m = slab_m
+        self._blind_spot = BlindSpot()
 
     def read(self, sample: Sample, at: Estimate, yaw_rate_radps: float, height_m: float) -> Nearby:
         """`height_m`: of the flight. What is looked at lies round the vehicle's own height and round this one."""
@@ -83,7 +86,10 @@ class Sweeps:
         x = p_W[0] - v_W[0] * ago_s + c * level[:, 0] - s * level[:, 1]
         y = p_W[1] - v_W[1] * ago_s + s * level[:, 0] + c * level[:, 1]
         points_W = np.stack([x, y, up], axis=1)
-        return Nearby(sample.t_capture_ns, points_W[kept, :2], len(points_L), points_W)
+        eye_W = p_W + np.array([0.0, 0.0, self._p_BL[2]])
+        hidden = self._blind_spot.unseen(sample.t_capture_ns, eye_W, points_W, points_W[kept])
+        level_W = np.concatenate([points_W[kept, :2], hidden])
+        return Nearby(sample.t_capture_ns, level_W, len(points_L), points_W)
 
 
 def tilt(roll: float, pitch: float) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any, Mapping
+from typing import Any, Callable, Mapping
 
 from hil_companion.errors import OptionError
 
@@ -39,22 +40,56 @@ class SlamSettings:
     lidar_lost_s: float = 0.35  # without a usable sweep for so long, the LiDAR is lost
 
     def __post_init__(self) -> None:
-        problems = []
-        for name in ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m"):
-            if not getattr(self, name) > 0.0:
-                problems.append(f"{name} {getattr(self, name)!r} must be above 0")
-        if not 1 <= self.particles <= 1000:
-            problems.append(f"particles {self.particles} must be 1 to 1000")
-        if not 10 <= self.match_points <= 5000:
-            problems.append(f"match_points {self.match_points} must be 10 to 5000")
-        if not 1 <= self.decimation <= 16:
-            problems.append(f"decimation {self.decimation} must be 1 to 16")
-        if self.cell_m > 0.0 and self.area_m / self.cell_m > 8192.0:
-            problems.append(
-                f"area_m {self.area_m:g} by cell_m {self.cell_m:g} is more than 8192 cells; take larger cells"
-            )
+        problems = [
+            f"{name} {getattr(self, name)!r} must be {what}"
+            for name, (what, good) in _MEANT.items()
+            if not good(getattr(self, name))
+        ]
         if problems:
             raise OptionError("slam: " + "; ".join(problems))
+        if self.area_m / self.cell_m > 8192.0:
+            raise OptionError(
+                f"slam: area_m {self.area_m:g} by cell_m {self.cell_m:g} is more than 8192 cells; take larger cells"
+            )
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _numbers(values: Any) -> bool:
+    return isinstance(values, (tuple, list)) and all(_number(v) for v in values)
+
+
+def _unit(q: Any) -> bool:
+    return _numbers(q) and len(q) == 4 and abs(sum(v * v for v in q) - 1.0) < 1e-3
+
+
+def _whole(least: int, most: int) -> tuple[str, Callable[[Any], bool]]:
+    def good(value: Any) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+
+    return f"{least} to {most}", good
+
+
+_ABOVE_ZERO: tuple[str, Callable[[Any], bool]] = "above 0", lambda v: _number(v) and v > 0.0
+_TOPIC: tuple[str, Callable[[Any], bool]] = "a topic", lambda v: isinstance(v, str) and v != ""
+_MEANT: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "particles": _whole(1, 1000),
+    "match_points": _whole(10, 5000),
+    "decimation": _whole(1, 16),
+    **dict.fromkeys(
+        ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m"), _ABOVE_ZERO
+    ),
+    **dict.fromkeys(("gps_speed_sigma_mps", "lidar_lost_s"), _ABOVE_ZERO),
+    **dict.fromkeys(("imu_topic", "gps_topic", "baro_topic", "lidar_topic"), _TOPIC),
+    "gps_sigma_m": ("null or above 0", lambda v: v is None or (_number(v) and v > 0.0)),
+    "ground_z_m": ("a number", _number),
+    "lidar_p_BL": ("three numbers", lambda v: _numbers(v) and len(v) == 3),
+    "lidar_q_BL": ("four numbers of length 1", _unit),
+    "lidar_elevation_deg": ("angles, -90 to 90", lambda v: _numbers(v) and all(abs(e) < 90.0 for e in v)),
+    "lidar_rings_sure": ("true or false", lambda v: isinstance(v, bool)),
+}
 
 
 def lidar_settings(calibration: Mapping[str, Any]) -> dict[str, Any]:
