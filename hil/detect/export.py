@@ -53,7 +53,7 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
                 opset_version=OPERATOR_SET,
                 dynamo=False,
             )
-            torch.jit.trace(plain, blob, check_trace=False).save(str(path.with_suffix(".pt")))  # type: ignore[no-untyped-call]
+            torch.jit.trace(plain, blob, check_trace=False).save(str(path.with_suffix(".pt")))
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         model_file = described(path, classes, sha256=digest, threshold=threshold)
         path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")

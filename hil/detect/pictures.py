@@ -99,6 +99,7 @@ def _read(folder: Path, part: str, problems: list[Problem]) -> list[Picture]:
     if not folder.is_dir():
         problems.append(Problem(str(folder), "there is no such folder", "give folders that `hil dataset` has written"))
         return []
+    before = len(problems)
     coco = folder / _COCO
     if coco.is_file():
         found = _read_coco(coco, folder, problems)
@@ -109,7 +110,8 @@ def _read(folder: Path, part: str, problems: list[Problem]) -> list[Picture]:
         problems.append(Problem(str(folder), f"holds neither {_COCO} nor {ANNOTATIONS}/", hint))
         return []
     if not found:
-        problems.append(Problem(str(folder), "holds no pictures", "record more frames, or leave it out"))
+        if len(problems) == before:
+            problems.append(Problem(str(folder), "holds no pictures", "record more frames, or leave it out"))
         return []
     if part == "all":
         return found

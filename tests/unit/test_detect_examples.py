@@ -1,0 +1,109 @@
+"""What training makes of pictures: boxes follow what is in them, and each object gets anchors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.companion.started import use_client
+from tests.unit.detect_pictures_world import some_objects, write_data_set
+
+use_client()
+from hil.detect.arrangement import INPUT_PX, LEVELS  # noqa: E402
+from hil.detect.assign import BACKGROUND, NOTHING, Assigner  # noqa: E402
+from hil.detect.augment import Augmenter, Strength  # noqa: E402
+from hil.detect.picture_store import PictureStore  # noqa: E402
+from hil.detect.pictures import read_data_sets  # noqa: E402
+
+CLASSES = ("person", "vehicle")
+NO_LIGHT = {"brightness": 0.0, "contrast": 0.0, "saturation": 0.0, "hue": 0.0, "noise_share": 0.0, "blur_share": 0.0}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> PictureStore:
+    rng = np.random.default_rng(3)
+    folder = write_data_set(tmp_path / "set", [some_objects(rng) for _ in range(8)])
+    return PictureStore(read_data_sets([folder]), INPUT_PX)
+
+
+@pytest.mark.parametrize("mosaic", [0.0, 1.0])
+def test_boxes_follow_the_pixels(store: PictureStore, mosaic: float) -> None:
+    """Things are the only strongly coloured pixels: inside a box nearly all, outside of all boxes none."""
+    augmenter = Augmenter(store, CLASSES, 5, Strength(mosaic_share=mosaic, **NO_LIGHT))  # type: ignore[arg-type]
+    for index in range(8):
+        e = augmenter.example(index, 2)
+        red, blue = (e.rgb[:, :, 0] > 180) & (e.rgb[:, :, 2] < 90), (e.rgb[:, :, 2] > 180) & (e.rgb[:, :, 0] < 90)
+        covered = np.zeros(red.shape, bool)
+        for (x0, y0, x1, y1), number in zip(e.boxes_px, e.classes, strict=True):
+            own = red if CLASSES[number] == "person" else blue
+            a, b, c, d = int(np.floor(y0)), int(np.ceil(y1)), int(np.floor(x0)), int(np.ceil(x1))
+            covered[a:b, c:d] = True
+            inside = own[a + 2 : b - 2, c + 2 : d - 2]
+            assert inside.size == 0 or inside.mean() > 0.9
+        assert not ((red | blue) & ~covered).sum() > 12  # slivers that were cut off to nothing
+
+
+def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: PictureStore) -> None:
+    augmenter = Augmenter(store, CLASSES, 5, Strength())
+    first = augmenter.example(0, 0)
+    again = Augmenter(store, CLASSES, 5, Strength()).example(0, 0)
+    assert np.array_equal(first.rgb, again.rgb)
+    assert np.array_equal(first.boxes_px, again.boxes_px)
+    for other in (augmenter.example(0, 1), Augmenter(store, CLASSES, 6, Strength()).example(0, 0)):
+        assert not np.array_equal(first.rgb, other.rgb)
+    assert np.array_equal(Augmenter(store, CLASSES, 5, None).example(0, 0).rgb, store.rgb(0))
+
+
+def test_small_things_become_things_to_find_when_drawn_larger(tmp_path: Path) -> None:
+    folder = write_data_set(tmp_path / "set", [[("person", (150, 110, 6, 9))]])
+    store = PictureStore(read_data_sets([folder]), INPUT_PX)
+    assert Augmenter(store, CLASSES, 1, None).example(0, 0).difficult.tolist() == [True]
+    near = Augmenter(store, CLASSES, 1, Strength(zoom=(2.0, 2.0), stretch=0.0, mosaic_share=0.0))
+    seen = [e for e in (near.example(0, k) for k in range(6)) if len(e.boxes_px)]
+    assert seen
+    assert not any(e.difficult[0] for e in seen if e.area_px[0] > 200.0)
+
+
+def test_classes_that_are_not_wanted_are_background(store: PictureStore) -> None:
+    e = Augmenter(store, ("vehicle",), 1, None).example(0, 0)
+    wanted = [name == "vehicle" for name in store.pictures[0].labels]
+    assert e.boxes_px.tolist() == store.boxes_px(0)[wanted].tolist()
+    assert set(e.classes.tolist()) <= {0}
+
+
+def _iou(a: np.ndarray, b: np.ndarray) -> float:
+    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    common = max(w, 0.0) * max(h, 0.0)
+    return float(common / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - common))
+
+
+def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> None:
+    assigner = Assigner(LEVELS, INPUT_PX)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        size = np.exp(rng.uniform(np.log(6.0), np.log(200.0), (6, 2)))
+        first = rng.uniform(0.0, 1.0, (6, 2)) * (np.array(INPUT_PX) - size)
+        boxes = np.concatenate([first, first + size], axis=1).astype(np.float32)
+        boxes[:, 2:] = np.minimum(boxes[:, 2:], np.array(INPUT_PX))
+        classes = np.arange(6)
+        found, target = assigner.targets(boxes, classes, np.zeros(6, bool))
+        assert set(classes.tolist()) <= set(found.tolist())
+        for anchor in np.flatnonzero(found >= 0):
+            assert target[anchor].tolist() == boxes[found[anchor]].tolist()
+        for i in classes:  # among its anchors is the one that overlaps it best of all
+            half = 0.5 * assigner.anchors_px[:, 2:]
+            corners = np.concatenate([assigner.anchors_px[:, :2] - half, assigner.anchors_px[:, :2] + half], axis=1)
+            over = np.array([_iou(c, boxes[i]) for c in corners[found == i]])
+            assert over.max() > 0.1
+
+
+def test_things_that_nobody_need_find_say_nothing() -> None:
+    assigner = Assigner(LEVELS, INPUT_PX)
+    boxes = np.array([[10, 10, 24, 44], [200, 100, 244, 122]], np.float32)
+    found, _ = assigner.targets(boxes, np.array([0, 1]), np.array([True, False]))
+    assert set(found.tolist()) == {BACKGROUND, NOTHING, 1}
+    none, target = assigner.targets(boxes[:0], np.zeros(0, np.int64), np.zeros(0, bool))
+    assert (none == BACKGROUND).all()
+    assert not target.any()
