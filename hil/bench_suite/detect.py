@@ -115,6 +115,7 @@ def _check(result: BenchmarkResult, at_own: dict[str, Looked], threshold: float)
 def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     """Precision lost against time, a line a back end; the paper's times stand upright. RecordingError."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     figure = Figure(figsize=(10.4, 4.6), layout="constrained")
     axes = figure.subplots(1, 2)
@@ -132,6 +133,8 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
             at, where = (1e3 / hz, 0.97 - 0.3 * i), ("data", "axes fraction")
             ax.annotate(f"paper: {name}, Jetson Nano", at, xycoords=where, rotation=90, fontsize=7, va="top")
         ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel="processor time of a picture, one core [ms]", ylabel="1 - AP@0.5", ylim=(0.0, None))
         ax.set_title(case, loc="left", fontsize=10, fontweight="bold")
