@@ -26,7 +26,7 @@ class Asking:
         self.retry_ns: int | None = None  # when to ask again
 
     def begin(self, t_ns: int, steps: Sequence[Step], limit_ns: int) -> None:
-        """`limit_ns`: how long a step may be declined for now."""
+        """`limit_ns`: how long a step may be declined for now, from `t_ns` on, which may be past."""
         self._steps = tuple(steps)
         self._asked = self.retry_ns = None
         self._since_ns, self._limit_ns = t_ns, limit_ns

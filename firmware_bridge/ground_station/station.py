@@ -21,15 +21,16 @@ from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.ground_station.commands import ACCEPTED, Commands
+from firmware_bridge.ground_station.asking import Asking
+from firmware_bridge.ground_station.commands import Commands
 from firmware_bridge.ground_station.health import Health
 from firmware_bridge.ground_station.heartbeat import Heartbeats
 from firmware_bridge.ground_station.mission_upload import MissionUpload
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
-from firmware_bridge.ground_station.procedure import Step, declined_for_now, first_seq, items_for, start_steps
+from firmware_bridge.ground_station.procedure import first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from firmware_bridge.ground_station.wire import NS_PER_S, Wire, refused
 from hil.signals.mission import MissionItem
 
 _SET_MESSAGE_INTERVAL = 511
@@ -42,9 +43,7 @@ _STREAMS = (
     (MSGID["MISSION_CURRENT"], 500_000.0),
 )
 
-_RETRY_NS = NS_PER_S
 _SETTLE_NS = NS_PER_S
-_ARMINGS_LIMIT = 5
 
 
 class Phase(Enum):
@@ -101,10 +100,8 @@ class GroundStation:
         self._phase_since_ns = 0
         self._preflight_since_ns = 0
         self._streams_asked = 0
-        self._steps: tuple[Step, ...] = ()  # into the air, those not yet taken
-        self._asked: Step | None = None
-        self._armings = 0
-        self._retry_ns = 0
+        self._asking = Asking(self._commands, self._heartbeats, self._texts)  # for the steps into the air
+        self._landed_ns: int | None = None  # when it has said all
         self._t_ns = 0
         self._started = False
         self._due_ns = 0
@@ -163,7 +160,7 @@ class GroundStation:
             _PHASES[before](self, t_ns)
         self._commands.step(t_ns)
         self._upload.step(t_ns)
-        dues = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns, self._retry_ns or None)
+        dues = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns, self._asking.retry_ns, self._landed_ns)
         self._due_ns = min(due for due in dues if due is not None)
         if self._grid_ns:
             self._due_ns = min(self._due_ns, (cell + 1) * self._grid_ns)
@@ -176,7 +173,6 @@ class GroundStation:
     def _enter(self, phase: Phase, t_ns: int) -> None:
         self.phase = phase
         self._phase_since_ns = t_ns
-        self._retry_ns = 0
         self._commands.result = None  # an answer to the last phase's question answers none of this one's
 
     def _connecting(self, t_ns: int) -> None:
@@ -197,7 +193,6 @@ class GroundStation:
             return
         if self._fly:
             autopilot = self._heartbeats.autopilot
-            self._steps = start_steps(autopilot)
             self._progress.first_seq = first_seq(autopilot)
             self._upload.start(t_ns, items_for(autopilot, self._mission), patient=autopilot == ARDUPILOT)
             self._enter(Phase.UPLOADING, t_ns)
@@ -212,6 +207,8 @@ class GroundStation:
     def _preflight(self, t_ns: int) -> None:
         if self._health.ready(t_ns):
             self._enter(Phase.ARMING, t_ns)
+            steps = start_steps(self._heartbeats.autopilot)
+            self._asking.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)
         elif t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
             raise refused(
                 f"the vehicle is not ready to arm after {self._preflight_limit_ns / NS_PER_S:g} s of simulated time: "
@@ -219,44 +216,12 @@ class GroundStation:
             )
 
     def _arming(self, t_ns: int) -> None:
-        armed = self._heartbeats.armed
-        while self._steps and self._steps[0].arms and armed:
-            self._steps = self._steps[1:]
-        if armed and not self._steps:
+        if not self._asking.step(t_ns):
+            return
+        if self._heartbeats.armed:
             self._enter(Phase.FLYING, t_ns)
-            return
-        if self._fly and not self._steps and t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
+        elif self._fly and t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
             raise refused(f"the vehicle took the mission, but is not armed and does not fly{self._texts.last(6)}")
-        commands = self._commands
-        if not self._steps or commands.busy or t_ns < self._retry_ns:
-            return
-        result, commands.result = commands.result, None
-        asked, self._asked = self._asked, None
-        if result == ACCEPTED and asked is not None:
-            if not asked.arms:
-                self._steps = self._steps[1:]
-                self._arming(t_ns)
-                return
-            self._armings += 1
-            if self._armings > _ARMINGS_LIMIT:
-                raise refused(
-                    f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
-                    f"it is armed{self._texts.last()}"
-                )
-            self._retry_ns = t_ns + _RETRY_NS  # the heartbeat will say so
-            return
-        if result is not None and asked is not None:
-            waited_ns = t_ns - self._preflight_since_ns
-            if result not in declined_for_now(self._heartbeats.autopilot) or waited_ns >= self._preflight_limit_ns:
-                raise refused(
-                    f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
-                    f"{waited_ns / NS_PER_S:.1f} s after the upload{self._texts.last()}"
-                )
-            self._retry_ns = t_ns + _RETRY_NS
-            return
-        self._retry_ns = 0
-        self._asked = self._steps[0]
-        commands.ask(t_ns, self._asked.command, self._asked.params)
 
     def _flying(self, t_ns: int) -> None:
         progress = self._progress
@@ -276,13 +241,14 @@ class GroundStation:
         if progress.on_ground and not self._heartbeats.armed:
             progress.on_landed()
             self._enter(Phase.LANDED, t_ns)
-            self._retry_ns = t_ns + _SETTLE_NS
+            self._landed_ns = t_ns + _SETTLE_NS
         elif self._must_land and progress.completed and not self._commands.busy:
             self._must_land = False
             self._commands.ask(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
 
     def _landed(self, t_ns: int) -> None:
-        if t_ns >= self._retry_ns:
+        if self._landed_ns is not None and t_ns >= self._landed_ns:
+            self._landed_ns = None
             self._enter(Phase.DONE, t_ns)
 
     def _done(self, t_ns: int) -> None:
