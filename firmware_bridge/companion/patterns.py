@@ -7,7 +7,7 @@ name costs more than a look at its length.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -22,21 +22,9 @@ _Token = str | _Class  # "*", "?", one character, or a class
 
 def matching(names: Iterable[str], pattern: str) -> list[str]:
     """The names that fit, in their order. Upper and lower case differ; a slash is a character like any other."""
-    fits = matcher(pattern)
-    return [name for name in names if fits(name)]
-
-
-def matcher(pattern: str) -> Callable[[str], bool]:
-    """Whether a name fits."""
     tokens = _tokens(pattern)
-    shortest = sum(t != "*" for t in tokens)
-    if shortest == len(tokens) and all(type(t) is str and t != "?" for t in tokens):
-        return "".join(map(str, tokens)).__eq__
-
-    def fits(name: str) -> bool:
-        return shortest <= len(name) and _fits(tokens, name)
-
-    return fits
+    shortest = sum(token != "*" for token in tokens)
+    return [name for name in names if shortest <= len(name) and _fits(tokens, name)]
 
 
 def _tokens(pattern: str) -> list[_Token]:

@@ -122,7 +122,7 @@ class DesiredState:
 
 
 def carried_on(desired: DesiredState, dt_s: float) -> DesiredState:
-    """What is wanted `dt_s` later, as far as it is said, and for half a second at most:
+    """What is wanted `dt_s` later, as far as it is said; no later than half a second, or the last knot `ahead`:
 
         p + v dt + a dt^2 / 2      v + a dt      a      yaw + yaw_rate dt
 
