@@ -23,7 +23,7 @@ _Token = str | _Class  # "*", "?", one character, or a class
 def matching(names: Iterable[str], pattern: str) -> list[str]:
     """The names that fit, in their order. Upper and lower case differ; a slash is a character like any other."""
     tokens = _tokens(pattern)
-    shortest = sum(token != "*" for token in tokens)
+    shortest = sum(t != "*" for t in tokens)
     return [name for name in names if shortest <= len(name) and _fits(tokens, name)]
 
 

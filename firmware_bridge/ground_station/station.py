@@ -160,7 +160,8 @@ class GroundStation:
             _PHASES[before](self, t_ns)
         self._commands.step(t_ns)
         self._upload.step(t_ns)
-        dues = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns, self._asking.retry_ns, self._landed_ns)
+        asked = (self._heartbeats.due_ns, self._commands.due_ns, self._upload.due_ns)
+        dues = (*asked, self._asking.retry_ns, self._landed_ns)
         self._due_ns = min(due for due in dues if due is not None)
         if self._grid_ns:
             self._due_ns = min(self._due_ns, (cell + 1) * self._grid_ns)
