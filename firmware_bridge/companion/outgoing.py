@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import zmq
 
-from firmware_bridge.codecs.companion import pack_arrays, pack_samples
+from firmware_bridge.codecs.companion_frame import pack_arrays, pack_samples
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.block import Block
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample

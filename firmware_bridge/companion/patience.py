@@ -16,7 +16,7 @@ class Patience:
 
     def __init__(self) -> None:
         self._short = self._crowded = False
-        self._cores = len(os.sched_getaffinity(0))
+        self._cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
     def stays_awake(self, waited_ns: int) -> bool:
         """Whether to look again at once, after so long. Lets others go first who want this core."""

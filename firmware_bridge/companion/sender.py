@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from firmware_bridge.codecs import companion as wire
+from firmware_bridge.codecs.companion_frame import encode_frame, encode_frame_in_ring
 from firmware_bridge.companion.bench_socket import BenchSocket
 from firmware_bridge.companion.clients import Client, UnderWay
 from firmware_bridge.companion.groups import CONTROL, group_of
@@ -63,7 +63,7 @@ class Sender:
     def _send_in_ring(client: Client, way: Way, out: Outgoing, t_sent_ns: int, slot: int) -> bool:
         f = out.frame
         offset, length, size = out.in_ring(client.topics)
-        packet = wire.encode_frame_in_ring(
+        packet = encode_frame_in_ring(
             f.frame,
             f.tick,
             f.t_ns,
@@ -99,7 +99,7 @@ class Sender:
     ) -> bool:
         samples, block = out.packed(topics)
         f = out.frame
-        header = wire.encode_frame(
+        header = encode_frame(
             f.frame,
             f.tick,
             f.t_ns,

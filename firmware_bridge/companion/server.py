@@ -33,6 +33,7 @@ from firmware_bridge.companion.patience import Patience
 from firmware_bridge.companion.sender import Sender
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.unreachable import Unreachable
+from firmware_bridge.companion.welcoming import welcome_of
 from firmware_bridge.companion.wires import Wires, flush_all
 from hil.signals.errors import HandshakeError, LinkClosed
 
@@ -398,52 +399,14 @@ class CompanionServer:
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
         client.credit = min(client.credit, self.settings.max_credit)
         client.in_ring = self._wires.ring is not None and hello.shared_memory
-        if client.in_ring:
-            client.ways_needed = frozenset((CONTROL,))
-        elif hello.stream and self._wires.streams:
-            client.ways_needed = groups | {CONTROL}
+        client.ways_needed = self._wires.ways_of(hello, groups)
         client.word = secrets.token_hex(16)
         client.user, client.address = user, _property(message, "Peer-Address")
         self._clients.add(client)
-        self._tell(client.identity, wire.encode_welcome(self._welcome_of(client)))
+        told = welcome_of(client, self.facts, self._wires, session=self.session, schema=self._admission.schema)
+        self._tell(client.identity, wire.encode_welcome(told))
         if client.ready:
             self._joined(client)
-
-    def _welcome_of(self, client: Client) -> wire.Welcome:
-        f = self.facts
-        sensors = {group_of(topic) for topic in client.topics}
-        return wire.Welcome(
-            schema=self._admission.schema,
-            session=self.session,
-            mode=f.mode,
-            tick_ns=f.tick_ns,
-            rate_hz=f.rate_hz,
-            topics={name: f.topics[name] for name in sorted(client.topics)},
-            sensors={name: values for name, values in f.sensors.items() if name in sensors},
-            waypoints_W=f.waypoints_W,
-            ports=self._ports_of(client),
-            ring=self._ring_of(client),
-            streams=self._streams_of(client),
-            control=client.control,
-            views_every_ns=f.views_every_ns,
-        )
-
-    def _ports_of(self, client: Client) -> dict[str, str]:
-        if not client.groups or client.ways_needed:
-            return {}
-        return {t: self._wires.sockets[group_of(t)].endpoint for t in sorted(client.topics)}
-
-    def _ring_of(self, client: Client) -> wire.Ring | None:
-        ring, doors = self._wires.ring, self._wires.doors
-        if not client.in_ring or ring is None or doors is None:
-            return None
-        return wire.Ring(ring.name, ring.size, doors.path, client.word)
-
-    def _streams_of(self, client: Client) -> wire.Streams | None:
-        if client.in_ring or not client.ways_needed:
-            return None
-        addresses = {group: self._wires.streams[group].address for group in sorted(client.ways_needed)}
-        return wire.Streams(client.word, addresses)
 
     def _joined(self, client: Client) -> None:
         again = "again, " if client.stats.returned else ""

@@ -10,6 +10,7 @@ from typing import Any
 
 import zmq
 
+from firmware_bridge.codecs.companion import Hello
 from firmware_bridge.companion.bench_socket import BenchSocket
 from firmware_bridge.companion.doorkeeper import Doorkeeper
 from firmware_bridge.companion.doors import Doors
@@ -99,6 +100,12 @@ class Wires:
         for fd in self._zmq_files | self._knocked_at:
             self._poller.register(fd, select.POLLIN)
             self._entries.register(fd, select.POLLIN)
+
+    def ways_of(self, hello: Hello, groups: frozenset[str]) -> frozenset[str]:
+        """The groups in which a newcomer is to have a way beside ZeroMQ; `groups`: of the sensors' ports it needs."""
+        if self.doors is not None:
+            return frozenset((CONTROL,)) if hello.shared_memory else frozenset()
+        return groups | {CONTROL} if hello.stream and self.streams else frozenset()
 
     def add(self, way: Way) -> None:
         """One that is waited for from now on."""

@@ -19,10 +19,9 @@ from firmware_bridge.codecs.companion import (
     TopicSchema,
     desired_from_map,
     desired_map,
-    encode_frame,
-    pack_samples,
     schema_hash,
 )
+from firmware_bridge.codecs.companion_frame import encode_frame, pack_samples
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.block import Block
 from firmware_bridge.companion.clock_offset import ClockOffset
