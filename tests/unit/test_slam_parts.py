@@ -14,6 +14,7 @@ from sim.scene.scene import Site
 from sim.sensors.catalog import make_sensor
 from tests.unit.slam_yard import HEIGHT_M, IMU_NS, RINGS_DEG, Circle, wall_distance_m
 
+from hil_companion.explore.fresh import FreshSweeps  # isort: skip
 from hil_companion.explore.geodesy import LocalPlane  # isort: skip
 from hil_companion.explore.inertial import InertialFilter  # isort: skip
 from hil_companion.explore.maps import Maps  # isort: skip
@@ -24,6 +25,7 @@ from hil_companion.explore.search import search  # isort: skip
 from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
 from hil_companion.explore.sweep import Sweep, make_sweep  # isort: skip
 from hil_companion.explore.tiles import CELLS, Tiles  # isort: skip
+from hil_companion.frame import Sample as ClientSample  # isort: skip
 
 T_NS = 3_500_000_000
 
@@ -248,3 +250,22 @@ def test_local_plane_agrees_with_the_benchs_geodesy() -> None:
     for p_W in ((120.0, -80.0, 30.0), (-5.0, 3.0, 0.0), (700.0, 700.0, 10.0)):
         off = np.array(plane.enu(*frame.geodetic_from_enu(p_W))) - p_W
         assert np.linalg.norm(off[:2]) < (0.005 if max(p_W) < 500.0 else 0.15)
+
+
+def test_which_sweeps_are_new() -> None:
+    def sweep(t_ns: int, shift: float = 0.0) -> ClientSample:
+        points = np.arange(300, dtype=np.float32).reshape(-1, 3) + np.float32(shift)
+        return ClientSample("lidar", 0, t_ns, t_ns, {}, {"points_L": points})
+
+    here, there = np.zeros(3), np.array([0.3, 0.0, 0.0])
+    still = FreshSweeps()
+    assert still.take(sweep(10), now_ns=10, p_W=here)
+    assert not still.take(sweep(10), now_ns=20, p_W=here)  # again
+    assert not still.take(sweep(40), now_ns=30, p_W=here)  # of the future
+    assert still.take(sweep(50), now_ns=50, p_W=here)  # at rest, without noise
+    assert not still.take(sweep(60), now_ns=60, p_W=there)  # it hangs
+    assert still.take(sweep(70, 1.0), now_ns=70, p_W=there)
+    noisy = FreshSweeps()
+    for k in range(8):
+        assert noisy.take(sweep(10 * k, 0.01 * k), now_ns=10 * k, p_W=here)
+    assert not noisy.take(sweep(90, 0.07), now_ns=90, p_W=here)  # who had noise has it for ever

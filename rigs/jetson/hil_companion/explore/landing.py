@@ -24,7 +24,7 @@ class Landing:
 
     def __init__(self, settings: FlightSettings, ground: Ground) -> None:
         self._settings, self._ground = settings, ground
-        self._spot: np.ndarray | None = None
+        self._spot: tuple[float, float] | None = None
 
     def due(self, outcome: str, below: str, since_s: float) -> bool:
         """Whether it may be landed, so long after the outcome."""
@@ -34,18 +34,15 @@ class Landing:
 
     def spot(self, p_W: np.ndarray, around: PlanMap, berth: Berth) -> tuple[float, float] | None:
         """Where to go; the same again while it is good."""
-        reachable = _reachable(around, p_W)
         places = self._ground.places(float(p_W[0]), float(p_W[1]), _WITHIN_M)
-        if self._spot is not None:
+        if self._spot is not None and self._ground.below(*self._spot) == GROUND:
             places = np.vstack([self._spot, places])
-        for place in places:
-            x, y = float(place[0]), float(place[1])
-            good = around.holds(place[None]) and reachable[around.plan_cell(x, y)]
-            if good and around.distance_at(x, y) >= berth.hard_m and self._ground.below(x, y) == GROUND:
-                self._spot = place
-                return x, y
-        self._spot = None
-        return None
+        places = places[around.holds(places)]
+        rows, columns = around.fine(places)
+        reachable = _reachable(around, p_W)[rows // around.blocks, columns // around.blocks]
+        good = np.flatnonzero(reachable & (around.distance_m[rows, columns] >= berth.hard_m))
+        self._spot = (float(places[good[0], 0]), float(places[good[0], 1])) if len(good) else None
+        return self._spot
 
 
 def _reachable(around: PlanMap, p_W: np.ndarray) -> np.ndarray:

@@ -48,11 +48,11 @@ class PlanMap:
         row = np.floor((p_W[:, 1] - self.origin_W[1]) / self.cell_m).astype(int)
         return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
 
-    def holds(self, p_W: np.ndarray) -> bool:
-        """Whether all points (n, 2) lie on the map."""
+    def holds(self, p_W: np.ndarray) -> np.ndarray:
+        """Which points (n, 2) lie on the map."""
         height, width = self.distance_m.shape
         at = (p_W - np.asarray(self.origin_W)) / self.cell_m
-        return bool(((at >= 0.0) & (at < (width, height))).all())
+        return np.asarray(((at >= 0.0) & (at < (width, height))).all(axis=1))
 
     def plan_cell(self, x_m: float, y_m: float) -> tuple[int, int]:
         size = self.plan_cell_m

@@ -75,7 +75,7 @@ class Router:
             return None
         at, _ = nearest_on(self._before, start_W)
         rest = np.vstack([start_W, self._before[at + 1 :]])
-        if not around.holds(rest):
+        if not around.holds(rest).all():
             return None
         rest = straightened(around, rest)
         old = path_cost(around, rest)
