@@ -2,8 +2,8 @@
 
 Left the map about the vehicle: occupied dark, free light, unknown grey, what is too near to something reddish, the
 walls found as lines blue; the plan green, the way flown black, particles orange, the goal a cross, what the newest
-sweep shows within reach red. Right what the camera saw, where there is one. In the corner the particles about their
-estimate, a metre across, with the axes of the world.
+sweep shows at the flight's height red. Right what the camera saw, where there is one, and below it what the colours
+mean. In the corner the particles about their mean, a metre across, with the axes of the world.
 """
 
 from __future__ import annotations
@@ -28,6 +28,18 @@ _FILM_HZ = 5.0
 _OCCUPIED, _FREE, _UNKNOWN, _TOO_NEAR = (40, 40, 40), (250, 250, 250), (190, 190, 190), (190, 200, 255)
 _PLAN, _FLOWN, _PARTICLE, _SWEEP = (60, 160, 0), (0, 0, 0), (0, 140, 255), (40, 40, 220)
 _GOAL, _WALL = (200, 0, 160), (200, 120, 40)
+_LEGEND = (
+    (_FREE, "free"),
+    (_UNKNOWN, "unknown"),
+    (_OCCUPIED, "occupied"),
+    (_TOO_NEAR, "too near to it"),
+    (_WALL, "wall found"),
+    (_SWEEP, "newest sweep"),
+    (_PLAN, "plan"),
+    (_FLOWN, "flown"),
+    (_PARTICLE, "particles"),
+    (_GOAL, "goal"),
+)
 
 
 class Pictures:
@@ -134,12 +146,14 @@ class Pictures:
         page = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
         page[: picture.shape[0], : picture.shape[1]] = picture
         page = page[::-1].copy()  # north is up
+        _draw_scale(page, scale / around.cell_m)
         if self._seen is not None:
             seen = self._seen
             shown = cv2.resize(seen, (SIDE_PX, round(SIDE_PX * seen.shape[0] / seen.shape[1])))
             beside = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
             rows = min(SIDE_PX, shown.shape[0])
             beside[:rows] = shown[:rows]
+            _draw_legend(beside, rows)
             page = np.hstack([page, beside])
         _draw_spread(page, estimate)
         report = explorer.report
@@ -161,8 +175,31 @@ def _draw_spread(page: np.ndarray, estimate: Any) -> None:
     middle = side // 2
     cv2.line(corner, (0, middle), (side, middle), _UNKNOWN, 1)
     cv2.line(corner, (middle, 0), (middle, side), _UNKNOWN, 1)
-    off = (np.asarray(particles, float) - np.asarray(estimate.p_W, float)[:2]) * side
+    xy = np.asarray(particles, float)
+    off = (xy - xy.mean(axis=0)) * side  # the estimate is a frame ahead of them
     for x, y in off[np.isfinite(off).all(axis=1)].tolist():
         if max(abs(x), abs(y)) < middle:
             cv2.circle(corner, (round(middle + x), round(middle - y)), 2, _PARTICLE, -1)
     cv2.putText(corner, "1 m", (4, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.35, _FLOWN, 1, cv2.LINE_AA)
+
+
+def _draw_scale(page: np.ndarray, px_per_m: float) -> None:
+    """A bar of a round length, in the lower right corner of the map."""
+    length_m = next((m for m in (100, 50, 20, 10, 5) if m * px_per_m < 0.3 * SIDE_PX), 2)
+    right, y = SIDE_PX - _SPREAD_PX - 12, SIDE_PX - 30
+    left = right - round(length_m * px_per_m)
+    cv2.line(page, (left, y), (right, y), _FLOWN, 2)
+    for x in (left, right):
+        cv2.line(page, (x, y - 4), (x, y + 4), _FLOWN, 2)
+    cv2.putText(page, f"{length_m} m", (left, y - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.4, _FLOWN, 1, cv2.LINE_AA)
+
+
+def _draw_legend(page: np.ndarray, top: int) -> None:
+    """What the colours mean, below `top` and left of the particles."""
+    for i, (colour, name) in enumerate(_LEGEND):
+        x, y = 12 + (i % 2) * 170, top + 22 + (i // 2) * 19
+        if y > SIDE_PX - 6:
+            return
+        cv2.rectangle(page, (x, y - 9), (x + 16, y), colour, -1)
+        cv2.rectangle(page, (x, y - 9), (x + 16, y), _UNKNOWN, 1)
+        cv2.putText(page, name, (x + 24, y), cv2.FONT_HERSHEY_SIMPLEX, 0.42, _FLOWN, 1, cv2.LINE_AA)
