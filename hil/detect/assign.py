@@ -2,7 +2,7 @@
 
 For each object the nearest places of each level are candidates; those whose overlap with it is at least the mean plus
 the standard deviation of all candidates' overlaps, and whose centre lies in it, are its anchors. The best candidate
-always is, so that nothing is left out for being thin. An anchor of two objects goes to the one it overlaps more.
+always is, so that nothing is left out for being thin. Any other anchor of two objects goes to the one it overlaps more.
 Anchors of objects that nobody need find say nothing in training.
 """
 
@@ -46,7 +46,7 @@ class Assigner:
         taken = (iou >= least) & inside
         best = iou.argmax(axis=1)
         taken[rows[:, 0], best] = True
-        iou[rows[:, 0], best] += 1e-3  # its own anchor is not lost to a neighbour that overlaps it as much
+        iou[rows[:, 0], best] += 1.0  # that one is not lost to a neighbour who has others
         # The last one written wins, so the largest overlaps come last.
         objects, places = np.nonzero(taken)
         order = np.argsort(iou[objects, places], kind="stable")

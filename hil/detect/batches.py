@@ -1,9 +1,14 @@
-"""Batches for training, prepared by threads while the network works on the one before."""
+"""Batches for training, prepared by a thread while the network works on the one before.
+
+Pictures that hold something rare are drawn more often (repeat factors of Gupta et al. 2019, LVIS): of a class that a
+share f of the pictures holds, by sqrt(OFTEN / f), where that is more than 1; of a picture the most of its classes counts.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator
+import math
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -16,7 +21,9 @@ from hil.detect.arrangement import MEAN, STD
 from hil.detect.assign import Assigner
 from hil.detect.augment import Augmenter
 from hil.detect.picture_store import Rgb
+from hil.detect.pictures import Picture
 
+OFTEN = 0.3  # share of the pictures from which on a class is not rare
 _AHEAD = 3  # batches
 
 
@@ -33,14 +40,26 @@ def blob_of(pictures: list[Rgb]) -> Tensor:
     return (stacked * (1.0 / (255.0 * std)) - mean / std).contiguous(memory_format=torch.channels_last)
 
 
+def repeat_factors(pictures: Sequence[Picture]) -> NDArray[np.float64]:
+    """How often each picture is drawn, on average 1."""
+    held = [{n for n, hard in zip(p.labels, p.difficult, strict=True) if not hard} for p in pictures]
+    counts = Counter(name for names in held for name in names)
+    factor = {name: max(1.0, math.sqrt(OFTEN * len(pictures) / count)) for name, count in counts.items()}
+    each = np.array([max((factor[name] for name in sorted(names)), default=1.0) for names in held])
+    return np.asarray(each / each.mean(), np.float64)
+
+
 class Batches:
     """The same batches in the same order for a seed, whatever the threads do."""
 
-    def __init__(self, augmenter: Augmenter, assigner: Assigner, pictures: int, *, size: int, seed: int) -> None:
+    def __init__(
+        self, augmenter: Augmenter, assigner: Assigner, pictures: Sequence[Picture], *, size: int, seed: int
+    ) -> None:
         self._augmenter = augmenter
         self._assigner = assigner
-        self._pictures = pictures
-        self._size = min(size, pictures)
+        self._pictures = len(pictures)
+        self._factors = repeat_factors(pictures)
+        self._size = min(size, len(pictures))
         self._seed = seed
 
     def __len__(self) -> int:
@@ -48,9 +67,7 @@ class Batches:
         return self._pictures // self._size
 
     def epoch(self, number: int) -> Iterator[Batch]:
-        order = np.random.Generator(np.random.Philox(key=[self._seed, (number << 32) | 0xFFFFFFFF])).permutation(
-            self._pictures
-        )
+        order = self._order(np.random.Generator(np.random.Philox(key=[self._seed, (number << 32) | 0xFFFFFFFF])))
         waiting: deque[Future[Batch]] = deque()
         with ThreadPoolExecutor(1) as pool:
             for i in range(len(self)):
@@ -60,6 +77,13 @@ class Batches:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
+
+    def _order(self, rng: np.random.Generator) -> NDArray[np.int64]:
+        """Each picture as often as its factor says, the rest of it by chance; as many in all as there are pictures."""
+        times = np.floor(self._factors + rng.random(self._pictures)).astype(np.int64)
+        drawn = rng.permutation(np.repeat(np.arange(self._pictures), times))
+        missing = max(0, self._pictures - len(drawn))
+        return np.concatenate([drawn, rng.permutation(self._pictures)[:missing]])[: self._pictures]
 
     def _make(self, chosen: NDArray[np.int64], epoch: int) -> Batch:
         examples = [self._augmenter.example(int(i), epoch) for i in chosen]

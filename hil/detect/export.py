@@ -50,6 +50,7 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
                 str(path),
                 input_names=["picture"],
                 output_names=outputs,
+                dynamic_axes=_any_size(outputs),
                 opset_version=OPERATOR_SET,
                 dynamo=False,
             )
@@ -60,6 +61,12 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"{path}: the model cannot be written ({error})") from error
     return ModelFile.load(path)
+
+
+def _any_size(outputs: list[str]) -> dict[str, dict[int, str]]:
+    """Height and width are left open: all of it is convolutions, so that other inputs only need other anchors."""
+    maps = {name: {2: f"rows{i}", 3: f"columns{i}"} for i, name in enumerate(outputs)}
+    return {"picture": {2: "height", 3: "width"}, **maps}
 
 
 def with_threshold(model: ModelFile, threshold: float) -> ModelFile:

@@ -111,10 +111,10 @@ class Training:
         self._optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
         self._epochs_done = 0
         augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
-        self.batches = Batches(augmenter, self._assigner, len(pictures), size=settings.batch, seed=settings.seed)
+        self.batches = Batches(augmenter, self._assigner, pictures, size=settings.batch, seed=settings.seed)
         # The last tenth sees pictures as they were recorded, but for the light: the statistics of those are judged.
         gentle = Augmenter(self._store, self.classes, settings.seed, Strength(zoom=(1.0, 1.3), mosaic_share=0.0))
-        self._gentle = Batches(gentle, self._assigner, len(pictures), size=settings.batch, seed=settings.seed)
+        self._gentle = Batches(gentle, self._assigner, pictures, size=settings.batch, seed=settings.seed)
 
     @property
     def averaged(self) -> nn.Module:

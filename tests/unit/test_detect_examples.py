@@ -40,7 +40,7 @@ def test_boxes_follow_the_pixels(store: PictureStore, mosaic: float) -> None:
             own = red if CLASSES[number] == "person" else blue
             a, b, c, d = int(np.floor(y0)), int(np.ceil(y1)), int(np.floor(x0)), int(np.ceil(x1))
             covered[a:b, c:d] = True
-            inside = own[a + 2 : b - 2, c + 2 : d - 2]
+            inside = own[a + 2 : max(a + 2, b - 2), c + 2 : max(c + 2, d - 2)]
             assert inside.size == 0 or inside.mean() > 0.9
         assert not ((red | blue) & ~covered).sum() > 12  # slivers that were cut off to nothing
 
@@ -84,9 +84,10 @@ def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> No
     rng = np.random.default_rng(4)
     for _ in range(20):
         size = np.exp(rng.uniform(np.log(6.0), np.log(200.0), (6, 2)))
-        first = rng.uniform(0.0, 1.0, (6, 2)) * (np.array(INPUT_PX) - size)
-        boxes = np.concatenate([first, first + size], axis=1).astype(np.float32)
-        boxes[:, 2:] = np.minimum(boxes[:, 2:], np.array(INPUT_PX))
+        # Middles apart from one another; the boxes may well overlap.
+        middle = (np.indices((3, 2)).reshape(2, -1).T + rng.uniform(0.4, 0.6, (6, 2))) * (320 / 3, 240 / 2)
+        boxes = np.concatenate([middle - size / 2, middle + size / 2], axis=1)
+        boxes = np.clip(boxes, 0.0, (*INPUT_PX, *INPUT_PX)).astype(np.float32)
         classes = np.arange(6)
         found, target = assigner.targets(boxes, classes, np.zeros(6, bool))
         assert set(classes.tolist()) <= set(found.tolist())
@@ -97,6 +98,13 @@ def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> No
             corners = np.concatenate([assigner.anchors_px[:, :2] - half, assigner.anchors_px[:, :2] + half], axis=1)
             over = np.array([_iou(c, boxes[i]) for c in corners[found == i]])
             assert over.max() > 0.1
+
+
+def test_a_thing_before_a_larger_one_keeps_its_anchors() -> None:
+    assigner = Assigner(LEVELS, INPUT_PX)
+    boxes = np.array([[100, 60, 220, 180], [155, 100, 167, 130], [150, 110, 156, 128]], np.float32)
+    found, _ = assigner.targets(boxes, np.arange(3), np.zeros(3, bool))
+    assert {0, 1, 2} <= set(found.tolist())
 
 
 def test_things_that_nobody_need_find_say_nothing() -> None:

@@ -30,13 +30,13 @@ from hil.detect.export import export, folded, with_threshold  # noqa: E402
 from hil.detect.loss import boxes_px, detection_loss, overlaps  # noqa: E402
 from hil.detect.model import SsdLite, by_anchor  # noqa: E402
 
-QUICK: dict[str, Any] = {"epochs": 2, "batch": 4, "least_objects": 1, "threads": 1, "judge_every": 2}
+QUICK: dict[str, Any] = {"epochs": 2, "batch": 2, "least_objects": 1, "threads": 1, "judge_every": 2}
 
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Picture]:
     rng = np.random.default_rng(2)
-    frames = [some_objects(rng) for _ in range(8)]
+    frames = [some_objects(rng) for _ in range(4)]
     return read_data_sets([write_data_set(tmp_path_factory.mktemp("data") / "set", frames)])
 
 
@@ -52,7 +52,6 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
     whole = train.Training(pictures, pictures[:2], train.Settings(**QUICK), out=tmp_path / "whole")
     epochs = _run(whole)
     assert [e.number for e in epochs] == [1, 2]
-    assert epochs[1].loss_scores + epochs[1].loss_boxes < epochs[0].loss_scores + epochs[0].loss_boxes
     assert [e.evaluation is not None for e in epochs] == [False, True]
 
     stopped = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path / "stopped")
@@ -84,6 +83,14 @@ def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
         other.take_over(tmp_path / "broken.pt")
     with pytest.raises(ConfigError, match="cannot be read"):
         other.take_over(tmp_path / "missing.pt")
+
+
+def test_steps_on_the_same_pictures_make_the_loss_small(pictures: list[Picture], tmp_path: Path) -> None:
+    training = train.Training(pictures, [], train.Settings(**{**QUICK, "batch": 4}), out=tmp_path)
+    (batch,) = training.batches.epoch(0)
+    losses = [training._step(batch.blob, batch.found, batch.target_px, 2e-3) for _ in range(12)]
+    assert losses[-1][1] < 0.75 * losses[0][1]  # of boxes
+    assert sum(losses[-1]) < 0.8 * sum(losses[0])
 
 
 def test_settings_and_classes_that_cannot_be(pictures: list[Picture], tmp_path: Path) -> None:
