@@ -38,7 +38,7 @@ class StandIn(Detect):
 
     @staticmethod
     def _open(*_: Any) -> Any:
-        return SimpleNamespace(model=SimpleNamespace(path=SimpleNamespace(name="stand-in")))
+        return SimpleNamespace(model=SimpleNamespace(path=SimpleNamespace(name="stand-in"), score_threshold=0.5))
 
     def __call__(self, frame: Any) -> None:
         self._frame = frame

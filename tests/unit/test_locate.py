@@ -22,7 +22,7 @@ from hil_companion.locate.geolocation import Geolocation, RadarView  # noqa: E40
 from hil_companion.locate.looks import difference, look_of  # noqa: E402
 from hil_companion.locate.own_pose import OwnPose  # noqa: E402
 from hil_companion.locate.ranging import depth_in, ground_range  # noqa: E402
-from hil_companion.locate.tiles import pieces, without_doubles  # noqa: E402
+from hil_companion.locate.tiles import outdone, pieces, without_doubles  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
 
 SECOND = 1_000_000_000
@@ -172,6 +172,27 @@ def test_what_was_seen_once_is_nobody() -> None:
     for k in range(20):
         tracks.add(k * SECOND, [seen_at(10.0 * k, 50.0)])
     assert tracks.found == []
+
+
+def test_weak_sightings_keep_somebody_going_and_make_nobody() -> None:
+    tracks = Tracks(least=3)
+    for k in range(20):
+        sure = 5 <= k < 8
+        seen = [
+            Sighting("person", (2.0, 0.0, 0.9), 0.4, None, sure),
+            Sighting("person", (9.0, 0.0, 0.9), 0.4, None, False),
+        ]
+        tracks.add(k * SECOND // 2, seen)
+    (one,) = tracks.found
+    assert (one.number, one.sightings) == (0, 20)
+
+
+def test_a_box_with_a_surer_one_of_another_label_on_it_is_outdone() -> None:
+    person, bin_ = Detection("person", (10, 10, 30, 60), 0.5), Detection("bin", (11, 12, 31, 61), 0.6)
+    behind = Detection("house", (0, 0, 300, 200), 0.9)
+    assert outdone(person, [person, bin_])
+    assert not outdone(bin_, [person, bin_])
+    assert not outdone(person, [person, behind])
 
 
 def test_colours_tell_clothes_apart() -> None:

@@ -30,7 +30,7 @@ from hil_companion.locate.journal import Journal
 from hil_companion.locate.looks import look_of
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
-from hil_companion.locate.tiles import pieces, without_doubles
+from hil_companion.locate.tiles import outdone, pieces, without_doubles
 from hil_companion.locate.tracks import Sighting, Tracks
 from hil_companion.protocol import Welcome
 
@@ -43,7 +43,8 @@ _TIMED = 50  # pictures between two words on how long they take
 
 class Detect:
     """`model`: an .onnx file, null: the shipped one. `tiles`: pieces across and down that a picture is looked at in.
-    `objects`: labels that are followed through the world; null: all."""
+    `objects`: labels that are followed through the world; null: all. `sure_score`: of a sighting that makes somebody,
+    null: the model's threshold; boxes from `threshold` on keep him going."""
 
     control = False
 
@@ -63,6 +64,7 @@ class Detect:
         ground_z_m: float = 0.0,
         objects: Sequence[str] | None = ("person",),
         least_sightings: int = 3,
+        sure_score: float | None = None,
         out: str | None = None,
         picture_every_s: float = 1.0,
     ) -> None:
@@ -87,6 +89,8 @@ class Detect:
         folder = out if out is not None else os.environ.get(OUT_VARIABLE, "")
         self._folder = Path(folder) if folder else None
         self._detector = self._open(model, backend, threads, threshold)
+        own = float(self._detector.model.score_threshold)
+        self._sure = own if sure_score is None else number("sure_score", sure_score)
         self.topics = tuple(
             topic
             for topic in (camera, depth, radar, *(TOPICS if localiser == "own" else ()), TRUTH)
@@ -220,9 +224,15 @@ class Detect:
         assert self._place is not None
         own_m = 0.0 if self._own is None else self._own.sigma_m
         sightings = [
-            Sighting(d.label, d.p_W, self._place.sigma_m(d.range_m, own_m, by_depth=by_depth), look)
+            Sighting(
+                d.label,
+                d.p_W,
+                self._place.sigma_m(d.range_m, own_m, by_depth=by_depth),
+                look,
+                sure=d.score >= self._sure,
+            )
             for d, look in zip(found, looks)
-            if d.p_W is not None and (self._labels is None or d.label in self._labels)
+            if d.p_W is not None and (self._labels is None or d.label in self._labels) and not outdone(d, found)
         ]
         self._tracks.add(t_ns, sightings)
         objects = self._tracks.found
@@ -234,7 +244,7 @@ class Detect:
     def _report(self) -> dict[str, Any]:
         """For run.json: what was seen, and now and then how long a picture takes."""
         told: dict[str, Any] = {
-            "model": self._detector.model.path.name if hasattr(self._detector, "model") else "",
+            "model": self._detector.model.path.name,
             "localiser": self._localiser,
             "range_from": "depth" if self._depth_topic else "ground",
             "pictures": self._looked,

@@ -11,7 +11,7 @@ from typing import Any, Sequence, Tuple
 import numpy as np
 
 _OVERLAP = 0.25
-_SAME_IOU, _HELD_SHARE = 0.45, 0.7
+_SAME_IOU, _HELD_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
 
@@ -35,6 +35,22 @@ def without_doubles(found: Sequence[Any]) -> list[Any]:
         if not any(one.label == other.label and _same(one.box_px, other.box_px) for other in kept):
             kept.append(one)
     return kept
+
+
+def outdone(one: Any, found: Sequence[Any]) -> bool:
+    """Whether what is in this box is more likely something else: a surer box of another label lies on it."""
+    return any(
+        other.score > one.score and other.label != one.label and _iou(one.box_px, other.box_px) > _RIVAL_IOU
+        for other in found
+    )
+
+
+def _iou(a: Sequence[float], b: Sequence[float]) -> float:
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    if wide <= 0.0 or high <= 0.0:
+        return 0.0
+    areas = sum((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
+    return wide * high / (areas - wide * high)
 
 
 def _same(a: Sequence[float], b: Sequence[float]) -> bool:

@@ -8,8 +8,9 @@ taken first, one each, with
     cost = d^2 + ln det S + look^2        d: distance in standard deviations of S, at most `_GATE`
 
 `look` compares colours, in units of `_LOOK`. Somebody who was out of sight for a while is known again by them: without
-colours that fit, only near to where he has to be. What fits nothing is a new thing; it counts once it has been seen
-`least` times. Two things that come to be at one place, and were never in one picture, were one all the while.
+colours that fit, only near to where he has to be. What fits nothing is a new thing; it counts once `least` of its
+sightings were sure ones: weak ones keep a thing going, and make none. Two things that come to be at one place, and were
+never in one picture, were one all the while.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ class Sighting:
     p_W: tuple[float, float, float]
     sigma_m: float
     look: np.ndarray | None = None  # its colours, where it is large enough to tell
+    sure: bool = True
 
 
 class Track:
@@ -51,7 +53,7 @@ class Track:
         self.number, self.label = number, seen.label
         self.first_ns = self.t_ns = t_ns
         self.pictures = {picture}
-        self.sightings = 1
+        self.sightings, self.sure = 1, int(seen.sure)
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.diag([seen.sigma_m**2] * 2 + [_FIRST_SPEED_MPS**2] * 2)
@@ -116,6 +118,7 @@ class Track:
             self.state[2:] *= _MOST_SPEED_MPS / speed
         self.t_ns = t_ns
         self.sightings += 1
+        self.sure += seen.sure
         self.z_m += (seen.p_W[2] - self.z_m) / self.sightings
         self.pictures.add(picture)
         if seen.look is not None:
@@ -127,6 +130,7 @@ class Track:
         """The other one was this one: what it knows is newer."""
         self.state, self.cov, self.t_ns = late.state, late.cov, late.t_ns
         self.sightings += late.sightings
+        self.sure += late.sure
         self.pictures |= late.pictures
 
     def found(self) -> Found:
@@ -136,7 +140,7 @@ class Track:
 
 
 class Tracks:
-    """All things so far. `least`: sightings from which one counts."""
+    """All things so far. `least`: sure sightings from which one counts."""
 
     def __init__(self, least: int = 3) -> None:
         self._least = least
@@ -162,9 +166,7 @@ class Tracks:
                 self._tracks.append(Track(self._numbers, t_ns, self._pictures, seen))
                 self._numbers += 1
         self._join(t_ns)
-        self._tracks = [
-            t for t in self._tracks if t.sightings >= self._least or (t_ns - t.t_ns) * 1e-9 < _UNCONFIRMED_S
-        ]
+        self._tracks = [t for t in self._tracks if t.sure >= self._least or (t_ns - t.t_ns) * 1e-9 < _UNCONFIRMED_S]
 
     def _join(self, t_ns: int) -> None:
         """Of those seen just now, whoever stands where an older one has to be."""
@@ -183,4 +185,4 @@ class Tracks:
     @property
     def found(self) -> list[Found]:
         """Those that count, by number."""
-        return [track.found() for track in self._tracks if track.sightings >= self._least]
+        return [track.found() for track in self._tracks if track.sure >= self._least]
