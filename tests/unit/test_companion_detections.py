@@ -83,6 +83,13 @@ def test_what_makes_no_sense_is_refused(wrong: Any, names: str) -> None:
 def test_a_cut_is_told_of_its_own_nonsense_and_the_surest_boxes_go() -> None:
     with pytest.raises(CutError, match="score"):
         Told("front/rgb", 0, (4, 3), [Seen("person", (0, 0, 1, 1), math.nan)]).as_map()
+    inside_out, no_box = Seen("person", (5, 0, 1, 1), 0.5), Seen("person", (5, 0, 7), 0.5)  # type: ignore[arg-type]
+    too_sure, behind = Seen("person", (0, 0, 1, 1), 1.5), Seen("person", (0, 0, 1, 1), 0.5, -2.0)
+    for wrong in (["a box"], [inside_out], [no_box], [too_sure], [behind], [Seen("person", None, 0.5)], 7):  # type: ignore[arg-type]
+        with pytest.raises(CutError, match="detections"):
+            Told("front/rgb", 0, (4, 3), wrong).as_map()  # type: ignore[arg-type]
+    with pytest.raises(CutError, match="detections"):
+        Told("front/rgb", 0, 7).as_map()  # type: ignore[arg-type]
     many = [Seen("person", (0.0, 0.0, 1.0, 1.0), i / 400) for i in range(400)]
     kept = detections_from_map(Told("front/rgb", 0, (4, 3), many).as_map()).boxes
     assert [box.score for box in kept] == [i / 400 for i in range(399, 271, -1)]

@@ -347,6 +347,8 @@ class Client:
             raise CutError(f"a CUT returns a Desired or None, not {type(desired).__name__}")
         if desired is not None and not self.welcome.control:
             raise CutError("a desired state from a client without control: connect with control=True (--control)")
+        if detections is not None and not isinstance(detections, Detections):
+            raise CutError(f"detections of a CUT are a Detections or None, not {type(detections).__name__}")
         if frame not in self._unanswered:
             raise CompanionError(f"frame {frame.frame} has been answered before")
         self._unanswered.remove(frame)

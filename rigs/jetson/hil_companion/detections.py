@@ -44,16 +44,22 @@ class Detections:
 
     def as_map(self) -> dict[str, Any]:
         """What goes on the wire: the surest boxes and the newest objects, where there are too many. CutError for
-        numbers that are none."""
+        numbers that are none, and for what is no box."""
+        try:
+            return self._map()
+        except (AttributeError, TypeError, ValueError) as error:
+            raise CutError(f"detections: {error}") from None
+
+    def _map(self) -> dict[str, Any]:
         boxes = sorted(self.boxes, key=lambda d: -d.score)[:MOST_BOXES]
         rows = [
             [
                 _label(d.label),
-                _number("score", d.score),
-                *(_number("box_px", v) for v in d.box_px),
-                _maybe("range_m", d.range_m),
-                _maybe("radial_speed_mps", d.radial_speed_mps),
-                None if d.p_W is None else [_number("p_W", v) for v in d.p_W],
+                _number("score", d.score, 0.0, 1.0),
+                *_box(d.box_px),
+                None if d.range_m is None else _number("range_m", d.range_m, 0.0),
+                None if d.radial_speed_mps is None else _number("radial_speed_mps", d.radial_speed_mps),
+                None if d.p_W is None else _three("p_W", d.p_W),
             ]
             for d in boxes
         ]
@@ -73,10 +79,10 @@ def _objects(objects: Sequence[Found]) -> list[list[Any]]:
             int(one.number),
             _label(one.label),
             int(one.t_ns),
-            [_number("p_W", v) for v in one.p_W],
-            [_number("v_W", v) for v in one.v_W],
+            _three("p_W", one.p_W),
+            _three("v_W", one.v_W),
             int(one.sightings),
-            _number("sigma_m", one.sigma_m),
+            _number("sigma_m", one.sigma_m, 0.0),
         ]
         for one in sorted(newest, key=lambda one: one.number)
     ]
@@ -89,15 +95,23 @@ def _label(label: Any) -> str:
     return plain
 
 
-def _number(name: str, value: Any) -> float:
+def _box(box_px: Any) -> list[float]:
+    x0, y0, x1, y1 = (_number("box_px", v) for v in box_px)
+    if not (x0 <= x1 and y0 <= y1):
+        raise CutError(f"detections: box_px {tuple(box_px)}: left before right, top before bottom")
+    return [x0, y0, x1, y1]
+
+
+def _three(name: str, values: Any) -> list[float]:
+    x, y, z = (_number(name, v) for v in values)
+    return [x, y, z]
+
+
+def _number(name: str, value: Any, least: float = -_LARGEST, most: float = _LARGEST) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if not abs(number) <= _LARGEST:
+    if not least <= number <= most:
         raise CutError(f"detections: {name} {value!r}: a finite number of sensible size is needed")
     return number
-
-
-def _maybe(name: str, value: Any) -> float | None:
-    return None if value is None else _number(name, value)
