@@ -10,6 +10,8 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from firmware_bridge.loopback_host import is_loopback
+
 Address = tuple[str, int]
 
 LOOPBACK: Address = ("127.0.0.1", 0)  # port 0: any free one
@@ -46,10 +48,6 @@ class Endpoint(NamedTuple):
     def is_open_to_others(self) -> bool:
         """Whether anybody on a network may come."""
         return self.remote is None and not is_loopback(self.local[0])
-
-
-def is_loopback(host: str) -> bool:
-    return host == "localhost" or host.startswith("127.")
 
 
 # Where PX4's ground stations (QGroundControl) and SDKs (MAVSDK) listen.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 from firmware_bridge.codecs.companion import MAX_CREDIT
+from firmware_bridge.loopback_host import is_loopback
 from hil.signals.errors import ConfigError, Problem
 
 Arrangement = Literal["shared_memory", "one_port", "ports"]
@@ -79,13 +79,7 @@ class CompanionSettings:
 
     @property
     def loopback(self) -> bool:
-        """Whether nobody outside this machine can reach `bind`. Names are not looked up: only localhost is known."""
+        """Whether nobody outside this machine can reach `bind`."""
         if self.bind.startswith("ipc://"):
             return True
-        host = self.host.strip("[]")
-        if host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(host).is_loopback
-        except ValueError:
-            return False
+        return is_loopback(self.host)

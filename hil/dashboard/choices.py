@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import yaml
 
 import rigs
 from hil.config.files import available, default_bench
+from hil.dashboard.plain_number import is_number
 
 _PACKAGE = Path(rigs.__file__).resolve().parent
 _MISSIONS = ("*.plan", "*.waypoints", "*.yaml")
@@ -47,7 +47,7 @@ def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
             raise ValueError("the seed must be a whole number from 0 on")
         arguments.append(f"--seed={seed}")
     if pace is not None:
-        if not isinstance(pace, int | float) or not math.isfinite(pace) or not 0.01 <= pace <= 1000.0:
+        if not is_number(pace) or not 0.01 <= pace <= 1000.0:
             raise ValueError("the pace must be 0.01 to 1000 times real time")
         arguments.append(f"--dash-pace={pace}")
     if message.get("paused") is True:

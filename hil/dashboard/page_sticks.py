@@ -6,13 +6,13 @@ network or is no longer in front counts as a hand that let go.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from firmware_bridge.manual.manual_control import Buttons
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks, StickState
+from hil.dashboard.plain_number import is_number
 
 _HOLD_NS = 400_000_000  # wall clock; the page repeats itself every 50 ms while the switch is held
 _PRESS_NS = 250_000_000
@@ -44,7 +44,7 @@ class PageSticks:
         now_ns = self._clock_ns()
         held = message.get("held") is True
         self._held_until_ns = now_ns + _HOLD_NS if held else now_ns
-        if held and isinstance(axes, list | tuple) and len(axes) == 4 and all(_is_number(axis) for axis in axes):
+        if held and isinstance(axes, list | tuple) and len(axes) == 4 and all(is_number(axis) for axis in axes):
             self._sticks = Sticks(*(max(-1.0, min(1.0, float(axis))) for axis in axes))
         elif not held:
             self._sticks = NEUTRAL
@@ -64,7 +64,3 @@ class PageSticks:
 
     def close(self) -> None:
         """Nothing to give back."""
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

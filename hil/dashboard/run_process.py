@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import signal
 import socket
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
+from hil.child_environment import child_environment
 from hil.dashboard.hub import Hub
 
 _LAST_BYTES = 4000  # of what the run printed as errors
@@ -61,7 +60,7 @@ class RunProcess:
                 stdout=asyncio.subprocess.DEVNULL,
                 stderr=asyncio.subprocess.PIPE,
                 pass_fds=(theirs.fileno(),),
-                env=_environment(),
+                env=child_environment(),
             )
         except OSError as error:
             ours.close()
@@ -79,10 +78,3 @@ class RunProcess:
         if hub.result is None:  # it never got so far as to say itself how it went
             hub.message = said.decode(errors="replace").strip() or f"the run ended with status {status}"
         await hub.changed()
-
-
-def _environment() -> dict[str, str]:
-    """Ours, and a module path that finds this very package from any folder."""
-    root = str(Path(__file__).resolve().parents[2])
-    path = os.environ.get("PYTHONPATH")
-    return os.environ | {"PYTHONPATH": root if not path else f"{root}{os.pathsep}{path}"}

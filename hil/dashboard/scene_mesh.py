@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hil.dashboard.actors import Actors, into_frame
 from sim.frame.meshes import height_field_triangles, mesh_triangles
+from sim.frame.scenery import rgb_texture, texels_of
 
 _MOST_TRIANGLES = 250_000  # 9 MB; of more, the smallest things are left out
 _GROUND_M = 600.0  # half an edge of a plane that goes on for ever
@@ -128,11 +129,8 @@ def _colour(model: Any, geom: int) -> NDArray[np.uint8]:
     rgb = np.array(model.geom_rgba[geom][:3], np.float64)
     if material >= 0:
         rgb = np.array(model.mat_rgba[material][:3], np.float64)
-        for texture in {int(t) for t in np.ravel(model.mat_texid[material]) if t >= 0}:
-            begin = int(model.tex_adr[texture])
-            channels = int(model.tex_nchannel[texture])
-            length = int(model.tex_height[texture]) * int(model.tex_width[texture]) * channels
-            texels = model.tex_data[begin : begin + length].reshape(-1, channels)
-            rgb *= texels[:: max(1, len(texels) // 4096), :3].mean(axis=0) / 255.0
-            break
+        texture = rgb_texture(model, material)
+        if texture >= 0:
+            texels = texels_of(model, texture).reshape(-1, 3)
+            rgb *= texels[:: max(1, len(texels) // 4096)].mean(axis=0) / 255.0
     return np.array([*(np.clip(rgb, 0.0, 1.0) * 255.0), 255], np.uint8)

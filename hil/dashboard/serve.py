@@ -12,8 +12,8 @@ from pathlib import Path
 
 import uvicorn
 
+from firmware_bridge.loopback_host import is_loopback
 from hil.dashboard.app import Dashboard
-from hil.dashboard.guard import is_loopback
 from hil.signals.errors import PortBusy, PortNotFound
 
 _LARGEST_SOCKET_MESSAGE = 65_536

@@ -23,9 +23,8 @@ _SPACING_RAD = math.sqrt(4.0 * math.pi / _RAYS)
 
 def vehicle_radius_m(vehicle: Vehicle) -> float:
     """Of the sphere round the body's origin that holds the whole vehicle, propellers included."""
-    balls = [(p.position_m, p.radius_m) for p in (*vehicle.hull, *vehicle.feet)]
-    blades = [(r.position_m, vehicle.rotor_constants.radius_m) for r in vehicle.rotors]
-    return max(math.hypot(*place) + radius for place, radius in (*balls, *blades))
+    blades = vehicle.rotor_constants.radius_m
+    return max(vehicle.bounding_radius_m, *(math.hypot(*rotor.position_m) + blades for rotor in vehicle.rotors))
 
 
 class Clearance:

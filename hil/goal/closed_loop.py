@@ -23,6 +23,7 @@ from hil.config.schema import Goal
 from hil.goal.judgement import GoalMeasurement, GoalResult
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
+from sim.frame.camera_pose import product
 from sim.frame.mount import Mount
 from sim.frame.source import FrameSource
 from sim.physics.vehicle import Vehicle
@@ -97,11 +98,8 @@ def attitude(a: np.ndarray, yaw: float) -> Quat:
 
 def _rate(before: Quat, after: Quat, dt_s: float) -> Vec3:
     """In the body: before times exp(w dt / 2) is after."""
-    (w0, x0, y0, z0), (w1, x1, y1, z1) = before, after
-    w = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1
-    x = w0 * x1 - x0 * w1 - y0 * z1 + z0 * y1
-    y = w0 * y1 + x0 * z1 - y0 * w1 - z0 * x1
-    z = w0 * z1 - x0 * y1 + y0 * x1 - z0 * w1
+    w0, x0, y0, z0 = before
+    w, x, y, z = product((w0, -x0, -y0, -z0), after)
     k = (2.0 if w >= 0.0 else -2.0) / dt_s
     return (k * x, k * y, k * z)
 

@@ -44,7 +44,7 @@ def make_scenery(
             if of_material[geom]:
                 rgba = model.mat_rgba[material]
             emission = float(model.mat_emission[material])
-            source = _rgb_texture(model, material)
+            source = rgb_texture(model, material)
             if source >= 0:
                 key = (source, look)
                 if key not in textures:
@@ -64,7 +64,8 @@ def make_scenery(
     return scenery
 
 
-def _rgb_texture(model: mujoco.MjModel, material: int) -> int:
+def rgb_texture(model: mujoco.MjModel, material: int) -> int:
+    """The texture that gives a material its colours; -1: none."""
     roles = model.mat_texid[material]
     for role in (mujoco.mjtTextureRole.mjTEXROLE_RGB, mujoco.mjtTextureRole.mjTEXROLE_RGBA):
         source = int(roles[role])
@@ -73,12 +74,18 @@ def _rgb_texture(model: mujoco.MjModel, material: int) -> int:
     return -1
 
 
-def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceLook | None) -> int:
+def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
+    """(H, W, 3): one or two channels are grey, without and with alpha."""
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels = int(model.tex_nchannel[texture])
     begin = int(model.tex_adr[texture])
     texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
-    rgb = np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
+    return np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
+
+
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceLook | None) -> int:
+    rgb = texels_of(model, texture)
+    height, width = rgb.shape[:2]
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
     if look is not None:
         rgb = look.texels(rgb, shifted=not cube)

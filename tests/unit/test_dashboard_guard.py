@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from hil.dashboard.guard import Guard, is_loopback
+from firmware_bridge.loopback_host import is_loopback
+from hil.dashboard.guard import Guard
 
 HOST = "127.0.0.1:8710"
 

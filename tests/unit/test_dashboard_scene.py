@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hil.dashboard.actors import Actors, into_frame
-from hil.dashboard.scene_mesh import scene_triangles
+from hil.dashboard.scene_mesh import _colour, scene_triangles
 from hil.view_command import load_frames
 
 CORNER = np.dtype([("at", "<f4", 3), ("colour", "u1", 4)])
@@ -79,3 +79,23 @@ def test_people_are_put_together_again_at_their_places(park: Any) -> None:
     moved = [math.dist(a[:3], b[:3]) for a, b in zip(then, later, strict=True)]
     assert max(moved) > 1.0
     assert all(m <= 5.0 * actor.max_speed_mps + 1.0 for m, actor in zip(moved, park.map.actors, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["grey", "grey with alpha", "colour"])
+def test_a_surface_has_the_mean_colour_of_its_texture(kind: str) -> None:
+    """Two channels are grey and alpha: the second is no colour."""
+    shades = np.full((4, 4, 3), 100, np.uint8)
+    pixels = {
+        "grey": shades[..., 0],
+        "grey with alpha": np.dstack([shades[..., 0], 0 * shades[..., 0]]),
+        "colour": shades,
+    }
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><asset><texture name="t" type="2d" builtin="flat" rgb1="0 0 0" width="4" height="4"/>
+        <material name="m" texture="t" rgba="1 1 1 1"/></asset>
+        <worldbody><geom type="box" size="1 1 1" material="m"/></worldbody></mujoco>"""
+    )
+    texels = pixels[kind].reshape(-1)
+    model.tex_nchannel[0] = len(texels) // 16
+    model.tex_data[: len(texels)] = texels
+    assert _colour(model, 0).tolist() == [100, 100, 100, 255]
