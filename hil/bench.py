@@ -162,13 +162,20 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, live: LiveRun | N
 Reached = Callable[[], int]
 
 
-def fly(bench: Bench, out: Path, recorder: Recorder, over: Callable[[Reached, bool], bool]) -> None:
+def fly(
+    bench: Bench,
+    out: Path,
+    recorder: Recorder,
+    over: Callable[[Reached, bool], bool],
+    live: LiveRun | None = None,
+) -> None:
     """Fly `bench` with everything it tells going to `recorder`, without run.json, report and saved bench.
 
     After every tick `over` says whether that was enough; it gets who tells the waypoints reached, and whether the
-    mission has ended. Raises HilError, whatever `recorder` and `over` raise, and KeyboardInterrupt.
+    mission has ended. `live`: the dashboard follows it. Raises HilError, whatever `recorder` and `over` raise, and
+    KeyboardInterrupt.
     """
-    run = _Run(bench, out, quiet=True, recorder=recorder, over=over)
+    run = _Run(bench, out, quiet=True, recorder=recorder, over=over, live=live)
     with ExitStack() as stack:
         run.build(stack)
         run.fly()
@@ -534,14 +541,15 @@ class _Run:
                 physics=physics,
                 skipped=self.skipped,
                 posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
-                companion=None if self.companion is None else self.companion.report(),
+                companion=self.companion,
                 router=self.router,
                 manual=(self.manual, self.page_manual),
             )
 
         live.attach(
             Flown(
-                about=about(self.bench, self.out, self.legs, plan, link, home_W),
+                about=about(self.bench, self.out, self.legs, plan, link, home_W)
+                | {"wire": self.faulty_wire is not None},
                 scheduler=scheduler,
                 status=self._status,
                 texts=lambda: [] if self.station is None else self.station.statustexts,

@@ -132,11 +132,15 @@ class CompanionLink:
         )
         return self._stage
 
+    @property
+    def here(self) -> list[str]:
+        """Names of those that are connected."""
+        return [] if self._server is None else sorted(client.name for client in self._server.clients)
+
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
         """Begins now. ValueError where there is no such client on the wire."""
-        here = [] if self._server is None else sorted(client.name for client in self._server.clients)
-        if fault.client not in here:
-            raise ValueError(f"no client {fault.client!r} is connected; there are: {', '.join(here) or 'none'}")
+        if fault.client not in self.here:
+            raise ValueError(f"no client {fault.client!r} is connected; there are: {', '.join(self.here) or 'none'}")
         self._faults.inject(fault, t_ns)
 
     def _unplug(self, client: str, why: str) -> None:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 PAGE_FOLDER = Path(__file__).resolve().parent / "page"
 _LARGEST_WORD = 16_384  # bytes of one message of a page
 _MOST_PAGES = 24
+_BYTES = "application/octet-stream"
 # A report holds its own style and pictures, and no scripts; it is shown in a box from which nothing gets out.
 _REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
 
@@ -72,7 +73,7 @@ class Dashboard:
             Route("/api/runs", self._runs),
             Route("/api/runs/{name}/summary", self._summary),
             Route("/api/runs/{name}/track", self._track),
-            Route("/api/runs/{name}/picture", self._picture),
+            Route("/api/runs/{name}/moment", self._moment),
             Route("/runs/{name}/{path:path}", self._file),
             WebSocketRoute("/live", self._live),
             Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
@@ -94,14 +95,12 @@ class Dashboard:
 
     async def _scene(self, request: Request) -> Response:
         name = request.query_params.get("run")
-        folder = None if name is None else await _in_thread(lambda: self._past.folder(name))
-        if name is not None and folder is None:
-            return PlainTextResponse("no such run", 404)
         try:
-            triangles = await (self.hub.scene() if folder is None else _in_thread(_scene_of, folder / "bench.yaml"))
-            return Response(triangles, media_type="application/octet-stream")
+            made = self.hub.scene() if name is None else _in_thread(lambda: self._past.moments.triangles(name))
+            triangles = await made
         except HilError as error:
             return PlainTextResponse(str(error), 422)
+        return PlainTextResponse("no such run", 404) if triangles is None else Response(triangles, media_type=_BYTES)
 
     async def _runs(self, _request: Request) -> Response:
         return JSONResponse(await _in_thread(lambda: self._past.listed()))
@@ -116,15 +115,17 @@ class Dashboard:
         except HilError as error:
             return PlainTextResponse(str(error), 422)
 
-    async def _picture(self, request: Request) -> Response:
-        query = request.query_params
+    async def _moment(self, request: Request) -> Response:
+        query, name = request.query_params, request.path_params["name"]
         try:
             t_ns = int(query.get("t_ns", ""))
         except ValueError:
             return PlainTextResponse("t_ns must be a whole number", 400)
-        name, topic = request.path_params["name"], query.get("topic", "")
-        found = await _in_thread(lambda: self._past.picture(name, topic, t_ns))
-        return PlainTextResponse("no picture", 404) if found is None else Response(found[1], media_type=found[0])
+        if not 0 <= t_ns < 1 << 62:
+            return PlainTextResponse("t_ns must lie within a run", 400)
+        streams = [stream for stream in query.get("streams", "").split(",") if stream]
+        found = await _in_thread(lambda: self._past.moments.at(name, t_ns, streams))
+        return PlainTextResponse("no such run", 404) if found is None else Response(found, media_type=_BYTES)
 
     async def _file(self, request: Request) -> Response:
         path = await _in_thread(lambda: self._past.file(request.path_params["name"], request.path_params["path"]))
@@ -186,12 +187,6 @@ def _message(text: str) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return message if isinstance(message, dict) else None
-
-
-def _scene_of(bench_file: Path) -> bytes:
-    from hil.dashboard.own_views import scene_of
-
-    return scene_of(bench_file)
 
 
 async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:

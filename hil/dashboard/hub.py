@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import socket
-import struct
 from collections import deque
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -20,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from hil.dashboard.own_streams import PREFIX, STREAMS, wait_s
 from hil.dashboard.polite import polite_threads
 from hil.dashboard.trail import Trail
+from hil.dashboard.updates import HEAD, packed_update
 from hil.dashboard.wire import Unpacker, packed
 from hil.signals.errors import HilError
 
@@ -30,7 +29,6 @@ if TYPE_CHECKING:  # numbers and pictures take half a second to load: not before
 _EVENTS = 300
 _READ = 1 << 18
 _MOST_STREAMS = 16  # of one page
-_HEAD = struct.Struct("<I")
 _TO_RUN = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
 
 
@@ -124,6 +122,8 @@ class Hub:
             self.state = message
             self._bump()
             if frames:
+                # The next one is made while these are encoded: else a pane costs a page its twenty a second.
+                self.ask()
                 await self._encode(frames)
         elif kind == "end":
             self.result = message.get("run")
@@ -233,17 +233,13 @@ class Hub:
             head["about"] = self.about
             head["run"] = self._run
         page.events, page.trail_points = self._event_count, len(self._trail.points)
-        heads, bodies = [], []
+        frames = []
         for stream in page.streams:
             version, made = self._frames.get(stream, (-1, None))
             if made is not None and page.frames.get(stream) != version:
                 page.frames[stream] = version
-                heads.append(made.head | {"length": len(made.data)})
-                bodies.append(made.data)
-        head["frames"] = heads
-        text = json.dumps(_finite(head), separators=(",", ":")).encode()
-        text += b" " * (-(len(text) + _HEAD.size) % 4)  # so that floats in what follows are aligned
-        return _HEAD.pack(len(text)) + text + b"".join(bodies)
+                frames.append(made)
+        return packed_update(head, frames)
 
     # -- views of our own -----------------------------------------------------------------------------------------
 
@@ -266,8 +262,7 @@ class Hub:
         """Triangles. HilError where the scene cannot be loaded."""
         views = self._views_now()
         if views is None:
-            return _HEAD.pack(0)
-
+            return HEAD.pack(0)
         return await asyncio.get_running_loop().run_in_executor(self._threads, views.triangles)
 
     def _draw(self) -> None:
@@ -305,14 +300,3 @@ class Hub:
 
         bodies = views.draw(wanted, state["p"], state["q"], state["t_ns"])
         return {stream: shown(stream, body, views.classes) for stream, body in bodies.items()}
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no NaN: null instead."""
-    if isinstance(value, float):
-        return value if value - value == 0.0 else None
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value

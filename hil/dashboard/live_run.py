@@ -28,6 +28,7 @@ from hil.dashboard.boxes import boxes_of
 from hil.dashboard.client_views import view_streams
 from hil.dashboard.faults_by_hand import fault_of
 from hil.dashboard.page_sticks import PageSticks
+from hil.dashboard.plain_number import is_number
 from hil.dashboard.snapshot import frame_streams, scalar_samples
 from hil.dashboard.wire import RunEnd
 from hil.scheduler import Scheduler
@@ -36,7 +37,7 @@ from hil.signals.samples import Sample, Vec3
 from sim.scene.wind import GustEvent
 
 _LOOK_NS = 4_000_000  # wall clock between two looks at the wire
-_UPDATE_NS = 45_000_000  # between two updates: a little over twenty a second
+_UPDATE_NS = 46_000_000  # between two updates, on average: a little over twenty a second
 _SLOW_NS = 500_000_000  # between two looks at what changes slowly
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
 _TRAIL_POINTS = 256  # in one update; a run that is faster than that leaves every second one out
@@ -85,6 +86,8 @@ class LiveRun:
         self.commands: list[dict[str, Any]] = []  # every one that was carried out
         self.altered = False  # one of them changed what is simulated
         self.held_s = 0.0  # wall clock spent held up
+        self.looks_ns = 0  # and on looks and updates
+        self.updates = 0
         self._end = RunEnd(wire)
         self._fd = wire
         self._clock_ns = clock_ns
@@ -100,7 +103,7 @@ class LiveRun:
         self._pace = pace
         self._pace_from: tuple[int, int] | None = None  # tick, wall clock
         self._due_ns = 0
-        self._update_ns = 0
+        self._update_ns = 0  # when the next one may be made
         self._slow_ns = 0
         self._asked: tuple[str, ...] | None = None  # streams of the update that is wanted; None: none is
         self._streams_sent: dict[str, int] = {}
@@ -161,6 +164,7 @@ class LiveRun:
         scheduler = self._flown.scheduler
         self._look(now_ns)
         before_ns = self._clock_ns()
+        self.looks_ns += before_ns - now_ns
         while self._paused and not self._steps and not self._end.lost:
             self._wait(_HELD_S)
             self._look(self._clock_ns())
@@ -201,8 +205,10 @@ class LiveRun:
             end.push()
         for message in end.read():
             self._obey(message)
-        if self._asked is not None and not end.busy and not end.lost and now_ns - self._update_ns >= _UPDATE_NS:
-            self._update_ns = now_ns
+        if self._asked is not None and not end.busy and not end.lost and now_ns >= self._update_ns:
+            # One that is late, for a picture that was drawn, does not put off all the others.
+            self._update_ns = max(self._update_ns + _UPDATE_NS, now_ns + _UPDATE_NS // 2)
+            self.updates += 1
             end.write(self._state(now_ns))
 
     # -- what is told ---------------------------------------------------------------------------------------------
@@ -323,7 +329,7 @@ class LiveRun:
         self._pace_from = None
         if kind == "pace":
             pace = message.get("pace")
-            if pace is not None and not (_is_number(pace) and 0.01 <= pace <= 1000.0):
+            if pace is not None and not (is_number(pace) and 0.01 <= pace <= 1000.0):
                 self._say("refused", "pace: must be 0.01 to 1000 times real time, or none")
                 return
             if pace != self._pace:
@@ -377,10 +383,6 @@ class LiveRun:
         """For the page alone."""
         assert self._flown is not None
         self.event(self._flown.scheduler.t_ns, kind, text)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _brief(error: Exception) -> str:

@@ -107,8 +107,3 @@ class OwnViews:
                 outputs = {"outputs": parts, "processing": {"clutter": "none"}}
                 self._sensors[key] = make_sensor(name, preset="bgt60tr13c", overrides=outputs | mount, **common)
         return self._sensors[key]
-
-
-def scene_of(bench_file: Path) -> bytes:
-    """Triangles of a bench's scene (`hil.dashboard.scene_mesh`). HilError where it cannot be loaded."""
-    return OwnViews(bench_file).triangles()

@@ -14,15 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-
-from hil.dashboard.pictures import picture
-from hil.dashboard.snapshot import thinned
+from hil.dashboard.moments import Moments, stream_of_topic
 from hil.recorder.reading import RecordedMessage, Recording
-from hil.recorder.reading_frames import IMAGE, image
 from hil.recorder.recorder import MCAP_NAME
-from hil.signals.classes import Classes
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.time import NS_PER_S
 
@@ -34,7 +28,6 @@ _KEPT = 4  # tracks
 _MOTORS = 8  # shown of the sixteen controls
 _SERVED = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
 _LARGEST_FILE = 64 << 20
-_WINDOW_NS = 2 * NS_PER_S  # a picture is looked for so far back
 _FIELDS = ("status", "digest", "deterministic", "seed", "rig", "scene", "sim_s", "wall_s", "realtime_factor")
 
 
@@ -45,6 +38,7 @@ class PastRuns:
         self._folder = folder
         self._tracks: OrderedDict[tuple[str, int], dict[str, Any]] = OrderedDict()
         self._lock = threading.Lock()
+        self.moments = Moments(self.folder)
 
     def listed(self) -> list[dict[str, Any]]:
         """The newest first; folders without a readable run.json are none."""
@@ -99,7 +93,7 @@ class PastRuns:
         return file
 
     def track(self, name: str) -> dict[str, Any]:
-        """The flight as columns, at most 3000 rows; events; topics with pictures. RecordingError."""
+        """The flight as columns, at most 3000 rows; events; streams that were recorded. RecordingError."""
         folder = self.folder(name)
         if folder is None:
             raise RecordingError(f"{name}: no such run")
@@ -112,33 +106,11 @@ class PastRuns:
                 track = _read_track(path)
                 home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
                 self._tracks[key] = track | {"path": _path_of(folder, home_W)}
+                self._tracks[key]["streams"] += self.moments.maps(name)
                 while len(self._tracks) > _KEPT:
                     self._tracks.popitem(last=False)
             self._tracks.move_to_end(key)
             return self._tracks[key]
-
-    def picture(self, name: str, topic: str, t_ns: int) -> tuple[str, bytes] | None:
-        """The recorded picture of a topic that was the newest at a time: ('image/...', bytes)."""
-        folder = self.folder(name)
-        if folder is None:
-            return None
-        newest: RecordedMessage | None = None
-        try:
-            with (folder / MCAP_NAME).open("rb") as file:
-                begin = max(0, t_ns - _WINDOW_NS)
-                found = make_reader(file).iter_messages([topic], begin, t_ns + 1, log_time_order=True, reverse=True)
-                for schema, channel, message in found:
-                    if schema is not None and schema.name.replace("/msg/", "/") == IMAGE:
-                        newest = RecordedMessage(
-                            channel.topic, IMAGE, message.sequence, message.log_time, message.publish_time, message.data
-                        )
-                    break
-            if newest is None:
-                return None
-            _, array = image(newest)
-        except (OSError, McapError, HilError):
-            return None
-        return picture(_channel_of(topic), thinned(array), Classes())
 
 
 def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
@@ -164,12 +136,6 @@ def _summary(folder: Path) -> dict[str, Any] | None:
     return data if isinstance(data, dict) else None
 
 
-def _channel_of(topic: str) -> str:
-    """Topics of cameras end in their channel, /front/depth; colour is called image_raw or rgb."""
-    last = topic.rpartition("/")[2]
-    return "rgb" if last in ("rgb", "image_raw", "image") else last
-
-
 def _read_track(path: Path) -> dict[str, Any]:
     recording = Recording(path).scan()
     stride_ns = recording.last_ns // _MOST_POINTS
@@ -189,7 +155,7 @@ class _Rows:
         self._controls: list[float] = []
         self._rows: list[dict[str, Any]] = []
         self._events: list[list[Any]] = []
-        self._topics: dict[str, int] = {}
+        self._streams: set[str] = set()
 
     def take(self, message: RecordedMessage) -> None:
         """One message, in order."""
@@ -216,13 +182,13 @@ class _Rows:
         elif topic == "/events" and len(self._events) < _MOST_EVENTS:
             v = message.decode()
             self._events.append([message.log_time_ns, v.get("name", ""), v.get("msg", "")])
-        elif message.type_name == IMAGE:
-            self._topics[topic] = self._topics.get(topic, 0) + 1
+        elif (stream := stream_of_topic(topic, message.type_name)) is not None:
+            self._streams.add(stream)
 
     def columns(self) -> dict[str, Any]:
         """By name, one entry a row."""
         names = ("t", "p", "q", "v", "controls")
         return {name: [row[name] for row in self._rows] for name in names} | {
             "events": sorted(self._events, key=lambda event: event[0]),
-            "pictures": sorted(self._topics),
+            "streams": sorted(self._streams),
         }

@@ -12,15 +12,8 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.signals.samples import FRAME_SAMPLES, FrameSample, ImageSample, PointCloudSample, RadarSample, Sample
 
 _WIDEST = 320  # pixels across; what is wider is thinned before it leaves the run
-_MOST_POINTS = 6000  # of a sweep
+MOST_POINTS = 6000  # of a sweep
 CLOUD_PART = "points"  # the one stream of a LiDAR
-
-
-def stream_names(port: str, sample: FrameSample) -> list[str]:
-    """The streams that a page can ask for of a port: `front/rgb`, `lidar/points`."""
-    if isinstance(sample, PointCloudSample):
-        return [f"{port}/{CLOUD_PART}"]
-    return [f"{port}/{name}" for name in sample.channels if name != "raw"]
 
 
 def frame_streams(latest: Mapping[str, Sample], wanted: Iterable[str], sent: dict[str, int]) -> dict[str, Any]:
@@ -42,7 +35,7 @@ def _body(sample: FrameSample, part: str) -> dict[str, Any] | None:
     if isinstance(sample, PointCloudSample):
         if part != CLOUD_PART:
             return None
-        step = -(-len(sample.points_L) // _MOST_POINTS) or 1
+        step = -(-len(sample.points_L) // MOST_POINTS) or 1
         return {"points": sample.points_L[::step].tobytes()}
     picture = sample.channels.get(part)
     if picture is None:

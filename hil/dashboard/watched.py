@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.manual.manual_control import Control, ManualControlSource
 from firmware_bridge.router import Router
 from hil.config import Bench
+from hil.dashboard.client_views import stream_of
 from hil.dashboard.snapshot import autopilot_health, channels_of
 from hil.missions.path import Leg
 from hil.scheduler import Scheduler
 from hil.stages import Skipped, StagePlan
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.catalog import KINDS
+
+if TYPE_CHECKING:
+    from hil.companion.link import CompanionLink
 
 
 def about(
@@ -57,13 +61,13 @@ def slow_facts(
     physics: QuadrotorPhysics,
     skipped: Sequence[Skipped],
     posings: tuple[int, int],
-    companion: Mapping[str, Any] | None,
+    companion: CompanionLink | None,
     router: Router | None,
     manual: Sequence[ManualControlSource | None],
 ) -> dict[str, Any]:
     """Asked twice a second, while somebody looks."""
     links = [autopilot_health(link)]
-    clients = (companion or {}).get("clients", {})
+    clients = {} if companion is None else companion.report()["clients"]
     for name, client in clients.items():
         reply = client.get("reply_ms") or {}
         links.append(
@@ -88,6 +92,8 @@ def slow_facts(
         rows.append({"what": "posing of people and vehicles", "why": "out of every sensor's sight", "saved": saved})
     return {
         "links": links,
+        "companions": [] if companion is None else companion.here,
+        "maps": [] if companion is None else [stream_of(name) for name in sorted(companion.views.newest)],
         "told": {name: dict(one["report"]) for name, one in clients.items() if one.get("report")},
         "router": None if router is None else router.report(),
         "battery": None if battery is None else list(battery),

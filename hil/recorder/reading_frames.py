@@ -1,4 +1,4 @@
-"""Pictures and raw radar frames of a recording as the arrays that they were."""
+"""Pictures, point clouds and raw radar frames of a recording as the arrays that they were."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.recorder.reading import RecordedMessage
+from hil.recorder.records_cloud import DATATYPES
 from hil.signals.errors import RecordingError
 from hil.signals.time import NS_PER_S
 from sim.radar.chirp import Chirp
 
 RADAR_FRAME = "hil_msgs/RadarFrame"
 IMAGE = "sensor_msgs/Image"
+CLOUD = "sensor_msgs/PointCloud2"
 _PIXELS = {
     "mono8": ("u1", 1),
     "mono16": ("<u2", 1),
@@ -22,6 +24,8 @@ _PIXELS = {
     "rgb8": ("u1", 3),
     "32FC3": ("<f4", 3),
 }
+_KINDS = {number: kind for kind, number in DATATYPES.items()}
+_MOST_FIELDS = 64  # of a cloud
 
 
 class RecordedRadarFrame(NamedTuple):
@@ -65,6 +69,25 @@ def image(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
     except ValueError as error:
         raise RecordingError(f"{message.topic}, picture {message.sequence}: {error}") from error
     return capture_ns(values), picture.astype(picture.dtype.newbyteorder("="), copy=False)
+
+
+def cloud(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
+    """When it was captured [ns] and the records of a sensor_msgs/PointCloud2 that this bench has written."""
+    values = message.decode()
+    names, formats, offsets = [], [], []
+    for i in range(_MOST_FIELDS):
+        if f"fields[{i}].name" not in values:
+            break
+        names.append(values[f"fields[{i}].name"])
+        formats.append(_KINDS.get(values[f"fields[{i}].datatype"], ""))
+        offsets.append(values[f"fields[{i}].offset"])
+    if not all(formats):
+        raise RecordingError(f"{message.topic}, cloud {message.sequence}: fields of an unknown kind")
+    try:
+        kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": values["point_step"]})
+        return capture_ns(values), np.frombuffer(values["data"], kind)
+    except ValueError as error:
+        raise RecordingError(f"{message.topic}, cloud {message.sequence}: {error}") from error
 
 
 def capture_ns(values: dict[str, Any]) -> int:

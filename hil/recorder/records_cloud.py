@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 # sensor_msgs/PointField datatypes
-_DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
+DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
 _VECTORS = {"p": ("x", "y", "z"), "v": ("vx", "vy", "vz")}
 
 
@@ -31,7 +31,7 @@ def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
     fields = []
     for name, kind, offset in _scalars(dtype):
         little = kind.newbyteorder("<").str
-        fields.append(CloudField(name, offset, _DATATYPES[little]))
+        fields.append(CloudField(name, offset, DATATYPES[little]))
     return fields
 
 

@@ -39,12 +39,29 @@ BENCH = """
 mission: hop.waypoints
 autopilot: {transport: loopback}
 record: {mcap: true, tlog: false, report: false}
+companion: {start: ["mapper:mapper"], port: 0, rate_hz: 5}
 sensors:
   imu: {preset: icm20689}
   gps: {preset: here_plus, rate_hz: 10}
   baro: {preset: ms5611, rate_hz: 50}
   mag: {preset: ist8310, rate_hz: 50}
   front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
+"""
+MAPPER = """
+import numpy as np
+from hil_companion import Grid, View
+
+class mapper:
+    topics = ("truth",)
+
+    def __call__(self, frame):
+        self.p_W = [float(v) for v in np.ravel(frame["truth"]["p_WB"])]
+
+    def view(self):
+        cells = np.zeros((40, 60), np.uint8)
+        cells[5:35, 5:55], cells[20, 10:50] = 1, 3
+        plan = np.array([self.p_W[:2], [5.0, 5.0]])
+        return View(self.p_W, 0.5, (5.0, 5.0), plan, plan + 0.2, Grid(cells, (-10.0, -10.0), 0.5))
 """
 SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
 
@@ -61,6 +78,7 @@ def address(tmp_path: Path) -> Iterator[str]:
     folder = tmp_path
     (folder / "hil.yaml").write_text(BENCH)
     (folder / "hop.waypoints").write_text(HOP)
+    (folder / "mapper.py").write_text(MAPPER)
     server = subprocess.Popen(
         [sys.executable, "-m", "hil.entry", "dash", "--port", "0"],
         cwd=folder,
@@ -147,6 +165,7 @@ def start_and_watch(page: Any) -> None:
     page.wait_for_selector("#start:disabled")
     page.click("[data-stream='front/rgb']")
     until(lambda: colours_in(page, "[data-stream='front/rgb'] canvas") > 20, page=page)  # the run's own camera
+    until(lambda: colours_in(page, "[data-stream='companion/mapper/map'] canvas") > 6, page=page)  # opened by itself
     page.select_option("#f-pace", "")  # a flight flat out may be over before a slow browser has drawn anything
     until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
@@ -187,6 +206,7 @@ def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     page.fill("#fault-for", "1")
     page.click("#inject-sensor")
     until(lambda: "gps: dropout began" in page.inner_text("#log"), page=page)
+    break_links(page)
     page.click("#pause")
     until(lambda: page.inner_text("#status").startswith("paused at tick"), page=page)
     tick = int(page.inner_text("#status").split()[-1])
@@ -195,6 +215,19 @@ def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     page.click("#stop")
     until(lambda: page.inner_text("#status") == "ERROR", page=page)
     assert "not deterministic" in page.inner_text("#headline")
+
+
+def break_links(page: Any) -> None:
+    page.select_option("#fault-link", "autopilot")
+    page.select_option("#fault-link-kind", "drop gps")
+    page.fill("#fault-link-for", "0.5")
+    page.click("#inject-link")
+    until(lambda: "fault: link of the autopilot: drop 50 % of HIL_GPS for 0.5 s" in page.inner_text("#log"), page=page)
+    page.select_option("#fault-link", "mapper")
+    page.select_option("#fault-link-kind", "unplug")
+    page.click("#inject-link")
+    until(lambda: "companion mapper: unplug is over" in page.inner_text("#log"), page=page)
+    until(lambda: page.inner_text("#log").count("companion_joined: mapper") == 2, page=page)
 
 
 def look_back(page: Any) -> None:
@@ -215,8 +248,8 @@ def look_back(page: Any) -> None:
         heights.append(altitude_m(page))
     assert heights[0] < 0.5 < 2.0 < heights[1]
     assert heights[2] < 0.5
-    page.click("[data-stream='/front/image_raw'], [data-stream*='front']")
     until(lambda: colours_in(page, ".pane[data-stream*='front'] canvas") > 20, page=page)
+    until(lambda: colours_in(page, ".pane[data-stream*='mapper'] canvas") > 6, page=page)
     picture(page, "replay")
     page.click("#replay-close")
     page.click("#tab-runs")

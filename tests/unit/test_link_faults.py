@@ -550,3 +550,32 @@ def test_a_declaration_as_a_bench_file_has_it() -> None:
     assert fault.acts_on("to_autopilot")
     with pytest.raises(ValidationError):
         fault.kind = "drop"  # type: ignore[misc]
+
+
+def test_a_fault_put_in_later_is_one_declared_from_then_on() -> None:
+    fault = LinkFault(kind="drop", at_s=1.0, rate=0.5, direction="to_autopilot")
+    declared, later = Rig(fault), Rig()
+    for rig in (declared, later):
+        assert rig.through(frames(20), "to_autopilot") == b"".join(frames(20))
+        rig.clock.sim_ns = SECOND
+        if rig is later:
+            rig.line.inject(fault)
+        rig.wire.sent = b""
+    assert declared.through(frames(200), "to_autopilot") == later.through(frames(200), "to_autopilot")
+    assert later.line.hits() == declared.line.hits()
+    assert 60 < later.line.hits()[0] < 140
+    assert later.line.faults == [fault]
+
+
+def test_a_plug_can_be_pulled_later() -> None:
+    rig = Rig()
+    rig.wire.inbox.append(b"heard")
+    assert rig.line.read(0.0) == b"heard"
+    rig.line.inject(LinkFault(kind="unplug", at_s=0.0, for_s=1.0))
+    with pytest.raises(LinkClosed, match="unplugged"):
+        rig.line.write(b"x")
+    with pytest.raises(PortNotFound):
+        rig.line.open()
+    rig.clock.pass_s(1.0)
+    rig.line.open()
+    rig.line.write(frames(1)[0])

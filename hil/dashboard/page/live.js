@@ -54,7 +54,7 @@ export class Live {
   }
 }
 
-function parse(data) {
+export function parse(data) {
   const length = new DataView(data).getUint32(0, true);
   const head = JSON.parse(READER.decode(new Uint8Array(data, 4, length)));
   const frames = [];

@@ -1,12 +1,16 @@
 // The page: puts what comes from the socket where it is seen, and what is pressed on the socket.
 
+import { Breakage } from "/page/breakage.js";
 import { Chart } from "/page/charts.js";
+import { base, options } from "/page/forms.js";
 import { drawHorizon } from "/page/horizon.js";
-import { Live } from "/page/live.js";
+import { Live, parse } from "/page/live.js";
+import { overlayMap } from "/page/maps.js";
 import { attitude } from "/page/matrices.js";
 import { Panes } from "/page/panes.js";
 import { Replay } from "/page/replay.js";
 import { Runs, json } from "/page/runs.js";
+import { sensorRows } from "/page/sensing.js";
 import { Sticks } from "/page/sticks.js";
 import { bytes, number, table } from "/page/tables.js";
 import { View3d } from "/page/view3d.js";
@@ -23,6 +27,7 @@ const charts = {
 };
 const view = new View3d($("view"), $("view-note"));
 let replay = null, going = false, stopping = false, about = {}, state = {}, trail = [], run = -1, sceneOf = null;
+let maps = [];  // streams of companions that show one
 
 // -- what comes ----------------------------------------------------------------------------------------------------
 
@@ -79,11 +84,15 @@ function showWorld(of) {
   view.setLine("corners", (of.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("trail", [], { colour: "--trail" });
   if (of.home && !replay.on) view.setPose(of.home, [1, 0, 0, 0]);
-  const streams = Object.values(of.sensors ?? {}).flatMap((sensor) => sensor.streams);
-  if (!replay.on) panes.offer(streams);
-  options($("fault-rotor"), Array.from({ length: of.rotors ?? 4 }, (_, k) => String(k)));
-  options($("fault-sensor"), Object.keys(of.sensors ?? {}));
+  maps = [];
+  offerPanes();
+  breakage.offer(of);
   loadScene(of.out ?? "");
+}
+
+function offerPanes() {
+  const streams = Object.values(about.sensors ?? {}).flatMap((sensor) => sensor.streams);
+  if (!replay.on) panes.offer([...streams, ...maps]);
 }
 
 async function loadScene(which) {
@@ -101,6 +110,7 @@ function showState() {
   trail.forEach((point, k) => flat.set([point[1], point[2], point[3]], 3 * k));
   flat.set(state.p, 3 * trail.length);
   view.setLine("trail", flat, { colour: "--trail" });
+  breakage.show(state.by_hand);
   const t = state.t_ns / NS;
   charts.altitude.add(t, [state.p[2]]);
   charts.speed.add(t, [Math.hypot(state.v[0], state.v[1]), state.v[2]]);
@@ -116,8 +126,11 @@ function showVehicle(s, t) {
   const rows = [["altitude", `${number(s.p[2])} m`], ["east", `${number(s.p[0])} m`], ["north", `${number(s.p[1])} m`],
     ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`], ["climb", `${number(s.v[2])} m/s`],
     ["roll", `${number(turn.roll * 57.29578, 1)}°`], ["pitch", `${number(turn.pitch * 57.29578, 1)}°`]];
+  if (s.w) rows.push(["turning", `${number(57.29578 * Math.hypot(...s.w), 0)}°/s`]);
+  if (s.contact) rows.push(["touching", "ground or obstacle"]);
   if (s.wind) rows.push(["wind", `${number(Math.hypot(...s.wind), 1)} m/s`]);
   if (s.armed !== undefined) rows.push(["motors", s.armed ? "armed" : "disarmed"]);
+  if (s.mode !== undefined) rows.push(["mode bits", `0x${s.mode.toString(16).padStart(2, "0")}`]);
   if (s.battery) rows.push(["battery", `${number(100 * s.battery[0], 0)} %, ${number(s.battery[1], 1)} V, ${number(s.battery[2], 1)} A`]);
   const list = $("numbers");
   list.replaceChildren(...rows.flatMap(([name, value]) => {
@@ -135,24 +148,37 @@ function showVehicle(s, t) {
       motors.append(one);
     }
     one.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
-    one.title = `command of motor ${k}`;
+    const speed = s.rotors?.[k];
+    one.title = `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
     one.lastChild.value = u;
   });
+}
+
+// What companions say of themselves.
+function clientRows(told) {
+  return Object.entries(told).flatMap(([client, report]) =>
+    Object.entries(report).map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
 }
 
 let slowShown = "";
 function showSlow(slow) {
   if (slow.battery) state.battery = slow.battery;
+  if (slow.maps && slow.maps.join() !== maps.join()) { maps = slow.maps; offerPanes(); }
+  if (slow.links) breakage.offer({ ...about, companions: slow.companions });
   state.byHand = slow.flying_by_hand === true;  // also by the gamepad on the bench's own machine
   const text = JSON.stringify(slow);
   if (text === slowShown) return;
   slowShown = text;
-  const told = Object.entries(slow.told ?? {}).flatMap(([client, report]) =>
-    Object.entries(report).map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
-  table($("told"), [], told);
+  table($("told"), [], clientRows(slow.told ?? {}));
   if (slow.links) {
     table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
   }
+  table($("sensors"), [], sensorRows(slow.sensors));
+  const notes = [];
+  if (slow.own_us !== undefined) notes.push(`the bench's own part of a tick: ${number(slow.own_us, 0)} µs`);
+  if (slow.late_ticks) notes.push(`${slow.late_ticks} ticks began late`);
+  if (slow.router) notes.push("router: " + Object.entries(slow.router).filter(([, count]) => count).map(([name, count]) => `${name.replaceAll("_", " ")} ${number(count)}`).join(", "));
+  $("pace-note").textContent = notes.join("; ");
   if (slow.skipped) table($("skipped"), ["what", "why", "saved"], slow.skipped.map((s) => [s.what, s.why, s.saved]));
 }
 
@@ -182,7 +208,6 @@ function showMessage(text) {
   $("message").hidden = !text;
   $("message").textContent = text;
 }
-function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
 
 function log([t_ns, kind, text]) {
   const line = document.createElement("li"), list = $("log");
@@ -201,7 +226,7 @@ function buttons() {
   $("resume").disabled = !going || !paused;
   $("stop").disabled = !going;
   $("reset").disabled = run < 1;
-  for (const one of document.querySelectorAll("[data-ask], [data-gust], #inject-rotor, #inject-sensor, #wind-speed, #wind-dir"))
+  for (const one of document.querySelectorAll("[data-ask], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir"))
     one.disabled = !going;
 }
 
@@ -209,10 +234,13 @@ function buttons() {
 
 const panes = new Panes({
   chips: $("pane-chips"), box: $("panes"),
-  onChange: (streams) => { if (!replay?.on) live.watch(streams); else showPictures(Number($("replay-time").value)); },
+  onChange: (streams) => { if (!replay?.on) live.watch(streams); else showMoment(Number($("replay-time").value)); },
   onCloud: (stream, cloud) => view.setLine(`cloud ${stream}`, cloud?.points ?? [],
     { colour: "--warn", mode: view.gl?.POINTS, size: 2, at: cloud?.at ?? null }),
+  onMap: (stream, frame) => overlayMap(view, stream, frame),
+  flown: () => (replay?.on ? replay.flown : trail),
 });
+const breakage = new Breakage((message) => live.say(message));
 
 for (const kind of ["pause", "step", "resume", "stop", "reset"]) $(kind).onclick = () => live.say({ kind });
 $("stop").addEventListener("click", () => { stopping = true; });
@@ -238,29 +266,6 @@ new Sticks({
   },
 }).bind($("asks"));
 
-function wind() {
-  const speed = Number($("wind-speed").value), deg = Number($("wind-dir").value), rad = deg * Math.PI / 180;
-  const names = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
-  $("wind-text").textContent = `${speed} m/s`;
-  $("wind-dir-text").textContent = `${names[Math.round(deg / 45) % 8]}`;
-  return [speed * Math.cos(rad), speed * Math.sin(rad), 0].map((v) => Math.round(v * 1000) / 1000);
-}
-for (const id of ["wind-speed", "wind-dir"]) {
-  $(id).oninput = wind;
-  $(id).onchange = () => live.say({ kind: "wind", velocity_W_mps: wind() });
-}
-for (const one of document.querySelectorAll("[data-gust]")) one.onclick = () => {
-  const speed = Number(one.dataset.gust), rad = Number($("wind-dir").value) * Math.PI / 180;
-  live.say({ kind: "inject", fault: { velocity_W_mps: [speed * Math.cos(rad), speed * Math.sin(rad), 0], rise_s: 0.5, hold_s: 2, fall_s: 0.5 } });
-};
-$("inject-rotor").onclick = () => {
-  const kind = $("fault-rotor-kind").value, fault = { kind, rotor: Number($("fault-rotor").value) };
-  if (kind === "efficiency") fault.factor = 0.7;
-  live.say({ kind: "inject", fault });
-};
-$("inject-sensor").onclick = () => live.say({ kind: "inject", fault: { kind: $("fault-sensor-kind").value,
-  sensor: $("fault-sensor").value, for_s: Number($("fault-for").value) || 5 } });
-
 $("v-follow").onclick = () => {
   view.follow = !view.follow;
   $("v-follow").setAttribute("aria-pressed", String(view.follow));
@@ -281,6 +286,7 @@ replay = new Replay({
     view.setLine("other", [], { colour: "--other" });
     $("legend-other").replaceChildren();
     $("clock").textContent = $("headline").textContent = "";
+    $("sensors-card").hidden = false;
     showRun();
   },
 });
@@ -293,7 +299,9 @@ async function openReplay(name, summary, other = null) {
   select("live");
   setStatus(`replay: ${summary.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[summary.status]);
   $("headline").textContent = `${name}, digest ${summary.digest.slice(0, 12)}`;
-  $("mission").textContent = `${summary.mission.reached} of ${summary.mission.waypoints} waypoints`;
+  $("mission").textContent = summary.mission.waypoints ? `${summary.mission.reached} of ${summary.mission.waypoints} waypoints` : "";
+  $("sensors-card").hidden = true;
+  table($("told"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, one]) => [name, one.report ?? {}]))));
   $("progress").value = summary.mission.waypoints ? summary.mission.reached / summary.mission.waypoints : 0;
   table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
     summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
@@ -315,11 +323,11 @@ async function openReplay(name, summary, other = null) {
   set(charts.altitude, (t, k) => [t.p[k][2]]);
   set(charts.speed, (t, k) => [Math.hypot(t.v[k][0], t.v[k][1]), t.v[k][2]]);
   set(charts.motors, (t, k) => t.controls[k].slice(0, rotors));
-  panes.offer(track.pictures, []);
-  if (!track.pictures.length) $("pane-chips").textContent = "no pictures were recorded in this run";
+  panes.offer(track.streams, []);
+  if (!track.streams.length) $("pane-chips").textContent = "no pictures and no sweeps were recorded in this run";
   replay.begin();
   const scene = await fetch(`/api/scene?run=${encodeURIComponent(name)}`);
-  if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; }
+  if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; showMoment(Number($("replay-time").value)); }
 }
 
 function showReplay(k, t) {
@@ -329,17 +337,29 @@ function showReplay(k, t) {
   view.setLine("trail", track.p.slice(0, k + 1).flat(), { colour: "--trail" });
   for (const chart of Object.values(charts)) { chart.cursor = t; chart.draw(); }
   showVehicle(shown, t);
-  showPictures(t);
+  showMoment(t);
 }
 
-let pictureBusy = false;
-async function showPictures(t) {
-  if (pictureBusy || !replay.on) return;
-  pictureBusy = true;
+// One moment at a time is asked for; where the slider is by then is what comes next.
+let momentAsked = null, momentBusy = false;
+async function showMoment(t) {
+  momentAsked = t;
+  if (momentBusy) return;
+  momentBusy = true;
   try {
-    for (const topic of panes.open.keys())
-      await panes.showUrl(topic, `/api/runs/${replay.name}/picture?topic=${encodeURIComponent(topic)}&t_ns=${Math.round(t * NS)}`, t);
-  } finally { pictureBusy = false; }
+    while (momentAsked !== null && replay.on) {
+      const at = momentAsked, streams = [...panes.open.keys()];
+      momentAsked = null;
+      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(at * NS)}&streams=${encodeURIComponent(streams.join())}`);
+      if (!answer.ok || !replay.on) continue;
+      const { head, frames } = parse(await answer.arrayBuffer());
+      view.setActors(head.actors);
+      panes.boxes = head.boxes;
+      for (const frame of frames) await panes.show(frame);
+      for (const stream of streams) if (!frames.some((frame) => frame.stream === stream)) panes.none(stream);
+      view.touch();
+    }
+  } finally { momentBusy = false; }
 }
 
 // -- the rest ------------------------------------------------------------------------------------------------------
@@ -359,6 +379,7 @@ $("tab-runs").onclick = () => select("runs");
 function theme(name) {
   document.documentElement.dataset.theme = name;
   view.touch();
+  panes.redraw();
   for (const chart of Object.values(charts)) chart.draw();
 }
 const asked = localStorage.getItem("theme");
@@ -368,14 +389,6 @@ $("theme").onclick = () => {
   localStorage.setItem("theme", next);
   theme(next);
 };
-
-function options(select_, values, { none = null, chosen = null } = {}) {
-  const before = chosen ?? select_.value;
-  select_.replaceChildren();
-  if (none !== null) select_.append(new Option(none, ""));
-  for (const value of values) select_.append(new Option(base(value), value));
-  if ([...select_.options].some((option) => option.value === before)) select_.value = before;
-}
 
 async function start() {
   buttons();

@@ -1,15 +1,18 @@
 // Panes of what sensors see. Only open ones are asked for, and so only those are drawn anywhere.
 
 import { css, sized } from "/page/charts.js";
+import { drawMap, wordsOf } from "/page/maps.js";
 
 const OWN = { "view/camera/rgb": "camera", "view/camera/depth": "depth", "view/camera/segmentation": "classes",
   "view/lidar/points": "LiDAR", "view/radar/range_doppler": "radar map", "view/radar/points": "radar detections" };
-const REACH_M = 40;
+const REACH_M = 40, MAP = /^companion\/(.+)\/map$/;
 
 export class Panes {
-  constructor({ chips, box, onChange, onCloud }) {
-    Object.assign(this, { chips, box, onChange, onCloud });
+  // `flown`: where the vehicle has been, for maps.
+  constructor({ chips, box, onChange, onCloud, onMap, flown }) {
+    Object.assign(this, { chips, box, onChange, onCloud, onMap, flown });
     this.open = new Map();
+    this.last = new Map();  // what each shows
     this.all = [];
     this.boxes = {};  // by stream: what a companion made out in its newest picture
     this.wanted = new Set(["view/camera/rgb"]);
@@ -18,12 +21,16 @@ export class Panes {
 
   // `run`: streams that the run itself draws, or has recorded.
   offer(run, own = Object.keys(OWN)) {
-    this.all = [...own, ...run];
+    const all = [...own, ...run];
+    if (all.join() === this.all.join() && all.length) return;
+    // Who explores is looked at for its map.
+    for (const stream of all) if (MAP.test(stream) && !this.all.includes(stream)) this.wanted.add(stream);
+    this.all = all;
     this.chips.replaceChildren();
     for (const stream of this.all) {
       const chip = document.createElement("button");
-      chip.textContent = OWN[stream] ?? stream;
-      chip.title = OWN[stream] ? "drawn for this page, without errors" : "the run's own sensor";
+      chip.textContent = named(stream);
+      chip.title = OWN[stream] ? "drawn for this page, without errors" : MAP.test(stream) ? "what the companion shows of itself" : "the run's own sensor";
       chip.dataset.stream = stream;
       chip.setAttribute("aria-pressed", String(this.wanted.has(stream)));
       chip.onclick = () => {
@@ -41,7 +48,9 @@ export class Panes {
     for (const [stream, pane] of this.open) if (!now.includes(stream)) {
       pane.remove();
       this.open.delete(stream);
+      this.last.delete(stream);
       if (stream.endsWith("/points")) this.onCloud(stream, null);
+      if (MAP.test(stream)) this.onMap(stream, null);
     }
     for (const stream of now) if (!this.open.has(stream)) {
       const pane = document.createElement("div");
@@ -50,7 +59,7 @@ export class Panes {
       const canvas = document.createElement("canvas"), caption = document.createElement("p");
       canvas.width = 320; canvas.height = 240;
       caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
-      caption.firstChild.textContent = OWN[stream] ?? stream;
+      caption.firstChild.textContent = named(stream);
       pane.append(canvas, caption);
       this.box.append(pane);
       this.open.set(stream, pane);
@@ -58,9 +67,13 @@ export class Panes {
     this.onChange(now);
   }
 
+  // In other colours.
+  redraw() { for (const frame of [...this.last.values()]) if (!frame.as.startsWith("image/")) this.show(frame); }
+
   async show(frame) {
     const pane = this.open.get(frame.stream);
     if (!pane) return;
+    this.last.set(frame.stream, frame);
     const canvas = pane.firstChild, note = pane.lastChild.lastChild;
     note.textContent = `${(frame.t_ns / 1e9).toFixed(2)} s`;
     pane.dataset.frames = String(Number(pane.dataset.frames ?? 0) + 1);
@@ -75,18 +88,21 @@ export class Panes {
     } else if (frame.as === "records") {
       detections(canvas, frame.records);
       note.textContent += `, ${frame.records.length} found`;
+    } else if (frame.as === "map") {
+      drawMap(canvas, frame, this.flown());
+      this.onMap(frame.stream, frame);
+      note.textContent += `, ${wordsOf(frame)}`;
     }
   }
 
-  // Pictures of a recording: `pictures` of {stream, url}.
-  async showUrl(stream, url, t) {
+  // Of a replay: nothing of this stream had been recorded by then.
+  none(stream) {
     const pane = this.open.get(stream);
-    if (!pane) return;
-    const answer = await fetch(url);
-    pane.lastChild.lastChild.textContent = answer.ok ? `newest at ${t.toFixed(2)} s` : "none yet";
-    if (answer.ok) await showPicture(pane.firstChild, await answer.blob());
+    if (pane) pane.lastChild.lastChild.textContent = "none yet";
   }
 }
+
+function named(stream) { return OWN[stream] ?? stream.replace(MAP, "map of $1"); }
 
 async function showPicture(canvas, blob) {
   const picture = await createImageBitmap(blob);

@@ -12,6 +12,9 @@ export class Replay {
     close.onclick = () => { this.pause(); this.track = null; bar.hidden = true; onClose(); };
   }
 
+  // [t, x, y, z] of all of it.
+  get flown() { return this.track.t.map((t, k) => [t, ...this.track.p[k]]); }
+
   get on() { return this.track !== null; }
 
   async open(name, summary, other = null) {

@@ -1,6 +1,7 @@
 // Past runs: the list, one of them, two side by side.
 
 import { Chart } from "/page/charts.js";
+import { base } from "/page/forms.js";
 import { cell, number, table } from "/page/tables.js";
 
 const MARK = { PASS: "good", FAIL: "warned", ERROR: "bad" };
@@ -144,7 +145,6 @@ function farthest(a, b) {
 // Names end in their unit, which has a column of its own.
 function named(name) { return name.replace(/_(m|mps|deg|s|us|ms)$/, "").replaceAll("_", " "); }
 export async function json(url) { const answer = await fetch(url); return answer.ok ? answer.json() : null; }
-function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
 function heading(text, kind = "") { const made = document.createElement("h3"); made.textContent = text; made.className = kind; return made; }
 function line(text, kind = "") { const made = document.createElement("p"); made.textContent = text; made.className = kind; return made; }
 function button(text, id, act) { const made = document.createElement("button"); made.textContent = text; made.id = id; made.onclick = act; return made; }

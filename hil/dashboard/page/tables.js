@@ -11,7 +11,7 @@ export function cell(row, text, { tag = "td", kind = "", title = "" } = {}) {
 
 export function table(element, heads, rows) {
   const head = document.createElement("tr");
-  heads.forEach((text, k) => cell(head, text, { tag: "th", kind: k && rows[0]?.[k] !== undefined && typeof rows[0][k] === "number" ? "num" : "" }));
+  heads.forEach((text, k) => cell(head, text, { tag: "th", kind: k && rows.some((row) => typeof row[k] === "number") ? "num" : "" }));
   const body = rows.map((values) => {
     const row = document.createElement("tr");
     for (const value of values) cell(row, typeof value === "number" ? number(value) : value, { kind: typeof value === "number" || value === "–" ? "num" : "" });
