@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import socket
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from hil.child_environment import child_environment
 from hil.signals.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
@@ -46,6 +46,26 @@ def live_on_fd(fd: int, *, paused: bool, pace: float | None) -> LiveRun:
     return LiveRun(wire, paused=paused, pace=pace)
 
 
+def server_process(
+    listening: socket.socket, wire: socket.socket, *, config: Path | None, runs: Path, token: str | None
+) -> subprocess.Popen[bytes]:
+    """The page's server in a process of its own, which inherits both sockets. `wire`: its end of the run's."""
+    command = [sys.executable, "-m", "hil.dashboard.serve", f"--runs={runs}"]
+    command += [f"--listen-fd={listening.fileno()}", f"--wire-fd={wire.fileno()}"]
+    command += [] if config is None else [f"--config={config}"]
+    server = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        pass_fds=(listening.fileno(), wire.fileno()),
+        env=child_environment(),
+        start_new_session=True,  # Ctrl-C is for the run; the page then shows how it ended
+    )
+    assert server.stdin is not None
+    server.stdin.write(((token or "") + "\n").encode())
+    server.stdin.close()
+    return server
+
+
 @contextlib.contextmanager
 def dashboard_beside(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> Iterator[LiveRun]:
     """A page in a process of its own for the run of this one. After the run it stays while somebody looks."""
@@ -56,20 +76,7 @@ def dashboard_beside(config: Path | None, console: Console, *, host: str, port: 
     with open_port(host, port) as listening:
         ours, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-m", "hil.dashboard.serve", f"--runs={runs}"]
-            command += [f"--listen-fd={listening.fileno()}", f"--wire-fd={theirs.fileno()}"]
-            command += [] if config is None else [f"--config={config}"]
-            root = str(Path(__file__).resolve().parents[1])
-            server = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                pass_fds=(listening.fileno(), theirs.fileno()),
-                env=os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")]).rstrip(":")},
-                start_new_session=True,  # Ctrl-C is for the run; the page then shows how it ended
-            )
-        assert server.stdin is not None
-        server.stdin.write(((token or "") + "\n").encode())
-        server.stdin.close()
+            server = server_process(listening, theirs, config=config, runs=runs, token=token)
         console.print(f"dashboard: {address_of(listening, token)}", markup=False)
     live = LiveRun(ours)
     try:

@@ -17,6 +17,7 @@ from hil.signals.errors import RecordingError
 # name -> (module with a function `measure(*, quick, say) -> BenchmarkResult` and, if its picture is another one than
 # error against time, `plot(result, title, path)`; title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
+    "dash": ("hil.bench_suite.dash", "Dashboard: what an open page costs the run, and its memory"),
     "dataset": ("hil.bench_suite.dataset", "Data sets: error of the labels against time of a frame"),
     "detect": ("hil.bench_suite.detect", "Detector: precision lost against the time of a picture"),
     "lidar": ("hil.bench_suite.lidar", "LiDAR: range error against time of a sweep"),
