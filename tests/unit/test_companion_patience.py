@@ -48,6 +48,15 @@ def test_asleep_where_somebody_else_wants_the_core(monkeypatch: pytest.MonkeyPat
     assert client.stays_awake(0.0)
 
 
+def test_awake_for_the_rest_of_what_has_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(os, "sched_yield", lambda: None)
+    client = client_patience.Patience()
+    client.waited(1.0)
+    assert [client.stays_awake(0.0), client.stays_awake(0.0, begun=True)] == [False, True]
+    assert not client.stays_awake(1e-3, begun=True)
+
+
 def test_never_awake_on_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
     bench, client = Patience(), client_patience.Patience()

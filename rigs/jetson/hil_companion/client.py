@@ -232,19 +232,25 @@ class Client:
 
     def receive(self, timeout_s: float = math.inf) -> Frame | None:
         """The next frame; None where none came in time, or the bench ended."""
-        began_s = now_s = time.monotonic()
+        began_s = since_s = now_s = time.monotonic()
         deadline_s = began_s + timeout_s
         while not self._ready and self.end is None:
             if now_s >= self._next_ping_s:
                 self.ping()
-            if not self._drain_ways():
-                now_s = time.monotonic()
-                if self._ways and now_s < deadline_s and self._patience.stays_awake(now_s - began_s):
-                    continue
-                if self._drain() == 0:
-                    if now_s >= deadline_s:
-                        return None
-                    self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
+            if self._drain_ways():
+                since_s = now_s = time.monotonic()
+                continue
+            now_s = time.monotonic()
+            if (
+                self._ways
+                and now_s < deadline_s
+                and self._patience.stays_awake(now_s - since_s, begun=self.barrier.waits)
+            ):
+                continue
+            if self._drain() == 0:
+                if now_s >= deadline_s:
+                    return None
+                self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
             now_s = time.monotonic()
         self._patience.waited(now_s - began_s)
         if not self._ready:

@@ -18,9 +18,10 @@ class Patience:
         self._short = self._crowded = False
         self._possible = hasattr(os, "sched_getaffinity") and len(os.sched_getaffinity(0)) > 1
 
-    def stays_awake(self, waited_s: float) -> bool:
-        """Whether to look again at once, after so long. Lets others go first who want this core."""
-        if not self._short or self._crowded or waited_s >= AWAKE_S or not self._possible:
+    def stays_awake(self, waited_s: float, *, begun: bool = False) -> bool:
+        """Whether to look again at once, after so long. Lets others go first who want this core. `begun`: part of what
+        is waited for is here, so that the rest cannot be far."""
+        if not (self._short or begun) or self._crowded or waited_s >= AWAKE_S or not self._possible:
             return False
         offered_s = time.perf_counter()
         os.sched_yield()

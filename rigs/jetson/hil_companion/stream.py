@@ -111,7 +111,7 @@ class Stream:
                 since_s = now_s
             elif now_s - since_s > WAIT_S:
                 raise self._lost(f"the rest of a frame did not come within {WAIT_S:g} s")
-            elif not self._patience.stays_awake(now_s - since_s):
+            elif not self._patience.stays_awake(now_s - since_s, begun=True):
                 self._poller.poll(1000 * WAIT_S)
         self._body = memoryview(b"")
         self._filled = 0
