@@ -23,8 +23,8 @@ _MOST_WAITING = 4096
 _GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # with what vibration and scale add
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
 _MOST_RADPS, _MOST_MPS2 = 60.0, 400.0  # no gyro or accelerometer of a drone goes further: rows beyond are errors
-_GAP_S = 0.05  # a longer gap between rows is flown through more and more slowly, and level
-_STOP_S = 1.0  # a vehicle whose IMU is silent is braked
+_GAP_S = 0.05  # a longer gap between rows is flown through without: at constant velocity at first,
+_STARTLED_S, _STOP_S = 0.3, 1.0  # then more and more slowly, and level: a vehicle whose IMU is silent is braked
 _COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # what a vehicle may do meanwhile
 _LEVEL_S, _TILT_RAD = 0.5, 0.15  # a tilt that nobody sees is forgotten in so long; what then may be there,
 _SPIN_RADPS = 0.25  # and how fast it comes to be
@@ -85,7 +85,8 @@ class InertialFilter:
         if self.t_ns is None:
             self.t_ns = self._waiting[0][0] if self._waiting else to_ns
             self._past.append(self.moment())
-        began, f_sum, used, coasted_s, tilt_variance = self.t_ns, np.zeros(3), 0, 0.0, 0.0
+        began, f_sum, used = self.t_ns, np.zeros(3), 0
+        coasted_s = braked_s = tilt_variance = 0.0
         moment = self.moment()
         while self._waiting and self._waiting[0][0] <= to_ns:
             row = self._waiting.popleft()
@@ -94,6 +95,7 @@ class InertialFilter:
             gap_s = (row[0] - moment.t_ns) * 1e-9
             if gap_s > _GAP_S:
                 coasted_s += gap_s
+                braked_s += max(0.0, gap_s - _STARTLED_S)
                 tilt_variance += self._unseen(gap_s)
             self._silent_s, self._row_ns = 0.0, row[0]
             moment, force = self._step(moment, row)
@@ -104,6 +106,7 @@ class InertialFilter:
             rest_s = (to_ns - moment.t_ns) * 1e-9
             if _silent(self._row_ns, to_ns):
                 coasted_s += rest_s
+                braked_s += _brakes_s(rest_s, self._row_ns, to_ns)
                 tilt_variance += self._unseen(rest_s)
             moment = _coasted(moment, to_ns, self._row_ns)
             self._past.append(moment)
@@ -111,7 +114,7 @@ class InertialFilter:
         self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
         self._force_W = f_sum / used if used else None
         force_W = self._force_W if self._force_W is not None else np.array([0.0, 0.0, G_MPS2])
-        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s, tilt_variance)
+        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s, braked_s, tilt_variance)
 
     @property
     def tilt_sigma_rad(self) -> float:
@@ -216,7 +219,7 @@ class InertialFilter:
         t_ns, w, f = row
         dt = (t_ns - m.t_ns) * 1e-9
         if dt > _GAP_S:
-            m, dt = _braked(m, t_ns), 0.0
+            m, dt = _coasted(m, t_ns, m.t_ns), 0.0
         bg, ba = self.gyro_bias, self.accel_bias
         half = turned(m.q, 0.5 * dt * (w[0] - bg[0]), 0.5 * dt * (w[1] - bg[1]), 0.5 * dt * (w[2] - bg[2]))
         q = turned(m.q, dt * (w[0] - bg[0]), dt * (w[1] - bg[1]), dt * (w[2] - bg[2]))
@@ -227,7 +230,7 @@ class InertialFilter:
         p = (px + dt * (vx + h * ax), py + dt * (vy + h * ay), pz + dt * (vz + h * az))
         return Moment(t_ns, p, (vx + dt * ax, vy + dt * ay, vz + dt * az), q), force
 
-    def _spread(self, T: float, force_W: np.ndarray, coasted_s: float, tilt_variance: float) -> None:
+    def _spread(self, T: float, force_W: np.ndarray, coasted_s: float, braked_s: float, tilt_variance: float) -> None:
         """Covariance over T seconds with the mean force, of which nothing was sensed for some, while it may have come
         to tilt."""
         if T <= 0.0:
@@ -236,7 +239,7 @@ class InertialFilter:
         F = np.eye(15)
         R = self.R
         F[P, V] = T * np.eye(3)
-        F[V, V] *= math.exp(-coasted_s / _STOP_S)
+        F[V, V] *= math.exp(-braked_s / _STOP_S)
         F[V, TH] = -felt_s * skew(force_W)
         F[P, TH] = -0.5 * T * felt_s * skew(force_W)
         F[V, BA] = -felt_s * R
@@ -246,7 +249,7 @@ class InertialFilter:
         noise[P] = noise[V] * T * T / 3.0
         noise[TH] = T * _GYRO_RAD_PER_RTS**2
         noise[8] += coasted_s * _COAST_RAD_PER_RTS**2
-        left = math.exp(-coasted_s / _LEVEL_S)
+        left = math.exp(-braked_s / _LEVEL_S)
         F[6, 6] = F[7, 7] = left
         noise[6:8] += tilt_variance + (1.0 - left * left) * np.minimum(np.diag(self.cov)[6:8], _TILT_RAD**2)
         noise[BG], noise[BA] = T * _GYRO_WALK**2, T * _ACCEL_WALK**2
@@ -276,19 +279,21 @@ def _silent(row_ns: int | None, t_ns: int) -> bool:
 
 
 def _coasted(m: Moment, to_ns: int, row_ns: int | None) -> Moment:
-    """On to a time of which no row tells."""
-    if _silent(row_ns, to_ns):
-        return _braked(m, to_ns)
+    """On to a time of which no row tells; `row_ns`: the last that there was."""
     dt = (to_ns - m.t_ns) * 1e-9
-    return Moment(to_ns, (m.p[0] + dt * m.v[0], m.p[1] + dt * m.v[1], m.p[2] + dt * m.v[2]), m.v, m.q)
-
-
-def _braked(m: Moment, to_ns: int) -> Moment:
-    """What becomes of a vehicle that nothing is felt of."""
-    dt = (to_ns - m.t_ns) * 1e-9
-    tilt, speed = math.exp(-dt / _LEVEL_S), math.exp(-dt / _STOP_S)
-    roll, pitch, yaw = roll_pitch_yaw(matrix_of(m.q))
-    way_s = _STOP_S * (1.0 - speed)
+    brakes_s = _brakes_s(dt, row_ns, to_ns)
+    free_s = dt - brakes_s
+    tilt, speed = math.exp(-brakes_s / _LEVEL_S), math.exp(-brakes_s / _STOP_S)
+    way_s = free_s + _STOP_S * (1.0 - speed)
     p = (m.p[0] + way_s * m.v[0], m.p[1] + way_s * m.v[1], m.p[2] + way_s * m.v[2])
-    v = (speed * m.v[0], speed * m.v[1], speed * m.v[2])
-    return Moment(to_ns, p, v, quaternion_of(tilt * roll, tilt * pitch, yaw))
+    q = m.q
+    if brakes_s > 0.0:
+        roll, pitch, yaw = roll_pitch_yaw(matrix_of(q))
+        q = quaternion_of(tilt * roll, tilt * pitch, yaw)
+    return Moment(to_ns, p, (speed * m.v[0], speed * m.v[1], speed * m.v[2]), q)
+
+
+def _brakes_s(dt: float, row_ns: int | None, to_ns: int) -> float:
+    """How much of the last `dt` lies beyond what a vehicle takes to notice that its IMU is silent."""
+    silent_s = dt if row_ns is None else (to_ns - row_ns) * 1e-9
+    return min(dt, max(0.0, silent_s - _STARTLED_S))
