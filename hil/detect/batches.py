@@ -1,7 +1,7 @@
 """Batches for training, prepared by a thread while the network works on the one before.
 
 Pictures that hold something rare are drawn more often (repeat factors of Gupta et al. 2019, LVIS): of a class that a
-share f of the pictures holds, by sqrt(OFTEN / f), where that is more than 1; of a picture the most of its classes counts.
+share f of the pictures holds, by sqrt(OFTEN / f), where that is more than 1; the rarest class of a picture counts.
 """
 
 from __future__ import annotations

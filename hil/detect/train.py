@@ -102,7 +102,7 @@ class Training:
         self._assigner = Assigner(LEVELS, INPUT_PX)
         self._anchors = torch.from_numpy(self._assigner.anchors_px)
         self.model: nn.Module = SsdLite(len(self.classes), [v.per_place for v in LEVELS]).to(
-            memory_format=torch.channels_last  # type: ignore[call-overload]
+            memory_format=torch.channels_last
         )
         self._averaged = Averaged(self.model, settings.average_decay)
         plain = [p for p in self.model.parameters() if p.ndim <= 1]
@@ -188,7 +188,7 @@ class Training:
         logits, offsets = by_anchor([m.float() for m in maps], len(self.classes))
         scores, boxes = detection_loss(logits, offsets, self._anchors, found, target_px)
         self._optimiser.zero_grad(set_to_none=True)
-        (scores + boxes).backward()  # type: ignore[no-untyped-call]
+        (scores + boxes).backward()
         nn.utils.clip_grad_norm_(self.model.parameters(), _GRADIENT_NORM)
         self._optimiser.step()
         self._averaged.update(self.model)

@@ -5,6 +5,7 @@ Needs PyTorch, which nothing else of the suite does.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from hil_companion.detect.detector import Detector  # noqa: E402
 
 from hil.detect import train  # noqa: E402
 from hil.detect.arrangement import INPUT_PX, LEVELS, described  # noqa: E402
+from hil.detect.batches import OFTEN, Batches, repeat_factors  # noqa: E402
 from hil.detect.export import export, folded, with_threshold  # noqa: E402
 from hil.detect.loss import boxes_px, detection_loss, overlaps  # noqa: E402
 from hil.detect.model import SsdLite, by_anchor  # noqa: E402
@@ -197,3 +199,16 @@ def test_the_loss_is_least_where_scores_are_overlaps_and_ignores_what_is_nobodys
         assert float(detection_loss(torch.tensor(wrong), offsets, anchors, found, target)[0]) > 10.0
     empty = detection_loss(good * 0 - 20.0, offsets, anchors, torch.full((1, 3), -1), target)
     assert float(empty[0] + empty[1]) < 1e-6
+
+
+def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -> None:
+    rare, common = pictures[0], pictures[1]
+    many = [replace(common, labels=("vehicle",) * 3)] * 95 + [replace(rare, labels=("person",) * 3)] * 5
+    factors = repeat_factors(many)
+    assert factors.mean() == pytest.approx(1.0)
+    assert factors[-1] / factors[0] == pytest.approx((OFTEN / 0.05) ** 0.5)
+    batches = Batches(None, None, many, size=10, seed=1)  # type: ignore[arg-type]
+    orders = [batches._order(np.random.default_rng(k)) for k in range(40)]
+    assert {len(order) for order in orders} == {100}
+    drawn = np.mean([(order >= 95).sum() for order in orders])
+    assert drawn == pytest.approx(5.0 * factors[-1], rel=0.15)
