@@ -38,13 +38,14 @@ OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wan
 LOCALISERS = ("own", "truth", "none")
 TRUTH = "truth"
 _MOST_PIECES = 8  # each way
+_WEAK_SHARE = 0.6
 _TIMED = 50  # pictures between two words on how long they take
 
 
 class Detect:
     """`model`: an .onnx file, null: the shipped one. `tiles`: pieces across and down that a picture is looked at in.
-    `objects`: labels that are followed through the world; null: all. `sure_score`: of a sighting that makes somebody,
-    null: the model's threshold; boxes from `threshold` on keep him going."""
+    `objects`: labels that are followed through the world; null: all. `weak_score`: boxes below `threshold` are not
+    told, but those of these labels down to this score keep somebody going; null: 0.6 of the threshold."""
 
     control = False
 
@@ -64,7 +65,7 @@ class Detect:
         ground_z_m: float = 0.0,
         objects: Sequence[str] | None = ("person",),
         least_sightings: int = 3,
-        sure_score: float | None = None,
+        weak_score: float | None = None,
         out: str | None = None,
         picture_every_s: float = 1.0,
     ) -> None:
@@ -88,9 +89,13 @@ class Detect:
         self._every_s = number("picture_every_s", picture_every_s)
         folder = out if out is not None else os.environ.get(OUT_VARIABLE, "")
         self._folder = Path(folder) if folder else None
-        self._detector = self._open(model, backend, threads, threshold)
-        own = float(self._detector.model.score_threshold)
-        self._sure = own if sure_score is None else number("sure_score", sure_score)
+        self._detector = self._open(model, backend, threads)
+        told = self._detector.model.score_threshold if threshold is None else number("threshold", threshold)
+        self._threshold = float(told)
+        weak = _WEAK_SHARE * self._threshold if weak_score is None else number("weak_score", weak_score)
+        if not 0.0 <= weak <= self._threshold <= 1.0:
+            raise OptionError(f"detect: threshold {told!r}, weak_score {weak!r}: 0 <= weak_score <= threshold <= 1")
+        self._detector.threshold = weak
         self.topics = tuple(
             topic
             for topic in (camera, depth, radar, *(TOPICS if localiser == "own" else ()), TRUTH)
@@ -105,8 +110,8 @@ class Detect:
         self._reset()
 
     @staticmethod
-    def _open(model: str | None, backend: str, threads: int | None, threshold: float | None) -> Any:
-        detector = Detector(ModelFile.load(model), backend, threads, threshold)
+    def _open(model: str | None, backend: str, threads: int | None) -> Any:
+        detector = Detector(ModelFile.load(model), backend, threads)
         detector.warm_up()
         return detector
 
@@ -148,19 +153,22 @@ class Detect:
         self._ms.append((time.perf_counter_ns() - begun_ns) * 1e-6)
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
+        # Of what is too weak to tell, what may keep somebody going: unless it is more likely something else.
+        found = [d for d in found if d.score >= self._threshold or (self._follows(d) and not outdone(d, found))]
         found = self._place.place(found, self._pose(frame, t_ns), depth_m, self._radar(frame))
         looks = [look_of(rgb, d.box_px) for d in found]
         objects = self._follow(found, looks, t_ns, by_depth=depth_m is not None)
         height, width = rgb.shape[:2]
-        self.detections = Detections(self._camera_topic, t_ns, (width, height), found, objects)
+        told = [d for d in found if d.score >= self._threshold]
+        self.detections = Detections(self._camera_topic, t_ns, (width, height), told, objects)
         self._looked += 1
-        self._boxes += len(found)
-        self._without_place += sum(d.p_W is None for d in found)
+        self._boxes += len(told)
+        self._without_place += sum(d.p_W is None for d in told)
         self.report = self._report()
         if self._journal is not None:
             self._journal.picture(frame.frame, t_ns, found, looks)
         if self._pictures is not None:
-            self._pictures.look(rgb, found, t_ns)
+            self._pictures.look(rgb, told, t_ns)
 
     def stop(self) -> None:
         if self._pictures is not None:
@@ -174,7 +182,7 @@ class Detect:
         if self._tiles == (1, 1):
             found: list[Any] = self._detector.detect(rgb)
             return found
-        whole = []
+        whole = list(self._detector.detect(rgb))  # what is large is best seen so
         for x0, y0, x1, y1 in pieces((rgb.shape[1], rgb.shape[0]), *self._tiles):
             for one in self._detector.detect(np.ascontiguousarray(rgb[y0:y1, x0:x1])):
                 a, b, c, d = one.box_px
@@ -229,10 +237,10 @@ class Detect:
                 d.p_W,
                 self._place.sigma_m(d.range_m, own_m, by_depth=by_depth),
                 look,
-                sure=d.score >= self._sure,
+                sure=d.score >= self._threshold,
             )
             for d, look in zip(found, looks)
-            if d.p_W is not None and (self._labels is None or d.label in self._labels) and not outdone(d, found)
+            if d.p_W is not None and self._follows(d) and not outdone(d, found)
         ]
         self._tracks.add(t_ns, sightings)
         objects = self._tracks.found
@@ -240,6 +248,9 @@ class Detect:
             return None
         self._told = objects
         return objects
+
+    def _follows(self, found: Any) -> bool:
+        return self._labels is None or found.label in self._labels
 
     def _report(self) -> dict[str, Any]:
         """For run.json: what was seen, and now and then how long a picture takes."""
