@@ -32,15 +32,15 @@ export class View3d {
     this.vehicle = null;
     this.lines = new Map();
     this.dirty = false;
+    this.scene = null;
+    this.actors = [];  // people and vehicles, and where each is: x, y, z, yaw
+    this.places = [];
+    this.body = null;
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.gl = gl;
     if (!gl) { note.textContent = "this browser shows no 3-D (WebGL 2 is off)"; return; }
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
-    this.scene = null;
-    this.actors = [];  // people and vehicles, and where each is: x, y, z, yaw
-    this.places = [];
-    this.body = null;
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
     this.listen();
     new ResizeObserver(() => this.touch()).observe(canvas);
