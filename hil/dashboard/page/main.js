@@ -157,7 +157,7 @@ function showVehicle(s, t) {
 // What companions say of themselves.
 function clientRows(told) {
   return Object.entries(told).flatMap(([client, report]) =>
-    Object.entries(report).map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
+    Object.entries(report).filter(([, value]) => value !== "").map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
 }
 
 let slowShown = "";
