@@ -10,6 +10,7 @@ import copy
 import hashlib
 import json
 import warnings
+import zipfile
 from pathlib import Path
 
 import torch
@@ -55,12 +56,22 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
                 dynamo=False,
             )
             torch.jit.trace(plain, blob, check_trace=False).save(str(path.with_suffix(".pt")))
+        _without_paths(path.with_suffix(".pt"))
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         model_file = described(path, classes, sha256=digest, threshold=threshold)
         path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"{path}: the model cannot be written ({error})") from error
     return ModelFile.load(path)
+
+
+def _without_paths(file: Path) -> None:
+    """A TorchScript file carries where each line of the code lay on the machine that wrote it; nothing needs that."""
+    with zipfile.ZipFile(file) as old:
+        entries = [(info, old.read(info)) for info in old.infolist() if not info.filename.endswith(".debug_pkl")]
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as new:
+        for info, data in entries:
+            new.writestr(zipfile.ZipInfo(info.filename, info.date_time), data)
 
 
 def _any_size(outputs: list[str]) -> dict[str, dict[int, str]]:
