@@ -193,6 +193,7 @@ def test_a_box_with_a_surer_one_of_another_label_on_it_is_outdone() -> None:
     assert outdone(person, [person, bin_])
     assert not outdone(bin_, [person, bin_])
     assert not outdone(person, [person, behind])
+    assert not outdone(person, [person, Detection("bench", (11, 12, 31, 61), 0.6)])
 
 
 def test_colours_tell_clothes_apart() -> None:

@@ -11,6 +11,7 @@ from typing import Any, Sequence, Tuple
 import numpy as np
 
 _OVERLAP = 0.25
+_SEATS = ("bench",)
 _SAME_IOU, _HELD_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
@@ -38,9 +39,12 @@ def without_doubles(found: Sequence[Any]) -> list[Any]:
 
 
 def outdone(one: Any, found: Sequence[Any]) -> bool:
-    """Whether what is in this box is more likely something else: a surer box of another label lies on it."""
+    """Whether what is in this box is more likely something else: a surer box of another label lies on it. What people
+    sit on says nothing against them."""
     return any(
-        other.score > one.score and other.label != one.label and _iou(one.box_px, other.box_px) > _RIVAL_IOU
+        other.score > one.score
+        and other.label not in (one.label, *_SEATS)
+        and _iou(one.box_px, other.box_px) > _RIVAL_IOU
         for other in found
     )
 
