@@ -18,7 +18,7 @@ from hil.signals.errors import RecordingError
 # error against time, `plot(result, title, path)`; title of the plot)
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "dash": ("hil.bench_suite.dash", "Dashboard: what an open page costs the run, and its memory"),
-    "dataset": ("hil.bench_suite.dataset", "Data sets: error of the labels against time of a frame"),
+    "dataset": ("hil.bench_suite.dataset", "Data sets: frames a second, and what the labels get wrong"),
     "detect": ("hil.bench_suite.detect", "Detector: precision lost against the time of a picture"),
     "lidar": ("hil.bench_suite.lidar", "LiDAR: range error against time of a sweep"),
     "lockstep": ("hil.bench_suite.lockstep", "Lockstep loop: flight error against wall time"),
