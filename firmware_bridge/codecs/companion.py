@@ -27,6 +27,7 @@ from firmware_bridge.codecs.companion_detections import KEYS as _DETECTIONS_KEYS
 from firmware_bridge.codecs.companion_detections import detections_from_map
 from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.strangers import number, shown, whole
 from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
 from hil.signals.detections import Detections
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
@@ -76,7 +77,7 @@ class HelloRefused(CodecError):
 def desired_from_map(values: object) -> DesiredState:
     """Checked from what a message holds. CodecError naming the entry that is wrong."""
     if type(values) is not dict:
-        raise CodecError(f"desired: {_shown(values)} is not a map")
+        raise CodecError(f"desired: {shown(values)} is not a map")
     unknown = [str(key)[:40] for key in values if key not in _DESIRED_KEYS]
     if unknown:
         raise CodecError(f"desired: unknown entries {', '.join(sorted(unknown)[:5])}")
@@ -88,7 +89,7 @@ def desired_from_map(values: object) -> DesiredState:
     for key in _DESIRED_FLAGS:
         flag = values.get(key)
         if flag is not None and type(flag) is not bool:
-            raise CodecError(f"desired.{key}: {_shown(flag)} is neither true nor false")
+            raise CodecError(f"desired.{key}: {shown(flag)} is neither true nor false")
         made[key] = bool(flag)
     ahead = values.get("ahead")
     if ahead is not None:
@@ -113,11 +114,11 @@ def desired_map(desired: DesiredState) -> dict[str, Any]:
 
 def _knots(values: object) -> tuple[Knot, ...]:
     if type(values) is not list or len(values) > MOST_KNOTS:
-        raise CodecError(f"desired.ahead: {_shown(values)}; a list of at most {MOST_KNOTS} knots")
+        raise CodecError(f"desired.ahead: {shown(values)}; a list of at most {MOST_KNOTS} knots")
     knots = []
     for i, knot in enumerate(values):
         if type(knot) is not list or len(knot) != 3:
-            raise CodecError(f"desired.ahead[{i}]: {_shown(knot)}; a time, a position and a velocity are needed")
+            raise CodecError(f"desired.ahead[{i}]: {shown(knot)}; a time, a position and a velocity are needed")
         p_W, v_W = (_vector(f"ahead[{i}]", v, 3) for v in knot[1:])
         knots.append(Knot(_number(f"ahead[{i}]", knot[0]), p_W, v_W))  # type: ignore[arg-type]
     return tuple(knots)
@@ -264,11 +265,11 @@ def decode_client(raw: bytes | memoryview) -> ClientMessage:
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise CodecError(f"{len(raw)} bytes are no msgpack map ({str(error)[:100]})") from error
     if type(message) is not dict:
-        raise CodecError(f"{_shown(message)} is no map")
+        raise CodecError(f"{shown(message)} is no map")
     kind = message.get("k")
     decoder = _DECODERS.get(kind) if type(kind) is str else None
     if decoder is None:
-        raise CodecError(f"k: {_shown(kind)}; a client sends one of {', '.join(_DECODERS)}")
+        raise CodecError(f"k: {shown(kind)}; a client sends one of {', '.join(_DECODERS)}")
     return decoder(message)
 
 
@@ -343,22 +344,22 @@ def _pack(message: object) -> bytes:
 def _hello(m: dict[str, Any]) -> Hello:
     try:
         if m.get("magic") != MAGIC:
-            raise HelloRefused("magic", f"magic {_shown(m.get('magic'))}; this is {MAGIC!r}")
+            raise HelloRefused("magic", f"magic {shown(m.get('magic'))}; this is {MAGIC!r}")
         if type(m.get("version")) is not int or m["version"] != VERSION:
-            raise HelloRefused("version", f"version {_shown(m.get('version'))}; this bench speaks {VERSION}")
+            raise HelloRefused("version", f"version {shown(m.get('version'))}; this bench speaks {VERSION}")
         name = m.get("name")
         if type(name) is not str or not _NAME.fullmatch(name):
-            raise HelloRefused("name", f"name {_shown(name)}; 1 to 64 characters of A-Z a-z 0-9 _ . -")
+            raise HelloRefused("name", f"name {shown(name)}; 1 to 64 characters of A-Z a-z 0-9 _ . -")
         topics = m.get("topics")
         if type(topics) is not list or not 1 <= len(topics) <= _MAX_TOPICS:
-            raise CodecError(f"topics {_shown(topics)}; a list of 1 to {_MAX_TOPICS} patterns")
+            raise CodecError(f"topics {shown(topics)}; a list of 1 to {_MAX_TOPICS} patterns")
         for topic in topics:
             if type(topic) is not str or not _PATTERN.fullmatch(topic):
-                raise CodecError(f"topics: {_shown(topic)} is no pattern of a topic's name")
+                raise CodecError(f"topics: {shown(topic)} is no pattern of a topic's name")
         schema, session = m.get("schema"), m.get("session")
         for key, text in (("schema", schema), ("session", session)):
             if text is not None and (type(text) is not str or len(text) > 64):
-                raise CodecError(f"{key} {_shown(text)}; text of at most 64 characters, or nothing")
+                raise CodecError(f"{key} {shown(text)}; text of at most 64 characters, or nothing")
         return Hello(
             name,
             tuple(topics),
@@ -396,16 +397,16 @@ def _done(m: dict[str, Any]) -> Done:
 def report_from_map(values: object) -> dict[str, ReportValue]:
     """What a client says of itself: a flat map of texts, booleans and finite numbers. CodecError."""
     if type(values) is not dict or len(values) > _MAX_REPORT:
-        raise CodecError(f"report: {_shown(values)}; a map of at most {_MAX_REPORT} entries")
+        raise CodecError(f"report: {shown(values)}; a map of at most {_MAX_REPORT} entries")
     made: dict[str, ReportValue] = {}
     for name, value in values.items():
         if type(name) is not str or not _REPORT_NAME.fullmatch(name):
-            raise CodecError(f"report: {_shown(name)} is no name of 1 to 64 letters, digits and _")
+            raise CodecError(f"report: {shown(name)} is no name of 1 to 64 letters, digits and _")
         whole = type(value) is int and abs(value) < 2**53
         if not (type(value) is bool or whole or (type(value) is float and isfinite(value))) and (
             type(value) is not str or len(value) > _MAX_REPORT_TEXT
         ):
-            raise CodecError(f"report.{name}: {_shown(value)} is no text, no boolean and no finite number")
+            raise CodecError(f"report.{name}: {shown(value)} is no text, no boolean and no finite number")
         made[name] = value
     return made
 
@@ -421,7 +422,7 @@ def _ping(m: dict[str, Any]) -> Ping:
 def _bye(m: dict[str, Any]) -> Bye:
     reason = m.get("reason")
     if type(reason) is not str:
-        raise CodecError(f"bye.reason: {_shown(reason)} is no text")
+        raise CodecError(f"bye.reason: {shown(reason)} is no text")
     return Bye(reason[:_MAX_REASON])
 
 
@@ -436,32 +437,21 @@ _DECODERS: dict[str, Callable[[dict[str, Any]], ClientMessage]] = {
 
 
 def _integer(m: dict[str, Any], key: str, low: int, high: int) -> int:
-    value = m.get(key)
-    if type(value) is not int or not low <= value <= high:
-        raise CodecError(f"{m['k']}.{key}: {_shown(value)} is no whole number within {low}..{high}")
-    return value
+    return whole(f"{m['k']}.{key}", m.get(key), low, high)
 
 
 def _flag(m: dict[str, Any], key: str) -> bool:
     value = m.get(key)
     if type(value) is not bool:
-        raise CodecError(f"{m['k']}.{key}: {_shown(value)} is neither true nor false")
+        raise CodecError(f"{m['k']}.{key}: {shown(value)} is neither true nor false")
     return value
 
 
 def _number(key: str, value: object) -> float:
-    if type(value) not in (int, float) or not isfinite(value) or abs(value) > _LARGEST:  # type: ignore[arg-type]
-        raise CodecError(f"desired.{key}: {_shown(value)} is no finite number of sensible size")
-    return float(value)  # type: ignore[arg-type]
+    return number(f"desired.{key}", value, _LARGEST)
 
 
 def _vector(key: str, value: object, length: int) -> tuple[float, ...]:
     if type(value) is not list or len(value) != length:
-        raise CodecError(f"desired.{key}: {_shown(value)}; {length} numbers are needed")
+        raise CodecError(f"desired.{key}: {shown(value)}; {length} numbers are needed")
     return tuple(_number(f"{key}[{i}]", v) for i, v in enumerate(value))
-
-
-def _shown(value: object) -> str:
-    """A stranger's value in a message for people: short, and without control characters."""
-    text = ascii(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

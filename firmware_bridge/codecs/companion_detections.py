@@ -8,10 +8,10 @@ object   [number, label, t_ns, [x, y, z], [vx, vy, vz], sightings, sigma_m]
 from __future__ import annotations
 
 import re
-from math import isfinite
 from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.strangers import number, shown, whole
 from hil.signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
 from hil.signals.samples import Vec3
 
@@ -26,15 +26,15 @@ _MOST_COUNT = 2**31
 def detections_from_map(values: object) -> Detections:
     """Checked from what a message holds. CodecError naming the entry that is wrong."""
     if type(values) is not dict:
-        raise CodecError(f"detections: {_shown(values)} is not a map")
+        raise CodecError(f"detections: {shown(values)} is not a map")
     unknown = [str(key)[:40] for key in values if key not in KEYS]
     if unknown:
         raise CodecError(f"detections: unknown entries {', '.join(sorted(unknown)[:5])}")
     topic, size = values.get("topic"), values.get("size_px")
     if type(topic) is not str or not 0 < len(topic) <= 200:
-        raise CodecError(f"detections.topic: {_shown(topic)} is no topic's name")
+        raise CodecError(f"detections.topic: {shown(topic)} is no topic's name")
     if type(size) is not list or len(size) != 2:
-        raise CodecError(f"detections.size_px: {_shown(size)}; width and height are needed")
+        raise CodecError(f"detections.size_px: {shown(size)}; width and height are needed")
     width, height = (_whole("size_px", n, 1, _MOST_PIXELS) for n in size)
     boxes = _rows("boxes", values.get("boxes"), 9, MOST_BOXES)
     objects = values.get("objects")
@@ -73,7 +73,7 @@ def _box(place: str, row: list[Any]) -> Detection:
         raise CodecError(f"detections.{place}: a box from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) is inside out")
     range_m, speed_mps, p_W = (None if v is None else v for v in row[6:9])
     if range_m is not None and _number(place, range_m) < 0.0:
-        raise CodecError(f"detections.{place}: a range of {_shown(range_m)}")
+        raise CodecError(f"detections.{place}: a range of {shown(range_m)}")
     return Detection(
         _label(place, row[0]),
         score,
@@ -109,39 +109,29 @@ def _objects(values: object) -> tuple[FoundObject, ...]:
 
 def _rows(name: str, values: object, length: int, most: int) -> list[list[Any]]:
     if type(values) is not list or len(values) > most:
-        raise CodecError(f"detections.{name}: {_shown(values)}; a list of at most {most} is needed")
+        raise CodecError(f"detections.{name}: {shown(values)}; a list of at most {most} is needed")
     for i, row in enumerate(values):
         if type(row) is not list or len(row) != length:
-            raise CodecError(f"detections.{name}[{i}]: {_shown(row)}; {length} entries are needed")
+            raise CodecError(f"detections.{name}[{i}]: {shown(row)}; {length} entries are needed")
     return values
 
 
 def _label(place: str, value: object) -> str:
     if type(value) is not str or not _LABEL.fullmatch(value):
-        raise CodecError(f"detections.{place}: {_shown(value)} is no label of 1 to {LONGEST_LABEL} plain characters")
+        raise CodecError(f"detections.{place}: {shown(value)} is no label of 1 to {LONGEST_LABEL} plain characters")
     return value
 
 
 def _whole(place: str, value: object, low: int, high: int) -> int:
-    if type(value) is not int or not low <= value <= high:
-        raise CodecError(f"detections.{place}: {_shown(value)} is no whole number within {low}..{high}")
-    return value
+    return whole(f"detections.{place}", value, low, high)
 
 
 def _number(place: str, value: object) -> float:
-    if type(value) not in (int, float) or not isfinite(value) or abs(value) > _LARGEST:  # type: ignore[arg-type]
-        raise CodecError(f"detections.{place}: {_shown(value)} is no finite number of sensible size")
-    return float(value)  # type: ignore[arg-type]
+    return number(f"detections.{place}", value, _LARGEST)
 
 
 def _vector(place: str, value: object) -> Vec3:
     if type(value) is not list or len(value) != 3:
-        raise CodecError(f"detections.{place}: {_shown(value)}; three numbers are needed")
+        raise CodecError(f"detections.{place}: {shown(value)}; three numbers are needed")
     x, y, z = (_number(place, v) for v in value)
     return (x, y, z)
-
-
-def _shown(value: object) -> str:
-    """A stranger's value in a message for people: short, and without control characters."""
-    text = ascii(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
