@@ -286,6 +286,18 @@ class Row:
     ok: bool
 
 
+def row_within(
+    name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False
+) -> tuple[Row, str | None]:
+    """The measurement as a row, and why it fails, if it does. The limit is the most it may be, or the `least`."""
+    ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+    row = Row(name, value, limit, unit, ok)
+    if ok:
+        return row, None
+    measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
+    return row, f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip()
+
+
 @dataclass(frozen=True)
 class Verdict:
     """PASS, or FAIL with every reason."""

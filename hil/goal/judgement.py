@@ -28,7 +28,7 @@ from hil.goal.shortest_path import length_m, shortest_path
 from hil.goal.true_slice import true_slice
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from hil.verdict import AIRBORNE_M, Row
+from hil.verdict import AIRBORNE_M, Row, row_within
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
@@ -146,11 +146,10 @@ def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
     at_goal = goal.outcome == AT_GOAL
 
     def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
-        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
-        rows.append(Row(name, value, limit, unit, ok))
-        if not ok:
-            measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
-            reasons.append(f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+        found, why = row_within(name, value, limit, unit, least=least)
+        rows.append(found)
+        if why is not None:
+            reasons.append(why)
 
     row("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m")
     flown = result.clearance_m is not None or at_goal  # it may have ended before it was half as high as it was to fly

@@ -28,7 +28,7 @@ from hil.signals.detections import Detections, FoundObject
 from hil.signals.errors import RecordingError
 from hil.signals.samples import TruthState
 from hil.signals.time import NS_PER_S
-from hil.verdict import AIRBORNE_M, Row
+from hil.verdict import AIRBORNE_M, Row, row_within
 from sim.frame.source import FrameSource
 from sim.scene.world import World
 
@@ -213,11 +213,10 @@ def judged(result: SearchResult, search: Search) -> tuple[list[Row], list[str]]:
     reasons: list[str] = []
 
     def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
-        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
-        rows.append(Row(name, value, limit, unit, ok))
-        if not ok:
-            measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
-            reasons.append(f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+        found, why = row_within(name, value, limit, unit, least=least)
+        rows.append(found)
+        if why is not None:
+            reasons.append(why)
 
     if not result.client:
         reasons.append("no client said what it had found: start one that does (companion.start: [detect])")
