@@ -33,11 +33,10 @@ import numpy as np
 from hil.bench import fly
 from hil.bench_suite.dash_server import ServedPages
 from hil.bench_suite.dash_soak import Soaked, soak
-from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.config import Bench, load_bench, save_bench
 from hil.dashboard.live_run import LiveRun
 from hil.recorder.recorder import Recorder
-from hil.signals.errors import RecordingError
 
 Say = Callable[[str], None]
 UPDATES_PER_S = 20.0
@@ -214,10 +213,7 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     for ax, draw in zip(figure.subplots(1, 2).flat, result.panels, strict=True):
         draw(ax)
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)
 
 
 def _draw_costs(ax: Any, flights: dict[str, list[_Flight]]) -> None:

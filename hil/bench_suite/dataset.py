@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench_suite.dataset_cases import Rate, box_errors, digest, floor_s, not_stored, plan_of, radar_error, stored
-from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.dataset.make import Means, cores, make_dataset
-from hil.signals.errors import RecordingError
 from sim.frame.quality import QUALITIES
 
 _PAPER = {(True, True): 7.17, (False, True): 20.1}  # (radar, storage): frames a second
@@ -104,10 +103,7 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     ax = figure.subplots()
     _draw_rates(ax, result.rows)
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)
 
 
 def _draw_rates(ax: Any, rows: list[Row]) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench_suite.detect_cases import Looked, apart_px, at_size, fresh_pictures, load_model, look
-from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.signals.errors import RecordingError
 
 BACKENDS = ("opencv", "onnxruntime", "pytorch")
@@ -142,7 +142,4 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
         if rows:
             ax.legend(fontsize=8, frameon=False, loc="lower left")
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)

@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 from hil.bench_suite import raster_rivals as rivals
 from hil.bench_suite.raster_cases import SCENES, Case, View, field_case, hidden_case, scene_case
 from hil.bench_suite.raster_errors import Errors, errors, truth
-from hil.bench_suite.result import BenchmarkResult, Check, Row
-from hil.signals.errors import RecordingError
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
@@ -354,10 +353,7 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     _axes(by_size, f"{label}, {SCENES[0]}", "pixels", "time per picture [ms]")
     _axes(by_count, f"{label}, random fields", "geoms in the scene", "time per picture [ms]")
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)
 
 
 def _axes(ax: Any, title: str, x: str, y: str) -> None:

@@ -129,11 +129,16 @@ def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None
         ax.grid(True, which="both", color="#e6e9ed", linewidth=0.7)
         ax.legend(fontsize=8, frameon=False)
     figure.suptitle(title)
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)
 
 
 def _smallest_positive(values: Sequence[float]) -> float:
     return min((v for v in values if v > 0), default=1e-15)
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """A matplotlib figure to a picture. RecordingError if it cannot be written."""
+    try:
+        figure.savefig(path, dpi=130)
+    except OSError as error:
+        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error

@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
 from hil.bench_suite.raster_rivals import one_core
-from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.bench_suite.skip_radar import unread_outputs
-from hil.signals.errors import RecordingError
 from hil.signals.samples import TruthState
 from sim._kernels import RayCaster
 from sim.frame.camera_model import CameraModel
@@ -258,7 +257,4 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     ax.set_xlim(0.0, 1.25 * max([1.0, *shares]))
     ax.set_xlabel("time with the rule over time without it")
     ax.set_title(title, loc="left", fontweight="bold")
-    try:
-        figure.savefig(path, dpi=130)
-    except OSError as error:
-        raise RecordingError(f"{path}: the plot cannot be written ({error.strerror or error})") from error
+    save_figure(figure, path)
