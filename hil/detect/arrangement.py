@@ -9,10 +9,12 @@ from hil_companion.detect.model_file import ModelFile
 
 INPUT_PX = (320, 240)
 RATIOS = (0.45, 1.0, 2.2)
+# Where places are many, shapes are few: an anchor is where counting begins; one is enough (Zhang et al. 2020, ATSS).
 LEVELS = (
-    Level(8, (12.0,), RATIOS),
-    Level(16, (32.0,), RATIOS),
-    Level(32, (80.0,), RATIOS),
+    Level(4, (10.0,), (0.6,)),
+    Level(8, (20.0,), (0.5, 1.6)),
+    Level(16, (40.0,), RATIOS),
+    Level(32, (90.0,), RATIOS),
     Level(64, (190.0,), RATIOS),
 )
 MEAN, STD = (0.5, 0.5, 0.5), (0.25, 0.25, 0.25)

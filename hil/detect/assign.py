@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 
 BACKGROUND, NOTHING = -1, -2  # in place of a class
 _NEAREST = 9  # places of each level
+_SPAN = 5  # places along each axis among which they are
 
 
 class Assigner:
     """For one arrangement of anchors."""
 
     def __init__(self, levels: Sequence[Level], input_px: tuple[int, int]) -> None:
-        self._anchors = [level.anchors_px(input_px) for level in levels]
-        self._per_place = [level.per_place for level in levels]
-        self.anchors_px = np.concatenate(self._anchors)
+        self._levels = list(levels)
+        self._places = [level.places(input_px) for level in levels]
+        self.anchors_px = np.concatenate([level.anchors_px(input_px) for level in levels])
         centres, half = self.anchors_px[:, :2], 0.5 * self.anchors_px[:, 2:]
         self._corners = np.concatenate([centres - half, centres + half], axis=1)
         self._areas = self.anchors_px[:, 2] * self.anchors_px[:, 3]
@@ -56,15 +57,18 @@ class Assigner:
         return found, target
 
     def _candidates(self, boxes_px: NDArray[np.float32]) -> NDArray[np.intp]:
+        """Of each object, (objects, candidates): all shapes at the nearest places of each level."""
         middle = 0.5 * (boxes_px[:, :2] + boxes_px[:, 2:])
         found, first = [], 0
-        for anchors, per_place in zip(self._anchors, self._per_place, strict=True):
-            places = anchors[::per_place, :2]
-            away = np.square(places[None] - middle[:, None]).sum(axis=2)
-            n = min(_NEAREST, len(places))
-            nearest = np.argpartition(away, n - 1, axis=1)[:, :n] * per_place
-            found.append((first + nearest[:, :, None] + np.arange(per_place)).reshape(len(boxes_px), -1))
-            first += len(anchors)
+        for level, (columns, rows) in zip(self._levels, self._places, strict=True):
+            x, across = _nearby(middle[:, 0], level.stride_px, columns)
+            y, down = _nearby(middle[:, 1], level.stride_px, rows)
+            away = (down[:, :, None] + across[:, None, :]).reshape(len(boxes_px), -1)
+            places = (y[:, :, None] * columns + x[:, None, :]).reshape(len(boxes_px), -1)
+            nearest = np.argsort(away, axis=1, kind="stable")[:, :_NEAREST]
+            anchors = np.take_along_axis(places, nearest, axis=1) * level.per_place
+            found.append((first + anchors[:, :, None] + np.arange(level.per_place)).reshape(len(boxes_px), -1))
+            first += columns * rows * level.per_place
         return np.concatenate(found, axis=1)
 
     def _overlaps(self, boxes_px: NDArray[np.float32], candidates: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -74,3 +78,15 @@ class Assigner:
         of_box = ((boxes_px[:, 2] - boxes_px[:, 0]) * (boxes_px[:, 3] - boxes_px[:, 1]))[:, None]
         ratio: NDArray[np.float32] = area / np.maximum(self._areas[candidates] + of_box - area, 1e-6)
         return ratio
+
+
+def _nearby(at_px: NDArray[np.float32], stride_px: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Along one axis, of each object: places around it, and how far each is from it, squared.
+
+    The nine nearest places of a grid lie within two of the place that holds the point, at an edge within four.
+    """
+    span = min(_SPAN, count)
+    here = np.floor(at_px / stride_px).astype(np.intp)
+    index = np.clip(here - span // 2, 0, count - span)[:, None] + np.arange(span)
+    away: NDArray[np.float32] = np.square((index.astype(np.float32) + 0.5) * stride_px - at_px[:, None])
+    return index, away

@@ -12,10 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.dataset.formats.voc import DIFFICULT_BELOW_PX
 from hil.detect.picture_store import PictureStore, Rgb
 
 _FILL = (114, 114, 114)
+# What training looks for begins below what is judged: there are twice as many things to learn from, and one found too
+# many down there counts for nothing. What was recorded with fewer pixels than RECORDED_FROM_PX is a blot at any size.
+TRAINED_FROM_PX, RECORDED_FROM_PX = 40, 20
 _LEAST_LEFT = 0.35  # share of a box that must still be in the picture; below it is nobody's to find
 
 
@@ -31,7 +33,7 @@ class Example:
     @property
     def difficult(self) -> NDArray[np.bool_]:
         """Too little of it to be seen; what was recorded small is not any more once it is drawn larger."""
-        return np.asarray(self.area_px < DIFFICULT_BELOW_PX, np.bool_)
+        return np.asarray(self.area_px < TRAINED_FROM_PX, np.bool_)
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,9 @@ class Augmenter:
         picture = self._store.pictures[index]
         numbers = np.array([self._number.get(name, -1) for name in picture.labels], np.int64)
         known = numbers >= 0
-        boxes = self._store.boxes_px(index)
-        return Example(self._store.rgb(index), boxes[known], numbers[known], self._store.area_px(index)[known])
+        boxes, areas = self._store.boxes_px(index)[known], self._store.area_px(index)[known]
+        areas = np.where(areas < RECORDED_FROM_PX, 0.0, areas).astype(np.float32)
+        return Example(self._store.rgb(index), boxes, numbers[known], areas)
 
 
 def _moved(e: Example, s: Strength, rng: np.random.Generator) -> Example:

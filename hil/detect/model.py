@@ -1,4 +1,4 @@
-"""SSD-Lite on a small MobileNet-style backbone, for pictures of 320 x 240 and things from 8 pixels up.
+"""SSD-Lite on a small MobileNet-style backbone, for pictures of 320 x 240 and things from 6 pixels up.
 
     stride   2  stem     3 x 3
              4  detail   3 x 3, 3 x 3
@@ -6,13 +6,13 @@
             16  deep     3 x 3, inverted residuals
             32  wide     3 x 3, inverted residuals
             64  far      3 x 3
-    levels  8 (with the deep features added, twice as large), 16, 32, 64
+    levels  4, 8, each with the features of the next level added, twice as large; 16, 32, 64
 
 Where the resolution is halved stand plain convolutions: processors run them faster, and train them several times
 faster, than a widening at the higher resolution and a depthwise one.
 
 Each level's head is one map: a 3 x 3 depthwise convolution, then 1 x 1 to classes + 4 numbers per anchor, numbered as
-`hil_companion.detect.anchors` says. Sandler et al. (2018), MobileNetV2; Liu et al. (2016), SSD.
+`hil_companion.detect.anchors` says. Sandler et al. (2018), MobileNetV2; Liu et al. (2016), SSD; Lin et al. (2017), FPN.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ class Widths:
     wide_blocks: int = 2
     expand: int = 2
     head: int = 96
+    fine_head: int = 48  # of the level at stride 4, which has as many places as all others have four times over
 
 
 def _conv(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True) -> nn.Sequential:
@@ -66,6 +67,22 @@ class InvertedResidual(nn.Module):
         return x + self.body(x)
 
 
+class Join(nn.Module):
+    """A level's own features and, twice as large, those of the next one, which see more around."""
+
+    def __init__(self, own: int, next_one: int, width: int) -> None:
+        super().__init__()
+        self.side = _conv(own, width, 1, act=False)
+        self.down = _conv(next_one, width, 1, act=False)
+        self.up = nn.Upsample(scale_factor=2, mode="nearest")
+        self.mix = _conv(width, width, 3, groups=width)
+
+    def forward(self, own: Tensor, next_one: Tensor) -> Tensor:
+        up = self.up(self.down(next_one))
+        mixed: Tensor = self.mix(torch.relu(self.side(own) + up))
+        return mixed
+
+
 class SsdLite(nn.Module):
     """Blobs (B, 3, H, W), H and W multiples of 16, to one map (B, per_place * (classes + 4), rows, columns) a level."""
 
@@ -80,23 +97,24 @@ class SsdLite(nn.Module):
         self.wide = _stage(w.deep, w.wide, w.wide_blocks, w.expand)
         self.far = _stage(w.wide, w.far, 0, w.expand)
         self.down = _conv(w.deep, w.head, 1)
-        self.up = nn.Upsample(scale_factor=2, mode="nearest")
-        self.side = _conv(w.mid, w.head, 1, act=False)
-        self.join = _conv(w.head, w.head, 3, groups=w.head)
-        inside = (w.head, w.head, w.wide, w.far)
+        self.near_join = Join(w.mid, w.head, w.head)
+        self.fine_join = Join(w.detail, w.head, w.fine_head)
+        inside = (w.fine_head, w.head, w.head, w.wide, w.far)
         if len(per_place) != len(inside):
             raise ValueError(f"{len(per_place)} levels for a network of {len(inside)}")
         self.heads = nn.ModuleList(_head(i, n, classes) for i, n in zip(inside, per_place, strict=True))
         self._begin(per_place)
 
     def forward(self, x: Tensor) -> list[Tensor]:
-        mid = self.mid(self.detail(self.stem(x)))
+        detail = self.detail(self.stem(x))
+        mid = self.mid(detail)
         deep = self.deep(mid)
         wide = self.wide(deep)
         far = self.far(wide)
-        down = self.down(deep)
-        near = self.join(torch.relu(self.side(mid) + self.up(down)))
-        return [head(v) for head, v in zip(self.heads, (near, down, wide, far), strict=True)]
+        deep = self.down(deep)
+        near = self.near_join(mid, deep)
+        fine = self.fine_join(detail, near)
+        return [head(v) for head, v in zip(self.heads, (fine, near, deep, wide, far), strict=True)]
 
     def _begin(self, per_place: Sequence[int]) -> None:
         for module in self.modules():

@@ -57,13 +57,24 @@ def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: Pic
 
 
 def test_small_things_become_things_to_find_when_drawn_larger(tmp_path: Path) -> None:
-    folder = write_data_set(tmp_path / "set", [[("person", (150, 110, 6, 9))]])
+    folder = write_data_set(tmp_path / "set", [[("person", (150, 110, 5, 7))]])
     store = PictureStore(read_data_sets([folder]), INPUT_PX)
     assert Augmenter(store, CLASSES, 1, None).example(0, 0).difficult.tolist() == [True]
     near = Augmenter(store, CLASSES, 1, Strength(zoom=(2.0, 2.0), stretch=0.0, mosaic_share=0.0))
     seen = [e for e in (near.example(0, k) for k in range(6)) if len(e.boxes_px)]
     assert seen
-    assert not any(e.difficult[0] for e in seen if e.area_px[0] > 200.0)
+    assert not any(e.difficult[0] for e in seen if e.area_px[0] > 100.0)
+
+
+def test_training_looks_for_more_than_is_judged_but_not_for_blots(tmp_path: Path) -> None:
+    smaller, blot = ("person", (50, 110, 6, 9)), ("person", (150, 110, 4, 4))
+    store = PictureStore(read_data_sets([write_data_set(tmp_path / "set", [[smaller, blot]])]), INPUT_PX)
+    assert store.pictures[0].difficult.tolist() == [True, True]  # neither is judged
+    assert Augmenter(store, CLASSES, 1, None).example(0, 0).difficult.tolist() == [False, True]
+    near = Augmenter(store, CLASSES, 1, Strength(zoom=(2.2, 2.2), stretch=0.0, mosaic_share=0.0))
+    for e in (near.example(0, k) for k in range(8)):
+        small = (e.boxes_px[:, 2] - e.boxes_px[:, 0]) * (e.boxes_px[:, 3] - e.boxes_px[:, 1]) < 90.0
+        assert e.difficult[small].all(), "however large it is drawn"
 
 
 def test_classes_that_are_not_wanted_are_background(store: PictureStore) -> None:
@@ -98,6 +109,26 @@ def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> No
             corners = np.concatenate([assigner.anchors_px[:, :2] - half, assigner.anchors_px[:, :2] + half], axis=1)
             over = np.array([_iou(c, boxes[i]) for c in corners[found == i]])
             assert over.max() > 0.1
+
+
+def test_candidates_are_the_nearest_places_of_each_level() -> None:
+    assigner = Assigner(LEVELS, INPUT_PX)
+    rng = np.random.Generator(np.random.Philox(key=3))
+    middle = np.concatenate(
+        [rng.random((60, 2)) * INPUT_PX, [[0.0, 0.0], [319.9, 239.9], [0.0, 120.0], [160.0, 120.0]]]
+    )
+    candidates = assigner._candidates(np.tile(middle, 2).astype(np.float32))
+    first = 0
+    for level in LEVELS:
+        anchors = level.anchors_px(INPUT_PX)
+        away = np.hypot(*(anchors[None, :: level.per_place, :2] - middle[:, None]).transpose(2, 0, 1))
+        nearest = np.sort(away, axis=1)[:, :9]
+        for row, expected, all_away in zip(candidates, nearest, away, strict=True):
+            own = row[(row >= first) & (row < first + len(anchors))] - first
+            places = np.unique(own // level.per_place)
+            assert len(own) == len(places) * level.per_place  # every shape at them
+            np.testing.assert_allclose(np.sort(all_away[places]), expected, atol=1e-3)
+        first += len(anchors)
 
 
 def test_a_thing_before_a_larger_one_keeps_its_anchors() -> None:

@@ -29,7 +29,7 @@ from hil.detect import train  # noqa: E402
 from hil.detect.arrangement import INPUT_PX, LEVELS, described  # noqa: E402
 from hil.detect.batches import OFTEN, Batches, repeat_factors  # noqa: E402
 from hil.detect.export import export, folded, with_threshold  # noqa: E402
-from hil.detect.loss import boxes_px, detection_loss, overlaps  # noqa: E402
+from hil.detect.loss import QualityFocal, boxes_px, detection_loss, overlaps  # noqa: E402
 from hil.detect.model import SsdLite, by_anchor  # noqa: E402
 
 QUICK: dict[str, Any] = {"epochs": 2, "batch": 2, "least_objects": 1, "threads": 1, "judge_every": 2}
@@ -199,6 +199,20 @@ def test_the_loss_is_least_where_scores_are_overlaps_and_ignores_what_is_nobodys
         assert float(detection_loss(torch.tensor(wrong), offsets, anchors, found, target)[0]) > 10.0
     empty = detection_loss(good * 0 - 20.0, offsets, anchors, torch.full((1, 3), -1), target)
     assert float(empty[0] + empty[1]) < 1e-6
+
+
+def test_the_gradient_of_the_scores_loss_is_that_of_its_formula() -> None:
+    torch.manual_seed(2)
+    logits = (3.0 * torch.randn(2, 40, 5, dtype=torch.float64)).requires_grad_()
+    wanted = torch.rand(2, 40, 5, dtype=torch.float64) * (torch.rand(2, 40, 5) > 0.8)
+    counted = torch.rand(2, 40, 1) > 0.2
+    own = QualityFocal.apply(logits, wanted, counted)
+    (gradient,) = torch.autograd.grad(own * 0.5, logits)
+    factor = (logits.detach().sigmoid() - wanted).square()
+    formula = (factor * (torch.nn.functional.softplus(logits) - logits * wanted) * counted).sum()
+    (expected,) = torch.autograd.grad(formula * 0.5, logits)
+    torch.testing.assert_close(own, formula.detach())
+    torch.testing.assert_close(gradient, expected)
 
 
 def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -> None:
