@@ -109,15 +109,26 @@ def data(
     people: Annotated[
         tuple[int, int] | None, typer.Option(help="Least and most, besides those of the map.", metavar="LEAST MOST")
     ] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option(help="Kinds of map, in turn; default the three outdoor ones.")
+    ] = None,
     jobs: Annotated[int | None, typer.Option(help="Data sets made at a time; default one a core.", min=1)] = None,
     quiet: QuietOption = False,
 ) -> None:
     """Make the data sets that the shipped detector is trained on and judged by."""
     from hil.cli import told
-    from hil.detect.data_sets import make_data_sets
+    from hil.detect.data_sets import SCENES, make_data_sets
 
     with told():
         folders = make_data_sets(
-            out, _out, sets=sets, frames=frames, first_seed=first_seed, people=people, jobs=jobs, quiet=quiet
+            out,
+            _out,
+            sets=sets,
+            frames=frames,
+            first_seed=first_seed,
+            jobs=jobs,
+            scenes=scene or SCENES,
+            people=people,
+            quiet=quiet,
         )
     _out.print(f"{len(folders)} data sets in {out}", markup=False)

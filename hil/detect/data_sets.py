@@ -24,6 +24,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from hil.dataset.tree import MANIFEST
 from hil.signals.errors import RecordingError
+from sim.scene.map_section import GeneratedMap
+from sim.scene.scene import load_scene
 
 BENCH = Path(__file__).resolve().parents[2] / "rigs" / "datasets" / "detect.yaml"
 SCENES = ("city_park", "urban_delivery", "training_village")
@@ -50,9 +52,10 @@ class DataSetPlan:
 
     def settings(self) -> list[str]:
         """As `hil dataset` takes them."""
+        seeded = isinstance(load_scene(self.scene).map, GeneratedMap)
         return [
             f"scene={self.scene}",
-            f"map_seed={self.seed}",
+            *([f"map_seed={self.seed}"] if seeded else []),
             f"dataset.trajectory.preset={self.course}",
             f"dataset.trajectory.side_m={self.side_m:g}",
             f"dataset.trajectory.height_m={self.height_m:g}",
