@@ -1,6 +1,6 @@
-"""Writes the missions of `rigs/missions`: run it from the repository's root after changing it.
+"""Writes the missions of `rigs/missions`: `PYTHONPATH=. python tools/make_missions.py` from the repository's root.
 
-The files are what counts; this only saves counting metres in degrees.
+The files are what counts; this only saves counting metres in degrees. A test holds the two together.
 """
 
 from __future__ import annotations
@@ -67,18 +67,19 @@ def plan(items: list[dict[str, Any]], *, hover_speed_mps: float) -> str:
 
 
 def rectangle() -> str:
-    """Four vertices, 40 m by 25 m, at 3 m/s and 10 m above home, and back to the first."""
+    """Four vertices, 40 m by 25 m, at 3 m/s and 10 m above home, back to the first, and 2 s over home."""
     corners = [(-20.0, 10.0), (20.0, 10.0), (20.0, 35.0), (-20.0, 35.0), (-20.0, 10.0)]
     items = [item(1, TAKEOFF, [0, 0, 0, None, *place(0, 0, 10)]), speed(2, 3)]
     items += [item(i, WAYPOINT, [0, 0, 0, None, *place(*xy, 10)]) for i, xy in enumerate(corners, start=3)]
+    items.append(item(len(items) + 1, WAYPOINT, [2, 0, 0, None, *place(0, 0, 10)]))
     items.append(item(len(items) + 1, LAND, [0, 0, 0, None, *place(0, 0, 0)]))
     return plan(items, hover_speed_mps=3)
 
 
 def survey() -> str:
-    """Twenty waypoints: ten lines of 30 m, 6 m apart, up and down, at 4 m/s and 15 m, then return."""
+    """Twenty waypoints: ten lines of 30 m, 6 m apart, up and down, at 3 m/s and 15 m, then return."""
     columns = [(10.0 + 6.0 * i, ends) for i in range(10) for ends in ((10.0, 40.0) if i % 2 == 0 else (40.0, 10.0))]
-    items = [item(1, TAKEOFF, [0, 0, 0, None, *place(0, 0, 15)]), speed(2, 4)]
+    items = [item(1, TAKEOFF, [0, 0, 0, None, *place(0, 0, 15)]), speed(2, 3)]
     items += [item(i, WAYPOINT, [0, 0, 0, None, *place(*xy, 15)]) for i, xy in enumerate(columns, start=3)]
     items.append(item(len(items) + 1, RETURN, [0, 0, 0, 0, 0, 0, 0], FRAME_MISSION))
     return plan(items, hover_speed_mps=4)
@@ -95,10 +96,11 @@ def people_search() -> str:
 
 
 def square() -> str:
-    """A square of 20 m at 8 m, with home first as Mission Planner writes it."""
+    """A square of 20 m at 8 m and 3 m/s, with home first as Mission Planner writes it."""
     home = (SITE.latitude_deg, SITE.longitude_deg, SITE.altitude_m)
     rows: list[tuple[int, int, tuple[float, ...], tuple[float, ...]]] = [(0, WAYPOINT, (0, 0, 0, 0), home)]
     rows.append((FRAME_RELATIVE, TAKEOFF, (0, 0, 0, 0), tuple(place(0, 0, 8))))
+    rows.append((FRAME_MISSION, CHANGE_SPEED, (1, 3, -1, 0), (0.0, 0.0, 0.0)))
     for xy in ((0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)):
         rows.append((FRAME_RELATIVE, WAYPOINT, (0, 0, 0, 0), tuple(place(*xy, 8))))
     rows.append((FRAME_RELATIVE, LAND, (0, 0, 0, 0), tuple(place(0, 0, 0))))
@@ -109,7 +111,12 @@ def square() -> str:
     return "\n".join(lines) + "\n"
 
 
-if __name__ == "__main__":
+def files() -> dict[str, str]:
+    """Text by file name."""
     plans = {"rectangle.plan": rectangle(), "survey.plan": survey(), "people_search.plan": people_search()}
-    for name, text in (plans | {"square.waypoints": square()}).items():
+    return plans | {"square.waypoints": square()}
+
+
+if __name__ == "__main__":
+    for name, text in files().items():
         (FOLDER / name).write_text(text, encoding="utf-8")
