@@ -7,25 +7,21 @@ opening, and what was recorded up to there is readable.
 from __future__ import annotations
 
 import gc
-import math
 import sys
 import time
 import traceback
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.actions import ActionSource
-from firmware_bridge.ground_station.autopilot_frame import GeodeticFromW
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
-from firmware_bridge.ground_station.projections import Place, ardupilot_sitl_world, tangent_ned
 from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -35,49 +31,38 @@ from firmware_bridge.links.shared_processor import SharedProcessor
 from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Router
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
+from firmware_bridge.router_source import RouterSource
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
-from hil.calibration_export import write_calibration
+from hil.companion.answer_sinks import AnswerSinks
 from hil.companion.link_faults import CompanionFault
-from hil.companion.topics import available_ports
 from hil.config import Bench, BenchConfig, save_bench
-from hil.frame_stages import (
-    description,
-    draws_elsewhere,
-    is_wanted,
-    needs_frames,
-    output_ports,
-    recorded_ports,
-    sensor_stages,
-    wanted_parts,
-)
+from hil.flight_over import FlightOver
+from hil.frame_stages import draws_elsewhere, is_wanted, needs_frames
+from hil.home import home_of
 from hil.manual_flight import make_manual, make_page_manual
 from hil.measurements import DeclaredMeasurements, judge_scripted
 from hil.missions.path import Leg, planned_path
 from hil.missions.script import Injected, flight_actions
+from hil.offboard_flight import make_pilot
 from hil.progress import Progress
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
 from hil.restartable_physics import RestartablePhysics
-from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler, Sensor, SensorSlot
+from hil.scheduler import PHASES, AutopilotPorts, CommandSource, Scheduler
+from hil.sensor_slots import SensorSlots
 from hil.signals.classes import Classes
-from hil.signals.desired import DesiredState
-from hil.signals.detections import Detections
 from hil.signals.errors import HilError, RecordingError
-from hil.signals.samples import ActuatorFrame, TruthState, Vec3
-from hil.signals.time import NS_PER_S, RateAccumulator
-from hil.simulated_sensors import SimulatedSensors, tick_rates
-from hil.stages import Port, Skipped, StagePlan, StageSpec, plan_stages
+from hil.signals.samples import TruthState, Vec3
+from hil.signals.time import NS_PER_S
+from hil.stages import Skipped, StagePlan, plan_stages
 from hil.summary import FREE_RUNNING, summarise
 from hil.verdict import FlightMeasurement, Verdict, judge
+from hil.wiring import stage_specs
 from sim.frame.source import FrameSource, SharedFrames
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.scene.geodesy import LocalFrame
 from sim.scene.wind import GustEvent
-from sim.sensors.catalog import KINDS
-from sim.sensors.faults import FaultySensor
-from sim.sensors.radar import Radar
 
 if TYPE_CHECKING:
     from hil.companion.link import CompanionLink
@@ -87,18 +72,10 @@ if TYPE_CHECKING:
     from hil.search.judgement import SearchMeasurement
 
 RUN_JSON_NAME = "run.json"
-# A flight that nobody scripted (no mission) is over this long after the motors stopped [ns of simulated time].
-_AFTER_DISARM_NS = 3 * NS_PER_S
-# A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
-_STALE_S, _STALE_FRAMES = 1.0, 2.5
-
 # Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: what the ground station asks of
 # them, it asks on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
 _ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
 _GRID_NS = NS_PER_S
-
-_TRUTH = Port("truth", TruthState)
-_ACTUATORS = Port("actuators", ActuatorFrame)
 
 
 @dataclass(frozen=True)
@@ -112,35 +89,6 @@ class RunResult:
     @property
     def exit_status(self) -> int:
         return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
-
-
-class RouterSource:
-    """The router as a source of commands: hands the autopilot's words on, brings the clients' in.
-
-    What is collected goes to the autopilot and is recorded with everything else that does; what clients say only to
-    each other is taken by `on_overheard`.
-    """
-
-    def __init__(
-        self,
-        router: Router,
-        on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
-        on_overheard: Callable[[int, Sequence[Frame]], None] = lambda _t_ns, _frames: None,
-    ) -> None:
-        self._router = router
-        self._on_event, self._on_overheard = on_event, on_overheard
-
-    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
-        router = self._router
-        if frames:
-            router.forward(frames)
-        data = router.collect(t_ns)
-        for kind, text in router.take_events():
-            self._on_event(t_ns, kind, text)
-        overheard = router.take_overheard()
-        if overheard:
-            self._on_overheard(t_ns, overheard)
-        return data
 
 
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False, live: LiveRun | None = None) -> RunResult:
@@ -179,23 +127,6 @@ def fly(
     with ExitStack() as stack:
         run.build(stack)
         run.fly()
-
-
-def stage_specs(config: BenchConfig, topics: Collection[str] = ()) -> list[StageSpec]:
-    """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all, the
-    companion its `topics`."""
-    to_autopilot = tuple(
-        port for name in config.autopilot_sensors().values() for port in output_ports(name, config.sensors[name])
-    )
-    ports = available_ports(config)
-    companion = [StageSpec("companion", inputs=tuple(ports[topic] for topic in sorted(topics)), sink=True)]
-    return [
-        StageSpec("physics", delayed_inputs=(_ACTUATORS,), outputs=(_TRUTH,)),
-        *sensor_stages(config),
-        StageSpec("autopilot", inputs=to_autopilot, outputs=(_ACTUATORS,), sink=True),
-        StageSpec("recorder", inputs=(_TRUTH, *recorded_ports(config), _ACTUATORS), sink=True),
-        *(companion if topics else ()),
-    ]
 
 
 def make_frames(bench: Bench) -> FrameSource:
@@ -240,19 +171,15 @@ class _Run:
         self.manual: ManualControlSource | None = None
         self.page_manual: ManualControlSource | None = None  # sticks of the dashboard
         self.physics: QuadrotorPhysics | None = None  # or one that can be put back: the same to all who use it
-        self.slots: list[SensorSlot] = []
+        self.sensors: SensorSlots | None = None
         self.drawn_elsewhere = False  # pictures by a driver that draws other ones on another machine
         self.frames: FrameSource | None = None  # what cameras, LiDARs and radars look at; None: the bench has none
-        self.radars: dict[str, Radar] = {}
         self.measurement = FlightMeasurement(())
         self.declared = DeclaredMeasurements(())
         self.goal: GoalMeasurement | None = None
         self.search: SearchMeasurement | None = None
         self.actions: ActionSource | None = None
-        self.sensors: dict[str, Any] = {}  # by name, without their faults
-        self.faulty: dict[str, FaultySensor] = {}  # by sensor: what a script can break during the flight
         self.attachments: dict[str, bytes] = {}
-        self.outcomes: dict[str, str] = {}  # by client: what it last said
 
     def result(self) -> RunResult:
         began_s = time.monotonic()
@@ -318,7 +245,7 @@ class _Run:
             scheduler=self.scheduler,
             link=self.link,
             physics=self.physics,
-            slots=self.slots,
+            slots=self.sensors.slots if self.sensors is not None else [],
             digest=self.recorder.digest if self.recorder else "0" * 32,
             # Signatures carry wall-clock time.
             outside_input=self.config.autopilot.signing_key_file is not None
@@ -330,7 +257,7 @@ class _Run:
             or self._times_of_companions(),
             left_out=self.skipped,
             posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
-            radars=self.radars,
+            radars=self.sensors.radars if self.sensors is not None else {},
             timing_s=self.timing_s,
             link_faults=self.faulty_wire.faults if self.faulty_wire is not None else self.config.faults.links,
             fault_hits=self.faulty_wire.hits() if self.faulty_wire is not None else {},
@@ -433,19 +360,18 @@ class _Run:
             self.frames = make_frames(self.bench)
             stack.callback(self.frames.close)
         wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
-        simulated = SimulatedSensors(self.bench, wanted, self.frames)
-        # Cameras before the radars that read them; the order within a tick changes nothing else.
-        last = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
-        self.slots = [self._slot(name, simulated, plan) for name in last]
+        self.sensors = SensorSlots(self.bench, wanted, plan, self.frames, self.recorder, self.out)
         commands: list[CommandSource] = []
         if config.companion.on and config.companion.control:
-            pilot = self.station = self._pilot()
+            pilot = self.station = make_pilot(
+                self.bench, self.physics.state, self.recorder.event, grid_ns=_grid_ns(config)
+            )
             commands.append(pilot if self.companion is None else self.companion.timed(pilot))
         elif self.bench.mission is not None:
             self.station = GroundStation(
                 self.bench.mission.items,
                 target_sysid=None,
-                grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,
+                grid_ns=_grid_ns(config),
             )
             commands.append(self.station)
         elif self.bench.script is not None:
@@ -485,7 +411,10 @@ class _Run:
             stack.callback(self.router.close)
             self.router.open()
             commands.append(RouterSource(self.router, self.recorder.event, self.recorder.overheard))
-        self.link = make_autopilot(self.bench, Surroundings(self.out, self._wrap, self._event, self._home()))
+        self.link = make_autopilot(
+            self.bench,
+            Surroundings(self.out, self._wrap, self._event, home_of(self.bench.scene.site, self.physics.state)),
+        )
         stack.callback(self.link.close)
         self.link.open()
         chosen = config.autopilot_sensors()
@@ -503,7 +432,7 @@ class _Run:
         self.scheduler = Scheduler(
             tick_ns=config.tick_ns,
             physics=self.physics,
-            sensors=self.slots,
+            sensors=self.sensors.slots,
             link=self.link,
             ports=AutopilotPorts(
                 imu=chosen["imu"],
@@ -574,14 +503,9 @@ class _Run:
                 raise ValueError("this run has no companion")
             self.companion.inject(what, self._now_ns())
             return
-        if not isinstance(what, GustEvent | RotorFault) and what.sensor not in self.faulty:
-            slot = next((slot for slot in self.slots if slot.port == what.sensor), None)
-            if slot is None:
-                raise ValueError(f"no sensor {what.sensor!r} is sampled in this run")
-            assert self.recorder is not None
-            sensor = self.sensors[what.sensor]
-            self.faulty[what.sensor] = FaultySensor(sensor, (), on_event=self.recorder.event)
-            slot.sample = self.faulty[what.sensor].sample
+        if not isinstance(what, GustEvent | RotorFault):
+            assert self.sensors is not None
+            self.sensors.put_at_risk(what.sensor)
         self._inject(what)
 
     def _companion(self) -> CompanionLink:
@@ -608,31 +532,15 @@ class _Run:
     def _companion_stage(self) -> CompanionStage | None:
         if self.companion is None:
             return None
-        pilot = self.station if isinstance(self.station, OffboardPilot) else None
-        desire = None if pilot is None else partial(self._desire, pilot)
-        return self.companion.stage(desire, self._on_report, self._on_detections)
-
-    def _desire(self, pilot: OffboardPilot, desired: DesiredState, t_apply_ns: int, t_of_ns: int) -> None:
-        if self.goal is not None and desired.land:
-            self.goal.over(t_apply_ns)
-        pilot.set_desired(desired, t_apply_ns, t_of_ns)
-
-    def _on_report(self, client: str, report: Mapping[str, Any], t_ns: int) -> None:
-        """What a client says of itself: how it ended is an event."""
-        if self.goal is not None and self.config.companion.control:
-            self.goal.reported(report, t_ns)
-        outcome = report.get("outcome")
-        if isinstance(outcome, str) and outcome != self.outcomes.get(client, "flying"):
-            self.outcomes[client] = outcome
-            why = f": {report['why']}" if report.get("why") else ""
-            self._companion_event(t_ns, "companion_outcome", f"{client}: {outcome}{why}")
-
-    def _on_detections(self, client: str, detections: Detections, t_ns: int) -> None:
-        """What a client has made out in a picture."""
         assert self.recorder is not None
-        self.recorder.detected(t_ns, client, detections)
-        if self.search is not None:
-            self.search.detected(client, detections)
+        sinks = AnswerSinks(
+            self.recorder,
+            event=self._companion_event,
+            pilot=self.station if isinstance(self.station, OffboardPilot) else None,
+            goal=self.goal,
+            search=self.search,
+        )
+        return self.companion.stage(sinks.desire if sinks.flies else None, sinks.report, sinks.detections)
 
     def _times_of_companions(self) -> bool:
         """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""
@@ -642,30 +550,6 @@ class _Run:
     def _close_companion(self) -> None:
         assert self.companion is not None
         self.companion.close("ERROR" if sys.exc_info()[0] is not None else "over")
-
-    def _pilot(self) -> OffboardPilot:
-        """Flies what the companion desires."""
-        config = self.config
-        assert self.recorder is not None
-        return OffboardPilot(
-            self._geodetic_from_W(),
-            tick_ns=config.tick_ns,
-            setpoint_hz=config.companion.setpoint_hz,
-            stale_s=max(_STALE_S, _STALE_FRAMES / config.companion.rate_hz),
-            projection=tangent_ned if config.autopilot.is_mock else None,
-            target_sysid=None,
-            grid_ns=_GRID_NS if config.autopilot.kind in _ON_A_GRID else 0,
-            on_event=self.recorder.event,
-        )
-
-    def _geodetic_from_W(self) -> GeodeticFromW:
-        """Where on Earth the autopilot has a point of the world, once it has been flown there."""
-        if self.config.autopilot.kind != "ardupilot_sitl":
-            return LocalFrame(self.bench.scene.site).geodetic_from_enu
-        assert self.physics is not None
-        x, y, z = self.physics.state[:3].tolist()
-        latitude, longitude, altitude, _ = self._home()
-        return ardupilot_sitl_world(Place(latitude, longitude, altitude), (x, y, z))
 
     def _router(self, autopilot_signs: AutopilotSide | None) -> Router | None:
         config = self.config
@@ -693,14 +577,6 @@ class _Run:
         for event in source.take_events():
             self.recorder.event(*event)
 
-    def _home(self) -> tuple[float, float, float, float]:
-        """Where the vehicle starts: latitude and longitude [deg], altitude [m MSL], heading [deg from north]."""
-        assert self.physics is not None
-        x, y, z, qw, qx, qy, qz = self.physics.state[:7].tolist()
-        latitude, longitude, altitude = LocalFrame(self.bench.scene.site).geodetic_from_enu((x, y, z))
-        yaw_deg = math.degrees(math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
-        return latitude, longitude, altitude, (90.0 - yaw_deg) % 360.0
-
     def _start_again(self) -> None:
         """The autopilot has rebooted: the vehicle goes back to where it began, and the bench's time goes on."""
         assert self.scheduler is not None
@@ -725,38 +601,20 @@ class _Run:
         if self.recorder is not None:
             self.recorder.event(self._now_ns(), kind, text)
 
-    def _slot(self, name: str, sensors: SimulatedSensors, plan: StagePlan) -> SensorSlot:
-        config = self.config
-        sensor = config.sensors[name]
-        simulated = sensors.make(name, wanted_parts(name, sensor, plan))
-        if isinstance(simulated, Radar):
-            self.radars[name] = simulated
-        assert self.recorder is not None
-        if self.frames is not None and KINDS[sensor.kind].needs_frames:
-            self.recorder.describe(name, description(name, simulated))
-            write_calibration(self.out, name, simulated, rate_hz=sensor.rate_hz)
-        faults = [fault for fault in config.faults.sensors if fault.sensor == name]
-        made: Sensor = simulated
-        self.sensors[name] = simulated
-        if faults or (self.bench.script is not None and name in self.bench.script.sensors_at_risk):
-            made = self.faulty[name] = FaultySensor(simulated, faults, on_event=self.recorder.event)
-        return SensorSlot(
-            made, RateAccumulator(**tick_rates(sensor, config.tick_hz)), after_send=KINDS[sensor.kind].needs_frames
-        )
-
     def _inject(self, what: Injected) -> None:
         """A gust or fault that a script lets begin now."""
         assert self.physics is not None
+        assert self.sensors is not None
         if isinstance(what, GustEvent | RotorFault):
             self.physics.inject(what)
         else:
-            self.faulty[what.sensor].inject(what)
+            self.sensors.inject(what)
 
     def fly(self) -> None:
         scheduler, station = self.scheduler, self.station
         assert scheduler is not None
         end_tick = round(self.config.duration_s * self.config.tick_hz)
-        flight_over = _FlightOver(self.config.tick_ns)
+        flight_over = FlightOver(self.config.tick_ns)
         serving = self.config.autopilot.on_restart == "reset"  # whoever reboots it decides when it is over
         progress = Progress(
             tick_ns=self.config.tick_ns,
@@ -865,25 +723,13 @@ class _Run:
             timing=timing,
             frames=self.recorder.album.shown(),
             classes=self.frames.classes if self.frames is not None else Classes(),
-            chirps={name: radar.chirp for name, radar in self.radars.items()},
+            chirps={name: radar.chirp for name, radar in (self.sensors.radars if self.sensors else {}).items()},
             companion_timing=read_timing(self.out / TIMING_NAME) if self.companion is not None else None,
         )
 
 
-class _FlightOver:
-    """Says when a flight that somebody else commands has ended: armed once, and disarmed for a while."""
-
-    def __init__(self, tick_ns: int) -> None:
-        self._after_ticks = _AFTER_DISARM_NS // tick_ns
-        self._flown = False
-        self._disarmed_tick = 0
-
-    def after(self, tick: int, armed: bool) -> bool:
-        if armed:
-            self._flown = True
-            self._disarmed_tick = tick
-            return False
-        return self._flown and tick - self._disarmed_tick >= self._after_ticks
+def _grid_ns(config: BenchConfig) -> int:
+    return _GRID_NS if config.autopilot.kind in _ON_A_GRID else 0
 
 
 def _event_kind(severity: int) -> str:

@@ -475,8 +475,8 @@ def radar(
 
 
 def _check_wiring(bench: Bench) -> None:
-    from hil.bench import stage_specs
     from hil.stages import plan_stages
+    from hil.wiring import stage_specs
 
     plan_stages(stage_specs(bench.config))
 

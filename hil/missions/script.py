@@ -34,7 +34,8 @@ _HAPPENINGS = ("armed", "disarmed", "takeoff", "landed", "waypoint N", "item N",
 SENSOR_FAULTS = {"freeze": Freeze, "dropout": Dropout, "offset": Offset, "drift": DriftAway, "stuck_bit": StuckBit}
 AUTOPILOT_FAULTS = ("die", "stall", "wrong_time", "garbage", "noise")
 
-Injected = RotorFault | GustEvent | Freeze | Dropout | Offset | DriftAway | StuckBit
+SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit
+Injected = RotorFault | GustEvent | SensorFault
 """What may begin during the flight, at an instant that nobody knew before."""
 
 Instant = Annotated[float, Field(ge=0.0, le=_DAY_S)]

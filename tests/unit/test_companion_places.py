@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from math import dist
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from firmware_bridge.ground_station.projections import Place, ardupilot_ned
-from hil.bench import _Run
 from hil.config import load_bench
+from hil.home import geodetic_from_W
 from sim.scene.geodesy import LocalFrame
 
 START_W = (3.0, -4.0, 0.25)
 FAR_W = (903.0, 1196.0, 20.25)  # 1.5 km away
 
 
-def places(kind: str, folder: Path) -> tuple[Any, Place]:
+def places(kind: str) -> tuple[Any, Place]:
     """From W to the Earth as the pilot is told, and the start."""
-    bench = load_bench()
-    config = bench.config.model_copy(update={"autopilot": bench.config.autopilot.model_copy(update={"kind": kind})})
-    run: Any = _Run(bench, folder, quiet=True)
-    run.config = config
-    run.physics = SimpleNamespace(state=np.array([*START_W, 1.0, 0.0, 0.0, 0.0]))
-    return run._geodetic_from_W(), Place(*LocalFrame(bench.scene.site).geodetic_from_enu(START_W))
+    site = load_bench().scene.site
+    state = np.array([*START_W, 1.0, 0.0, 0.0, 0.0])
+    return geodetic_from_W(kind, site, state), Place(*LocalFrame(site).geodetic_from_enu(START_W))
 
 
-def test_ardupilot_sitl_finds_a_point_where_it_was_meant(tmp_path: Path) -> None:
-    where, home = places("ardupilot_sitl", tmp_path)
+def test_ardupilot_sitl_finds_a_point_where_it_was_meant() -> None:
+    where, home = places("ardupilot_sitl")
     north, east, down = ardupilot_ned(home, Place(*where(FAR_W)))
     assert (east, north, -down) == pytest.approx((900.0, 1200.0, 20.0), abs=1e-6)
     exact = LocalFrame(load_bench().scene.site).geodetic_from_enu(FAR_W)
@@ -38,6 +33,6 @@ def test_ardupilot_sitl_finds_a_point_where_it_was_meant(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("kind", ["mock", "px4_sitl", "ardupilot_eahrs"])
-def test_the_others_are_told_the_scenes_own_place(kind: str, tmp_path: Path) -> None:
-    where, _ = places(kind, tmp_path)
+def test_the_others_are_told_the_scenes_own_place(kind: str) -> None:
+    where, _ = places(kind)
     assert where(FAR_W) == LocalFrame(load_bench().scene.site).geodetic_from_enu(FAR_W)

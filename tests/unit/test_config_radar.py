@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import stage_specs
 from hil.cli import run_command_line
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
 from hil.radar_offline.settings import settings_of, with_chirp
 from hil.signals.errors import ConfigError
 from hil.stages import plan_stages
+from hil.wiring import stage_specs
 from sim.radar.chirp import Chirp
 from sim.sensors.catalog import PRESETS
 

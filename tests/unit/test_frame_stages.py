@@ -10,12 +10,13 @@ import pytest
 import yaml
 
 import hil.bench
-from hil.bench import run_bench, stage_specs
+from hil.bench import run_bench
 from hil.config import load_bench
 from hil.recorder.reading import read_messages
 from hil.recorder.recorder import MCAP_NAME
 from hil.replay import compare, replay
 from hil.stages import plan_stages
+from hil.wiring import stage_specs
 from sim.frame.mujoco_backend import egl_problem
 from tests.unit.frame_world import FormulaFrames
 
