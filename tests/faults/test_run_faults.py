@@ -79,11 +79,11 @@ def test_a_mock_killed_from_outside(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=2"]
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        deadline = time.monotonic() + 30
-        while not (mocks := mock_children(bench.pid)) and time.monotonic() < deadline:
-            time.sleep(0.1)
-        time.sleep(2.5)
-        os.kill(mocks[0], signal.SIGKILL)
+        deadline = time.monotonic() + 60
+        mcap = tmp_path / "run.mcap"
+        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 600_000):
+            time.sleep(0.05)
+        os.kill(mock_children(bench.pid)[0], signal.SIGKILL)
         _, errors = bench.communicate(timeout=60)
     finally:
         bench.kill()
