@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from hil.dashboard.own_streams import PREFIX, STREAMS, wait_s
 from hil.dashboard.polite import polite_threads
+from hil.dashboard.shelf import ShelfReader
 from hil.dashboard.trail import Trail
 from hil.dashboard.updates import HEAD, packed_update
 from hil.dashboard.wire import Unpacker, packed
+from hil.signals.classes import Classes
 from hil.signals.errors import HilError
 
 if TYPE_CHECKING:  # numbers and pictures take half a second to load: not before the page is up
@@ -29,6 +31,7 @@ if TYPE_CHECKING:  # numbers and pictures take half a second to load: not before
 _EVENTS = 300
 _READ = 1 << 18
 _MOST_STREAMS = 16  # of one page
+_BYTES = ("data", "points")  # parts of a body that may lie on the shelf
 _TO_RUN = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
 
 
@@ -40,6 +43,7 @@ class Page:
         self.streams: tuple[str, ...] = ()
         self.ready = False
         self.version = -1  # of the hub's state that it has
+        self.slow = -1  # of what changes slowly
         self.run = -1  # of the runs it knows about
         self.events = 0  # how many of all it has had
         self.trail_version, self.trail_points = -1, 0
@@ -69,6 +73,8 @@ class Hub:
         self._trail = Trail()
         self._threads = polite_threads()
         self._slow: dict[str, Any] = {}
+        self._slow_version = 0
+        self._shelf: ShelfReader | None = None  # of the run that is followed
         self._wire: asyncio.StreamWriter | None = None
         self._asked = False  # an update is under way
         self._views: OwnViews | None = None
@@ -103,9 +109,11 @@ class Hub:
     async def _take(self, message: dict[str, Any]) -> None:
         kind = message.pop("kind", None)
         if kind == "begin":
+            self._see_shelf(message.pop("shelf", None))
             self.about = message
             self._run += 1
-            self.state, self._slow = {}, {}
+            self.state = {}
+            self._keep_slow({})
             self._frames.clear()
             self._events.clear()
             self._trail.clear()
@@ -116,7 +124,8 @@ class Hub:
             for event in message.pop("events", ()):
                 self._events.append(tuple(event))
                 self._event_count += 1
-            self._slow = message.pop("slow", self._slow)
+            if "slow" in message:
+                self._keep_slow(message.pop("slow"))
             frames = message.pop("frames", {})
             message["actors"] = [] if self._views is None else self._views.places(message["t_ns"])
             self.state = message
@@ -131,17 +140,26 @@ class Hub:
         await self._offer()
         self.ask()
 
-    async def _encode(self, bodies: dict[str, Any]) -> None:
-        from hil.dashboard.pictures import shown
+    def _see_shelf(self, path: Any) -> None:
+        self._shelf = None
+        if isinstance(path, str):
+            with contextlib.suppress(OSError, ValueError):  # then everything comes over the wire
+                self._shelf = ShelfReader(path)
 
-        views = self._views_now()
+    def _keep_slow(self, slow: dict[str, Any]) -> None:
+        self._slow, self._slow_version = slow, self._slow_version + 1
+
+    async def _encode(self, bodies: dict[str, Any]) -> None:
+        views, shelf = self._views_now(), self._shelf
+        if shelf is not None:
+            for body in bodies.values():
+                body |= {part: shelf.found(body[part]) for part in _BYTES if part in body}
         classes = None if views is None else views.classes
-        loop = asyncio.get_running_loop()
-        for stream, body in bodies.items():
-            made = await loop.run_in_executor(
-                self._threads, shown, stream, body, *(() if classes is None else (classes,))
-            )
-            self._frames[stream] = (self._version + 1, made)
+        self._keep(await asyncio.get_running_loop().run_in_executor(self._threads, _encoded, bodies, classes))
+
+    def _keep(self, made: dict[str, Shown]) -> None:
+        for stream, picture in made.items():
+            self._frames[stream] = (self._version + 1, picture)
         self._version += 1
 
     def ask(self) -> None:
@@ -150,7 +168,7 @@ class Hub:
             return
         wanted = sorted({stream for page in self.pages for stream in page.streams} - set(STREAMS))
         self._asked = True
-        self._to_run({"kind": "next", "streams": wanted})
+        self._to_run({"kind": "next", "streams": wanted} | ({} if self._shelf is None else {"shelf": True}))
 
     def _to_run(self, message: dict[str, Any]) -> None:
         if self._wire is not None:
@@ -214,6 +232,7 @@ class Hub:
         if first:
             page.run, page.events, page.trail_version = self._run, self._event_count - len(self._events), -1
             page.frames.clear()
+            page.slow = -1
         trail_whole = page.trail_version != self._trail.version
         if trail_whole:
             page.trail_version, page.trail_points = self._trail.version, 0
@@ -223,7 +242,6 @@ class Hub:
             "going": self.going,
             "message": self.message,
             "state": self.state,
-            "slow": self._slow,
             "trail": self._trail.points[page.trail_points :],
             "trail_whole": trail_whole,
             "events": list(self._events)[len(self._events) - new :] if new else [],
@@ -232,6 +250,8 @@ class Hub:
         if first:
             head["about"] = self.about
             head["run"] = self._run
+        if page.slow != self._slow_version:
+            page.slow, head["slow"] = self._slow_version, self._slow
         page.events, page.trail_points = self._event_count, len(self._trail.points)
         frames = []
         for stream in page.streams:
@@ -288,15 +308,17 @@ class Hub:
             except HilError:
                 return  # the scene cannot be loaded; the run itself says why
             if self.state and views is self._views:
-                for stream, picture in made.items():
-                    self._frames[stream] = (self._version + 1, picture)
-                self._version += 1
-                await self._offer()
+                self._keep(made)
+                if self._wire is None or not self._asked:  # else it goes with the run's next update
+                    await self._offer()
             await asyncio.sleep(wait_s(loop.time() - began))
 
     @staticmethod
     def _draw_now(views: OwnViews, wanted: list[str], state: dict[str, Any]) -> dict[str, Shown]:
-        from hil.dashboard.pictures import shown
+        return _encoded(views.draw(wanted, state["p"], state["q"], state["t_ns"]), views.classes)
 
-        bodies = views.draw(wanted, state["p"], state["q"], state["t_ns"])
-        return {stream: shown(stream, body, views.classes) for stream, body in bodies.items()}
+
+def _encoded(bodies: dict[str, Any], classes: Classes | None) -> dict[str, Shown]:
+    from hil.dashboard.pictures import shown
+
+    return {stream: shown(stream, body, classes or Classes()) for stream, body in bodies.items()}

@@ -29,14 +29,16 @@ from hil.dashboard.client_views import view_streams
 from hil.dashboard.faults_by_hand import fault_of
 from hil.dashboard.page_sticks import PageSticks
 from hil.dashboard.plain_number import is_number
-from hil.dashboard.snapshot import frame_streams, scalar_samples
+from hil.dashboard.shelf import Shelf
+from hil.dashboard.snapshot import copied, frame_streams, scalar_samples
 from hil.dashboard.wire import RunEnd
 from hil.scheduler import Scheduler
 from hil.signals.detections import Detections
 from hil.signals.samples import Sample, Vec3
 from sim.scene.wind import GustEvent
 
-_LOOK_NS = 4_000_000  # wall clock between two looks at the wire
+_LOOK_NS = 12_000_000  # wall clock between two looks at the wire
+_BUSY_NS = 4_000_000  # the same while an update is still to be written
 _UPDATE_NS = 46_000_000  # between two updates, on average: a little over twenty a second
 _SLOW_NS = 500_000_000  # between two looks at what changes slowly
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
@@ -107,6 +109,8 @@ class LiveRun:
         self._slow_ns = 0
         self._asked: tuple[str, ...] | None = None  # streams of the update that is wanted; None: none is
         self._streams_sent: dict[str, int] = {}
+        self._shelf = Shelf()
+        self._shelf_seen = False  # by whoever asked for the update that is wanted
         self._winds = 0
         self._wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # by hand, on top of the bench's own
         self._texts = 0  # of the vehicle's that were told
@@ -136,7 +140,7 @@ class LiveRun:
         self._flown = flown
         if not flown.can_wait:
             self._paused, self._pace = False, None
-        self._end.write({"kind": "begin", **flown.about})
+        self._end.write({"kind": "begin", **flown.about, "shelf": self._shelf.path})
         self._speed_from = (flown.scheduler.tick, self._clock_ns())
 
     def finish(self, run: Mapping[str, Any]) -> None:
@@ -149,6 +153,7 @@ class LiveRun:
 
     def close(self) -> None:
         self._end.close()
+        self._shelf.close()
 
     # -- the one place in the tick --------------------------------------------------------------------------------
 
@@ -176,8 +181,20 @@ class LiveRun:
             self._keep_pace(scheduler)
         if self._end.lost:
             self._paused, self._pace = False, None
-        at_every_tick = self._paused or self._steps or self._pace is not None
-        self._due_ns = 0 if at_every_tick else after_ns + (1 << 62 if self._end.lost else _LOOK_NS)
+        if self._paused or self._steps or self._pace is not None:
+            self._due_ns = 0  # at every tick
+        else:
+            self._due_ns = after_ns + self._rest_ns(after_ns)
+
+    def _rest_ns(self, now_ns: int) -> int:
+        """Until the next look. Looks are short, but each finds the processor's caches full of other things."""
+        if self._end.lost:
+            return 1 << 62
+        if self._end.busy:
+            return _BUSY_NS
+        if self._asked is not None and self._update_ns > now_ns:
+            return min(_LOOK_NS, self._update_ns - now_ns)
+        return _LOOK_NS
 
     def _keep_pace(self, scheduler: Scheduler) -> None:
         assert self._pace is not None
@@ -288,7 +305,9 @@ class LiveRun:
             self._slow_ns = now_ns
             state |= {"slow": flown.slow() | {"sensors": scalar_samples(self._latest)}}
         asked = self._asked or ()
-        streams = frame_streams(self._latest, asked, self._streams_sent)
+        self._shelf.turn()
+        put = self._shelf.put if self._shelf_seen else copied
+        streams = frame_streams(self._latest, asked, self._streams_sent, put)
         streams |= view_streams(flown.views(), asked, self._streams_sent)
         if streams:
             state["frames"] = streams
@@ -305,6 +324,7 @@ class LiveRun:
         if kind == "next":
             wanted = message.get("streams", ())
             self._asked = tuple(stream for stream in wanted if isinstance(stream, str))
+            self._shelf_seen = message.get("shelf") is True
             # A pane that was closed and opened again wants its picture, also where it is the old one.
             for stream in [s for s in self._streams_sent if s not in self._asked]:
                 del self._streams_sent[stream]

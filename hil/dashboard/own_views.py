@@ -10,9 +10,11 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hil.dashboard.actors import Actors
 from hil.dashboard.own_streams import PREFIX, STREAMS
-from hil.dashboard.snapshot import CLOUD_PART, frame_streams
+from hil.dashboard.snapshot import CLOUD_PART, MOST_POINTS, frame_streams
 from hil.signals.classes import Classes
 from hil.signals.samples import TruthState
 
@@ -69,7 +71,9 @@ class OwnViews:
                 self._frames.expect(t_ns)
                 sample = self._sensor(name, parts).sample(truth, self._seq)
                 if sample is not None:
-                    made |= frame_streams({port: sample}, [f"{port}/{part}" for part in parts], {})
+                    made |= frame_streams(
+                        {port: sample}, [f"{port}/{part}" for part in parts], {}, np.ascontiguousarray
+                    )
         return made
 
     def _loaded(self) -> Any:
@@ -102,8 +106,20 @@ class OwnViews:
                 self._sensors[key] = make_sensor(name, kind="camera", overrides=look | mount, **common)
             elif name == "lidar":
                 assert parts == (CLOUD_PART,)
-                self._sensors[key] = make_sensor(name, preset="vlp16", **common)
+                self._sensors[key] = make_sensor(name, preset="vlp16", overrides=_lidar(), **common)
             else:
                 outputs = {"outputs": parts, "processing": {"clutter": "none"}}
                 self._sensors[key] = make_sensor(name, preset="bgt60tr13c", overrides=outputs | mount, **common)
         return self._sensors[key]
+
+
+def _lidar() -> dict[str, Any]:
+    """As many columns as a page shows points of: to cast them all and leave most out takes four times as long.
+
+    A sweep at one instant, since the page tells one pose.
+    """
+    from sim.sensors.presets import PRESETS
+
+    pattern = PRESETS["vlp16"].parameters.model_dump()["pattern"]
+    columns = MOST_POINTS // len(pattern["elevation_deg"])
+    return {"pattern": pattern | {"column_ns": None, "columns": columns}, "rolling": False, "subsweeps": 1}

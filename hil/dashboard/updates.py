@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from hil.dashboard.pictures import Shown
 
 HEAD = struct.Struct("<I")
+_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 
 
 def packed_update(head: Mapping[str, Any], frames: Iterable[Shown]) -> bytes:
     """The message."""
     shown = list(frames)
     whole = dict(head) | {"frames": [one.head | {"length": len(one.data)} for one in shown]}
-    text = json.dumps(_finite(whole), separators=(",", ":")).encode()
+    try:
+        text = _JSON.encode(whole).encode()
+    except ValueError:
+        text = _JSON.encode(_finite(whole)).encode()
     text += b" " * (-(len(text) + HEAD.size) % 4)  # so that floats in what follows are aligned
     return HEAD.pack(len(text)) + text + b"".join(one.data for one in shown)
 

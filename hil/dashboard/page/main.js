@@ -46,7 +46,8 @@ function update(head, frames) {
   buttons();
   if (replay?.on) return;
   for (const event of head.events) log(event);
-  showSlow(head.slow);
+  if (head.slow) slow = head.slow;
+  showSlow();
   if (state.p) showState();
   showStatus(head.result);
   panes.boxes = state.boxes ?? {};
@@ -160,15 +161,14 @@ function clientRows(told) {
     Object.entries(report).filter(([, value]) => value !== "").map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
 }
 
-let slowShown = "";
-function showSlow(slow) {
+let slow = {}, slowShown = null;
+function showSlow() {
   if (slow.battery) state.battery = slow.battery;
   if (slow.maps && slow.maps.join() !== maps.join()) { maps = slow.maps; offerPanes(); }
   if (slow.links) breakage.offer({ ...about, companions: slow.companions });
   state.byHand = slow.flying_by_hand === true;  // also by the gamepad on the bench's own machine
-  const text = JSON.stringify(slow);
-  if (text === slowShown) return;
-  slowShown = text;
+  if (slow === slowShown) return;
+  slowShown = slow;
   table($("told"), [], clientRows(slow.told ?? {}));
   if (slow.links) {
     table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
@@ -306,7 +306,7 @@ async function openReplay(name, summary, other = null) {
   table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
     summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
   table($("skipped"), ["what", "why", "saved"], summary.skipped.map((s) => [s.what, s.why, s.saved]));
-  slowShown = "";
+  slowShown = null;
   $("log").replaceChildren();
   for (const event of track.events) log(event);
   view.setLine("plan", track.path.length ? [...track.p[0], ...track.path.flat()] : [], { colour: "--plan" });
