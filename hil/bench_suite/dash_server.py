@@ -18,7 +18,7 @@ from hil.dash_command import server_process
 from hil.dashboard.serve import open_port
 from hil.signals.errors import HilError
 
-_WAIT_S = 20.0
+_WAIT_S = 60.0  # a server beside other work takes its time to load
 _PAGE_SIZE = os.sysconf("SC_PAGE_SIZE")
 
 

@@ -80,6 +80,8 @@ class RunEnd:
                 found += self._unpacker.feed(data)
             except ValueError:
                 self.lost = True
+            if len(data) < _READ:
+                break  # what comes after this is for the next look
         return found
 
     def write(self, message: dict[str, Any]) -> None:
