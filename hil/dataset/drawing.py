@@ -108,11 +108,8 @@ class FinishedBatch(NamedTuple):
     def leave_chunk(self) -> None:
         """In a file for who puts the recording together. RecordingError."""
         try:
-            with open(self.path, "wb", buffering=0) as file:
-                for part in self.chunk:
-                    view = memoryview(part)
-                    while view:
-                        view = view[file.write(view) :]
+            with open(self.path, "wb") as file:
+                file.writelines(self.chunk)
         except OSError as error:
             raise unwritable(self.path, error) from error
 

@@ -9,13 +9,15 @@ recorded is what was measured, bit for bit.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.recorder.cdr import Layout, schema_text
+from hil.recorder.cdr import MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mcap_file import Block, McapFile
 from hil.recorder.records_cloud import cloud_fields
@@ -24,6 +26,7 @@ from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat
 from hil.signals.time import NS_PER_S
 
 IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+_STAMP, _COUNT = struct.Struct("<iI"), struct.Struct("<I")
 # sensor_msgs/Image encodings: by element type and elements per pixel; rgb apart from other triples of bytes
 _ENCODINGS = {
     ("|u1", 1): "mono8",
@@ -62,39 +65,46 @@ class BlobTopic:
         self.channel = file.channel(topic, type_name, schema_text(type_name))
         sizes = dict(lengths or {}) | ({"data": 0} if blob else {})
         self._layout = Layout(type_name, channel=self.channel, strings=strings, lengths=sizes, values=values)
-        self._header = header
+        template = self._layout.records(1)
+        self._template = template.tobytes()
+        self._length = int(template["$length"][0])
+        self._stamp_at = self._layout.place(f"{header}.stamp.sec")[0]
         self._blob_item = blob
         # The blob goes between its length and whatever the type has after it (single bytes, so nothing to align).
-        self._cut = self._layout.dtype.fields["data$length"][1] + 4 if blob else 0  # type: ignore[index]
-        self._records: list[bytes] = []
+        self._cut = self._layout.place("data$length")[0] + 4 if blob else len(self._template)
+        self._tail = self._template[self._cut :]
+        self._parts: list[bytes] = []
+        self._sizes: list[int] = []
         self._log_ns: list[int] = []
 
     def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
-        """Lay out one message."""
-        record = self._layout.records(1)
-        record["$sequence"] = sample.seq
-        record["$log"] = log_ns
-        record["$publish"] = sample.t_available_ns
-        seconds, nanoseconds = divmod(sample.t_capture_ns, NS_PER_S)
-        record[f"{self._header}.stamp.sec"] = seconds
-        record[f"{self._header}.stamp.nanosec"] = nanoseconds
+        """Lay out one message. `values`: a number or several, as the field has."""
+        record = bytearray(self._template[: self._cut])
+        length = self._length + len(data)
+        MESSAGE_PREFIX.pack_into(
+            record, 0, MESSAGE_OPCODE, length, self.channel, sample.seq, log_ns, sample.t_available_ns
+        )
+        _STAMP.pack_into(record, self._stamp_at, *divmod(sample.t_capture_ns, NS_PER_S))
         for path, value in values.items():
-            record[path] = value
-        if not self._cut:
-            self._records.append(record.tobytes())
+            at, form = self._layout.place(path)
+            if isinstance(value, tuple):
+                form.pack_into(record, at, *value)
+            else:
+                form.pack_into(record, at, value)
+        if self._blob_item:
+            _COUNT.pack_into(record, self._cut - 4, len(data) // self._blob_item)
+            self._parts += (bytes(record), data, self._tail)
         else:
-            record["$length"] += len(data)
-            record["data$length"] = len(data) // self._blob_item
-            raw = record.tobytes()
-            self._records.append(b"".join((raw[: self._cut], data, raw[self._cut :])))
+            self._parts.append(bytes(record))
+        self._sizes.append(len(self._template) + len(data))
         self._log_ns.append(log_ns)
 
     def block(self) -> Block:
         """Everything that was added, which is then forgotten."""
-        ends = np.cumsum([len(record) for record in self._records], dtype=np.uint64)
-        offsets = np.concatenate([np.zeros(1, np.uint64), ends[:-1]]) if len(ends) else ends
-        block = Block(self.channel, b"".join(self._records), np.array(self._log_ns, np.uint64), offsets)
-        self._records.clear()
+        offsets = np.array([0, *accumulate(self._sizes)][: len(self._sizes)], np.uint64)
+        block = Block(self.channel, tuple(self._parts), np.array(self._log_ns, np.uint64), offsets)
+        self._parts.clear()
+        self._sizes.clear()
         self._log_ns.clear()
         return block
 

@@ -48,9 +48,13 @@ class Block(NamedTuple):
     """Message records of one channel, back to back. `log_ns` and `offsets` (into `data`) have one entry each."""
 
     channel: int
-    data: bytes
+    data: bytes | tuple[bytes, ...]  # in one piece or in many
     log_ns: NDArray[np.uint64]
     offsets: NDArray[np.uint64]
+
+    @property
+    def parts(self) -> tuple[bytes, ...]:
+        return self.data if isinstance(self.data, tuple) else (self.data,)
 
 
 class PackedChunk(NamedTuple):
@@ -75,7 +79,7 @@ def pack_chunk(
     blocks: Sequence[Block], news: bytes = b"", compressor: zstandard.ZstdCompressor | None = None
 ) -> PackedChunk:
     """Blocks with messages, at least one. `news`: records of schemas and channels that the chunk carries."""
-    plain_parts = [news, *(b.data for b in blocks)]
+    plain_parts = [news, *(part for block in blocks for part in block.parts)]
     plain_size = sum(map(len, plain_parts))
     first_ns = min(int(b.log_ns.min()) for b in blocks)
     last_ns = max(int(b.log_ns.max()) for b in blocks)
@@ -101,7 +105,7 @@ def pack_chunk(
         tail += [_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(raw), block.channel, len(raw)), raw]
         index_offsets[block.channel] = at
         at += _INDEX_HEAD.size + len(raw)
-        base += len(block.data)
+        base += sum(map(len, block.parts))
     return PackedChunk(
         (head, *data, b"".join(tail)),
         chunk_bytes,
