@@ -48,10 +48,10 @@ class DepthScale:
     def farthest_m(self) -> float:
         return (FARTHER - 1) * self.step_m
 
-    def values(self, depth_m: NDArray[np.float32]) -> UInt16:
-        """What the picture holds."""
+    def values(self, depth_m: NDArray[np.float32], out: UInt16 | None = None) -> UInt16:
+        """What the picture holds; in `out`, if it is given."""
         _check("depth", depth_m, np.float32, 1)
-        values = np.empty(depth_m.shape, np.uint16)
+        values = np.empty(depth_m.shape, np.uint16) if out is None else out
         _kernels.depth_values(depth_m, 1.0 / self.step_m, values)  # a surface closer than half a step is not nothing
         return values
 
@@ -69,6 +69,9 @@ class PictureEncoder:
         self.depth_scale = depth_scale or DepthScale()
         self._palette = palette
         self._png = _kernels.PngEncoder()
+        # Of pictures of one size: a new array a picture is new pages a picture, which the system hands out one by one.
+        self._depth: UInt16 = np.empty((0, 0), np.uint16)
+        self._normal: UInt8 = np.empty((0, 0, 3), np.uint8)
 
     def rgb_png(self, rgb: UInt8) -> bytes:
         _check("rgb", rgb, np.uint8, 3)
@@ -86,7 +89,10 @@ class PictureEncoder:
         return data.tobytes()
 
     def depth_png(self, depth_m: NDArray[np.float32]) -> bytes:
-        return self._png.encode(self.depth_scale.values(depth_m), "sub")
+        if self._depth.shape != depth_m.shape:
+            _check("depth", depth_m, np.float32, 1)
+            self._depth = np.empty(depth_m.shape, np.uint16)
+        return self._png.encode(self.depth_scale.values(depth_m, self._depth), "sub")
 
     def class_png(self, segmentation: UInt8, *, indexed: bool = False) -> bytes:
         """`indexed`: with the palette, whose every class must have a colour."""
@@ -105,7 +111,10 @@ class PictureEncoder:
         return self._png.encode(instance)
 
     def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
-        return self._png.encode(normal_values(normal_C))
+        if self._normal.shape != normal_C.shape:
+            _check("normal", normal_C, np.float32, 3)
+            self._normal = np.empty(normal_C.shape, np.uint8)
+        return self._png.encode(normal_values(normal_C, self._normal))
 
 
 def with_palette(grey_png: bytes, palette: UInt8) -> bytes:
@@ -129,10 +138,10 @@ def with_palette(grey_png: bytes, palette: UInt8) -> bytes:
     )
 
 
-def normal_values(normal_C: NDArray[np.float32]) -> UInt8:
-    """What a picture of normals holds."""
+def normal_values(normal_C: NDArray[np.float32], out: UInt8 | None = None) -> UInt8:
+    """What a picture of normals holds; in `out`, if it is given."""
     _check("normal", normal_C, np.float32, 3)
-    values = np.empty(normal_C.shape, np.uint8)
+    values = np.empty(normal_C.shape, np.uint8) if out is None else out
     _kernels.normal_values(normal_C, values)
     return values
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
+from functools import lru_cache
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -26,10 +28,16 @@ def npy(array: NDArray[Any]) -> bytes:
     """A numpy file (version 1.0), little endian, rows one after the other."""
     if array.dtype.hasobject:
         raise RecordingError("a numpy file of a data set holds numbers, not objects")
-    file = io.BytesIO()
     plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
-    np.lib.format.write_array(file, plain, version=(1, 0), allow_pickle=False)
-    return file.getvalue()
+    return _npy_head(plain.dtype, plain.shape) + plain.tobytes()
+
+
+@lru_cache(maxsize=64)
+def _npy_head(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
+    """What stands before the numbers: of every frame of a radar the same."""
+    file = io.BytesIO()
+    np.lib.format.write_array(file, np.empty(shape, dtype), version=(1, 0), allow_pickle=False)
+    return file.getvalue()[: -dtype.itemsize * prod(shape) or None]
 
 
 def raw_npy(adc: NDArray[np.uint16], chirp: Chirp) -> bytes:

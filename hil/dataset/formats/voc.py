@@ -34,11 +34,13 @@ def annotation_xml(file_name: str, labels: PictureLabels, classes: Classes, *, d
         f"\t<size><width>{labels.width}</width><height>{labels.height}</height><depth>3</depth></size>",
         "\t<segmented>1</segmented>",
     ]
+    names: dict[int, str] = {}
     for o in labels.objects:
+        name = names.get(o.class_id) or names.setdefault(o.class_id, escape(classes.name(o.class_id)))
         lines.append(
-            f"\t<object><name>{escape(classes.name(o.class_id))}</name><pose>Unspecified</pose>"
-            f"<truncated>{int(o.truncated)}</truncated><occluded>{int(o.occluded)}</occluded>"
-            f"<difficult>{int(o.area_px < DIFFICULT_BELOW_PX)}</difficult>"
+            f"\t<object><name>{name}</name><pose>Unspecified</pose>"
+            f"<truncated>{o.truncated:d}</truncated><occluded>{o.occluded:d}</occluded>"
+            f"<difficult>{o.area_px < DIFFICULT_BELOW_PX:d}</difficult>"
             f"<bndbox><xmin>{o.x_min + 1}</xmin><ymin>{o.y_min + 1}</ymin>"
             f"<xmax>{o.x_max + 1}</xmax><ymax>{o.y_max + 1}</ymax></bndbox></object>"
         )
