@@ -10,8 +10,10 @@ namespace {
 
 constexpr int kHashBits = 13;
 constexpr std::size_t kWindow = 32768;
-// Shorter matches than two RGB pixels cost time and, in noise, more bits than they save.
-constexpr std::size_t kShortest = 6, kLongest = 258;
+// Shorter matches cost time and, in noise, more bits than they save: with 8 instead of 6 colour, depth and instances
+// shrink by 1 to 2 % more, normals by 5 % less.
+constexpr std::size_t kShortest = 8, kLongest = 258;
+constexpr std::size_t kAhead = 16;  // bytes compared at once, whether they match or not
 constexpr int kEnd = 256;       // symbol that ends a block
 constexpr int kSkipShift = 5;   // after 2^5 places without a match every second is tried, and so on
 constexpr std::size_t kStored = 65535;
@@ -93,6 +95,17 @@ std::size_t match_length(const std::uint8_t *a, const std::uint8_t *b, std::size
     return n;
 }
 
+// How many of the first `kAhead` bytes are the same, without a branch.
+std::size_t first_bytes(const std::uint8_t *a, const std::uint8_t *b) {
+    if constexpr (std::endian::native != std::endian::little) return match_length(a, b, kAhead);
+    std::uint64_t x[2], y[2];
+    std::memcpy(x, a, 16);
+    std::memcpy(y, b, 16);
+    const std::uint64_t low = x[0] ^ y[0], high = x[1] ^ y[1];
+    const std::uint64_t first = low ? low : high;
+    return (low ? 0 : 8) + static_cast<std::size_t>(std::countr_zero(first)) / 8;
+}
+
 // Writes bits, the least significant first, to memory that has room for them and for seven bytes more.
 class Bits {
 public:
@@ -103,6 +116,9 @@ public:
         held_ |= value << fill_;
         fill_ += count;
     }
+
+    // Bits with their count in the top byte.
+    void put(std::uint32_t packed) { put(packed & 0xffffff, static_cast<int>(packed >> 24)); }
 
     // Whole bytes go to memory; at most seven bits stay.
     void flush() {
@@ -195,6 +211,21 @@ struct Code {
         std::uint64_t sum = 0;
         for (int s = 0; s < symbols; ++s) sum += std::uint64_t{count[s]} * length[s];
         return sum;
+    }
+};
+
+// Codes with how many bits they have in the top byte, those of lengths with their extra bits.
+struct Packed {
+    std::array<std::uint32_t, 256> literal;
+    std::array<std::uint32_t, kLongest + 1> length;
+
+    explicit Packed(const Code &literals) {
+        for (int i = 0; i < 256; ++i) literal[i] = literals.bits[i] | std::uint32_t{literals.length[i]} << 24;
+        for (std::size_t n = kShortest; n <= kLongest; ++n) {
+            const Symbol &s = kTables.length[n];
+            const std::uint32_t bits = literals.length[s.symbol];
+            length[n] = literals.bits[s.symbol] | static_cast<std::uint32_t>(n - s.base) << bits | (bits + s.bits) << 24;
+        }
     }
 };
 
@@ -294,28 +325,31 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
     std::fill(std::begin(literal_count_), std::end(literal_count_), 0);
     // Of four counters in turn each has time to be written before it is read again, when one byte comes often.
     std::uint32_t bytes_seen[4][256] = {};
+    std::uint32_t length_seen[kLongest + 1] = {};
     std::fill(std::begin(distance_count_), std::end(distance_count_), 0);
     std::size_t at = 0, missed = 0;
     const auto literal = [&](std::size_t place) {
         *token++ = data[place];
         ++bytes_seen[place % 4][data[place]];
     };
-    while (at + 8 <= size) {
-        const std::uint64_t bytes = load(data + at);
-        std::uint32_t &seen = head_[hash_of(bytes)];
-        const std::size_t before = seen;
-        seen = static_cast<std::uint32_t>(at + 1);
-        if (before && at + 1 - before <= kWindow && load(data + before - 1) == bytes) {
-            const std::size_t distance = at + 1 - before;
-            const std::size_t length =
-                kShortest + match_length(data + at + kShortest, data + before - 1 + kShortest,
-                                         std::min(kLongest, size - at) - kShortest);
+    std::uint32_t *const head = head_.data();
+    // What was never seen has place 0, which is as good a candidate as any other: bytes are compared anyway.
+    while (at + kAhead <= size) {
+        std::uint32_t &seen = head[hash_of(load(data + at))];
+        const std::size_t before = seen, distance = at - before;
+        seen = static_cast<std::uint32_t>(at);
+        std::size_t length = first_bytes(data + at, data + before);
+        if ((length >= kShortest) & (distance - 1 < kWindow)) {
+            if (length == kAhead) {
+                length += match_length(data + at + kAhead, data + before + kAhead,
+                                       std::min(kLongest, size - at) - kAhead);
+            }
             *token++ = static_cast<std::uint32_t>(length << 16 | distance);
-            ++literal_count_[kTables.length[length].symbol];
+            ++length_seen[length];
             ++distance_count_[kTables.of_distance(static_cast<std::uint32_t>(distance)).symbol];
             at += length;
             missed = 0;
-            if (at + 7 <= size) head_[hash_of(load(data + at - 1))] = static_cast<std::uint32_t>(at);
+            if (at + 7 <= size) head[hash_of(load(data + at - 1))] = static_cast<std::uint32_t>(at - 1);
         } else {
             const std::size_t end = std::min(size, at + 1 + (missed++ >> kSkipShift));
             for (; at < end; ++at) literal(at);
@@ -324,6 +358,8 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
     for (; at < size; ++at) literal(at);
     for (int value = 0; value < 256; ++value)
         for (const auto &counted : bytes_seen) literal_count_[value] += counted[value];
+    for (std::size_t length = kShortest; length <= kLongest; ++length)
+        literal_count_[kTables.length[length].symbol] += length_seen[length];
     ++literal_count_[kEnd];
     n_tokens_ = static_cast<std::size_t>(token - tokens_.data());
 }
@@ -342,16 +378,17 @@ void Deflater::compress(const std::uint8_t *data, std::size_t size, std::vector<
     to.put(1, 1);  // the last block
     to.put(2, 2);  // of codes of its own
     put_code_lengths(to, literals, distances);
+    const Packed packed(literals);
     const std::uint32_t *token = tokens_.data(), *const end = token + n_tokens_;
     while (token < end) {
-        if (*token < 256) {
-            for (int i = 0; i < kAtOnce && token < end && *token < 256; ++i) literals.put(to, static_cast<int>(*token++));
+        const std::uint32_t next = *token++;
+        if (next < 256) {
+            to.put(packed.literal[next]);
+            for (int i = 1; i < kAtOnce && token < end && *token < 256; ++i) to.put(packed.literal[*token++]);
         } else {
-            const std::uint32_t length = *token >> 16, distance = *token & 0xffff;
-            ++token;
-            const Symbol &by_length = kTables.length[length], &by_distance = kTables.of_distance(distance);
-            literals.put(to, by_length.symbol);  // with what stayed 7 + 15 + 5 + 15 + 13 bits at most
-            to.put(length - by_length.base, by_length.bits);
+            const std::uint32_t distance = next & 0xffff;
+            const Symbol &by_distance = kTables.of_distance(distance);
+            to.put(packed.length[next >> 16]);  // with what stayed 7 + 15 + 5 + 15 + 13 bits at most
             distances.put(to, by_distance.symbol);
             to.put(distance - by_distance.base, by_distance.bits);
         }

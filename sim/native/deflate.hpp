@@ -19,7 +19,7 @@ public:
 private:
     void find_matches(const std::uint8_t *data, std::size_t size);
 
-    std::vector<std::uint32_t> head_;    // by hash of 6 bytes: 1 + the last place they were seen
+    std::vector<std::uint32_t> head_;    // by hash of 8 bytes: the last place they were seen
     std::vector<std::uint32_t> tokens_;  // a literal below 256, or length << 16 | distance
     std::size_t n_tokens_ = 0;
     std::uint32_t literal_count_[288] = {};

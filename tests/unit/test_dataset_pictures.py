@@ -32,7 +32,7 @@ from sim._kernels import PngEncoder
 from tests.cpu_masks import output_of
 
 # Of a fixed picture's files.
-DIGEST = "d679f5e55b597d2dde27a17347c77849d5251e9e27f3350e40d424f027d7e76a"
+DIGEST = "ca27a98ce80b8028f6d740b44745bef5108fbdb0fdb460f152066b18258ce043"
 SIDES = st.integers(1, 40)
 
 
