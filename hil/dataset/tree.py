@@ -35,6 +35,7 @@ class TreeWriter:
 
     def __init__(self, root: Path) -> None:
         self.root = root
+        self._root = str(root)
         self._made: set[str] = set()
 
     def write(self, path: str, data: bytes) -> Written:
@@ -47,21 +48,21 @@ class TreeWriter:
         if folder not in self._made:
             make_folder(self.root / folder)
             self._made.add(folder)
-        final = f"{self.root}/{path}"
-        part = f"{self.root}/{folder}/.{name}{PART}" if folder else f"{self.root}/.{name}{PART}"
+        inside = f"{self._root}/{folder}/" if folder else f"{self._root}/"
+        part = f"{inside}.{name}{PART}"
         try:
             file = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
             size = crc = 0
             try:
                 for data in parts:
-                    view = memoryview(data)
-                    while view:
-                        view = view[os.write(file, view) :]
-                    size += len(data)
+                    count = len(data)
+                    if (written := os.write(file, data)) != count:
+                        _write_rest(file, memoryview(data)[written:])
+                    size += count
                     crc = crc32(data, crc)
             finally:
                 os.close(file)
-            os.rename(part, final)
+            os.rename(part, inside + name)
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.unlink(part)
@@ -77,6 +78,11 @@ class TreeWriter:
                 return crc32(file.readall()) == written.crc32
         except OSError:
             return False
+
+
+def _write_rest(file: int, view: memoryview) -> None:
+    while view:
+        view = view[os.write(file, view) :]
 
 
 def make_folder(folder: Path) -> None:
