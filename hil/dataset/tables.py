@@ -10,6 +10,7 @@ import os
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
@@ -17,7 +18,7 @@ from hil.dataset.journal import BatchRecord
 from hil.dataset.tree import Written, make_folder, unwritable
 from hil.signals.errors import RecordingError
 from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, Sample
-from sim._kernels import number_row
+from sim._kernels import number_rows
 
 TABLE = "data.csv"
 TRUTH = "state_groundtruth_estimate0"
@@ -35,16 +36,18 @@ HEADERS: Mapping[type, str] = {
     FlowSample: FLOW_HEADER,
 }
 
+# Samples that are nothing but time and numbers: their rows are made many at a time.
+_COLUMNS: Mapping[type, euroc.Columns] = {
+    ImuSample: euroc.IMU_COLUMNS,
+    MagSample: euroc.columns(MagSample, "t_capture_ns", "field_tesla"),
+}
+
 
 def sample_row(sample: Sample) -> str:
-    """The row of a sample of the flight, its time as it is."""
-    if isinstance(sample, ImuSample):
-        return euroc.imu_row(sample)
+    """The row of a sample of the flight that has more in it than numbers, its time as it is."""
     if isinstance(sample, GpsSample):
         return euroc.gps_row(sample)
     t_ns = sample.t_capture_ns
-    if isinstance(sample, MagSample):
-        return f"{t_ns},{number_row(sample.field_tesla)}\n"
     if isinstance(sample, BaroSample):
         return f"{t_ns},{sample.pressure_pa!r},{sample.pressure_altitude_m!r},{sample.temperature_degc!r}\n"
     if isinstance(sample, RangeSample):
@@ -72,6 +75,16 @@ class _Table:
         self.rows += 1
         self.waiting.append(row)
 
+    def add_samples(self, samples: list[Any], columns: euroc.Columns) -> None:
+        """Rows of samples of one type."""
+        try:
+            self.waiting.append(number_rows(samples, columns, self._last_ns))
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
+        if samples:
+            self._last_ns = samples[-1][columns[0]]
+        self.rows += len(samples)
+
 
 class Tables:
     """All of them, below `root`."""
@@ -96,10 +109,13 @@ class Tables:
 
     def add_flight(self, part: FlightPart) -> None:
         """Times are those of the files."""
-        for truth in part.truths:
-            self._tables[TRUTH].add(truth.t_ns, euroc.truth_row(truth))
+        self._tables[TRUTH].add_samples(part.truths, euroc.TRUTH_COLUMNS)
         for port, rows in part.samples.items():
             table = self._tables[self._flight_folders[port]]
+            columns = _COLUMNS.get(type(rows[0][0])) if rows else None
+            if columns is not None:
+                table.add_samples([sample for sample, _ in rows], columns)
+                continue
             for sample, _ in rows:
                 table.add(sample.t_capture_ns, sample_row(sample))
 

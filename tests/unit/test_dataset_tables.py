@@ -24,6 +24,7 @@ from hil.dataset.formats.split import split_frames
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
 from hil.signals.samples import GpsSample, ImuSample, PointCloudSample, TruthState
+from sim._kernels import number_rows
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.recording import load_recording
@@ -63,6 +64,28 @@ def test_truth_has_the_columns_of_euroc() -> None:
     assert head[4].startswith("q_RS_w")
     assert rows[1] == [4.0, 0.25, 1.5, -2.0, 0.5, -0.5, 0.5, 0.5, 0.1, 0.2, 0.3, *[0.0] * 6]
     assert rows_of(euroc.table(euroc.LEICA_HEADER, [euroc.leica_row(truth(0))]))[1] == [[0.0, 0.0, 1.5, -2.0]]
+
+
+def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
+    truths = [truth(4 * i, i / 3) for i in range(1, 50)]
+    assert number_rows(truths, euroc.TRUTH_COLUMNS, -1) == "".join(map(euroc.truth_row, truths))
+    imu = [
+        ImuSample(i, 1_600_000_000_000_000_000 + i, i, (i * 1e-7, -0.0, 1e22), (1 / 7, 5.0, i), 20.0) for i in range(9)
+    ]
+    assert number_rows(imu, euroc.IMU_COLUMNS, 0) == "".join(map(euroc.imu_row, imu))
+    assert number_rows([], euroc.IMU_COLUMNS, 0) == ""
+
+
+@pytest.mark.parametrize("times", [(5,), (6, 6), (7, 6)])
+def test_times_that_do_not_rise_are_no_table(times: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=f"{times[-1]} ns follows"):
+        number_rows([truth(t_ns) for t_ns in times], euroc.TRUTH_COLUMNS, 5)
+
+
+def test_rows_of_something_else_are_refused() -> None:
+    for wrong in ([(1,)], [5], [("a", "b", "c", "d", "e")], [truth(2**70)]):
+        with pytest.raises((TypeError, ValueError, IndexError, OverflowError)):
+            number_rows(wrong, euroc.TRUTH_COLUMNS, -1)
 
 
 def test_gps_row() -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from hil.signals.errors import RecordingError
 from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
@@ -73,6 +74,20 @@ def imu_row(sample: ImuSample) -> str:
 def truth_row(truth: TruthState, *, gyro_bias_radps: Vec3 = _NO_BIAS, accel_bias_mps2: Vec3 = _NO_BIAS) -> str:
     """Biases as far as somebody knows them; zeros say nothing."""
     return _row(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, gyro_bias_radps, accel_bias_mps2)
+
+
+Columns = tuple[int | tuple[float, ...], ...]
+
+
+def columns(kind: type[tuple[Any, ...]], time: str, *names: str | tuple[float, ...]) -> Columns:
+    """For `sim._kernels.number_rows`: fields of a sample type by name; numbers as they are."""
+    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
+    return (fields.index(time), *(name if isinstance(name, tuple) else fields.index(name) for name in names))
+
+
+# What `imu_row` and `truth_row` make, for many rows at once.
+IMU_COLUMNS = columns(ImuSample, "t_capture_ns", "gyro_radps", "accel_mps2")
+TRUTH_COLUMNS = columns(TruthState, "t_ns", "p_WB", "q_WB", "v_WB_W", _NO_BIAS, _NO_BIAS)
 
 
 def leica_row(truth: TruthState) -> str:
