@@ -46,6 +46,7 @@ class BatchDrawer:
     def __init__(self, plan: DatasetPlan, root: Path) -> None:
         self.plan, self.root = plan, root
         self.tree = TreeWriter(root)
+        self._folders: dict[tuple[str, str], str] = {}
         self.frames = make_frames(plan.bench)
         self.frames.expect(0)
         self.sensors: dict[str, Any] = self._make_sensors()
@@ -67,6 +68,13 @@ class BatchDrawer:
         for one in series.values():
             one.with_place = with_place
         return series
+
+    def data_folder(self, name: str, channel: str) -> str:
+        """Where a sensor's files go, in the tree."""
+        found = self._folders.get((name, channel))
+        if found is None:
+            found = self._folders[name, channel] = f"{ROOT}/{self.plan.folder(name, channel)}/data"
+        return found
 
     def sample(self, truth: TruthState, look: Look) -> FrameSample:
         """One sample, its times those of the files."""
@@ -166,7 +174,7 @@ class StoringWork:
         self._files.append(self._d.tree.write(path, data))
 
     def _data(self, name: str, channel: str, t_ns: int, ending: str, data: bytes) -> None:
-        self._write(f"{ROOT}/{self.plan.folder(name, channel)}/data/{t_ns}.{ending}", data)
+        self._write(f"{self._d.data_folder(name, channel)}/{t_ns}.{ending}", data)
 
     def _picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
         encoder, channels, t_ns = self._d.encoder, sample.channels, sample.t_capture_ns
