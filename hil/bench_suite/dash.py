@@ -1,18 +1,18 @@
 """`hil bench dash`: what an open page costs the run, whether it changes it, and whether it grows.
 
-The same flight in turns: with nobody looking, with a page and no panes, with a page that shows two pictures of the
-run's own, and with one that shows two that its own server draws. The run is in this process; the server and a page that
-takes every update at once are in processes of their own, as in `hil run --dash`. The error of a watched flight is
-whether its digest is another one. Its cost, each the median over the turns:
+The same flight with a page and no panes, with one that shows two pictures of the run's own, and with one that shows two
+that its own server draws. The run is in this process; the server and a page that takes every update at once are in
+processes of their own, as in `hil run --dash`. The error of a watched flight is whether its digest is another one than
+that of a flight that nobody looked at. Its cost, window by window against the same window alone (dash_windows.py):
 
     looks        of the run's own thread, in looks at the wire and in updates, as a share of the flight
-    processor    more than the flight alone in the same turn, this process's own time
-    wall clock   more than the flight alone in the same turn
+    processor    more than alone, this process's own time
+    wall clock   more than alone
 
-Any process that is busy beside a flight costs it some of the caches and, on many machines, of the processor itself. One
-more flight in each turn is beside a process that only counts, so that this can be told from the dashboard's own part.
-Beside each cost by wall clock stands what was used beside the run: by the server, and by the page. The page is only a
-socket which is read: a browser, and whatever it draws, is on somebody's desk.
+Any process that is busy beside a flight costs it some of the caches and, on many machines, of the processor itself. So
+the same windows are also flown beside a process that only counts, and with each cost stands what was used beside the
+run: by the server, and by the page. The page is only a socket which is read: a browser, and whatever it draws, is on
+somebody's desk.
 
 The soak puts as many updates as so many hours bring at 20 a second through the real server, as fast as they go, and
 looks at its memory.
@@ -20,30 +20,20 @@ looks at its memory.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hil.bench import fly
-from hil.bench_suite.dash_server import ServedPages
 from hil.bench_suite.dash_soak import Soaked, soak
+from hil.bench_suite.dash_windows import BEFORE_S, State, Windows, fly_alone, fly_windows
 from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
-from hil.config import Bench, load_bench, save_bench
-from hil.dashboard.live_run import LiveRun
-from hil.recorder.recorder import Recorder
+from hil.config import Bench, load_bench
 
 Say = Callable[[str], None]
 UPDATES_PER_S = 20.0
-_ALONE, _BESIDE = "nobody looks", "nobody looks, beside a process that counts"
-_COUNTING = "n = 0\nwhile True: n += 1"
 _PANES: dict[str, tuple[str, ...]] = {
     "a page, no panes": (),
     "two panes of the run's own": ("front/rgb", "front/depth"),
@@ -56,194 +46,93 @@ _SETTINGS = [
     "record={mcap: true, tlog: false, report: false}",
     "sensors.front={kind: camera, resolution: [320, 240], fov_deg: 90, rate_hz: 10, channels: [rgb, depth]}",
 ]
-_BEFORE_S = 5.0  # simulated, before the clock is looked at
-_WARM_S = 3.0  # wall clock
+_WINDOW_S = 2.0  # simulated; about 0.15 s of wall clock
 _GROWTH_MIB = 4.0  # of the server, over the soak: what an allocator may do, and no update of which kept a byte
 _HOURS = 8.0
+_KINDS = (("processor time", "processor_s", "#4477aa"), ("wall clock", "wall_s", "#cc8844"))
 # Of a processor. A whole one that only counts costs a run 11 to 23 % where two processors share one core: a fifth of it
 # is what leaves the run its 95 %.
 _SERVER_PERCENT = 20.0
 
 
-@dataclass(frozen=True)
-class _Flight:
-    wall_s: float
-    processor_s: float
-    digest: str
-    updates_per_s: float = 0.0
-    looks_s: float = 0.0
-    server: float = 0.0  # processor time beside the run, seconds a second: of the page's server
-    page: float = 0.0  # and of what stands for a page
-
-
 def measure(*, quick: bool, say: Say) -> BenchmarkResult:
-    """Flights in turns, then the soak. HilError if a flight fails."""
+    """Flights in windows, then the soak. HilError if a flight fails."""
     result = BenchmarkResult(time_label="cost, share of the run's time")
-    turns, sim_s = (1, 30.0) if quick else (6, 60.0)
-    flights: dict[str, list[_Flight]] = {name: [] for name in (_ALONE, _BESIDE, *_PANES)}
+    windows, rounds = (15, 1) if quick else (30, 2)
+    flown: dict[str, list[Windows]] = {name: [] for name in _PANES}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _fly(folder / "warm", 1.0, None)  # whatever is loaded once
-        for turn in range(turns):
-            # In another order each time: who comes first has the coldest caches.
-            order = [*flights][turn % len(flights) :] + [*flights][: turn % len(flights)]
-            for method in order:
-                say(f"turn {turn + 1} of {turns}: {method}")
-                with _counting() if method == _BESIDE else nullcontext():
-                    flown = _fly(folder / f"{turn}", sim_s, _PANES.get(method))
-                flights[method].append(flown)
-                say(_told(flown))
+        fly_alone(_bench(1.0), folder / "warm")  # whatever is loaded once
+        say("nobody looks")
+        alone = fly_alone(_bench(BEFORE_S + windows * _WINDOW_S + 1.0), folder / "alone")
+        for i in range(rounds):
+            for method, panes in _PANES.items():
+                say(f"round {i + 1} of {rounds}: {method}, {windows} windows three times")
+                seen = fly_windows(_bench, folder / "watched", panes, windows=windows, window_s=_WINDOW_S)
+                flown[method].append(seen)
+                say(_told(seen))
         updates = 3000 if quick else round(_HOURS * 3600 * UPDATES_PER_S)
         soaked = soak(folder, updates, say)
-    _judge(result, flights, soaked)
+    together = {
+        method: Windows(np.concatenate([s.spent for s in seen], axis=1), tuple(d for s in seen for d in s.digests))
+        for method, seen in flown.items()
+    }
+    _judge(result, together, alone, soaked)
     if quick:
-        result.left_out.append(f"{_HOURS:g} hours of updates: {soaked.updates} only; one turn of {sim_s:g} s")
-    result.panels += [lambda ax: _draw_costs(ax, flights), lambda ax: _draw_memory(ax, soaked)]
+        result.left_out.append(f"{_HOURS:g} hours of updates: {soaked.updates} only; {windows} windows")
+    result.panels += [lambda ax: _draw_costs(ax, together), lambda ax: _draw_memory(ax, soaked)]
     return result
 
 
-def _fly(out: Path, sim_s: float, panes: Sequence[str] | None) -> _Flight:
-    """`panes` None: nobody looks."""
-    bench = load_bench(settings=[*_SETTINGS, f"duration_s={_BEFORE_S + sim_s + 1.0}"])
-    if panes is None:
-        return _Timed(bench, out, sim_s).fly()
-    with ServedPages(out.parent, [panes]) as served:
-        served.wait_for_page()
-        live = LiveRun(served.wire)
-        try:
-            return _Timed(bench, out, sim_s, live, served).fly()
-        finally:
-            live.close()
+def _bench(duration_s: float) -> Bench:
+    return load_bench(settings=[*_SETTINGS, f"duration_s={duration_s}"])
 
 
-class _Mark(NamedTuple):
-    """Read at the beginning of what is timed, and at its end."""
-
-    wall_s: float
-    processor_s: float
-    updates: int
-    looks_ns: int
-    server_s: float
-    page_s: float
+def _told(seen: Windows) -> str:
+    wall, error = seen.cost(State.WATCHED, "wall_s")
+    return (
+        f"  wall clock {100.0 * wall:+.1f} +- {100.0 * error:.1f} %, {seen.share('updates'):.1f} updates/s; beside it: "
+        f"server {100.0 * seen.share('server_s'):.1f} %, page {100.0 * seen.share('page_s'):.1f} % of a core"
+    )
 
 
-class _Timed:
-    """A flight, timed from `_BEFORE_S` on for `sim_s` of simulated time."""
-
-    def __init__(
-        self, bench: Bench, out: Path, sim_s: float, live: LiveRun | None = None, served: ServedPages | None = None
-    ) -> None:
-        tick_hz = bench.config.tick_hz
-        self._from, self._to = round(_BEFORE_S * tick_hz), round((_BEFORE_S + sim_s) * tick_hz)
-        self._bench, self._out, self._live, self._served = bench, out, live, served
-        self._tick = 0
-        self._marks: list[_Mark] = []
-
-    def fly(self) -> _Flight:
-        out, tick_ns = self._out, self._bench.config.tick_ns
-        out.mkdir(parents=True, exist_ok=True)
-        save_bench(self._bench, out)
-        recorder = Recorder(out, mcap=True, tlog=False, tick_ns=tick_ns, watch=self._live)
-        try:
-            fly(self._bench, out, recorder, self._over, self._live)
-        finally:
-            recorder.close("PASS")
-        begin, end = self._marks
-        wall_s = end.wall_s - begin.wall_s
-        return _Flight(
-            wall_s,
-            end.processor_s - begin.processor_s,
-            recorder.digest,
-            (end.updates - begin.updates) / wall_s,
-            (end.looks_ns - begin.looks_ns) * 1e-9,
-            (end.server_s - begin.server_s) / wall_s,
-            (end.page_s - begin.page_s) / wall_s,
-        )
-
-    def _over(self, _reached: Callable[[], int], _ended: bool) -> bool:
-        self._tick += 1
-        if self._tick == self._from and self._live is not None:
-            until_s = time.monotonic() + _WARM_S
-            while time.monotonic() < until_s:  # the server loads what it draws with, once in its life
-                self._live.before_tick()
-                time.sleep(0.005)
-        if self._tick in (self._from, self._to):
-            live, served = self._live, self._served
-            beside = (0.0, 0.0) if served is None else served.processor_s
-            counts = (0, 0) if live is None else (live.updates, live.looks_ns)
-            self._marks.append(_Mark(time.perf_counter(), time.process_time(), *counts, *beside))
-        return self._tick >= self._to
-
-
-def _told(flown: _Flight) -> str:
-    beside = f"; beside it: server {100.0 * flown.server:.1f} %, page {100.0 * flown.page:.1f} % of a core"
-    return f"  {flown.wall_s:.2f} s, {flown.updates_per_s:.1f} updates/s" + (beside if flown.updates_per_s else "")
-
-
-@contextmanager
-def _counting() -> Iterator[None]:
-    with subprocess.Popen([sys.executable, "-c", _COUNTING]) as process:
-        try:
-            yield
-        finally:
-            process.kill()
-
-
-def _cost(flights: dict[str, list[_Flight]], method: str, of: Callable[[_Flight], float]) -> float:
-    """Median over the turns of how much more it took than the flight alone in the same turn."""
-    pairs = zip(flights[method], flights[_ALONE], strict=True)
-    return float(np.median([of(seen) / of(alone) - 1.0 for seen, alone in pairs]))
-
-
-def _median(flown: Sequence[_Flight], of: Callable[[_Flight], float]) -> float:
-    return float(np.median([of(flight) for flight in flown]))
-
-
-def _looks(flown: Sequence[_Flight]) -> float:
-    return _median(flown, lambda flight: flight.looks_s / flight.wall_s)
-
-
-def _judge(result: BenchmarkResult, flights: dict[str, list[_Flight]], soaked: Soaked) -> None:
-    digests = {flight.digest for flown in flights.values() for flight in flown}
-    alone = flights[_ALONE][0].digest
-    for method, flown in flights.items():
-        differing = sum(flight.digest != alone for flight in flown) / len(flown)
-        wall = _cost(flights, method, lambda flight: flight.wall_s)
-        own = _cost(flights, method, lambda flight: flight.processor_s)
-        looks = _looks(flown)
-        details = {
-            "wall_cost": wall,
-            "processor_cost": own,
-            "looks": looks,
-            "updates_per_s": _median(flown, lambda flight: flight.updates_per_s),
-            "server": _median(flown, lambda flight: flight.server),
-            "page": _median(flown, lambda flight: flight.page),
-            "wall_s": [flight.wall_s for flight in flown],
-            "processor_s": [flight.processor_s for flight in flown],
-        }
+def _judge(result: BenchmarkResult, flown: dict[str, Windows], alone: str, soaked: Soaked) -> None:
+    for method, seen in flown.items():
+        differing = sum(digest != alone for digest in seen.digests) / len(seen.digests)
+        looks = seen.share("looks_s")
+        details: dict[str, Any] = {"looks": looks, "windows": seen.spent.shape[1]}
+        for state, what in ((State.WATCHED, "cost"), (State.BESIDE, "cost_beside_counting")):
+            for field in ("wall_s", "processor_s"):
+                cost, error = seen.cost(state, field)
+                details |= {f"{field[:-2]}_{what}": cost, f"{field[:-2]}_{what}_standard_error": error}
+        details |= {f"{name}_per_s": seen.share(name) for name in ("updates", "server_s", "page_s")}
         result.rows.append(
             Row("flight in city_park", method, differing, "digests that differ", max(looks, 1e-4), details)
         )
-    spread = float(np.ptp([f.wall_s for f in flights[_ALONE]]) / np.median([f.wall_s for f in flights[_ALONE]]))
     details = {"updates": soaked.updates, "hours_at_20_per_s": soaked.updates / UPDATES_PER_S / 3600.0}
-    details |= {"memory_bytes": list(soaked.memory_bytes), "wall_spread_alone": spread}
+    details |= {"memory_bytes": list(soaked.memory_bytes)}
     per_update_s = soaked.seconds / soaked.updates
     growth_mib = soaked.growth_bytes / 2**20
     result.rows.append(Row("soak", "server, two pages", max(growth_mib, 0.0), "MiB grown", per_update_s, details))
-    panes = [method for method in _PANES if method.startswith("two")]
-    rate = min(_median(flights[method], lambda flight: flight.updates_per_s) for method in panes)
-    server = max(_median(flights[method], lambda flight: flight.server) for method in panes)
-    looks = max(_looks(flights[method]) for method in panes)
-    beside = max(0.0, _cost(flights, _BESIDE, lambda flight: flight.processor_s))
-    own = max(_cost(flights, method, lambda flight: flight.processor_s) for method in panes)
-    wall = max(_cost(flights, method, lambda flight: flight.wall_s) for method in panes)
+    panes = [seen for method, seen in flown.items() if method.startswith("two")]
+    digests = {alone, *(digest for seen in flown.values() for digest in seen.digests)}
+    costs = [seen.cost(State.WATCHED, "wall_s") for seen in panes]
     result.checks += [
-        Check("updates a second with two panes", rate, ">=", UPDATES_PER_S, "1/s"),
-        Check("cost of two panes: looks and updates in the run's thread", 100.0 * looks, "<=", 5.0, "%"),
-        Check("cost of two panes: processor time, less that of any neighbour", 100.0 * (own - beside), "<=", 5.0, "%"),
-        Check("cost of two panes: wall clock, all of it", 100.0 * wall, "<=", 5.0, "%"),
+        Check("updates a second with two panes", min(s.share("updates") for s in panes), ">=", UPDATES_PER_S, "1/s"),
         Check(
-            "beside the run, by the page's server with two panes", 100.0 * server, "<=", _SERVER_PERCENT, "% of a core"
+            "cost of two panes: looks and updates in the run's thread",
+            100.0 * max(s.share("looks_s") for s in panes),
+            "<=",
+            5.0,
+            "%",
+        ),
+        Check("cost of two panes: wall clock, all of it", 100.0 * max(c for c, _ in costs), "<=", 5.0, "%"),
+        Check(
+            "beside the run, by the page's server with two panes",
+            100.0 * max(s.share("server_s") for s in panes),
+            "<=",
+            _SERVER_PERCENT,
+            "% of a core",
         ),
         Check("different digests, watched and not", len(digests), "<=", 1, "digests"),
         Check("growth of the server over the soak", growth_mib, "<=", _GROWTH_MIB, "MiB"),
@@ -261,22 +150,22 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     save_figure(figure, path)
 
 
-def _draw_costs(ax: Any, flights: dict[str, list[_Flight]]) -> None:
-    """Every turn's, so that the machine's own noise is seen beside them."""
-    kinds = {"processor time": lambda f: f.processor_s, "wall clock": lambda f: f.wall_s}
-    shown = [_BESIDE, *_PANES]
-    for row, method in enumerate(shown):
-        for shift, (kind, of) in zip((-0.12, 0.12), kinds.items(), strict=True):
-            pairs = zip(flights[method], flights[_ALONE], strict=True)
-            costs = [100.0 * (of(seen) / of(alone) - 1.0) for seen, alone in pairs]
-            colour = "#4477aa" if kind == "processor time" else "#cc8844"
-            ax.plot(costs, [row + shift] * len(costs), "o", color=colour, alpha=0.6, label=kind if row == 0 else None)
-            ax.plot([float(np.median(costs))], [row + shift], "|", color=colour, markersize=22, markeredgewidth=2.5)
+def _draw_costs(ax: Any, flown: dict[str, Windows]) -> None:
+    """Every window's, so that the machine's own noise is seen beside them."""
+    shown = {method: (seen, State.WATCHED) for method, seen in flown.items()}
+    shown["beside a process that counts"] = (list(flown.values())[-1], State.BESIDE)
+    for row, (seen, state) in enumerate(shown.values()):
+        for shift, (kind, field, colour) in zip((-0.12, 0.12), _KINDS, strict=True):
+            more = 100.0 * np.expm1(seen.more(state, field))
+            ax.plot(more, [row + shift] * len(more), "o", color=colour, alpha=0.25, label=kind if row == 0 else None)
+            cost, error = (100.0 * value for value in seen.cost(state, field))
+            ax.errorbar(cost, row + shift, xerr=2.0 * error, fmt="|", color=colour, markersize=20, markeredgewidth=2.5)
     ax.axvline(5.0, color="#bb3333", linestyle="--", linewidth=1.0)
     ax.axvline(0.0, color="#888888", linewidth=0.8)
-    ax.set_yticks(range(len(shown)), [method.replace(", beside", ",\nbeside") for method in shown])
+    ax.set_xlim(-40.0, 60.0)
+    ax.set_yticks(range(len(shown)), list(shown))
     ax.invert_yaxis()
-    ax.set_xlabel("more than the same flight alone [%]")
+    ax.set_xlabel("more than the same window alone [%]; bars: median, two standard errors")
     ax.legend(fontsize=8, frameon=False)
     ax.set_title("Cost for the run, all digests compared", loc="left", fontsize=10, fontweight="bold")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -58,6 +59,11 @@ class ServedPages:
     def processor_s(self) -> tuple[float, float]:
         """Used so far by the server, and by the pages together. Zeros where the system does not tell."""
         return _processor_s(self._server.pid), sum(_processor_s(page.pid) for page in self._pages)
+
+    def hold(self, still: bool) -> None:
+        """Server and pages stand still, or go on."""
+        for process in (self._server, *self._pages):
+            process.send_signal(signal.SIGSTOP if still else signal.SIGCONT)
 
     def end(self) -> list[dict[str, Any]]:
         """What each page had."""
