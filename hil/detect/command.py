@@ -49,7 +49,8 @@ def train_detector(
         hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating need none of it"
         raise ConfigError([Problem("hil detect train", f"needs PyTorch ({error})", hint)]) from None
     from hil.detect import curves
-    from hil.detect.pictures import digest, read_data_sets
+    from hil.detect.picture_store import digest
+    from hil.detect.pictures import read_data_sets
 
     settings = Settings(**options)
     pictures = read_data_sets(data_sets, part)
@@ -109,7 +110,7 @@ def train_detector(
         "settings": options,
         "part": part,
         "data_sets": [p.name for p in data_sets],
-        "data_digest": digest(data_sets),
+        "data_digest": digest(pictures),
         "pictures": len(pictures),
         "weights_digest": training.weights_digest(),
         "onnx_sha256": model.sha256,

@@ -5,6 +5,8 @@ What does not fit into the allowance is read again each time.
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
 
 import cv2
@@ -65,6 +67,19 @@ class PictureStore:
         out = np.empty((height, width, 3), np.uint8)
         Letterbox.of((picture.width, picture.height), self.input_px).place(rgb, out)
         return out
+
+
+def digest(pictures: Sequence[Picture]) -> str:
+    """SHA-256 of what training sees, in order: pixels and labels. Names the data that a model was made from.
+
+    Not of files: how well a PNG was packed, or where it lies, makes no other model. ConfigError as `read_rgb`.
+    """
+    whole = hashlib.sha256()
+    for p in pictures:
+        head = json.dumps([p.width, p.height, *zip(p.labels, p.boxes_px.tolist(), p.area_px.tolist(), strict=True)])
+        whole.update(head.encode())
+        whole.update(read_rgb(p).tobytes())
+    return whole.hexdigest()
 
 
 def read_rgb(picture: Picture) -> Rgb:

@@ -9,7 +9,6 @@ than `DIFFICULT_BELOW_PX`. They count neither for nor against a detector, in tra
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import math
 from collections import Counter
@@ -79,16 +78,6 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
 def class_counts(pictures: Iterable[Picture]) -> Counter[str]:
     """How many objects of each class there are that a detector should find."""
     return Counter(name for p in pictures for name, hard in zip(p.labels, p.difficult, strict=True) if not hard)
-
-
-def digest(folders: Sequence[Path]) -> str:
-    """SHA-256 over the manifests and checksums of data sets, in order: names which data a model was made from."""
-    whole = hashlib.sha256()
-    for folder in folders:
-        for name in ("dataset.json", "checksums.csv"):
-            path = folder / name
-            whole.update(path.read_bytes() if path.is_file() else b"-")
-    return whole.hexdigest()
 
 
 def _first(folders: Sequence[Path]) -> str:

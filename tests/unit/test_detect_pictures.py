@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from hil.companion.started import use_client
-from hil.detect.pictures import class_counts, digest, read_data_sets
+from hil.detect.pictures import class_counts, read_data_sets
 from hil.signals.errors import ConfigError
 from tests.unit.detect_pictures_world import coco, write_coco, write_data_set
 
 use_client()
-from hil.detect.picture_store import PictureStore, read_rgb  # noqa: E402
+from hil.detect.picture_store import PictureStore, digest, read_rgb  # noqa: E402
 
 FRAMES = [
     [("person", (10, 20, 14, 34)), ("vehicle", (100, 50, 44, 22))],
@@ -58,7 +60,21 @@ def test_the_three_sets_are_those_of_the_split(folder: Path, lists: bool) -> Non
 def test_several_data_sets_are_one(folder: Path, tmp_path: Path) -> None:
     other = write_data_set(tmp_path / "other", FRAMES[:1])  # type: ignore[arg-type]
     assert len(read_data_sets([folder, other])) == 6
-    assert digest([folder, other]) == digest([folder, other])
+
+
+def test_the_digest_is_of_pixels_and_labels_and_not_of_files(folder: Path) -> None:
+    pictures = read_data_sets([folder])
+    named = digest(pictures)
+    file = pictures[0].path
+    pixels = cv2.imread(str(file))
+    cv2.imwrite(str(file), pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert digest(pictures) == named
+    assert digest(pictures[::-1]) != named
+    first = replace(pictures[0], labels=("somebody else", *pictures[0].labels[1:]))
+    assert digest([first, *pictures[1:]]) != named
+    pixels[3, 5, 1] ^= 1
+    cv2.imwrite(str(file), pixels)
+    assert digest(pictures) != named
 
 
 def _coco(change: Callable[[dict[str, Any]], None]) -> Callable[[Path], None]:
