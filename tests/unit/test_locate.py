@@ -256,3 +256,11 @@ def test_own_pose_follows_gps_and_says_when_it_is_lost() -> None:
 def test_a_detector_without_a_place_still_tells_ranges() -> None:
     box = SimpleNamespace(box_px=(100.0, 100.0, 120.0, 150.0))
     assert depth_in(np.full((HEIGHT, WIDTH), 8.0), box.box_px) == 8.0
+
+
+@pytest.mark.parametrize("near", range(1, 36))
+def test_two_heaps_with_nothing_between_have_a_depth_all_the_same(near: int) -> None:
+    depth_m = np.full((6, 6), 30.0)
+    depth_m.ravel()[:near] = 2.0
+    for box in ((0.0, 0.0, 6.0, 6.0), (1.0, 1.0, 4.0, 5.0), (3.0, 2.0, 6.0, 4.0)):
+        assert depth_in(depth_m, box) in (2.0, 30.0)

@@ -15,7 +15,7 @@ from typing import Any, Sequence
 import numpy as np
 
 _MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # of the box: where the thing is, rather than what is beside it
-_NEAR_PERCENT, _HEAP_SHARE, _HEAP_M, _ROUNDS = 25.0, 0.1, 0.6, 3
+_NEAR_SHARE, _HEAP_SHARE, _HEAP_M, _ROUNDS = 0.25, 0.1, 0.6, 3
 _LEAST_PIXELS, _MOST_M = 4, 1000.0
 _EDGE_PX = 1.5  # a box that ends so near to the picture's lower edge shows no feet
 _LEAST_DOWN = 0.05  # of a ray of length 1: flatter ones meet the ground anywhere
@@ -36,9 +36,12 @@ def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
     values = values[np.isfinite(values) & (values > 0.0) & (values < _MOST_M)]
     if len(values) < _LEAST_PIXELS:
         return None
-    depth = float(np.percentile(values, _NEAR_PERCENT))
+    # Always one of the values themselves: between two heaps there may be nothing near.
+    values.sort()
+    depth = float(values[int(_NEAR_SHARE * (len(values) - 1))])
     for _ in range(_ROUNDS):
-        depth = float(np.median(values[np.abs(values - depth) <= max(_HEAP_M, _HEAP_SHARE * depth)]))
+        heap = values[np.abs(values - depth) <= max(_HEAP_M, _HEAP_SHARE * depth)]
+        depth = float(heap[(len(heap) - 1) // 2])
     return depth
 
 
