@@ -30,6 +30,8 @@ _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _GATE, _NEAR_M = 3.2, 5.0
 _AWAY_S, _REACH_MPS, _MOST_AWAY_S = 1.6, 2.2, 60.0
 _LOOK, _MOST_LOOK = 5.0, 2.2  # CIE units to one, and how many may be between two looks of one thing
+# After so long away only so many: who is told twice has been found, who is taken for another is lost.
+_LONG_S, _SURE_LOOK = 8.0, 1.0
 _LOOKS_KEPT = 12.0  # sightings that a mean look is worth at most
 _ONE_PLACE_M = 1.0
 _UNCONFIRMED_S = 12.0  # what was seen too seldom is forgotten after so long
@@ -99,7 +101,8 @@ class Track:
         look = None if self.look is None or seen.look is None else difference(self.look, seen.look) / _LOOK
         if away_s > _AWAY_S:
             moved_m = float(np.hypot(*(np.array(seen.p_W[:2]) - self.state[:2])))
-            known = look is not None and look < _MOST_LOOK and away_s < _MOST_AWAY_S
+            alike = _MOST_LOOK if away_s < _LONG_S else _SURE_LOOK
+            known = look is not None and look < alike and away_s < _MOST_AWAY_S
             limit_m = _NEAR_M + _REACH_MPS * away_s if known and not self.stands else _NEAR_M
             if moved_m > limit_m or (look is not None and look > _MOST_LOOK and not self.stands):
                 return math.inf
