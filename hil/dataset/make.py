@@ -19,10 +19,10 @@ from hil.dataset.drawing import BatchDrawer
 from hil.dataset.finish import finish
 from hil.dataset.flight import fly_for_frames
 from hil.dataset.folder_lock import locked
-from hil.dataset.folder_spread import spread_folders
+from hil.dataset.folder_spread import make_apart
 from hil.dataset.formats.labels import Catalogue
 from hil.dataset.journal import BatchRecord, JournalWriter, read_journal
-from hil.dataset.layout import headers, sensor_files
+from hil.dataset.layout import big_folders, headers, sensor_files
 from hil.dataset.manifest import (
     BENCH_NAME,
     check_resumable,
@@ -37,7 +37,7 @@ from hil.dataset.plan import DatasetPlan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.recording import DatasetRecording, part_path
 from hil.dataset.tables import Tables
-from hil.dataset.tree import ASL, JOURNAL, WORK, TreeWriter, Written, make_folder
+from hil.dataset.tree import JOURNAL, NURSERY, WORK, TreeWriter, Written, make_folder
 from hil.dataset.workers import Job, Made, Maker, Workers
 from hil.signals.classes import Classes
 
@@ -111,7 +111,6 @@ def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> Datas
     if not means.resume:
         refuse_full(root)
     make_folder(root)
-    spread_folders(root)
     old: list[tuple[BatchRecord, int]] = []
     if means.resume and check_resumable(root, made, bench_files):
         old = read_journal(root / JOURNAL)
@@ -150,8 +149,7 @@ class _Making:
         early = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
         with means.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=means.quiet) as progress:
             write_manifest(tree, first_manifest(self.made))
-            make_folder(root / ASL)
-            spread_folders(root / ASL)
+            make_apart((root / name for name in big_folders(plan)), root / NURSERY)
             early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
             return self._work(pool, count, places, catalogue, early, progress)
 

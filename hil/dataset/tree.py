@@ -19,6 +19,7 @@ MANIFEST = "dataset.json"
 CHECKSUMS = "checksums.csv"
 JOURNAL = "journal.bin"
 WORK = ".work"  # gone when all is done
+NURSERY = f"{WORK}/folders"  # where folders are before they have their names
 PART = ".part"  # ending of what is not yet whole
 
 
