@@ -72,7 +72,8 @@ const Tables kTables;
 // The next `kShortest` bytes, of eight that there must be.
 std::uint64_t load(const std::uint8_t *p) {
     std::uint64_t value = 0;
-    for (int i = 0; i < 8; ++i) value |= std::uint64_t{p[i]} << (8 * i);
+    if constexpr (std::endian::native == std::endian::little) std::memcpy(&value, p, 8);
+    else for (int i = 0; i < 8; ++i) value |= std::uint64_t{p[i]} << (8 * i);
     return value << (64 - 8 * kShortest);
 }
 
@@ -320,17 +321,17 @@ std::uint32_t adler32(const std::uint8_t *data, std::size_t size) {
 
 void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
     head_.assign(std::size_t{1} << kHashBits, 0);
-    if (tokens_.size() < size) tokens_.resize(size);
-    std::uint32_t *token = tokens_.data();
+    const std::size_t most = size / kShortest + 1;
+    if (matches_.size() < most) matches_.resize(most);
+    Match *match = matches_.data();
     std::fill(std::begin(literal_count_), std::end(literal_count_), 0);
     // Of four counters in turn each has time to be written before it is read again, when one byte comes often.
     std::uint32_t bytes_seen[4][256] = {};
     std::uint32_t length_seen[kLongest + 1] = {};
     std::fill(std::begin(distance_count_), std::end(distance_count_), 0);
-    std::size_t at = 0, missed = 0;
-    const auto literal = [&](std::size_t place) {
-        *token++ = data[place];
-        ++bytes_seen[place % 4][data[place]];
+    std::size_t at = 0, after = 0, missed = 0;  // `after`: the last match
+    const auto count_literals = [&](std::size_t end) {
+        for (std::size_t i = after; i < end; ++i) ++bytes_seen[i % 4][data[i]];
     };
     std::uint32_t *const head = head_.data();
     // What was never seen has place 0, which is as good a candidate as any other: bytes are compared anyway.
@@ -344,24 +345,25 @@ void Deflater::find_matches(const std::uint8_t *data, std::size_t size) {
                 length += match_length(data + at + kAhead, data + before + kAhead,
                                        std::min(kLongest, size - at) - kAhead);
             }
-            *token++ = static_cast<std::uint32_t>(length << 16 | distance);
+            *match++ = {static_cast<std::uint32_t>(at - after), static_cast<std::uint16_t>(length),
+                        static_cast<std::uint16_t>(distance)};
+            count_literals(at);
             ++length_seen[length];
             ++distance_count_[kTables.of_distance(static_cast<std::uint32_t>(distance)).symbol];
-            at += length;
+            after = at += length;
             missed = 0;
             if (at + 7 <= size) head[hash_of(load(data + at - 1))] = static_cast<std::uint32_t>(at - 1);
         } else {
-            const std::size_t end = std::min(size, at + 1 + (missed++ >> kSkipShift));
-            for (; at < end; ++at) literal(at);
+            at += 1 + (missed++ >> kSkipShift);
         }
     }
-    for (; at < size; ++at) literal(at);
+    count_literals(size);
     for (int value = 0; value < 256; ++value)
         for (const auto &counted : bytes_seen) literal_count_[value] += counted[value];
     for (std::size_t length = kShortest; length <= kLongest; ++length)
         literal_count_[kTables.length[length].symbol] += length_seen[length];
     ++literal_count_[kEnd];
-    n_tokens_ = static_cast<std::size_t>(token - tokens_.data());
+    n_matches_ = static_cast<std::size_t>(match - matches_.data());
 }
 
 void Deflater::compress(const std::uint8_t *data, std::size_t size, std::vector<std::uint8_t> &out) {
@@ -379,21 +381,25 @@ void Deflater::compress(const std::uint8_t *data, std::size_t size, std::vector<
     to.put(2, 2);  // of codes of its own
     put_code_lengths(to, literals, distances);
     const Packed packed(literals);
-    const std::uint32_t *token = tokens_.data(), *const end = token + n_tokens_;
-    while (token < end) {
-        const std::uint32_t next = *token++;
-        if (next < 256) {
-            to.put(packed.literal[next]);
-            for (int i = 1; i < kAtOnce && token < end && *token < 256; ++i) to.put(packed.literal[*token++]);
-        } else {
-            const std::uint32_t distance = next & 0xffff;
-            const Symbol &by_distance = kTables.of_distance(distance);
-            to.put(packed.length[next >> 16]);  // with what stayed 7 + 15 + 5 + 15 + 13 bits at most
-            distances.put(to, by_distance.symbol);
-            to.put(distance - by_distance.base, by_distance.bits);
+    const std::uint8_t *next = data;
+    const auto put_literals = [&](const std::uint8_t *end) {
+        for (; end - next >= kAtOnce; next += kAtOnce) {
+            for (int i = 0; i < kAtOnce; ++i) to.put(packed.literal[next[i]]);
+            to.flush();
         }
+        for (; next < end; ++next) to.put(packed.literal[*next]);
         to.flush();
+    };
+    for (const Match *match = matches_.data(), *end = match + n_matches_; match < end; ++match) {
+        if (match->literals) put_literals(next + match->literals);
+        const Symbol &by_distance = kTables.of_distance(match->distance);
+        to.put(packed.length[match->length]);  // with what stayed 7 + 15 + 5 + 15 + 13 bits at most
+        distances.put(to, by_distance.symbol);
+        to.put(match->distance - by_distance.base, by_distance.bits);
+        to.flush();
+        next += match->length;
     }
+    put_literals(data + size);
     literals.put(to, kEnd);
     out.resize(static_cast<std::size_t>(to.end() - out.data()));
     const std::size_t blocks = size ? (size + kStored - 1) / kStored : 1;

@@ -17,11 +17,16 @@ public:
     void compress(const std::uint8_t *data, std::size_t size, std::vector<std::uint8_t> &out);
 
 private:
+    struct Match {
+        std::uint32_t literals;  // bytes before it, after the match before
+        std::uint16_t length, distance;
+    };
+
     void find_matches(const std::uint8_t *data, std::size_t size);
 
-    std::vector<std::uint32_t> head_;    // by hash of 8 bytes: the last place they were seen
-    std::vector<std::uint32_t> tokens_;  // a literal below 256, or length << 16 | distance
-    std::size_t n_tokens_ = 0;
+    std::vector<std::uint32_t> head_;  // by hash of 8 bytes: the last place they were seen
+    std::vector<Match> matches_;
+    std::size_t n_matches_ = 0;
     std::uint32_t literal_count_[288] = {};
     std::uint32_t distance_count_[32] = {};
 };
