@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,13 +32,19 @@ class Written(NamedTuple):
     crc32: int
 
 
+# What an open says where there are no files without a name: by the file system, the kernel, a layer between.
+_NO_NAMELESS = frozenset((errno.EOPNOTSUPP, errno.EISDIR, errno.EINVAL))
+
+
 class TreeWriter:
-    """Puts files into a folder, each under a temporary name first. Folders are made when they are needed."""
+    """Puts files into a folder, each whole or not at all. Folders are made when they are needed."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self._root = str(root)
         self._made: set[str] = set()
+        # A name at the end costs half of what a temporary name and another one after it do.
+        self._nameless = hasattr(os, "O_TMPFILE") and os.path.isdir("/proc/self/fd")
 
     def write(self, path: str, data: bytes) -> Written:
         """Raises RecordingError where it cannot be written; what was there before is then still there."""
@@ -52,7 +59,7 @@ class TreeWriter:
         inside = f"{self._root}/{folder}/" if folder else f"{self._root}/"
         part = f"{inside}.{name}{PART}"
         try:
-            file = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            file = self._open(inside, part)
             size = crc = 0
             try:
                 for data in parts:
@@ -61,14 +68,38 @@ class TreeWriter:
                         _write_rest(file, memoryview(data)[written:])
                     size += count
                     crc = crc32(data, crc)
+                self._name(file, part, inside + name)
             finally:
                 os.close(file)
-            os.rename(part, inside + name)
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.unlink(part)
             raise unwritable(self.root / path, error) from error
         return Written(path, size, crc)
+
+    def _open(self, folder: str, part: str) -> int:
+        """A file without a name in the folder; `part` where there is no such thing."""
+        if self._nameless:
+            try:
+                return os.open(folder, os.O_WRONLY | os.O_TMPFILE, 0o644)
+            except OSError as error:
+                if error.errno not in _NO_NAMELESS:
+                    raise
+                self._nameless = False
+        return os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+
+    def _name(self, file: int, part: str, name: str) -> None:
+        """Name an open file that is whole. What had the name before goes in the same moment."""
+        if self._nameless:
+            this = f"/proc/self/fd/{file}"
+            try:
+                os.link(this, name, src_dir_fd=file, follow_symlinks=True)
+                return
+            except FileExistsError:
+                with contextlib.suppress(FileNotFoundError):
+                    os.unlink(part)
+                os.link(this, part, src_dir_fd=file, follow_symlinks=True)
+        os.rename(part, name)
 
     def holds(self, written: Written) -> bool:
         """Whether that file is there, byte for byte as far as its checksum tells."""

@@ -233,9 +233,13 @@ class FrameSeries:
         self._records(file, sample, log_ns, "", cloud_records(sample))
 
     def _records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
+        topic = self._topics.get(name) or self._cloud_topic(file, name, records.dtype)
+        topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
+
+    def _cloud_topic(self, file: McapFile, name: str, dtype: np.dtype[Any]) -> BlobTopic:
         strings = {"header.frame_id": self._description.frame_id}
-        values: dict[str, Any] = {}
-        fields = cloud_fields(records.dtype)
+        values: dict[str, Any] = {"height": 1, "point_step": dtype.itemsize, "is_dense": True}
+        fields = cloud_fields(dtype)
         for i, field in enumerate(fields):
             strings[f"fields[{i}].name"] = field.name
             values |= {
@@ -243,16 +247,10 @@ class FrameSeries:
                 f"fields[{i}].datatype": field.datatype,
                 f"fields[{i}].count": 1,
             }
-        topic = self._topic(
-            file,
-            name,
-            "sensor_msgs/PointCloud2",
-            strings=strings,
-            lengths={"fields": len(fields)},
-            values=values | {"height": 1, "point_step": records.dtype.itemsize, "is_dense": True},
-            blob=1,
+        lengths = {"fields": len(fields)}
+        return self._topic(
+            file, name, "sensor_msgs/PointCloud2", strings=strings, lengths=lengths, values=values, blob=1
         )
-        topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
 
 
 def cloud_records(sample: PointCloudSample) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,7 +109,7 @@ class Catalogue:
                 pairs.append((instance, int(np.bincount(geom_class[geom_instance == instance]).argmax())))
         return cls.of(classes, pairs, stuff=stuff)
 
-    @property
+    @cached_property
     def palette(self) -> NDArray[np.uint8]:
         """(classes, 3) sRGB."""
         return np.array(self.classes.colours, np.uint8).reshape(-1, 3)
