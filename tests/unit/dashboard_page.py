@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import threading
 from collections.abc import Callable
@@ -31,10 +32,8 @@ class PageThread:
         return LiveRun(self._theirs, **options)
 
     def say(self, **message: Any) -> None:
-        try:
+        with contextlib.suppress(OSError):  # the run is over; what it said last is still to be read
             self._ours.sendall(packed(message))
-        except OSError:
-            self._ours.close()
 
     def join(self) -> None:
         self._thread.join(10.0)
