@@ -66,9 +66,8 @@ def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, b
 def _cv2() -> Any:
     import cv2  # a third of a second, paid by whoever first looks
 
-    cv2.setNumThreads(
-        1
-    )  # waking others for a small picture costs more than they save, and the run wants their processor
+    # Waking others for a small picture costs more than they save, and the run wants their processor.
+    cv2.setNumThreads(1)
     return cv2
 
 
