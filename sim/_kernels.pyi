@@ -403,15 +403,29 @@ def sweep_rays(
     *,
     isa: str = "",
 ) -> tuple[Vec3, Vec3]: ...
-def walker_pose(
-    shape: Sequence[float],
-    phase: float,
-    walk: Sequence[float],
-    p_WB: Float64,
-    q_WB: Float64,
-    v_WB_W: Float64,
-    w_WB_W: Float64,
-) -> None: ...
+
+class WalkPath:
+    def __init__(
+        self, *, pieces: Float64, straights: Float64, corners: Float64, lap_s: float, offset_s: float
+    ) -> None: ...
+    def progress(self, t_ns: int) -> tuple[int, float, float]: ...
+    def place(self, s_m: float) -> tuple[float, float, float, float, float, float, float]: ...
+
+class Walker:
+    def __init__(
+        self,
+        *,
+        shape: Sequence[float],
+        path: WalkPath,
+        cycles_per_m: float,
+        ground_m: float,
+        bound_z_m: float,
+        bound_radius_m: float,
+    ) -> None: ...
+    def bound(self, t_ns: int) -> tuple[Vec3, float]: ...
+    def phase(self, t_ns: int) -> float: ...
+    def pose(self, t_ns: int, p_WB: Float64, q_WB: Float64, v_WB_W: Float64, w_WB_W: Float64) -> None: ...
+
 def uniform_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
 def normal_block(key: tuple[int, int], first_index: int, out: Float64) -> None: ...
 

@@ -1,40 +1,93 @@
-// sim._kernels.walker_pose: limbs of a walking person. Contract: gait.hpp.
+// sim._kernels.WalkPath and Walker: people on foot. Contracts: walk_path.hpp, gait.hpp.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 
 #include <array>
 #include <bit>
+#include <cstring>
 #include <stdexcept>
+#include <tuple>
+#include <vector>
 
 #include "gait.hpp"
+#include "walk_path.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
 
 namespace {
 
-constexpr std::size_t kShapeValues = sizeof(hil::sim::GaitShape) / sizeof(double);
-constexpr std::size_t kWalkValues = sizeof(hil::sim::WalkState) / sizeof(double);
-using ShapeValues = std::array<double, kShapeValues>;
-using WalkValues = std::array<double, kWalkValues>;
-using Out3 = nb::ndarray<double, nb::numpy, nb::shape<hil::sim::kLimbs, 3>, nb::c_contig, nb::device::cpu>;
-using Out4 = nb::ndarray<double, nb::numpy, nb::shape<hil::sim::kLimbs, 4>, nb::c_contig, nb::device::cpu>;
+namespace hs = hil::sim;
+
+template <class Row>
+constexpr std::size_t kValues = sizeof(Row) / sizeof(double);
+
+template <class Row>
+using Rows = nb::ndarray<const double, nb::numpy, nb::shape<-1, kValues<Row>>, nb::c_contig, nb::device::cpu>;
+using ShapeValues = std::array<double, kValues<hs::GaitShape>>;
+using Out3 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 3>, nb::c_contig, nb::device::cpu>;
+using Out4 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 4>, nb::c_contig, nb::device::cpu>;
+
+template <class Row>
+std::vector<Row> rows_of(const Rows<Row> &values) {
+    std::vector<Row> rows(values.shape(0));
+    if (!rows.empty()) {
+        std::memcpy(rows.data(), values.data(), rows.size() * sizeof(Row));
+    }
+    return rows;
+}
 
 }  // namespace
 
 void bind_gait(nb::module_ &m) {
-    m.def(
-        "walker_pose",
-        [](const ShapeValues &shape, double phase, const WalkValues &walk, Out3 p_WB, Out4 q_WB, Out3 v_WB_W,
-           Out3 w_WB_W) {
-            if (!(phase >= 0.0 && phase <= 1.0)) {
-                throw std::invalid_argument("the phase of a step cycle is 0 to 1");
-            }
-            hil::sim::walker_pose(std::bit_cast<hil::sim::GaitShape>(shape), phase,
-                                  std::bit_cast<hil::sim::WalkState>(walk), p_WB.data(), q_WB.data(), v_WB_W.data(),
-                                  w_WB_W.data());
-        },
-        "shape"_a, "phase"_a, "walk"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(),
-        "w_WB_W"_a.noconvert(), "Poses and velocities in W of the limbs of a walker.");
+    nb::class_<hs::WalkPath>(m, "WalkPath", "A closed way on foot (walk_path.hpp).")
+        .def(
+            "__init__",
+            [](hs::WalkPath *self, const Rows<hs::WalkPiece> &pieces, const Rows<hs::WalkStraight> &straights,
+               const Rows<hs::WalkCorner> &corners, double lap_s, double offset_s) {
+                new (self) hs::WalkPath(rows_of<hs::WalkPiece>(pieces), rows_of<hs::WalkStraight>(straights),
+                                        rows_of<hs::WalkCorner>(corners), lap_s, offset_s);
+            },
+            nb::kw_only(), "pieces"_a, "straights"_a, "corners"_a, "lap_s"_a, "offset_s"_a)
+        .def(
+            "progress",
+            [](const hs::WalkPath &path, std::int64_t t_ns) {
+                const hs::WalkProgress found = path.progress(t_ns);
+                return nb::make_tuple(found.laps, found.s_m, found.speed_mps);
+            },
+            "t_ns"_a, "Whole laps, metres into the lap, and speed at `t_ns`.")
+        .def(
+            "place",
+            [](const hs::WalkPath &path, double s_m) {
+                const hs::WalkPlace p = path.place(s_m);
+                return nb::make_tuple(p.x_m, p.y_m, p.cos, p.sin, p.dx_ds, p.dy_ds, p.yaw_per_m);
+            },
+            "s_m"_a,
+            "x, y [m], cos and sin of the heading, dx/ds, dy/ds, and heading change per metre, `s_m` into the lap.");
+
+    nb::class_<hs::Walker>(m, "Walker", "Somebody who walks on a path (gait.hpp).")
+        .def(
+            "__init__",
+            [](hs::Walker *self, const ShapeValues &shape, const hs::WalkPath &path, double cycles_per_m,
+               double ground_m, double bound_z_m, double bound_radius_m) {
+                new (self) hs::Walker(std::bit_cast<hs::GaitShape>(shape), path, cycles_per_m, ground_m, bound_z_m,
+                                      bound_radius_m);
+            },
+            nb::kw_only(), "shape"_a, "path"_a, "cycles_per_m"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
+        .def(
+            "bound",
+            [](const hs::Walker &walker, std::int64_t t_ns) {
+                const hs::Sphere sphere = walker.bound(t_ns);
+                return nb::make_tuple(nb::make_tuple(sphere.x_m, sphere.y_m, sphere.z_m), sphere.radius_m);
+            },
+            "t_ns"_a, "Centre [m, W] and radius [m] of a sphere that holds all of it at `t_ns`.")
+        .def("phase", &hs::Walker::phase, "t_ns"_a, "Of the step cycle, [0, 1).")
+        .def(
+            "pose",
+            [](const hs::Walker &walker, std::int64_t t_ns, Out3 p_WB, Out4 q_WB, Out3 v_WB_W, Out3 w_WB_W) {
+                walker.pose(t_ns, p_WB.data(), q_WB.data(), v_WB_W.data(), w_WB_W.data());
+            },
+            "t_ns"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(), "w_WB_W"_a.noconvert(),
+            "Fills poses and velocities in W of all limbs.");
 }

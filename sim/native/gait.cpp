@@ -1,6 +1,7 @@
 #include "gait.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "detmath.hpp"
 
@@ -15,9 +16,6 @@ constexpr double kElbow = 0.22, kElbowSwing = 0.35;
 constexpr double kTorsoYaw = 0.07, kPelvisYaw = 0.10;
 
 using Row = std::array<double, kLimbValues>;
-
-double smoothstep(double u) { return u * u * u * (10.0 + u * (6.0 * u - 15.0)); }
-double smoothstep_slope(double u) { return 30.0 * u * u * (1.0 - u) * (1.0 - u); }
 
 Row limb(double x, double y, double z, double s, double c, double dx, double dy, double dz, double d_theta) {
     const double half_c = std::sqrt(0.5 * (1.0 + c));
@@ -145,12 +143,30 @@ void gait_rows(const GaitShape &g, double phase, LimbRows &rows) {
     }
 }
 
-void walker_pose(const GaitShape &shape, double phase, const WalkState &walk, double *p_WB, double *q_WB,
-                 double *v_WB_W, double *w_WB_W) {
+Walker::Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
+               double bound_radius_m)
+    : shape_(shape), path_(std::move(path)), cycles_per_m_(cycles_per_m), ground_m_(ground_m), bound_z_m_(bound_z_m),
+      bound_radius_m_(bound_radius_m) {}
+
+Sphere Walker::bound(std::int64_t t_ns) const {
+    const WalkPlace place = path_.place(path_.progress(t_ns).s_m);
+    return {place.x_m, place.y_m, bound_z_m_, bound_radius_m_};
+}
+
+double Walker::phase(std::int64_t t_ns) const { return phase_at(path_.progress(t_ns).s_m); }
+
+double Walker::phase_at(double s_m) const {
+    const double cycles = s_m * cycles_per_m_;
+    return cycles - std::floor(cycles);
+}
+
+void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const {
+    const WalkProgress progress = path_.progress(t_ns);
+    const WalkPlace place = path_.place(progress.s_m);
     LimbRows rows;
-    gait_rows(shape, phase, rows);
-    const double c = walk.cos, s = walk.sin;
-    const double rate = walk.speed * walk.cycles_per_m, yaw_rate = walk.speed * walk.yaw_per_m;
+    gait_rows(shape_, phase_at(progress.s_m), rows);
+    const double c = place.cos, s = place.sin;
+    const double rate = progress.speed_mps * cycles_per_m_, yaw_rate = progress.speed_mps * place.yaw_per_m;
     // Half heading, without trigonometry; the sign where cos = -1 does not matter, the quaternion's two are one.
     const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
     double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
@@ -161,10 +177,10 @@ void walker_pose(const GaitShape &shape, double phase, const WalkState &walk, do
         const auto &[x, y, z, tc, ts, yc, ys, dx_phase, dy_phase, dz, d_theta_phase, d_yaw] = rows[i];
         double *p = p_WB + 3 * i, *q = q_WB + 4 * i, *v = v_WB_W + 3 * i, *w = w_WB_W + 3 * i;
         const double rx = c * x - s * y, ry = s * x + c * y;
-        p[0] = walk.x + rx, p[1] = walk.y + ry, p[2] = z + walk.ground;
+        p[0] = place.x_m + rx, p[1] = place.y_m + ry, p[2] = z + ground_m_;
         const double dx = dx_phase * rate, dy = dy_phase * rate;
-        v[0] = walk.speed * walk.dx_ds - yaw_rate * ry + (c * dx - s * dy);
-        v[1] = walk.speed * walk.dy_ds + yaw_rate * rx + (s * dx + c * dy);
+        v[0] = progress.speed_mps * place.dx_ds - yaw_rate * ry + (c * dx - s * dy);
+        v[1] = progress.speed_mps * place.dy_ds + yaw_rate * rx + (s * dx + c * dy);
         v[2] = dz * rate;
         const double zc = hc * yc - hs * ys, zs = hs * yc + hc * ys;  // heading and the limb's own yaw
         q[0] = zc * tc, q[1] = -zs * ts, q[2] = zc * ts, q[3] = zs * tc;

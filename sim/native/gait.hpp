@@ -1,10 +1,13 @@
 // A walking person's limbs: the step cycle of sim/scene/maps/gait.py, carried along as sim/scene/maps/walker.py says.
 //
 // The equations stand there; here they are evaluated in the same order, so that both give the same bits
-// (tests/unit/test_gait_kernel.py). No allocation; arrays are the caller's.
+// (tests/reference/walker_reference.py). No allocation; arrays are the caller's.
 #pragma once
 
 #include <array>
+#include <cstdint>
+
+#include "walk_path.hpp"
 
 namespace hil::sim {
 
@@ -20,16 +23,35 @@ struct GaitShape {
     double cycle, stance, bob, arm_rad, lift, ahead, swing_from_x, swing_from_z, swing_to_x, swing_to_z, hip;
 };
 
-// Where the walker is and how it moves on: place and heading on its path, their change by metre, speed [m/s].
-struct WalkState {
-    double x, y, cos, sin, dx_ds, dy_ds, yaw_per_m, speed, cycles_per_m, ground;
-};
-
 // All limbs at `phase` in [0, 1), by the walker's own frame H; derivatives by phase.
 void gait_rows(const GaitShape &shape, double phase, LimbRows &rows);
 
-// Poses and velocities of all limbs in W: (15, 3), (15, 4) w-x-y-z, (15, 3), (15, 3).
-void walker_pose(const GaitShape &shape, double phase, const WalkState &walk, double *p_WB, double *q_WB,
-                 double *v_WB_W, double *w_WB_W);
+struct Sphere {
+    double x_m, y_m, z_m, radius_m;
+};
+
+// One walker: a step cycle carried along a path. A pure function of time.
+class Walker {
+public:
+    // `bound_z_m`, `bound_radius_m`: of the sphere that holds all limbs; its middle is above the pelvis's path.
+    Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
+           double bound_radius_m);
+
+    // In W.
+    Sphere bound(std::int64_t t_ns) const;
+
+    // Of the step cycle, [0, 1).
+    double phase(std::int64_t t_ns) const;
+
+    // Poses and velocities of all limbs in W: (15, 3), (15, 4) w-x-y-z, (15, 3), (15, 3).
+    void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const;
+
+private:
+    double phase_at(double s_m) const;
+
+    GaitShape shape_;
+    WalkPath path_;
+    double cycles_per_m_, ground_m_, bound_z_m_, bound_radius_m_;
+};
 
 }  // namespace hil::sim

@@ -1,4 +1,4 @@
-"""The native limbs of a walker are those of the equations in Python, bit for bit."""
+"""The native walker is that of the equations in Python, bit for bit."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim._kernels import walker_pose
+from sim import _kernels
 from sim.scene.maps.figure import LIMBS, Figure
-from sim.scene.maps.gait import Gait, natural_cycle_m
-from sim.scene.maps.walk_path import WalkPath
+from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
+from tests.reference import walker_reference
 
-STILL = (0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0)  # at the origin, along x; a phase a second
+PATHS = {
+    "corners": lambda speed_mps, lap: WalkPath([(0.0, 0.0), (6.0, 0.0), (5.0, 5.0)], speed_mps, start_lap=lap),
+    "mostly_corner": lambda speed_mps, lap: WalkPath([(1.0, 2.0), (2.0, 2.5), (0.5, 4.0)], speed_mps, start_lap=lap),
+    "there_and_back": lambda speed_mps, lap: there_and_back((1.0, -2.0), (9.0, 3.0), speed_mps, start_lap=lap),
+}
 
 
 def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -22,18 +26,32 @@ def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.floats(1.0, 2.1), st.floats(0.4, 2.2), st.floats(0.0, 1.0, exclude_max=True))
-def test_limbs_are_those_of_the_equations(height_m: float, speed_mps: float, phase: float) -> None:
-    figure = Figure(height_m)
-    gait = Gait(figure, speed_mps, natural_cycle_m(figure, speed_mps))
-    p, q, v, w = arrays()
-    walker_pose(gait.kernel_values, phase, STILL, p, q, v, w)
-    rows = np.array(gait.rows(phase))
-    assert p.tobytes() == (rows[:, :3] + 0.0).tobytes()
-    assert q[:, 0].tobytes() == (rows[:, 5] * rows[:, 3]).tobytes()  # cos of half the yaw, of half the pitch
-    assert q[:, 2].tobytes() == (rows[:, 5] * rows[:, 4]).tobytes()
-    assert np.array_equal(v, rows[:, 7:10] + np.array([1.0, 0.0, 0.0]))
-    assert np.array_equal(w[:, 2], rows[:, 11])
+@given(
+    st.floats(1.0, 2.1),
+    st.floats(0.4, 2.2),
+    st.sampled_from(sorted(PATHS)),
+    st.floats(0.0, 1.0),
+    st.lists(st.integers(-(10**11), 10**13), min_size=20, max_size=20),
+)
+def test_walkers_are_those_of_the_equations(
+    height_m: float, speed_mps: float, path: str, start_lap: float, times_ns: list[int]
+) -> None:
+    walker = Walker("w", Figure(height_m), PATHS[path](speed_mps, start_lap), ground_m=0.3)
+    for t_ns in (0, *times_ns):
+        found = walker.path.progress(t_ns)
+        assert found == walker_reference.progress(walker.path, t_ns)
+        assert walker.path.place(found[1]) == walker_reference.place(walker.path, found[1])
+        assert walker.bound(t_ns)[0] == (*walker.path.place(found[1])[:2], 0.3 + 0.5 * height_m)
+        p, q, v, w = arrays()
+        walker.pose(t_ns, p, q, v, w)
+        for made, expected in zip((p, q, v, w), walker_reference.pose(walker, t_ns), strict=True):
+            assert np.array_equal(made, expected)
+
+
+def test_joints_of_a_path_belong_to_what_follows() -> None:
+    path = PATHS["corners"](1.3, 0.0)
+    for s_m in [part[0] for part in (*path.straights, *path.corners)] + [path.lap_m, -1e-12, path.lap_m + 1.0]:
+        assert path.place(s_m) == walker_reference.place(path, s_m)
 
 
 def test_velocities_are_the_derivatives_of_the_poses() -> None:
@@ -51,11 +69,21 @@ def test_velocities_are_the_derivatives_of_the_poses() -> None:
 
 
 def test_refusals() -> None:
-    shape = Gait(Figure(1.7), 1.2, 1.4).kernel_values
+    walker = Walker("w", Figure(1.7), PATHS["corners"](1.2, 0.0))
     p, q, v, w = arrays()
-    with pytest.raises(ValueError, match="phase"):
-        walker_pose(shape, 1.5, STILL, p, q, v, w)
     with pytest.raises(TypeError):
-        walker_pose(shape[:-1], 0.5, STILL, p, q, v, w)
+        walker.pose(0, p[:-1], q, v, w)
+    rest = {"path": walker.path, "cycles_per_m": 1.0, "ground_m": 0.0, "bound_z_m": 1.0, "bound_radius_m": 1.0}
     with pytest.raises(TypeError):
-        walker_pose(shape, 0.5, STILL, p[:-1], q, v, w)
+        _kernels.Walker(shape=walker.gait.kernel_values[:-1], **rest)
+    tables = {name: np.array(getattr(walker.path, name)) for name in ("pieces", "straights", "corners")}
+    _kernels.WalkPath(**tables, lap_s=1.0, offset_s=0.0)
+    for times in ({"lap_s": 0.0, "offset_s": 0.0}, {"lap_s": 1.0, "offset_s": float("nan")}):
+        with pytest.raises(ValueError, match="finite time"):
+            _kernels.WalkPath(**tables, **times)
+    assert np.isnan(walker.path.place(float("nan"))[:2]).all()
+    for name, table in tables.items():
+        with pytest.raises(ValueError, match="as many corners"):
+            _kernels.WalkPath(**tables | {name: table[:0]}, lap_s=1.0, offset_s=0.0)
+        with pytest.raises(TypeError):
+            _kernels.WalkPath(**tables | {name: table[:, :-1].copy()}, lap_s=1.0, offset_s=0.0)

@@ -196,7 +196,7 @@ def test_there_and_back_reaches_exactly_its_ends_and_cruises_at_its_speed() -> N
 def test_corner_ends_where_the_next_leg_begins() -> None:
     """Position, heading and curvature are continuous over the joints of the path."""
     path = WalkPath(POLYGON, 1.3)
-    for joint in [*path._starts_m[1:], path.lap_m]:
+    for joint in [*(part[0] for part in (*path.corners, *path.straights[1:])), path.lap_m]:
         before, after = path.place(joint - 1e-9), path.place((joint + 1e-9) % path.lap_m)
         assert np.allclose(before, after, atol=1e-7)
 

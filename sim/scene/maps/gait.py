@@ -133,7 +133,7 @@ class Gait:
 
     @property
     def kernel_values(self) -> tuple[float, ...]:
-        """What `sim._kernels.walker_pose` wants to know (sim/native/gait.hpp, GaitShape)."""
+        """What `sim._kernels.Walker` wants to know (sim/native/gait.hpp, GaitShape)."""
         f = self.figure
         legs = (f.thigh_m, f.shank_m, f.ankle_m, f.heel_m, f.ball_m, f.hip_half_m, f.shoulder_half_m)
         above = (f.shoulder_above_hip_m, f.head_above_hip_m, f.torso_above_hip_m)

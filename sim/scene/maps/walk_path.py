@@ -4,15 +4,18 @@ Along a corner of length l the heading turns by psi(u) = psi_0 + d_psi S(u), u =
 S = 10 u^3 - 15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are continuous. The position is its integral,
 tabulated at knots and carried between them by quintic Hermite polynomials; the polynomial is the position, and its
 derivative the velocity, exactly. Speed changes between cruise and corner by the same smoothstep in time.
+
+Here the tables are made; `sim._kernels.WalkPath` evaluates them (in Python: tests/reference/walker_reference.py).
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import sqrt
 
+import numpy as np
+
+from sim import _kernels
 from sim._kernels import det_atan2, det_cos, det_sin
 
 _KNOTS = 16  # pieces of a corner; position off the true integral by < 1e-7 of the corner's length
@@ -22,7 +25,10 @@ _MAX_YAW_RATE_RADPS = 2.6
 _BRAKING_MPS2 = 1.2
 _PI = 3.141592653589793
 
-Place = tuple[float, float, float, float, float, float, float]
+Piece = tuple[float, float, float, float, float]  # start time, duration, start s, speed before, speed after
+Straight = tuple[float, float, float, float, float]  # start s, x, y, cos and sin of the heading
+# Start s, length, heading, turn; then of each knot x, y, x', y', x'', y'' by s.
+Corner = tuple[float, float, float, float, *tuple[float, ...]]
 
 
 def smoothstep(u: float) -> float:
@@ -33,63 +39,10 @@ def smoothstep_slope(u: float) -> float:
     return 30.0 * u * u * (1.0 - u) * (1.0 - u)
 
 
-def _smoothstep_integral(u: float) -> float:
-    return u * u * u * u * (2.5 + u * (u - 3.0))
-
-
 def _wrap(angle_rad: float) -> float:
     if angle_rad > _PI:
         return angle_rad - 2.0 * _PI
     return angle_rad + 2.0 * _PI if angle_rad < -_PI else angle_rad
-
-
-@dataclass(frozen=True)
-class _Straight:
-    start_m: float
-    x: float
-    y: float
-    cos: float
-    sin: float
-
-    def at(self, s_m: float) -> Place:
-        d = s_m - self.start_m
-        return self.x + d * self.cos, self.y + d * self.sin, self.cos, self.sin, self.cos, self.sin, 0.0
-
-
-@dataclass(frozen=True)
-class _Corner:
-    start_m: float
-    length_m: float
-    heading_rad: float
-    turn_rad: float
-    knots: tuple[tuple[float, float, float, float, float, float], ...]  # x, y, x', y', x'', y'' by s
-
-    def at(self, s_m: float) -> Place:
-        u = min(max((s_m - self.start_m) / self.length_m, 0.0), 1.0)
-        heading = self.heading_rad + self.turn_rad * smoothstep(u)
-        i = min(int(u * _KNOTS), _KNOTS - 1)
-        h = self.length_m / _KNOTS
-        t = u * _KNOTS - i
-        a, b = self.knots[i], self.knots[i + 1]
-        x, dx = _hermite(a[0], a[2] * h, a[4] * h * h, b[0], b[2] * h, b[4] * h * h, t)
-        y, dy = _hermite(a[1], a[3] * h, a[5] * h * h, b[1], b[3] * h, b[5] * h * h, t)
-        yaw_per_m = self.turn_rad * smoothstep_slope(u) / self.length_m
-        return x, y, det_cos(heading), det_sin(heading), dx / h, dy / h, yaw_per_m
-
-
-def _hermite(
-    p0: float, v0: float, a0: float, p1: float, v1: float, a1: float, t: float
-) -> tuple[float, float]:  # fmt: skip
-    """Value and slope at t of the quintic with these values, slopes and second derivatives at 0 and 1."""
-    d = p1 - p0 - v0 - 0.5 * a0
-    e = v1 - v0 - a0
-    f = a1 - a0
-    c3 = 10.0 * d - 4.0 * e + 0.5 * f
-    c4 = -15.0 * d + 7.0 * e - f
-    c5 = 6.0 * d - 3.0 * e + 0.5 * f
-    value = p0 + t * (v0 + t * (0.5 * a0 + t * (c3 + t * (c4 + t * c5))))
-    slope = v0 + t * (a0 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)))
-    return value, slope
 
 
 def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
@@ -107,7 +60,7 @@ def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
     return points
 
 
-class WalkPath:
+class WalkPath(_kernels.WalkPath):
     """Round and round a polygon. At t = 0 the walker is `start_lap` laps on from the first straight's beginning."""
 
     def __init__(
@@ -127,8 +80,8 @@ class WalkPath:
         lengths = [sqrt(dx * dx + dy * dy) for dx, dy in edges]
         headings = [det_atan2(dy, dx) for dx, dy in edges]
         cut = [min(corner_m, 0.499 * lengths[i - 1], 0.499 * lengths[i]) for i in range(n)]  # before and after vertex i
-        self._segments: list[_Straight | _Corner] = []
-        self._starts_m: list[float] = []
+        self.straights: list[Straight] = []
+        self.corners: list[Corner] = []
         s = 0.0
         corner_speed = speed_mps
         spans: list[tuple[str, float]] = []
@@ -137,29 +90,33 @@ class WalkPath:
             x, y = vertices[i][0] + cut[i] * cos, vertices[i][1] + cut[i] * sin
             after = (i + 1) % n
             straight_m = lengths[i] - cut[i] - cut[after]
-            self._add(_Straight(s, x, y, cos, sin))
+            self.straights.append((s, x, y, cos, sin))
             spans.append(("straight", straight_m))
             s += straight_m
             turn = _wrap(headings[after] - headings[i])
             corner = _make_corner(
                 s, (x + straight_m * cos, y + straight_m * sin), headings[i], turn, cut[after], lengths[after]
             )
-            self._add(corner)
-            spans.append(("corner", corner.length_m))
-            s += corner.length_m
+            self.corners.append(corner)
+            corner_length_m = corner[1]
+            spans.append(("corner", corner_length_m))
+            s += corner_length_m
             if turn != 0.0:
-                corner_speed = min(corner_speed, _MAX_YAW_RATE_RADPS * corner.length_m / (_PEAK_OF_SLOPE * abs(turn)))
+                corner_speed = min(corner_speed, _MAX_YAW_RATE_RADPS * corner_length_m / (_PEAK_OF_SLOPE * abs(turn)))
         self.lap_m = s
-        self._time_pieces(spans, corner_speed)
-        self._offset_s = start_lap * self.lap_s
+        self.pieces, self.lap_s = self._time_pieces(spans, corner_speed)
+        self.offset_s = start_lap * self.lap_s
+        super().__init__(
+            pieces=np.array(self.pieces),
+            straights=np.array(self.straights),
+            corners=np.array(self.corners),
+            lap_s=self.lap_s,
+            offset_s=self.offset_s,
+        )
 
-    def _add(self, segment: _Straight | _Corner) -> None:
-        self._segments.append(segment)
-        self._starts_m.append(segment.start_m)
-
-    def _time_pieces(self, spans: list[tuple[str, float]], corner_speed: float) -> None:
-        """(start time, duration, start s, speed before, speed after) of each piece of the lap."""
-        pieces: list[tuple[float, float, float, float, float]] = []
+    def _time_pieces(self, spans: list[tuple[str, float]], corner_speed: float) -> tuple[list[Piece], float]:
+        """Pieces of the lap, and how long it takes."""
+        pieces: list[Piece] = []
         t = s = 0.0
 
         def add(duration_s: float, v0: float, v1: float) -> None:
@@ -180,31 +137,12 @@ class WalkPath:
             add(change_s, corner_speed, top)
             add((length_m - (top + corner_speed) * change_s) / top, top, top)
             add(change_s, top, corner_speed)
-        self.lap_s = t
-        self._pieces = pieces
-        self._piece_starts_s = [piece[0] for piece in pieces]
-
-    def progress(self, t_ns: int) -> tuple[int, float, float]:
-        """Whole laps, metres into the lap, and speed at `t_ns`."""
-        t_s = t_ns / 1_000_000_000 + self._offset_s
-        laps = int(t_s // self.lap_s)
-        t_s -= laps * self.lap_s
-        start_s, duration_s, start_m, v0, v1 = self._pieces[max(bisect_right(self._piece_starts_s, t_s) - 1, 0)]
-        elapsed = t_s - start_s
-        if v0 == v1:
-            return laps, start_m + v0 * elapsed, v0
-        u = elapsed / duration_s
-        dv = v1 - v0
-        return laps, start_m + v0 * elapsed + dv * duration_s * _smoothstep_integral(u), v0 + dv * smoothstep(u)
-
-    def place(self, s_m: float) -> Place:
-        """x, y [m], cos and sin of the heading, dx/ds, dy/ds, and heading change per metre, `s_m` into the lap."""
-        return self._segments[max(bisect_right(self._starts_m, s_m) - 1, 0)].at(s_m)
+        return pieces, t
 
 
 def _make_corner(
     start_m: float, begin: tuple[float, float], heading_rad: float, turn_rad: float, cut_m: float, next_edge_m: float
-) -> _Corner:
+) -> Corner:
     unit = _unit_corner(turn_rad)
     end_x, end_y = unit[-1]
     chord = sqrt(end_x * end_x + end_y * end_y)
@@ -213,15 +151,15 @@ def _make_corner(
     if not length > 1e-6 * next_edge_m:
         raise ValueError("a walking path that turns back on itself: give it a corner in between")
     c, s = det_cos(heading_rad), det_sin(heading_rad)
-    knots = []
+    knots: list[float] = []
     for i, (px, py) in enumerate(unit):
         u = i / _KNOTS
         angle = heading_rad + turn_rad * smoothstep(u)
         bend = turn_rad * smoothstep_slope(u) / length
         ca, sa = det_cos(angle), det_sin(angle)
         x, y = begin[0] + length * (c * px - s * py), begin[1] + length * (s * px + c * py)
-        knots.append((x, y, ca, sa, -bend * sa, bend * ca))
-    return _Corner(start_m, length, heading_rad, turn_rad, tuple(knots))
+        knots += [x, y, ca, sa, -bend * sa, bend * ca]
+    return start_m, length, heading_rad, turn_rad, *knots
 
 
 def there_and_back(

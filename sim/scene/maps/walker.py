@@ -10,15 +10,13 @@ from __future__ import annotations
 
 from math import sqrt
 
-from hil.signals.samples import Vec3
-from sim._kernels import walker_pose
+from sim import _kernels
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.gait import Gait, natural_cycle_m
-from sim.scene.maps.scene_map import Float64
-from sim.scene.maps.walk_path import Place, WalkPath
+from sim.scene.maps.walk_path import WalkPath
 
 
-class Walker:
+class Walker(_kernels.Walker):
     """An `Actor` with one mocap body per limb."""
 
     def __init__(self, name: str, figure: Figure, path: WalkPath, *, ground_m: float = 0.0) -> None:
@@ -29,12 +27,16 @@ class Walker:
         # A whole number of cycles a lap, or the feet would jump where it closes.
         cycles = max(1, round(path.lap_m / natural_cycle_m(figure, path.speed_mps)))
         self.gait = Gait(figure, path.speed_mps, path.lap_m / cycles)
+        self.cycles_per_m = cycles / path.lap_m
         self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
-        self._per_m = cycles / path.lap_m
-        self._shape = self.gait.kernel_values
-        self._radius_m = self._bound_radius()
-        self._asked_ns: int | None = None
-        self._found: tuple[float, float, Place] = (0.0, 0.0, (0.0,) * 7)
+        super().__init__(
+            shape=self.gait.kernel_values,
+            path=path,
+            cycles_per_m=self.cycles_per_m,
+            ground_m=ground_m,
+            bound_z_m=ground_m + 0.5 * figure.height_m,
+            bound_radius_m=self._bound_radius(),
+        )
 
     @property
     def max_speed_mps(self) -> float:
@@ -58,24 +60,3 @@ class Walker:
                 distance = sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
                 radius = max(radius, distance + reach[limb])
         return radius + 0.02  # between the sampled phases
-
-    def bound(self, t_ns: int) -> tuple[Vec3, float]:
-        x, y, *_ = self._where(t_ns)[2]
-        return (x, y, self.ground_m + 0.5 * self.figure.height_m), self._radius_m
-
-    def phase(self, t_ns: int) -> float:
-        """Of the step cycle, [0, 1)."""
-        _, s_m, _ = self.path.progress(t_ns)
-        return s_m * self._per_m % 1.0
-
-    def pose(self, t_ns: int, p_WB: Float64, q_WB: Float64, v_WB_W: Float64, w_WB_W: Float64) -> None:
-        s_m, speed, place = self._where(t_ns)
-        walk = (*place, speed, self._per_m, self.ground_m)
-        walker_pose(self._shape, s_m * self._per_m % 1.0, walk, p_WB, q_WB, v_WB_W, w_WB_W)
-
-    def _where(self, t_ns: int) -> tuple[float, float, Place]:
-        """Metres into the lap, speed and place; `bound` and `pose` ask about the same moment one after the other."""
-        if t_ns != self._asked_ns:
-            _, s_m, speed = self.path.progress(t_ns)
-            self._asked_ns, self._found = t_ns, (s_m, speed, self.path.place(s_m))
-        return self._found
