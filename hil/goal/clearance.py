@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import RayCaster
+from sim._kernels import RayCaster, Vicinity
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
@@ -46,11 +46,7 @@ class Clearance:
     def nearest_m(self, p_W: tuple[float, float, float], t_ns: int) -> float:
         """From this place to the nearest surface, as everything stands at `t_ns`."""
         self._geometry.expect(t_ns)
-
-        def far(centre: tuple[float, float, float], radius_m: float) -> bool:
-            return math.dist(centre, p_W) > radius_m + _REACH_M
-
-        self._geometry.bring(far)
+        self._geometry.bring(Vicinity(p_W, p_W, _REACH_M))
         range_m = self._cast(p_W, self._sphere)
         best = int(np.argmin(range_m))
         if not math.isfinite(range_m[best]):

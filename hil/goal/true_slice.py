@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.goal.surfaces import surfaces_along
-from sim._kernels import RayCaster
+from sim._kernels import RayCaster, Vicinity
 from sim.frame.geometry import FrameGeometry
 
 _FINE = 3  # rays to a cell
@@ -59,7 +59,8 @@ def true_slice(
     width, height = math.ceil((x1 - x0) / cell_m), math.ceil((y1 - y0) / cell_m)
     occupied = np.zeros((height, width), np.bool_)
     geometry.expect(geometry.t_ns + 1)
-    geometry.bring(lambda _centre, _radius: True)
+    origin = (0.0, 0.0, 0.0)
+    geometry.bring(Vicinity(origin, origin, -math.inf))  # nobody
     caster = RayCaster(geometry.native)
     levels = np.linspace(low_m, high_m, max(2, math.ceil((high_m - low_m) / _HEIGHT_STEP_M) + 1))
     for axis, count, length_m in ((0, height, width * cell_m), (1, width, height * cell_m)):

@@ -5,7 +5,6 @@ What the native raster does and how exact it is: sim/native/frame/raster.hpp and
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -14,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
-from sim._kernels import Daylight, Picture, Scenery, SunShadows, mean_of_four
+from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
-from sim.frame.geometry import FrameGeometry, OutOfReach
+from sim.frame.geometry import FrameGeometry
 from sim.scene.haze import light_in_haze
 from sim.scene.light import Light
 from sim.scene.weather import HAZE_M
@@ -79,6 +77,7 @@ class FrameRenderer:
         self.geometry = geometry
         self.camera = camera
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, skips
+        self._edges = _edges(camera)
         scenery = geometry.scenery if textures else geometry.plain_scenery
         self._picture = _picture(geometry, scenery, camera, 1, isa)
         self._fine = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
@@ -113,7 +112,7 @@ class FrameRenderer:
         # The shadow of what is out of sight may be in sight.
         unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
         if not self.geometry.settled:
-            self.geometry.bring(self._out_of_sight(pose) if unseen else None)
+            self.geometry.bring(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if unseen else None)
         if shadows is not None:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)
@@ -127,27 +126,6 @@ class FrameRenderer:
                 mean_of_four(fine[2 * scale * first : 2 * scale * last], coarse[scale * first : scale * last])
         if wanted:
             self._take(self._picture, pose, shadows, wanted, first, last)
-
-    def _out_of_sight(self, pose: CameraPose) -> OutOfReach:
-        """Whether a sphere lies outside the picture, with a pixel to spare."""
-        camera, p, R = self.camera, pose.p_WC, pose.R_WC
-        forward = (R[2], R[5], R[8])
-        sides = []
-        for axis, low, high, f in (
-            ((R[0], R[3], R[6]), -camera.cx - 1.0, camera.width + 1.0 - camera.cx, camera.fx),
-            ((R[1], R[4], R[7]), -camera.cy - 1.0, camera.height + 1.0 - camera.cy, camera.fy),
-        ):
-            for sign, edge in ((1.0, low / f), (-1.0, high / f)):
-                n = [sign * (axis[i] - edge * forward[i]) for i in range(3)]
-                length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-                sides.append((n[0] / length, n[1] / length, n[2] / length))
-        sides.append(forward)
-
-        def outside(centre: Vec3, radius_m: float) -> bool:
-            x, y, z = centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]
-            return any(n[0] * x + n[1] * y + n[2] * z < -radius_m - 1e-3 for n in sides)
-
-        return outside
 
     def _take(
         self,
@@ -174,6 +152,16 @@ class FrameRenderer:
             last,
             self.threads,
         )
+
+
+def _edges(camera: CameraModel) -> tuple[float, float, float, float]:
+    """Tangents of a pinhole's left, right, top and bottom edges, with a pixel to spare."""
+    return (
+        (-camera.cx - 1.0) / camera.fx,
+        (camera.width + 1.0 - camera.cx) / camera.fx,
+        (-camera.cy - 1.0) / camera.fy,
+        (camera.height + 1.0 - camera.cy) / camera.fy,
+    )
 
 
 def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, scale: int, isa: str) -> Picture:

@@ -160,58 +160,6 @@ void bind_frame(nb::module_ &m) {
                 }
             },
             "geoms"_a, "p_WG"_a, "R_WG"_a, "v_WG_W"_a, "w_WG_W"_a, "New poses and velocities of moving geoms.")
-        .def(
-            "move_bodies",
-            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms, const Array<std::int32_t, -1> &bodies,
-               const Array<double, -1, 3> &p_BG, const Array<double, -1, 3, 3> &R_BG, const Array<double, -1, 3> &p_WB,
-               const Array<double, -1, 4> &q_WB, const Array<double, -1, 3> &v_W, const Array<double, -1, 3> &w_W) {
-                const std::size_t n = geoms.shape(0), nb_bodies = p_WB.shape(0);
-                if (bodies.shape(0) != n || p_BG.shape(0) != n || R_BG.shape(0) != n || q_WB.shape(0) != nb_bodies ||
-                    v_W.shape(0) != nb_bodies || w_W.shape(0) != nb_bodies) {
-                    throw std::invalid_argument("geoms, bodies and velocities must be as many");
-                }
-                for (std::size_t i = 0; i < n; ++i) {
-                    const int geom = geoms.data()[i], body = bodies.data()[i];
-                    if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size() || body < 0 ||
-                        static_cast<std::size_t>(body) >= nb_bodies) {
-                        throw std::out_of_range("no such geom or body");
-                    }
-                    const double *q = q_WB.data() + 4 * body, *pb = p_WB.data() + 3 * body;
-                    const double *v = v_W.data() + 3 * body, *w = w_W.data() + 3 * body;
-                    const double a = q[0], b = q[1], c = q[2], d = q[3];
-                    const double R[9] = {a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c),
-                                         2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b),
-                                         2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d};
-                    const double *pg = p_BG.data() + 3 * i, *Rg = R_BG.data() + 9 * i;
-                    double p[3], M[9], arm[3], vg[3];
-                    for (int r = 0; r < 3; ++r) {
-                        arm[r] = R[3 * r] * pg[0] + R[3 * r + 1] * pg[1] + R[3 * r + 2] * pg[2];
-                        p[r] = pb[r] + arm[r];
-                        for (int k = 0; k < 3; ++k) {
-                            M[3 * r + k] = R[3 * r] * Rg[k] + R[3 * r + 1] * Rg[3 + k] + R[3 * r + 2] * Rg[6 + k];
-                        }
-                    }
-                    for (int r = 0; r < 3; ++r) {
-                        const int j = (r + 1) % 3, k = (r + 2) % 3;
-                        vg[r] = v[r] + w[j] * arm[k] - w[k] * arm[j];
-                    }
-                    g.move(geom, p, M, vg, w);
-                }
-            },
-            "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "p_WB"_a, "q_WB"_a, "v_WB_W"_a, "w_WB_W"_a,
-            "Moves geoms with the bodies they sit on: geom i at (p_BG, R_BG) of body bodies[i].")
-        .def(
-            "hide",
-            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms) {
-                for (std::size_t i = 0; i < geoms.shape(0); ++i) {
-                    const int geom = geoms.data()[i];
-                    if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size()) {
-                        throw std::out_of_range("no such geom");
-                    }
-                    g.hide(geom);
-                }
-            },
-            "geoms"_a, "Moving geoms are nowhere until they are moved again.")
         .def_prop_ro("version", &fr::Geometry::version, "Counts moves.");
 
     nb::class_<fr::Scenery>(m, "Scenery", "Colours and textures (frame/scenery.hpp).")

@@ -79,7 +79,8 @@ void bind_gait(nb::module_ &m) {
             "bound",
             [](const hs::Walker &walker, std::int64_t t_ns) {
                 const hs::Sphere sphere = walker.bound(t_ns);
-                return nb::make_tuple(nb::make_tuple(sphere.x_m, sphere.y_m, sphere.z_m), sphere.radius_m);
+                const auto &[x, y, z] = sphere.centre_W;
+                return nb::make_tuple(nb::make_tuple(x, y, z), sphere.radius_m);
             },
             "t_ns"_a, "Centre [m, W] and radius [m] of a sphere that holds all of it at `t_ns`.")
         .def("phase", &hs::Walker::phase, "t_ns"_a, "Of the step cycle, [0, 1).")

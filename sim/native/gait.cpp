@@ -150,7 +150,7 @@ Walker::Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, doubl
 
 Sphere Walker::bound(std::int64_t t_ns) const {
     const WalkPlace place = path_.place(path_.progress(t_ns).s_m);
-    return {place.x_m, place.y_m, bound_z_m_, bound_radius_m_};
+    return {{place.x_m, place.y_m, bound_z_m_}, bound_radius_m_};
 }
 
 double Walker::phase(std::int64_t t_ns) const { return phase_at(path_.progress(t_ns).s_m); }

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 
+#include "actor.hpp"
 #include "walk_path.hpp"
 
 namespace hil::sim {
@@ -26,25 +27,20 @@ struct GaitShape {
 // All limbs at `phase` in [0, 1), by the walker's own frame H; derivatives by phase.
 void gait_rows(const GaitShape &shape, double phase, LimbRows &rows);
 
-struct Sphere {
-    double x_m, y_m, z_m, radius_m;
-};
-
-// One walker: a step cycle carried along a path. A pure function of time.
-class Walker {
+// One walker: a step cycle carried along a path. Its bodies are its limbs.
+class Walker : public Actor {
 public:
     // `bound_z_m`, `bound_radius_m`: of the sphere that holds all limbs; its middle is above the pelvis's path.
     Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
            double bound_radius_m);
 
-    // In W.
-    Sphere bound(std::int64_t t_ns) const;
+    std::size_t bodies() const override { return kLimbs; }
+    Sphere bound(std::int64_t t_ns) const override;
 
     // Of the step cycle, [0, 1).
     double phase(std::int64_t t_ns) const;
 
-    // Poses and velocities of all limbs in W: (15, 3), (15, 4) w-x-y-z, (15, 3), (15, 3).
-    void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const;
+    void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const override;
 
 private:
     double phase_at(double s_m) const;

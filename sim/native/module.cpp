@@ -5,6 +5,7 @@
 
 namespace nb = nanobind;
 
+void bind_actors(nb::module_ &m);
 void bind_crc32(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
@@ -29,6 +30,7 @@ void bind_sweep_rays(nb::module_ &m);
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     hil::bind_detmath(m);
+    bind_actors(m);
     bind_crc32(m);
     bind_dryden(m);
     bind_extinction(m);

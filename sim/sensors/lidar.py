@@ -16,18 +16,16 @@ Nothing beyond the range is looked at and nothing without a geom in reach is tes
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from sim._kernels import RayCaster, extinguish, lambert_strength, sweep_rays
+from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
@@ -36,12 +34,7 @@ from sim.sensors.rotation import rotate_into_world
 from sim.sensors.sensor import Installation
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
 
-if TYPE_CHECKING:
-    from sim.frame.geometry import OutOfReach
-
 Float64 = NDArray[np.float64]
-
-_SLACK_M = 1e-3  # far above rounding
 
 # A beam's footprint: the middle and four rays at half its radius, which share its light evenly.
 _FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
@@ -200,7 +193,7 @@ class Lidar:
             )
             if k == 0:  # all of the footprint begin in the same places
                 self._frames.expect(t_ns)
-                self._frames.geometry.bring(_out_of_reach(*box, farthest))
+                self._frames.geometry.bring(Vicinity(*box, farthest))
             range_m, geom = self._range[k, part], self._geom[k, part]
             self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
             strength = self._strength[k, part]
@@ -213,18 +206,6 @@ class Lidar:
             return single_echoes(self._range[0], self._strength[0], self._geom[0])
         p = self._p
         return choose_echoes(self._range, self._strength, self._geom, which=p.echo, separation_m=p.echo_separation_m)
-
-
-def _out_of_reach(low: Vec3, high: Vec3, farthest_m: float) -> OutOfReach:
-    """Whether nothing within a sphere can be met: it is farther than that from the box of all origins."""
-    (x0, y0, z0), (x1, y1, z1) = low, high
-
-    def out_of_reach(centre: tuple[float, float, float], radius_m: float) -> bool:
-        x, y, z = centre
-        dx, dy, dz = max(x0 - x, 0.0, x - x1), max(y0 - y, 0.0, y - y1), max(z0 - z, 0.0, z - z1)
-        return math.sqrt(dx * dx + dy * dy + dz * dz) > radius_m + farthest_m + _SLACK_M
-
-    return out_of_reach
 
 
 def _unit(v: Float64) -> Float64:

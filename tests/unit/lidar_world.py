@@ -98,7 +98,7 @@ class GeometryOf:
     world: World
     bring_all: Callable[[], None]
 
-    def bring(self, out_of_reach: Any = None) -> None:
+    def bring(self, reach: Any = None) -> None:
         self.bring_all()
 
 

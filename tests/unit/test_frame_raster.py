@@ -209,7 +209,6 @@ def test_geometry_refuses_what_would_break_it() -> None:
     index, one, rotation = np.zeros(1, np.int32), np.zeros((1, 3)), np.eye(3)[None].copy()
     for refused in (
         lambda: geometry.move(index, one, rotation, one, one),
-        lambda: geometry.hide(index),
         lambda: geometry.add_mesh(CUBE, CUBE_FACES, None, None),
         lambda: geometry.add_geom(2, (1.0, 0, 0), (0.0, 0, 0), (1.0, 0, 0, 0, 1, 0, 0, 0, 1), -1, False, True, 0, 0, 0),
         lambda: Geometry().add_mesh(CUBE, CUBE_FACES + 1, None, None),

@@ -1,0 +1,103 @@
+// sim._kernels.SceneActors, Vicinity, FieldOfView: who moves by himself. Contracts: frame/actors.hpp, frame/reach.hpp.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "frame/actors.hpp"
+#include "gait.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+namespace hs = hil::sim;
+namespace fr = hil::sim::frame;
+
+namespace {
+
+template <class T, int... N>
+using Array = nb::ndarray<const T, nb::shape<N...>, nb::c_contig, nb::device::cpu>;
+using Vec3 = std::array<double, 3>;
+using Mat3 = std::array<double, 9>;
+
+// An actor that is written in Python.
+class PythonActor : public hs::Actor {
+public:
+    explicit PythonActor(nb::object actor)
+        : actor_(std::move(actor)), bodies_(nb::len(nb::object(actor_.attr("bodies")))) {}
+
+    std::size_t bodies() const override { return bodies_; }
+
+    hs::Sphere bound(std::int64_t t_ns) const override {
+        const auto [centre_W, radius_m] = nb::cast<std::pair<Vec3, double>>(actor_.attr("bound")(t_ns));
+        return {{centre_W[0], centre_W[1], centre_W[2]}, radius_m};
+    }
+
+    void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const override {
+        actor_.attr("pose")(t_ns, view(p_WB, 3), view(q_WB, 4), view(v_WB_W, 3), view(w_WB_W, 3));
+    }
+
+private:
+    nb::object view(double *values, std::size_t columns) const {
+        return nb::cast(nb::ndarray<nb::numpy, double>(values, {bodies_, columns}, nb::handle()),
+                        nb::rv_policy::reference);
+    }
+
+    nb::object actor_;
+    std::size_t bodies_;
+};
+
+std::shared_ptr<const hs::Actor> actor_of(nb::object actor) {
+    if (nb::isinstance<hs::Walker>(actor)) {
+        return nb::cast<std::shared_ptr<hs::Walker>>(actor);
+    }
+    return std::make_shared<PythonActor>(std::move(actor));
+}
+
+}  // namespace
+
+void bind_actors(nb::module_ &m) {
+    nb::class_<fr::Reach>(m, "Reach", "Where something must be to matter to a sensor.");
+    nb::class_<fr::Vicinity, fr::Reach>(m, "Vicinity", "What is no farther than a range from a box.")
+        .def(
+            "__init__",
+            [](fr::Vicinity *self, const Vec3 &low_W, const Vec3 &high_W, double range_m) {
+                new (self) fr::Vicinity(low_W.data(), high_W.data(), range_m);
+            },
+            "low_W"_a, "high_W"_a, "range_m"_a);
+    nb::class_<fr::FieldOfView, fr::Reach>(m, "FieldOfView", "What a pinhole camera may see.")
+        .def(
+            "__init__",
+            [](fr::FieldOfView *self, const Vec3 &p_WC, const Mat3 &R_WC, double left, double right, double top,
+               double bottom) { new (self) fr::FieldOfView(p_WC.data(), R_WC.data(), left, right, top, bottom); },
+            "p_WC"_a, "R_WC"_a, "left"_a, "right"_a, "top"_a, "bottom"_a);
+    nb::class_<fr::Actors>(m, "SceneActors", "Actors of a geometry, posed where they matter.")
+        .def(nb::init<fr::Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>())
+        .def(
+            "add",
+            [](fr::Actors &actors, nb::object actor, const Array<std::int32_t, -1> &geoms,
+               const Array<std::int32_t, -1> &bodies, const Array<double, -1, 3> &p_BG,
+               const Array<double, -1, 3, 3> &R_BG) {
+                const std::size_t n = geoms.shape(0);
+                if (bodies.shape(0) != n || p_BG.shape(0) != n || R_BG.shape(0) != n) {
+                    throw std::invalid_argument("geoms, bodies and poses must be as many");
+                }
+                std::vector<fr::BodyGeom> on_bodies(n);
+                for (std::size_t i = 0; i < n; ++i) {
+                    on_bodies[i].geom = geoms.data()[i], on_bodies[i].body = bodies.data()[i];
+                    std::copy_n(p_BG.data() + 3 * i, 3, on_bodies[i].p_BG);
+                    std::copy_n(R_BG.data() + 9 * i, 9, on_bodies[i].R_BG);
+                }
+                actors.add(actor_of(std::move(actor)), std::move(on_bodies));
+            },
+            "actor"_a, "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "Geom i sits on body bodies[i] of the actor.")
+        .def("bring", &fr::Actors::bring, "t_ns"_a, "reach"_a.none(), "Returns how many were posed.")
+        .def("absent", &fr::Actors::absent, "t_ns"_a, "How many are not where they are at `t_ns`.");
+}
