@@ -28,22 +28,11 @@ from hil.signals.time import NS_PER_S
 
 @dataclass
 class FlightPart:
-    """What the flight itself gave during one batch, times of the data set."""
+    """What the flight itself gave during one batch, times of the data set: those of the files are `EPOCH_NS` later."""
 
     truths: list[TruthState] = field(default_factory=list)
     samples: dict[str, list[tuple[Sample, int]]] = field(default_factory=dict)  # by port: sample, released at [ns]
     events: list[tuple[int, str, str]] = field(default_factory=list)
-
-    def later(self, by_ns: int) -> FlightPart:
-        """The same, so much later."""
-        return FlightPart(
-            [truth._replace(t_ns=truth.t_ns + by_ns) for truth in self.truths],
-            {
-                port: [(_later(sample, by_ns), released_ns + by_ns) for sample, released_ns in rows]
-                for port, rows in self.samples.items()
-            },
-            [(t_ns + by_ns, kind, text) for t_ns, kind, text in self.events],
-        )
 
 
 def _later(sample: Sample, by_ns: int) -> Sample:

@@ -21,7 +21,6 @@ from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.journal import BatchRecord, JournalWriter, read_pictures
 from hil.dataset.moments import Batch
 from hil.dataset.page_release import PageRelease
-from hil.dataset.plan import EPOCH_NS
 from hil.dataset.recording import DatasetRecording
 from hil.dataset.tables import Tables
 from hil.dataset.tree import JOURNAL
@@ -72,7 +71,7 @@ class Pipeline:
         """A batch that the flight has given. Waits where too much is under way."""
         while not self._workers.room or len(self._parts) >= self._most:
             self._collect(block=True)
-        self._parts[batch.index] = (batch, part.later(EPOCH_NS))
+        self._parts[batch.index] = (batch, part)
         self._place[batch.index] = self._free.pop()
         self._workers.submit(self._job(batch)._replace(place=self._place[batch.index]))
         self._collect(block=False)

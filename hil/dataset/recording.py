@@ -14,6 +14,7 @@ from typing import BinaryIO
 from hil.dataset.flight import FlightPart
 from hil.dataset.frame_chunk import records_of
 from hil.dataset.journal import StoredChunk
+from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import PART, RECORDING, unwritable
 from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
 from hil.recorder.mcap_sink import EventSeries, Series
@@ -42,7 +43,7 @@ class DatasetRecording:
         self._safe = SafeFile(self._path, _open_kept)
         self._mcap = McapFile(self._safe)
         self._tick_ns = tick_ns
-        self._truth = Series(TruthState, TRUTH_TOPICS, "")
+        self._truth = Series(TruthState, TRUTH_TOPICS, "", later_ns=EPOCH_NS)
         self._samples: dict[str, Series] = {}
         self._events = EventSeries(self._mcap)
         self._mcap.metadata("hil_dataset", dict(metadata), 0)
@@ -50,7 +51,7 @@ class DatasetRecording:
             self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
 
     def add_flight(self, part: FlightPart) -> None:
-        """What the flight gave during a batch, times those of the files."""
+        """What the flight gave during a batch."""
         self._truth.rows += part.truths
         blocks = self._truth.blocks(self._mcap, self._tick_ns)
         for port in sorted(part.samples):
@@ -58,12 +59,12 @@ class DatasetRecording:
             series = self._samples.get(port)
             if series is None:
                 kind = type(rows[0][0])
-                series = self._samples[port] = Series(kind, SAMPLE_TOPICS[kind], port)
+                series = self._samples[port] = Series(kind, SAMPLE_TOPICS[kind], port, later_ns=EPOCH_NS)
             series.rows += [sample for sample, _ in rows]
             series.log_ns += [log_ns for _, log_ns in rows]
             blocks += series.blocks(self._mcap, self._tick_ns)
         for t_ns, what, text in part.events:
-            self._events.add(t_ns, what, text)
+            self._events.add(t_ns + EPOCH_NS, what, text)
         blocks.append(self._events.block())
         self._mcap.chunk(blocks, 0)
 

@@ -15,6 +15,7 @@ from typing import Any
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
 from hil.dataset.journal import BatchRecord
+from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import Written, make_folder, unwritable
 from hil.signals.errors import RecordingError
 from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, Sample
@@ -76,13 +77,13 @@ class _Table:
         self.waiting.append(row)
 
     def add_samples(self, samples: list[Any], columns: euroc.Columns) -> None:
-        """Rows of samples of one type."""
+        """Rows of samples of one type, times of the data set."""
         try:
-            self.waiting.append(number_rows(samples, columns, self._last_ns))
+            self.waiting.append(number_rows(samples, columns, self._last_ns, EPOCH_NS))
         except ValueError as error:
             raise RecordingError(f"{self.path}: {error}") from error
         if samples:
-            self._last_ns = samples[-1][columns[0]]
+            self._last_ns = samples[-1][columns[0]] + EPOCH_NS
         self.rows += len(samples)
 
 
@@ -108,7 +109,7 @@ class Tables:
         return {folder: table.rows for folder, table in self._tables.items()}
 
     def add_flight(self, part: FlightPart) -> None:
-        """Times are those of the files."""
+        """Rows of truth and of the sensors sampled in the flight."""
         self._tables[TRUTH].add_samples(part.truths, euroc.TRUTH_COLUMNS)
         for port, rows in part.samples.items():
             table = self._tables[self._flight_folders[port]]
@@ -117,7 +118,8 @@ class Tables:
                 table.add_samples([sample for sample, _ in rows], columns)
                 continue
             for sample, _ in rows:
-                table.add(sample.t_capture_ns, sample_row(sample))
+                t_ns = sample.t_capture_ns + EPOCH_NS
+                table.add(t_ns, sample_row(sample._replace(t_capture_ns=t_ns)))
 
     def add_files(self, record: BatchRecord) -> None:
         """Rows of the files in data/ folders."""

@@ -65,9 +65,8 @@ class TopicWriter:
         records["$sequence"] = columns["seq"]
         records["$log"] = log_ns
         records["$publish"] = columns["available_ns"]
-        seconds, nanoseconds = np.divmod(columns["stamp_ns"], NS_PER_S)
-        records[f"{topic.header}.stamp.sec"] = seconds
-        records[f"{topic.header}.stamp.nanosec"] = nanoseconds
+        records[f"{topic.header}.stamp.sec"] = columns["stamp_s"]
+        records[f"{topic.header}.stamp.nanosec"] = columns["stamp_rest_ns"]
         for path, column in topic.columns.items():
             records[path] = columns[column]
         size = self._layout.size
@@ -76,11 +75,12 @@ class TopicWriter:
 
 
 class Series:
-    """What has come in on one port since the last chunk."""
+    """What has come in on one port since the last chunk. `later_ns` is added to all its times."""
 
-    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str) -> None:
+    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str, *, later_ns: int = 0) -> None:
         self.rows: list[Any] = []
         self.log_ns: list[int] = []
+        self._later_ns = later_ns
         self._kind = kind
         self._topics = topics
         self._prefix = prefix
@@ -90,8 +90,8 @@ class Series:
         """The records of everything that came in, which is then forgotten."""
         if not self.rows:
             return []
-        columns = columns_of(self._kind, self.rows)
-        log_ns = np.array(self.log_ns, np.uint64) if self.log_ns else columns["t_ns"].astype(np.uint64)
+        columns = columns_of(self._kind, self.rows, self._later_ns)
+        log_ns = (np.array(self.log_ns) + self._later_ns if self.log_ns else columns["stamp_ns"]).astype(np.uint64)
         self.rows.clear()
         self.log_ns.clear()
         if not self._writers:

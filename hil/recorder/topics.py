@@ -7,8 +7,9 @@ scaled: every double in the file is the double of the sample. Where ROS has no m
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from hil.signals.samples import (
     RangeSample,
     TruthState,
 )
+from hil.signals.time import NS_PER_S
 
 Columns = dict[str, NDArray[Any]]
 
@@ -158,10 +160,13 @@ ACTUATOR_TOPICS = (
 )
 
 
-def columns_of(kind: type, rows: list[Any]) -> Columns:
-    """The samples turned on their side: one array per field, with the derived columns the topics above ask for."""
+def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
+    """The samples turned on their side: one array per field, with the derived columns the topics above ask for.
+
+    `later_ns` is added to those of the derived columns that are times.
+    """
     names = kind._fields  # type: ignore[attr-defined]
-    columns: Columns = {name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+    columns: Columns = {name: _column(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
     if kind is TruthState:
         columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
     elif kind is GpsSample:
@@ -172,8 +177,17 @@ def columns_of(kind: type, rows: list[Any]) -> Columns:
         columns["status"] = np.where(columns["fix_type"] >= _FIX_3D, _FIX, _NO_FIX)
     if kind is TruthState or kind is ActuatorFrame:
         columns["seq"] = columns["tick"]
-        columns["stamp_ns"] = columns["available_ns"] = columns["t_ns"]
+        columns["stamp_ns"] = columns["available_ns"] = columns["t_ns"] + later_ns
     else:
-        columns["stamp_ns"] = columns["t_capture_ns"]
-        columns["available_ns"] = columns["t_available_ns"]
+        columns["stamp_ns"] = columns["t_capture_ns"] + later_ns
+        columns["available_ns"] = columns["t_available_ns"] + later_ns
+    columns["stamp_s"], columns["stamp_rest_ns"] = np.divmod(columns["stamp_ns"], NS_PER_S)
     return columns
+
+
+def _column(values: Sequence[Any]) -> NDArray[Any]:
+    """One field of all samples; tuples of numbers are laid end to end first, which numpy is slow at."""
+    if not isinstance(values[0], tuple):
+        return np.array(values)
+    width = len(values[0])
+    return np.fromiter(chain.from_iterable(values), np.float64, len(values) * width).reshape(len(values), width)

@@ -38,7 +38,7 @@ nb::str number_row(nb::args values) {
 }
 
 // Of tuples alone, so that nothing can be changed or go away meanwhile.
-nb::str number_rows(nb::list rows, nb::tuple columns, std::int64_t before) {
+nb::str number_rows(nb::list rows, nb::tuple columns, std::int64_t before, std::int64_t later) {
     thread_local std::string text;
     text.clear();
     const Py_ssize_t time = nb::cast<Py_ssize_t>(columns[0]);
@@ -48,8 +48,9 @@ nb::str number_rows(nb::list rows, nb::tuple columns, std::int64_t before) {
             if (!PyTuple_Check(r) || i < 0 || i >= PyTuple_GET_SIZE(r)) throw nb::index_error("a row has no such column");
             return PyTuple_GET_ITEM(r, i);
         };
-        const long long t_ns = PyLong_AsLongLong(field(time));
+        long long t_ns = PyLong_AsLongLong(field(time));
         if (t_ns == -1 && PyErr_Occurred()) throw nb::python_error();
+        t_ns += later;
         if (t_ns <= before) {
             throw nb::value_error(("time must rise from row to row, but " + std::to_string(t_ns) + " ns follows " +
                                    std::to_string(before) + " ns").c_str());
@@ -72,7 +73,7 @@ nb::str number_rows(nb::list rows, nb::tuple columns, std::int64_t before) {
 void bind_number_text(nb::module_ &m) {
     m.def("number_row", number_row, "values"_a,
           "Numbers and tuples of numbers as Python's repr writes floats, with commas between them.");
-    m.def("number_rows", number_rows, "rows"_a, "columns"_a, "before"_a,
-          "A table's rows, of tuples: first the time [ns] in column `columns[0]`, a whole number that must rise from row "
-          "to row and from `before` (ValueError), then each column named by its place, or a tuple as it is.");
+    m.def("number_rows", number_rows, "rows"_a, "columns"_a, "before"_a, "later"_a = 0,
+          "A table's rows, of tuples: first the time [ns] in column `columns[0]`, a whole number, plus `later`; it must "
+          "rise from row to row and from `before` (ValueError). Then each column named by its place, or a tuple as it is.");
 }

@@ -74,6 +74,8 @@ def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
     ]
     assert number_rows(imu, euroc.IMU_COLUMNS, 0) == "".join(map(euroc.imu_row, imu))
     assert number_rows([], euroc.IMU_COLUMNS, 0) == ""
+    later = [t._replace(t_ns=t.t_ns + 10**18) for t in truths]
+    assert number_rows(truths, euroc.TRUTH_COLUMNS, -1, 10**18) == "".join(map(euroc.truth_row, later))
 
 
 @pytest.mark.parametrize("times", [(5,), (6, 6), (7, 6)])
