@@ -11,28 +11,42 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hil.bench import fly
 from hil.config.schema import MAX_SEED
 from hil.dataset.moments import Batch, BatchMaker, Clock, Look
-from hil.dataset.plan import BATCH_FRAMES, DatasetPlan
+from hil.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.recorder.digest import RawFrame
 from hil.recorder.recorder import Recorder
+from hil.recorder.topics import Columns, columns_of
 from hil.signals.errors import RecordingError
 from hil.signals.samples import ActuatorFrame, Sample, TruthState
 from hil.signals.time import NS_PER_S
 
 
-@dataclass
-class FlightPart:
-    """What the flight itself gave during one batch, times of the data set: those of the files are `EPOCH_NS` later."""
+class PortSamples(NamedTuple):
+    """What one sensor gave, in the order of release."""
 
-    truths: list[TruthState] = field(default_factory=list)
-    samples: dict[str, list[tuple[Sample, int]]] = field(default_factory=dict)  # by port: sample, released at [ns]
-    events: list[tuple[int, str, str]] = field(default_factory=list)
+    kind: type
+    columns: Columns
+    released_ns: NDArray[np.int64]  # times of the files
+
+
+class FlightPart(NamedTuple):
+    """What the flight itself gave during one batch, as `columns_of` gives it; times derived there are of the files.
+
+    Made as soon as the batch is over: Python's own numbers would lie far apart in memory until it is written.
+    """
+
+    truths: Columns
+    samples: dict[str, PortSamples]  # by port
+    events: list[tuple[int, str, str]]  # times of the files
 
 
 def _later(sample: Sample, by_ns: int) -> Sample:
@@ -40,6 +54,12 @@ def _later(sample: Sample, by_ns: int) -> Sample:
         t_capture_ns=sample.t_capture_ns + by_ns, t_available_ns=sample.t_available_ns + by_ns
     )
     return later
+
+
+def _port_samples(rows: list[tuple[Sample, int]]) -> PortSamples:
+    samples, released_ns = zip(*rows, strict=True)
+    kind = type(samples[0])
+    return PortSamples(kind, columns_of(kind, list(samples), EPOCH_NS), np.array(released_ns) + EPOCH_NS)
 
 
 OnBatch = Callable[[Batch, FlightPart], None]
@@ -53,8 +73,10 @@ class FlightTap(Recorder):
         self._plan, self._on_batch = plan, on_batch
         self._clock = Clock(plan.frame_sensors, plan.config.tick_hz)
         self.batches = BatchMaker(plan.reference, frames=plan.frames, batch_frames=BATCH_FRAMES)
-        self._part = FlightPart()
-        self._waiting: dict[str, list[tuple[Sample, int]]] = {}  # released since the first frame of this batch
+        # Since the first frame of this batch, times of the data set:
+        self._truths: list[TruthState] = []
+        self._samples: dict[str, list[tuple[Sample, int]]] = {}  # by port: sample, released at [ns]
+        self._events: list[tuple[int, str, str]] = []
         self._base_ns = 0  # time of the data set at which the present flight began
         self._now_ns = 0
         self._first_ns = -1  # of the data set's first frame
@@ -95,7 +117,7 @@ class FlightTap(Recorder):
         if looks and self._recording:
             self._look(truth, looks)
         if self.batches.begun and self._recording:
-            self._part.truths.append(truth)
+            self._truths.append(truth)
 
     def _look(self, truth: TruthState, looks: tuple[Look, ...]) -> None:
         batch = self.batches.add(truth, looks)
@@ -107,7 +129,12 @@ class FlightTap(Recorder):
             self._last_ns = truth.t_ns
 
     def _hand_over(self, batch: Batch) -> None:
-        part, self._part = self._part, FlightPart()
+        part = FlightPart(
+            columns_of(TruthState, self._truths, EPOCH_NS),
+            {port: _port_samples(rows) for port, rows in self._samples.items()},
+            [(t_ns + EPOCH_NS, kind, text) for t_ns, kind, text in self._events],
+        )
+        self._truths, self._samples, self._events = [], {}, []
         self._on_batch(batch, part)
 
     def sample(self, port: str, sample: Sample) -> None:
@@ -117,11 +144,11 @@ class FlightTap(Recorder):
         if self._last_ns >= 0 and captured_ns > self._last_ns:
             return
         moved = _later(sample, base_ns) if base_ns else sample
-        self._part.samples.setdefault(port, []).append((moved, self._now_ns))
+        self._samples.setdefault(port, []).append((moved, self._now_ns))
 
     def event(self, t_ns: int, kind: str, text: str) -> None:
         if self._first_ns >= 0 and self._last_ns < 0:
-            self._part.events.append((t_ns + self._base_ns, kind, text))
+            self._events.append((t_ns + self._base_ns, kind, text))
 
     def sent(self, tick: int, t_ns: int, data: bytes) -> None:
         """The wire to the autopilot is not recorded."""

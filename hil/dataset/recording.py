@@ -14,12 +14,10 @@ from typing import BinaryIO
 from hil.dataset.flight import FlightPart
 from hil.dataset.frame_chunk import records_of
 from hil.dataset.journal import StoredChunk
-from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import PART, RECORDING, unwritable
 from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
-from hil.recorder.mcap_sink import EventSeries, Series
+from hil.recorder.mcap_sink import EventSeries, TopicWriters
 from hil.recorder.topics import SAMPLE_TOPICS, TRUTH_TOPICS
-from hil.signals.samples import TruthState
 
 _COPY_BYTES = 1 << 24
 
@@ -43,8 +41,8 @@ class DatasetRecording:
         self._safe = SafeFile(self._path, _open_kept)
         self._mcap = McapFile(self._safe)
         self._tick_ns = tick_ns
-        self._truth = Series(TruthState, TRUTH_TOPICS, "", later_ns=EPOCH_NS)
-        self._samples: dict[str, Series] = {}
+        self._truth = TopicWriters(TRUTH_TOPICS, "")
+        self._samples: dict[str, TopicWriters] = {}
         self._events = EventSeries(self._mcap)
         self._mcap.metadata("hil_dataset", dict(metadata), 0)
         for name, data in attachments.items():
@@ -52,19 +50,14 @@ class DatasetRecording:
 
     def add_flight(self, part: FlightPart) -> None:
         """What the flight gave during a batch."""
-        self._truth.rows += part.truths
-        blocks = self._truth.blocks(self._mcap, self._tick_ns)
-        for port in sorted(part.samples):
-            rows = part.samples[port]
-            series = self._samples.get(port)
-            if series is None:
-                kind = type(rows[0][0])
-                series = self._samples[port] = Series(kind, SAMPLE_TOPICS[kind], port, later_ns=EPOCH_NS)
-            series.rows += [sample for sample, _ in rows]
-            series.log_ns += [log_ns for _, log_ns in rows]
-            blocks += series.blocks(self._mcap, self._tick_ns)
+        blocks = self._truth.blocks(self._mcap, self._tick_ns, part.truths, part.truths["stamp_ns"])
+        for port, samples in sorted(part.samples.items()):
+            writers = self._samples.get(port)
+            if writers is None:
+                writers = self._samples[port] = TopicWriters(SAMPLE_TOPICS[samples.kind], port)
+            blocks += writers.blocks(self._mcap, self._tick_ns, samples.columns, samples.released_ns)
         for t_ns, what, text in part.events:
-            self._events.add(t_ns + EPOCH_NS, what, text)
+            self._events.add(t_ns, what, text)
         blocks.append(self._events.block())
         self._mcap.chunk(blocks, 0)
 

@@ -10,15 +10,14 @@ import os
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
 from hil.dataset.journal import BatchRecord
-from hil.dataset.plan import EPOCH_NS
 from hil.dataset.tree import Written, make_folder, unwritable
+from hil.recorder.topics import Columns
 from hil.signals.errors import RecordingError
-from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, Sample
+from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample
 from sim._kernels import number_rows
 
 TABLE = "data.csv"
@@ -37,25 +36,14 @@ HEADERS: Mapping[type, str] = {
     FlowSample: FLOW_HEADER,
 }
 
-# Samples that are nothing but time and numbers: their rows are made many at a time.
-_COLUMNS: Mapping[type, euroc.Columns] = {
+COLUMNS: Mapping[type, euroc.TableColumns] = {
     ImuSample: euroc.IMU_COLUMNS,
-    MagSample: euroc.columns(MagSample, "t_capture_ns", "field_tesla"),
+    GpsSample: euroc.GPS_COLUMNS,
+    MagSample: ("field_tesla",),
+    BaroSample: ("pressure_pa", "pressure_altitude_m", "temperature_degc"),
+    RangeSample: ("distance_m", "quality"),
+    FlowSample: ("integration_ns", "flow_rad", "quality"),
 }
-
-
-def sample_row(sample: Sample) -> str:
-    """The row of a sample of the flight that has more in it than numbers, its time as it is."""
-    if isinstance(sample, GpsSample):
-        return euroc.gps_row(sample)
-    t_ns = sample.t_capture_ns
-    if isinstance(sample, BaroSample):
-        return f"{t_ns},{sample.pressure_pa!r},{sample.pressure_altitude_m!r},{sample.temperature_degc!r}\n"
-    if isinstance(sample, RangeSample):
-        return f"{t_ns},{sample.distance_m!r},{sample.quality}\n"
-    assert isinstance(sample, FlowSample)
-    x, y = sample.flow_rad
-    return f"{t_ns},{sample.integration_ns},{x!r},{y!r},{sample.quality}\n"
 
 
 class _Table:
@@ -76,15 +64,17 @@ class _Table:
         self.rows += 1
         self.waiting.append(row)
 
-    def add_samples(self, samples: list[Any], columns: euroc.Columns) -> None:
-        """Rows of samples of one type, times of the data set."""
+    def add_samples(self, columns: Columns, names: euroc.TableColumns) -> None:
+        """Rows of samples as `columns_of` gives them."""
+        t_ns = columns["stamp_ns"]
         try:
-            self.waiting.append(number_rows(samples, columns, self._last_ns, EPOCH_NS))
+            self.waiting.append(
+                number_rows(t_ns, [columns[x] if isinstance(x, str) else x for x in names], self._last_ns)
+            )
         except ValueError as error:
             raise RecordingError(f"{self.path}: {error}") from error
-        if samples:
-            self._last_ns = samples[-1][columns[0]] + EPOCH_NS
-        self.rows += len(samples)
+        self._last_ns = int(t_ns[-1])
+        self.rows += len(t_ns)
 
 
 class Tables:
@@ -111,15 +101,8 @@ class Tables:
     def add_flight(self, part: FlightPart) -> None:
         """Rows of truth and of the sensors sampled in the flight."""
         self._tables[TRUTH].add_samples(part.truths, euroc.TRUTH_COLUMNS)
-        for port, rows in part.samples.items():
-            table = self._tables[self._flight_folders[port]]
-            columns = _COLUMNS.get(type(rows[0][0])) if rows else None
-            if columns is not None:
-                table.add_samples([sample for sample, _ in rows], columns)
-                continue
-            for sample, _ in rows:
-                t_ns = sample.t_capture_ns + EPOCH_NS
-                table.add(t_ns, sample_row(sample._replace(t_capture_ns=t_ns)))
+        for port, samples in part.samples.items():
+            self._tables[self._flight_folders[port]].add_samples(samples.columns, COLUMNS[samples.kind])
 
     def add_files(self, record: BatchRecord) -> None:
         """Rows of the files in data/ folders."""

@@ -74,31 +74,42 @@ class TopicWriter:
         return Block(self.channel, records.tobytes(), log_ns, offsets)
 
 
-class Series:
-    """What has come in on one port since the last chunk. `later_ns` is added to all its times."""
+class TopicWriters:
+    """The topics of one port. They are declared when the first samples come, whose array lengths they keep."""
 
-    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str, *, later_ns: int = 0) -> None:
-        self.rows: list[Any] = []
-        self.log_ns: list[int] = []
-        self._later_ns = later_ns
-        self._kind = kind
+    def __init__(self, topics: Sequence[Topic], prefix: str) -> None:
         self._topics = topics
         self._prefix = prefix
         self._writers: list[TopicWriter] = []
+
+    def blocks(self, file: McapFile, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
+        """The records of samples given as `columns_of` gives them."""
+        if not self._writers:
+            self._writers = [
+                TopicWriter(file, topic, f"/{self._prefix}{topic.suffix}", columns, tick_ns) for topic in self._topics
+            ]
+        unsigned_ns = log_ns.astype(np.uint64)
+        return [writer.block(columns, unsigned_ns) for writer in self._writers]
+
+
+class Series:
+    """What has come in on one port since the last chunk."""
+
+    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str) -> None:
+        self.rows: list[Any] = []
+        self.log_ns: list[int] = []
+        self._kind = kind
+        self._writers = TopicWriters(topics, prefix)
 
     def blocks(self, file: McapFile, tick_ns: int) -> list[Block]:
         """The records of everything that came in, which is then forgotten."""
         if not self.rows:
             return []
-        columns = columns_of(self._kind, self.rows, self._later_ns)
-        log_ns = (np.array(self.log_ns) + self._later_ns if self.log_ns else columns["stamp_ns"]).astype(np.uint64)
+        columns = columns_of(self._kind, self.rows)
+        log_ns = np.array(self.log_ns) if self.log_ns else columns["stamp_ns"]
         self.rows.clear()
         self.log_ns.clear()
-        if not self._writers:
-            self._writers = [
-                TopicWriter(file, topic, f"/{self._prefix}{topic.suffix}", columns, tick_ns) for topic in self._topics
-            ]
-        return [writer.block(columns, log_ns) for writer in self._writers]
+        return self._writers.blocks(file, tick_ns, columns, log_ns)
 
 
 class MavlinkSeries:

@@ -7,9 +7,8 @@ scaled: every double in the file is the double of the sample. Where ROS has no m
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from hil.signals.samples import (
     TruthState,
 )
 from hil.signals.time import NS_PER_S
+from sim._kernels import sample_columns
 
 Columns = dict[str, NDArray[Any]]
 
@@ -166,7 +166,7 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
     `later_ns` is added to those of the derived columns that are times.
     """
     names = kind._fields  # type: ignore[attr-defined]
-    columns: Columns = {name: _column(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
+    columns: Columns = dict(zip(names, sample_columns(rows), strict=True))
     if kind is TruthState:
         columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
     elif kind is GpsSample:
@@ -183,11 +183,3 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
         columns["available_ns"] = columns["t_available_ns"] + later_ns
     columns["stamp_s"], columns["stamp_rest_ns"] = np.divmod(columns["stamp_ns"], NS_PER_S)
     return columns
-
-
-def _column(values: Sequence[Any]) -> NDArray[Any]:
-    """One field of all samples; tuples of numbers are laid end to end first, which numpy is slow at."""
-    if not isinstance(values[0], tuple):
-        return np.array(values)
-    width = len(values[0])
-    return np.fromiter(chain.from_iterable(values), np.float64, len(values) * width).reshape(len(values), width)

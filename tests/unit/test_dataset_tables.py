@@ -6,6 +6,7 @@ import io
 import json
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,10 +22,21 @@ from hil.dataset.formats.looks import cloud_look, radar_look, with_boxes
 from hil.dataset.formats.pictures import PictureEncoder
 from hil.dataset.formats.radar_npy import radar_json, range_doppler_npy, raw_npy
 from hil.dataset.formats.split import split_frames
+from hil.dataset.tables import COLUMNS
+from hil.recorder.topics import columns_of
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
-from hil.signals.samples import GpsSample, ImuSample, PointCloudSample, TruthState
-from sim._kernels import number_rows
+from hil.signals.samples import (
+    BaroSample,
+    FlowSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    PointCloudSample,
+    RangeSample,
+    TruthState,
+)
+from sim._kernels import number_rows, sample_columns
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.recording import load_recording
@@ -66,28 +78,64 @@ def test_truth_has_the_columns_of_euroc() -> None:
     assert rows_of(euroc.table(euroc.LEICA_HEADER, [euroc.leica_row(truth(0))]))[1] == [[0.0, 0.0, 1.5, -2.0]]
 
 
+def rows_at_once(samples: list[Any], names: euroc.TableColumns, *, before: int = -1, later_ns: int = 0) -> str:
+    columns = columns_of(type(samples[0]), samples, later_ns)
+    return number_rows(columns["stamp_ns"], [columns[x] if isinstance(x, str) else x for x in names], before)
+
+
 def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
     truths = [truth(4 * i, i / 3) for i in range(1, 50)]
-    assert number_rows(truths, euroc.TRUTH_COLUMNS, -1) == "".join(map(euroc.truth_row, truths))
+    assert rows_at_once(truths, euroc.TRUTH_COLUMNS) == "".join(map(euroc.truth_row, truths))
+    later = [t._replace(t_ns=t.t_ns + 10**18) for t in truths]
+    assert rows_at_once(truths, euroc.TRUTH_COLUMNS, later_ns=10**18) == "".join(map(euroc.truth_row, later))
     imu = [
         ImuSample(i, 1_600_000_000_000_000_000 + i, i, (i * 1e-7, -0.0, 1e22), (1 / 7, 5.0, i), 20.0) for i in range(9)
     ]
-    assert number_rows(imu, euroc.IMU_COLUMNS, 0) == "".join(map(euroc.imu_row, imu))
-    assert number_rows([], euroc.IMU_COLUMNS, 0) == ""
-    later = [t._replace(t_ns=t.t_ns + 10**18) for t in truths]
-    assert number_rows(truths, euroc.TRUTH_COLUMNS, -1, 10**18) == "".join(map(euroc.truth_row, later))
+    assert rows_at_once(imu, euroc.IMU_COLUMNS, before=0) == "".join(map(euroc.imu_row, imu))
+    gps = [GpsSample(0, i, 9, 47.1 / i, 8.5, 400.25, (1.0, i, 3.0), 0.8, 1.2, 3, 11) for i in (1, 2)]
+    assert rows_at_once(gps, euroc.GPS_COLUMNS) == "".join(map(euroc.gps_row, gps))
+    assert number_rows(np.empty(0, np.int64), [], 0) == ""
+
+
+@pytest.mark.parametrize(
+    ("sample", "row"),
+    [
+        (BaroSample(0, 5, 9, 101325.2, -0.125, 25.0), "5,101325.2,-0.125,25.0"),
+        (MagSample(0, 5, 9, (2e-05, -0.0, 1.0)), "5,2e-05,-0.0,1.0"),
+        (RangeSample(0, 5, 9, 1.5, 0.1, 12.0, 0.02, 87), "5,1.5,87"),
+        (FlowSample(0, 5, 9, 4_000_000, (0.25, -1e-07), (0.0, 0.0, 0.0), 200, 1.5, 30.0), "5,4000000,0.25,-1e-07,200"),
+    ],
+)
+def test_rows_of_other_sensors(sample: Any, row: str) -> None:
+    assert rows_at_once([sample], COLUMNS[type(sample)]) == row + "\n"
+
+
+def test_samples_become_the_columns_that_numpy_makes() -> None:
+    rows = [(i, i / 3, i % 2 == 0, (i * 1.5, -0.0), (), 2**62 + i, i if i else 0.5) for i in range(7)]
+    made = sample_columns(rows)
+    expected = [np.array(values) for values in zip(*rows, strict=True)]
+    for ours, theirs in zip(made, expected, strict=True):
+        assert (ours.dtype, ours.shape, ours.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
+
+
+@pytest.mark.parametrize(
+    "wrong", [[], [5], [(1,), (1, 2)], [("a",)], [((1.0,),), ((1.0, 2.0),)], [((1.0,),), (1.0,)], [(2**70,)]]
+)
+def test_samples_of_something_else_are_refused(wrong: list[Any]) -> None:
+    with pytest.raises((TypeError, ValueError, OverflowError)):
+        sample_columns(wrong)
 
 
 @pytest.mark.parametrize("times", [(5,), (6, 6), (7, 6)])
 def test_times_that_do_not_rise_are_no_table(times: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=f"{times[-1]} ns follows"):
-        number_rows([truth(t_ns) for t_ns in times], euroc.TRUTH_COLUMNS, 5)
+        rows_at_once([truth(t_ns) for t_ns in times], euroc.TRUTH_COLUMNS, before=5)
 
 
 def test_rows_of_something_else_are_refused() -> None:
-    for wrong in ([(1,)], [5], [("a", "b", "c", "d", "e")], [truth(2**70)]):
-        with pytest.raises((TypeError, ValueError, IndexError, OverflowError)):
-            number_rows(wrong, euroc.TRUTH_COLUMNS, -1)
+    for wrong in (np.zeros(3), np.zeros(2, np.int32), np.zeros((2, 2, 2)), "text", ("text",), 5.0):
+        with pytest.raises((TypeError, ValueError)):
+            number_rows(np.arange(2), [wrong], -1)  # type: ignore[list-item]
 
 
 def test_gps_row() -> None:

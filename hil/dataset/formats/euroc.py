@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 from hil.signals.errors import RecordingError
 from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
@@ -76,18 +75,16 @@ def truth_row(truth: TruthState, *, gyro_bias_radps: Vec3 = _NO_BIAS, accel_bias
     return _row(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, gyro_bias_radps, accel_bias_mps2)
 
 
-Columns = tuple[int | tuple[float, ...], ...]
+# Columns of a table behind the time: by their name in `hil.recorder.topics.columns_of`, or numbers as they are.
+TableColumns = tuple[str | tuple[float, ...], ...]
 
-
-def columns(kind: type[tuple[Any, ...]], time: str, *names: str | tuple[float, ...]) -> Columns:
-    """For `sim._kernels.number_rows`: fields of a sample type by name; numbers as they are."""
-    fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
-    return (fields.index(time), *(name if isinstance(name, tuple) else fields.index(name) for name in names))
-
-
-# What `imu_row` and `truth_row` make, for many rows at once.
-IMU_COLUMNS = columns(ImuSample, "t_capture_ns", "gyro_radps", "accel_mps2")
-TRUTH_COLUMNS = columns(TruthState, "t_ns", "p_WB", "q_WB", "v_WB_W", _NO_BIAS, _NO_BIAS)
+# What `imu_row`, `truth_row` and `gps_row` make, for many rows at once.
+IMU_COLUMNS: TableColumns = ("gyro_radps", "accel_mps2")
+TRUTH_COLUMNS: TableColumns = ("p_WB", "q_WB", "v_WB_W", _NO_BIAS, _NO_BIAS)
+GPS_COLUMNS: TableColumns = (
+    *("latitude_deg", "longitude_deg", "altitude_m", "v_W"),
+    *("horizontal_accuracy_m", "vertical_accuracy_m", "fix_type", "satellites"),
+)
 
 
 def leica_row(truth: TruthState) -> str:
