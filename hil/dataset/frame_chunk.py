@@ -8,6 +8,7 @@ together, and each chunk brings the declarations of what it uses. It is not comp
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
@@ -97,6 +98,7 @@ def pack_frames(series: list[EncodedFrames]) -> tuple[PackedChunk, tuple[Declare
     return pack_chunk(blocks, news.end()), declared
 
 
+@cache
 def records_of(declared: Declared) -> tuple[Schema, Channel]:
     """The declarations of a channel as MCAP has them."""
     number, topic, type_name = declared
