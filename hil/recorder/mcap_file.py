@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -81,8 +82,12 @@ def pack_chunk(
     """Blocks with messages, at least one. `news`: records of schemas and channels that the chunk carries."""
     plain_parts = [news, *(part for block in blocks for part in block.parts)]
     plain_size = sum(map(len, plain_parts))
-    first_ns = min(int(b.log_ns.min()) for b in blocks)
-    last_ns = max(int(b.log_ns.max()) for b in blocks)
+    counts = [len(block.log_ns) for block in blocks]
+    begins = list(accumulate((sum(map(len, block.parts)) for block in blocks), initial=len(news)))[:-1]
+    pairs = np.empty((sum(counts), 2), "<u8")
+    pairs[:, 0] = np.concatenate([block.log_ns for block in blocks])
+    pairs[:, 1] = np.concatenate([block.offsets for block in blocks]) + np.repeat(np.array(begins, np.uint64), counts)
+    first_ns, last_ns = int(pairs[:, 0].min()), int(pairs[:, 0].max())
     crc = 0
     for part in plain_parts:
         crc = crc32(part, crc)
@@ -93,19 +98,16 @@ def pack_chunk(
     head = _CHUNK_HEAD.pack(Opcode.CHUNK, length, first_ns, last_ns, plain_size, crc)
     head += struct.pack("<I", len(name)) + name + struct.pack("<Q", compressed_size)
     chunk_bytes = 9 + length
-    tail = []
-    at, base = chunk_bytes, len(news)
+    tail, raw = [], pairs.tobytes()
+    at, index_at = chunk_bytes, 0
     index_offsets: dict[int, int] = {}
-    for block in blocks:
-        pairs = np.empty((len(block.log_ns), 2), "<u8")
-        pairs[:, 0] = block.log_ns
-        pairs[:, 1] = block.offsets
-        pairs[:, 1] += base
-        raw = pairs.tobytes()
-        tail += [_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + len(raw), block.channel, len(raw)), raw]
+    for block, count in zip(blocks, counts, strict=True):
+        size = 16 * count
+        tail.append(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 2 + 4 + size, block.channel, size))
+        tail.append(raw[index_at : index_at + size])
         index_offsets[block.channel] = at
-        at += _INDEX_HEAD.size + len(raw)
-        base += sum(map(len, block.parts))
+        at += _INDEX_HEAD.size + size
+        index_at += size
     return PackedChunk(
         (head, *data, b"".join(tail)),
         chunk_bytes,
@@ -115,7 +117,7 @@ def pack_chunk(
         first_ns,
         last_ns,
         index_offsets,
-        {block.channel: len(block.log_ns) for block in blocks},
+        {block.channel: count for block, count in zip(blocks, counts, strict=True)},
     )
 
 
