@@ -10,21 +10,14 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 CHANNELS = 16
 _FIRST_MOTOR = 101  # HIL_ACT_FUNCn: 101 is motor 1
 _CONSTANT_MAX = 2
-_UNUSED = [0.0] * CHANNELS
-
-
-def motor_commands(controls: Any, rotors: int) -> list[float]:
-    """The first `rotors` of the mixer's `controls` in PX4's steps of 1/1000; the other slots are 0."""
-    commands = [round(u * 1000.0) / 1000.0 for u in controls.tolist()[:rotors]]
-    return commands + _UNUSED[rotors:]
 
 
 class HitlOutputs:
     """HIL_ACT_FUNC1..16: which function each slot carries. As in PX4 a change takes effect while disarmed."""
 
-    def __init__(self, params: ParamTable, vehicle: Vehicle, controls: Any, rotors: int) -> None:
+    def __init__(self, params: ParamTable, vehicle: Vehicle, core: Any, rotors: int) -> None:
         self._params, self._vehicle = params, vehicle
-        self._controls, self._rotors = controls, rotors
+        self._core, self._rotors = core, rotors
         self._functions = [0] * CHANNELS
 
     def controls(self) -> list[float]:
@@ -35,7 +28,7 @@ class HitlOutputs:
             return [0.0] * CHANNELS
         if vehicle.terminated:
             return [0.0] * CHANNELS
-        motors = motor_commands(self._controls, self._rotors)
+        motors = self._core.motor_commands(self._rotors)
         return [self._value(function, motors) for function in self._functions]
 
     def _value(self, function: int, motors: list[float]) -> float:

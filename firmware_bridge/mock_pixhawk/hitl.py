@@ -58,7 +58,7 @@ class Hitl:
         now_us = clock.now_us()
         firmware.begin(now_us)
         if self.hil_on:
-            self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core.controls, firmware.rotors)
+            self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core, firmware.rotors)
             firmware.add_stream(HIL_ACTUATOR_CONTROLS, self._output, OUTPUT_PERIOD_US, now_us)
 
     def greet(self) -> None:

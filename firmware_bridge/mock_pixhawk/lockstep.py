@@ -18,7 +18,7 @@ import struct
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
-from firmware_bridge.mock_pixhawk.actuators import CHANNELS, motor_commands
+from firmware_bridge.mock_pixhawk.actuators import CHANNELS
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
 from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.ids import Cmd
@@ -43,7 +43,6 @@ class Lockstep:
     def __init__(self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, boot_sensors: int) -> None:
         self._firmware, self._outbox, self._misbehaviour = firmware, outbox, misbehaviour
         self._boot_left = boot_sensors
-        self._controls = firmware.core.controls
         self._last_us = -1
         self.silent = False
         self._last_words = False
@@ -113,7 +112,7 @@ class Lockstep:
     def _reply(self, now_us: int) -> None:
         firmware, outbox = self._firmware, self._outbox
         if firmware.vehicle.armed:
-            controls = motor_commands(self._controls, firmware.rotors)
+            controls = firmware.core.motor_commands(firmware.rotors)
             mode = _MODE_ARMED
         else:
             controls = [0.0] * CHANNELS

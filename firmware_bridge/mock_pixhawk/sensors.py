@@ -27,13 +27,6 @@ HITL_TIMEOUT_US = (500_000, 500_000, *TIMEOUT_US[2:])
 # The estimator's drivers run at these periods at most; a sensor that comes with every IMU sample is thinned out.
 _MAG_PERIOD_US, _BARO_PERIOD_US = 10_000, 20_000
 
-_A_LSB = 9.80665 / 2048.0
-_A_PER_LSB = 1.0 / _A_LSB
-_A_MAX, _A_MIN = 32767.0 * _A_LSB, -32767.0 * _A_LSB
-_G_LSB = 2000.0 / 32768.0 * el.RAD_FROM_DEG
-_G_PER_LSB = 1.0 / _G_LSB
-_G_MAX, _G_MIN = 32767.0 * _G_LSB, -32767.0 * _G_LSB
-
 _HIL_GPS = struct.Struct("<QiiiHHHhhhHBBBH").unpack
 UNKNOWN_ACCURACY = 65535
 MAX_EPH_CM, MAX_EPV_CM, MIN_FIX, MIN_SATELLITES = 300, 500, 3, 6
@@ -47,7 +40,7 @@ _EXPONENT = _LAPSE * 287.05 / 9.80665
 class Estimator(Protocol):
     """The part of `FlightCore` that sensors feed."""
 
-    def step(self, t_us: int, gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> None: ...
+    def step_fifo(self, t_us: int, gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool: ...
     def update_gps(
         self,
         t_us: int,
@@ -88,10 +81,6 @@ class GpsFix:
 def pressure_altitude_m(pressure_hpa: float) -> float:
     """Altitude in the standard atmosphere at `pressure_hpa` > 0."""
     return (_T0 / _LAPSE) * (1.0 - el.exp(_EXPONENT * el.log(pressure_hpa / _P0_HPA)))
-
-
-def _clipped(x: float, most: float) -> float:
-    return min(max(x, -most), most)
 
 
 class SensorIntake:
@@ -155,24 +144,8 @@ class SensorIntake:
                 self._last[GYRO] = payload[20:32]
                 self._same[GYRO] = 0
             self.last_us[ACCEL] = self.last_us[GYRO] = t_us
-            if not (_A_MIN < ax < _A_MAX and _A_MIN < ay < _A_MAX and _A_MIN < az < _A_MAX):
-                ax, ay, az = _clipped(ax, _A_MAX), _clipped(ay, _A_MAX), _clipped(az, _A_MAX)
-            if not (_G_MIN < gx < _G_MAX and _G_MIN < gy < _G_MAX and _G_MIN < gz < _G_MAX):
-                gx, gy, gz = _clipped(gx, _G_MAX), _clipped(gy, _G_MAX), _clipped(gz, _G_MAX)
-            total = ax + ay + az + gx + gy + gz
-            if total == total:
-                self._estimator.step(
-                    t_us,
-                    round(gx * _G_PER_LSB) * _G_LSB,
-                    round(gy * _G_PER_LSB) * _G_LSB,
-                    round(gz * _G_PER_LSB) * _G_LSB,
-                    round(ax * _A_PER_LSB) * _A_LSB,
-                    round(ay * _A_PER_LSB) * _A_LSB,
-                    round(az * _A_PER_LSB) * _A_LSB,
-                )
-                stepped = True
-            else:
-                self.not_finite += 1
+            stepped = self._estimator.step_fifo(t_us, gx, gy, gz, ax, ay, az)
+            self.not_finite += not stepped
         elif fields & IMU_BITS:
             self.incomplete_groups += 1
         if fields & MAG_BITS:

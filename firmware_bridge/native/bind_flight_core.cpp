@@ -4,10 +4,12 @@
 #include <nanobind/stl/string.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <string>
 
 #include "flight_core.hpp"
+#include "imu_fifo.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -105,6 +107,16 @@ void bind_flight_core(nb::module_ &m) {
             "t_us"_a, "gx"_a, "gy"_a, "gz"_a, "ax"_a, "ay"_a, "az"_a,
             "One IMU sample ending at t_us: gyro rad/s, specific force m/s^2, FRD, means since the last sample.")
         .def(
+            "step_fifo",
+            [](FlightCore &core, std::int64_t t_us, double gx, double gy, double gz, double ax, double ay, double az) {
+                const Vec3 rate = hil::flight::fifo_rate({gx, gy, gz}), force = hil::flight::fifo_force({ax, ay, az});
+                const bool numbers = is_finite(rate) && is_finite(force);
+                if (numbers) core.step(t_us, rate, force);
+                return numbers;
+            },
+            "t_us"_a, "gx"_a, "gy"_a, "gz"_a, "ax"_a, "ay"_a, "az"_a,
+            "As `step`, with the sample in the steps and limits of an int16 FIFO. False, and no step, where one is NaN.")
+        .def(
             "update_gps",
             [](FlightCore &core, std::int64_t t_us, double lat, double lon, double alt, double vn, double ve, double vd,
                double eph, double epv) { core.update_gps({t_us, {lat, lon, alt}, {vn, ve, vd}, eph, epv}); },
@@ -165,6 +177,16 @@ void bind_flight_core(nb::module_ &m) {
                     core.controls(), {hil::flight::kControlSize});
             },
             nb::rv_policy::reference_internal, "float64[16], motor commands 0..1; fetch the view once and keep it.")
+        .def(
+            "motor_commands",
+            [](FlightCore &core, int rotors) {
+                nb::list commands;
+                for (int i = 0; i < hil::flight::kControlSize; ++i) {
+                    commands.append(i < rotors ? std::nearbyint(core.controls()[i] * 1000.0) / 1000.0 : 0.0);
+                }
+                return commands;
+            },
+            "rotors"_a, "The first `rotors` of `controls` in PX4's steps of 1/1000; the other slots are 0.")
         .def_prop_ro("landed", &FlightCore::landed);
 
     m.def(

@@ -187,3 +187,33 @@ def test_geodesy_against_pymap3d():
         assert (north, east) == (pytest.approx(n, abs=1e-6), pytest.approx(e, abs=1e-6))
         assert alt == pytest.approx(origin[2] - d, abs=1e-9)
         assert flight.core.geodetic_to_ned(lat, lon, alt) == pytest.approx((n, e, d), abs=1e-6)
+
+
+def in_fifo_steps(x: float, step: float) -> float:
+    return round(min(max(x, -32767.0 * step), 32767.0 * step) * (1.0 / step)) * step
+
+
+def test_a_fifo_has_steps_of_int16_and_no_number_is_no_sample():
+    rng = np.random.default_rng(5)
+    by_fifo, by_hand = _native.FlightCore(parameters()), _native.FlightCore(parameters())
+    force_step, rate_step = 9.80665 / 2048.0, 2000.0 / 32768.0 * (math.pi / 180.0)
+    for k in range(1, 300):
+        rates = rng.normal(0.0, 20.0 if k % 7 == 0 else 0.1, 3)
+        forces = rng.normal((0, 0, -9.8), 60.0 if k % 5 == 0 else 0.2)
+        if k % 50 == 0:
+            rates, forces = (INF, -INF, -1e-9), (-0.0, -1e-9, 2.5 * force_step)
+        assert by_fifo.step_fifo(4000 * k, *rates, *forces)
+        words = (*(in_fifo_steps(x, rate_step) for x in rates), *(in_fifo_steps(x, force_step) for x in forces))
+        by_hand.step(4000 * k, *words)
+        assert by_fifo.state.tobytes() == by_hand.state.tobytes()
+    before = by_fifo.state.tobytes()
+    for place in range(6):
+        assert not by_fifo.step_fifo(10**9, *(NAN if i == place else 0.0 for i in range(6)))
+    assert by_fifo.state.tobytes() == before
+
+
+def test_motor_commands_come_in_steps_of_a_thousandth(hovering: Flight):
+    controls = hovering.core.controls.tolist()
+    assert hovering.core.motor_commands(4) == [round(u * 1000.0) / 1000.0 for u in controls[:4]] + [0.0] * 12
+    assert hovering.core.motor_commands(2)[:3] == [*hovering.core.motor_commands(4)[:2], 0.0]
+    assert all(0.0 < u < 1.0 for u in hovering.core.motor_commands(4)[:4])
