@@ -9,7 +9,8 @@
 namespace hil::sim::frame {
 namespace {
 
-constexpr double kPad = 1e-6;  // [m]
+constexpr double kPad = 1e-6;            // [m]
+constexpr double kRelativePad = 1.2e-7;  // twice what rounding to float can take away
 constexpr std::int32_t kNobody = std::numeric_limits<std::int32_t>::min();  // the child of an empty place
 
 // One child: a node of the binary tree, an item, or (box only) a node of this tree.
@@ -106,8 +107,8 @@ Aabb padded(const Aabb &box) {
     Aabb outer;
     for (int a = 0; a < 3; ++a) {
         const double lo = box.lo[a], hi = box.hi[a];
-        outer.lo[a] = std::nextafter(static_cast<float>(lo - kPad - 1e-9 * std::fabs(lo)), -FLT_MAX);
-        outer.hi[a] = std::nextafter(static_cast<float>(hi + kPad + 1e-9 * std::fabs(hi)), FLT_MAX);
+        outer.lo[a] = static_cast<float>(lo - kPad - kRelativePad * std::fabs(lo));
+        outer.hi[a] = static_cast<float>(hi + kPad + kRelativePad * std::fabs(hi));
     }
     return outer;
 }

@@ -1,6 +1,6 @@
 // Bounding volume tree with eight boxes a node, side by side, so that one beam meets all eight at once.
 //
-// Boxes are stored a little larger than they are (kPad, and a billionth of the coordinate): the rounding of ray and
+// Boxes are stored a little larger than they are (kPad, and 1.2e-7 of the coordinate): the rounding of ray and
 // shape, at most 1e-8 m within 1e7 m, can then never put a hit outside its box, and what is found by the tree is what
 // a test of every item finds. Children that are not there have inside-out boxes, which nothing meets.
 #pragma once
