@@ -198,7 +198,7 @@ HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_mi
                 load_floats(block.corner[c][2]) - rays.o[2][lane]};
     }
     const Vec<D> d{splat<D>(rays.d[0][lane]), splat<D>(rays.d[1][lane]), splat<D>(rays.d[2][lane])};
-    const D t = ray_triangle(triangle(v[0], v[1], v[2]), d, splat<D>(t_min));
+    const D t = ray_triangle(v[0], v[1], v[2], d, splat<D>(t_min));
     if (!any(t <= splat<D>(rays.t[lane]))) return false;
     const double nearest = smallest(t);
     if (!(nearest < kInf)) return false;
@@ -223,7 +223,7 @@ HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const V
             v[c] = {(double)block.corner[c][0][i] - o.x, (double)block.corner[c][1][i] - o.y,
                     (double)block.corner[c][2][i] - o.z};
         }
-        met |= take(p, ray_triangle(triangle(v[0], v[1], v[2]), d, t_min), index, (double)(block.first + i));
+        met |= take(p, ray_triangle(v[0], v[1], v[2], d, t_min), index, (double)(block.first + i));
     }
     return met;
 }

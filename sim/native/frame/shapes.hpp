@@ -136,19 +136,27 @@ HIL_INLINE Vec<V> cross(const Vec<V> &a, const Vec<V> &b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 template <class V>
-HIL_INLINE Triangle<V> triangle(const Vec<V> &va, const Vec<V> &vb, const Vec<V> &vc) {
+HIL_INLINE Vec<V> triangle_normal(const Vec<V> &va, const Vec<V> &vb, const Vec<V> &vc) {
     const Vec<V> ab{vb.x - va.x, vb.y - va.y, vb.z - va.z}, ac{vc.x - va.x, vc.y - va.y, vc.z - va.z};
-    Triangle<V> r{cross(vb, vc), cross(vc, va), cross(va, vb), cross(ab, ac), {}};
+    return cross(ab, ac);
+}
+template <class V>
+HIL_INLINE Triangle<V> triangle(const Vec<V> &va, const Vec<V> &vb, const Vec<V> &vc) {
+    Triangle<V> r{cross(vb, vc), cross(vc, va), cross(va, vb), triangle_normal(va, vb, vc), {}};
     r.volume = dot(va, r.n);
     return r;
 }
+// Most triangles are met by none of the rays: their normals are not needed.
 template <class V>
-HIL_INLINE V ray_triangle(const Triangle<V> &t, const Vec<V> &d, V t_min) {
-    const V e0 = dot(t.e0, d), e1 = dot(t.e1, d), e2 = dot(t.e2, d), zero = splat<V>(0);
+HIL_INLINE V ray_triangle(const Vec<V> &va, const Vec<V> &vb, const Vec<V> &vc, const Vec<V> &d, V t_min) {
+    const V e0 = dot(cross(vb, vc), d), e1 = dot(cross(vc, va), d), e2 = dot(cross(va, vb), d);
+    const V zero = splat<V>(0), inf = splat<V>(LaneTraits<V>::kInf);
     const auto in = ((e0 >= zero) & (e1 >= zero) & (e2 >= zero)) | ((e0 <= zero) & (e1 <= zero) & (e2 <= zero));
-    const V slope = dot(t.n, d);
-    const V at = t.volume / slope;
-    return select(in & (slope != zero) & (at >= t_min), at, splat<V>(LaneTraits<V>::kInf));
+    if (!any(in)) return inf;
+    const Vec<V> n = triangle_normal(va, vb, vc);
+    const V slope = dot(n, d);
+    const V at = dot(va, n) / slope;
+    return select(in & (slope != zero) & (at >= t_min), at, inf);
 }
 
 }  // namespace hil::sim::frame::HIL_ISA
