@@ -5,10 +5,10 @@
 // invisible geoms do not exist. Of geoms met at the same t the one of lower index counts, of triangles likewise, so
 // the result is a function of the rays and the scene alone: not of the tree, the grouping, the threads or the CPU.
 //
-// How. Rays are sorted by direction and taken eight at a time. Their common beam (bounds of origins and directions)
-// walks a tree of eight boxes a node, near to far, one node a few instructions; shapes are met by eight rays at once
-// (shapes.hpp), triangles eight at once by each ray that enters their box. A beam drops whatever lies behind the
-// farthest hit it still needs.
+// How. Rays are sorted by direction and taken eight at a time, four such packets side by side. Their common beam (bounds
+// of origins and directions) walks a tree of eight boxes a node, near to far, one node a few instructions; shapes are met
+// by eight rays at once (shapes.hpp), triangles eight at once by each ray that enters their box. A beam drops whatever
+// lies behind the farthest hit it still needs.
 //
 // Outputs are the caller's. `refresh` after the geometry moved; `cast` is const and may run in several threads.
 #pragma once

@@ -13,15 +13,17 @@ constexpr double kBeyond = 1e30;     // far end of a walk without limit: finite,
 constexpr double kFarthest = 1e7;    // as geometry.cpp has it
 constexpr double kSameWay = 1e-9;    // direction components below it count as of either sign
 constexpr int kFewBlocks = 4;        // of a mesh: a beam and a walk cost more than to look at each
+constexpr int kTogether = 4;         // packets that walk the trees of the scene as one beam
 
 // Eight rays and the nearest each has met so far.
 struct Packet {
     Vec<D> o, d;
     D t_min;
     D t, geom, part;  // geom and part are whole numbers: ties are settled by comparing them
+    double far;       // nothing beyond is of use to any of them
 };
 
-// Bounds of a packet, per axis, made so that a node needs no choices.
+// Bounds of rays, per axis, made so that a node needs no choices.
 //
 // Where all rays point the same way, `near` and `away` are the rows of a node (low or high faces) that a ray passes
 // first and last, each with the bound of the origins that makes the interval widest, and inverse directions
@@ -77,8 +79,15 @@ HIL_INLINE D load_floats(const float *p) {
     return v;
 }
 
-HIL_INLINE void bound(const D &o, const D &d, int axis, Beam &b) {
-    const double o_lo = smallest(o), o_hi = largest(o), lo = smallest(d), hi = largest(d);
+// Bounds of numbers, lane by lane.
+struct Span {
+    D lo, hi;
+};
+HIL_INLINE Span only(const D &v) { return {v, v}; }
+HIL_INLINE Span both(const Span &a, const D &b) { return {min(a.lo, b), max(a.hi, b)}; }
+
+HIL_INLINE void bound(const Span &o, const Span &d, int axis, Beam &b) {
+    const double o_lo = smallest(o.lo), o_hi = largest(o.hi), lo = smallest(d.lo), hi = largest(d.hi);
     const bool up = lo > kSameWay, down = hi < -kSameWay, one_way = up || down;
     b.o_lo[axis] = o_lo, b.o_hi[axis] = o_hi;
     b.d_lo[axis] = smaller(lo, 0.0), b.d_hi[axis] = larger(hi, 0.0);
@@ -95,9 +104,24 @@ HIL_INLINE void bound(const D &o, const D &d, int axis, Beam &b) {
 HIL_INLINE Beam beam_of(const Vec<D> &o, const Vec<D> &d, double t_min) {
     Beam b;
     b.both_ways = 0;
-    bound(o.x, d.x, 0, b);
-    bound(o.y, d.y, 1, b);
-    bound(o.z, d.z, 2, b);
+    bound(only(o.x), only(d.x), 0, b);
+    bound(only(o.y), only(d.y), 1, b);
+    bound(only(o.z), only(d.z), 2, b);
+    b.t_min = t_min;
+    return b;
+}
+
+HIL_INLINE Beam beam_of(const Packet *const *packets, int count, double t_min) {
+    const Packet &a = *packets[0];
+    Span o[3]{only(a.o.x), only(a.o.y), only(a.o.z)}, d[3]{only(a.d.x), only(a.d.y), only(a.d.z)};
+    for (int i = 1; i < count; ++i) {
+        const Packet &p = *packets[i];
+        o[0] = both(o[0], p.o.x), o[1] = both(o[1], p.o.y), o[2] = both(o[2], p.o.z);
+        d[0] = both(d[0], p.d.x), d[1] = both(d[1], p.d.y), d[2] = both(d[2], p.d.z);
+    }
+    Beam b;
+    b.both_ways = 0;
+    for (int axis = 0; axis < 3; ++axis) bound(o[axis], d[axis], axis, b);
     b.t_min = t_min;
     return b;
 }
@@ -134,7 +158,7 @@ HIL_INLINE void walk(const WideNode *nodes, const Beam &beam, StackEntry *stack,
         const StackEntry next = stack[--top];
         if (next.near > far) continue;
         if (next.child < 0) {
-            on_item(~next.child, stack + top);
+            on_item(~next.child, next.near, stack + top);
             continue;
         }
         const WideNode &node = nodes[next.child];
@@ -245,7 +269,7 @@ HIL_INLINE bool enter_block(const TriangleBlock &block, double index, const Vec<
 }
 
 __attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
-                                         bool tree, StackEntry *stack, Packet &p, double t_min, double &far) {
+                                         bool tree, StackEntry *stack, Packet &p, double t_min) {
     const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
     const Interval<D> box = within(o, inverse, mesh.lo, mesh.hi);
     // Rays that the mesh's box does not concern neither widen the beam nor keep it from ending.
@@ -276,15 +300,15 @@ __attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, con
             mesh_far = largest(select(concerned, min(p.t, box.leave), splat<D>(-1.0)));
         };
         renew();
-        walk(mesh.nodes, beam, stack, mesh_far, [&](std::int32_t i, StackEntry *) {
+        walk(mesh.nodes, beam, stack, mesh_far, [&](std::int32_t i, double, StackEntry *) {
             if (enter_block(mesh.blocks[i], index, o, d, inverse, t_min, rays, p)) renew();
         });
     }
-    far = smaller(largest(p.t), kBeyond);
+    p.far = smaller(largest(p.t), kBeyond);
 }
 
 HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
-                          double t_min, double &far) {
+                          double t_min) {
     const CastGeom &g = scene.geoms[index];
     const Vec<D> from{p.o.x - g.p_WG[0], p.o.y - g.p_WG[1], p.o.z - g.p_WG[2]};
     D t;
@@ -304,12 +328,12 @@ HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree,
                 break;
             }
             case Shape::kMesh:
-                meet_mesh(scene.meshes[g.mesh], (double)index, o, d, tree, stack, p, t_min, far);
+                meet_mesh(scene.meshes[g.mesh], (double)index, o, d, tree, stack, p, t_min);
                 return;
             default: return;
         }
     }
-    if (take(p, t, (double)index, -1.0)) far = smaller(largest(p.t), kBeyond);
+    if (take(p, t, (double)index, -1.0)) p.far = smaller(largest(p.t), kBeyond);
 }
 
 // Column `axis` of eight rows, put together in registers.
@@ -342,67 +366,100 @@ HIL_INLINE MaskOf<D> usable(const Vec<D> &o, const Vec<D> &d) {
            (abs(d.y) < longest) & (abs(d.z) < longest) & (dot(d, d) > splat<D>(1e-12));
 }
 
+// Which rays eight places of the order name; places from `count` on repeat the first.
+struct Places {
+    std::int32_t ray[kLanes];
+    int count;
+    bool in_a_row;  // as a caller has them that casts the same rays again and again
+};
+
+// Takes up to eight rays; false where none of them can be cast. All that cannot have met nothing, now and later.
+HIL_INLINE bool load_packet(const RayBatch &rays, const Places &places, double t_min, Packet &p) {
+    p.d = rows(rays.direction, places.ray, places.in_a_row);
+    if (rays.one_origin) {
+        p.o = {splat<D>(rays.origin[0]), splat<D>(rays.origin[1]), splat<D>(rays.origin[2])};
+    } else {
+        p.o = rows(rays.origin, places.ray, places.in_a_row);
+    }
+    const auto good = usable(p.o, p.d);
+    const unsigned valid = bits(good);
+    if (valid != 0 && valid != (1u << kLanes) - 1) {
+        // A lane without a ray looks where another one does, and takes nothing.
+        const int other = __builtin_ctz(valid);
+        const auto lane = [&](D v) {
+            double x[kLanes];
+            store(x, v);
+            return select(good, v, splat<D>(x[other]));
+        };
+        p.o = {lane(p.o.x), lane(p.o.y), lane(p.o.z)};
+        p.d = {lane(p.d.x), lane(p.d.y), lane(p.d.z)};
+    }
+    p.t_min = splat<D>(t_min);
+    p.geom = p.part = splat<D>(kInf);
+    p.t = select(good, splat<D>(rays.skips.max_range ? rays.t_max : kInf), splat<D>(-kInf));
+    p.far = smaller(largest(p.t), kBeyond);
+    return valid != 0 && t_min <= rays.t_max;
+}
+
+HIL_INLINE void write(const RayBatch &rays, const Places &places, const Packet &p) {
+    const auto hit = (p.geom < splat<D>(kInf)) & (p.t <= splat<D>(rays.t_max));
+    double t[kLanes], geom[kLanes], part[kLanes];
+    store(t, select(hit, p.t, splat<D>(kInf)));
+    store(geom, select(hit, p.geom, splat<D>(-1.0)));
+    for (int i = 0; i < places.count; ++i) {
+        rays.range[places.ray[i]] = t[i];
+        rays.geom[places.ray[i]] = (std::int32_t)geom[i];
+    }
+    if (rays.triangle == nullptr) return;
+    store(part, select(hit, p.part, splat<D>(-1.0)));
+    for (int i = 0; i < places.count; ++i) rays.triangle[places.ray[i]] = (std::int32_t)part[i];
+}
+
+// All of these packets against what their common beam reaches.
+HIL_INLINE void meet_scene(const CastScene &scene, Packet *const *packets, int count, bool tree, double t_min,
+                           StackEntry *stack) {
+    if (!tree) {
+        for (std::int32_t i = 0; i < scene.geom_count; ++i)
+            for (int k = 0; k < count && scene.geoms[i].shown; ++k) meet_geom(scene, i, false, stack, *packets[k], t_min);
+        return;
+    }
+    double far;
+    const auto meet = [&](std::int32_t geom, double near, StackEntry *free) {
+        far = -kInf;
+        for (int k = 0; k < count; ++k) {
+            if (near <= packets[k]->far) meet_geom(scene, geom, true, free, *packets[k], t_min);
+            far = larger(far, packets[k]->far);
+        }
+    };
+    for (std::int32_t i = 0; i < scene.unbounded_count; ++i)
+        for (int k = 0; k < count; ++k) meet_geom(scene, scene.unbounded[i], true, stack, *packets[k], t_min);
+    far = packets[0]->far;
+    for (int k = 1; k < count; ++k) far = larger(far, packets[k]->far);
+    const Beam beam = beam_of(packets, count, t_min);
+    if (scene.fixed != nullptr) walk(scene.fixed, beam, stack, far, meet);
+    if (scene.moving != nullptr) walk(scene.moving, beam, stack, far, meet);
+}
+
 }  // namespace
 
 void cast_packets(const CastScene &scene, const RayBatch &rays, std::size_t begin, std::size_t end,
                   StackEntry *stack) {
     const double t_min = rays.t_min > 0.0 ? rays.t_min : 0.0;
-    const double limit = rays.skips.max_range ? rays.t_max : kInf;
-    for (std::size_t at = begin; at < end; at += kLanes) {
-        const int count = end - at < (std::size_t)kLanes ? (int)(end - at) : kLanes;
-        std::int32_t ray[kLanes];
-        for (int i = 0; i < kLanes; ++i) ray[i] = rays.order[at + (std::size_t)(i < count ? i : 0)];
-        bool in_a_row = true;  // as a caller has them that casts the same rays again and again
-        for (int i = 1; i < kLanes; ++i) in_a_row &= ray[i] == ray[0] + i;
-        Packet p;
-        p.d = rows(rays.direction, ray, in_a_row);
-        if (rays.one_origin) {
-            p.o = {splat<D>(rays.origin[0]), splat<D>(rays.origin[1]), splat<D>(rays.origin[2])};
-        } else {
-            p.o = rows(rays.origin, ray, in_a_row);
+    while (begin < end) {
+        Packet packets[kTogether], *casting[kTogether];
+        Places places[kTogether];
+        int count = 0, cast = 0;
+        for (; count < kTogether && begin < end; ++count) {
+            Places &at = places[count];
+            at.count = end - begin < (std::size_t)kLanes ? (int)(end - begin) : kLanes;
+            for (int i = 0; i < kLanes; ++i) at.ray[i] = rays.order[begin + (std::size_t)(i < at.count ? i : 0)];
+            at.in_a_row = true;
+            for (int i = 1; i < kLanes; ++i) at.in_a_row &= at.ray[i] == at.ray[0] + i;
+            begin += (std::size_t)at.count;
+            if (load_packet(rays, at, t_min, packets[count])) casting[cast++] = &packets[count];
         }
-        const auto good = usable(p.o, p.d);
-        const unsigned valid = bits(good);
-        if (valid != 0 && valid != (1u << kLanes) - 1) {
-            // A lane without a ray looks where another one does, and takes nothing.
-            const int other = __builtin_ctz(valid);
-            const auto lane = [&](D v) {
-                double x[kLanes];
-                store(x, v);
-                return select(good, v, splat<D>(x[other]));
-            };
-            p.o = {lane(p.o.x), lane(p.o.y), lane(p.o.z)};
-            p.d = {lane(p.d.x), lane(p.d.y), lane(p.d.z)};
-        }
-        p.geom = p.part = splat<D>(kInf);
-        p.t = select(good, splat<D>(limit), splat<D>(-kInf));
-        if (valid != 0 && t_min <= rays.t_max) {
-            p.t_min = splat<D>(t_min);
-            double far = smaller(largest(p.t), kBeyond);
-            const auto meet = [&](std::int32_t geom, StackEntry *free) {
-                meet_geom(scene, geom, rays.skips.tree, free, p, t_min, far);
-            };
-            if (rays.skips.tree) {
-                for (std::int32_t i = 0; i < scene.unbounded_count; ++i) meet(scene.unbounded[i], stack);
-                const Beam beam = beam_of(p.o, p.d, t_min);
-                if (scene.fixed != nullptr) walk(scene.fixed, beam, stack, far, meet);
-                if (scene.moving != nullptr) walk(scene.moving, beam, stack, far, meet);
-            } else {
-                for (std::int32_t i = 0; i < scene.geom_count; ++i)
-                    if (scene.geoms[i].shown) meet(i, stack);
-            }
-        }
-        const auto hit = (p.geom < splat<D>(kInf)) & (p.t <= splat<D>(rays.t_max));
-        double t[kLanes], geom[kLanes], part[kLanes];
-        store(t, select(hit, p.t, splat<D>(kInf)));
-        store(geom, select(hit, p.geom, splat<D>(-1.0)));
-        for (int i = 0; i < count; ++i) {
-            rays.range[ray[i]] = t[i];
-            rays.geom[ray[i]] = (std::int32_t)geom[i];
-        }
-        if (rays.triangle == nullptr) continue;
-        store(part, select(hit, p.part, splat<D>(-1.0)));
-        for (int i = 0; i < count; ++i) rays.triangle[ray[i]] = (std::int32_t)part[i];
+        if (cast > 0) meet_scene(scene, casting, cast, rays.skips.tree, t_min, stack);
+        for (int k = 0; k < count; ++k) write(rays, places[k], packets[k]);
     }
 }
 
