@@ -106,7 +106,7 @@ RayCaster::RayCaster(const Geometry &geometry) : geometry_(geometry) {
         blocks_.push_back(blocks_of(mesh, tree, boxes));
         mesh_trees_.push_back(widen(tree, boxes));
         CastMesh cast{root(mesh_trees_.back()), blocks_.back().data(),
-                      static_cast<std::int32_t>(blocks_.back().size()), {}, {}};
+                      static_cast<std::int32_t>(blocks_.back().size()), {}, {}, mesh.vertex.data(), mesh.triangle.data()};
         const Aabb outer = padded(mesh.box);
         std::copy_n(outer.lo, 3, cast.lo);
         std::copy_n(outer.hi, 3, cast.hi);
@@ -157,8 +157,7 @@ void RayCaster::cast(const double *origin, bool one_origin, const double *direct
                      double t_max, const CastSkips &skips, const std::int32_t *order, int threads, Isa isa,
                      const CastOutput &out) const {
     if (count == 0) return;
-    std::vector<std::int32_t> triangle, sorted;
-    if (out.normal != nullptr) triangle.resize(count);
+    std::vector<std::int32_t> sorted;
     if (order == nullptr) {
         sorted.resize(count);
         coherent_order(direction, count, sorted.data());
@@ -166,35 +165,20 @@ void RayCaster::cast(const double *origin, bool one_origin, const double *direct
     }
     if (std::isnan(t_min) || std::isnan(t_max)) t_min = 1.0, t_max = 0.0;
     const CastScene all = scene();
-    const RayBatch rays{origin, one_origin, direction, order,           t_min,          t_max,
-                        skips,  out.range,  out.geom,  triangle.empty() ? nullptr : triangle.data()};
+    const RayBatch rays{origin, one_origin, direction, order, t_min, t_max, skips, out.range, out.geom, out.normal};
     const CastKernel kernel = cast_kernel(isa);
     const auto work = [&](std::size_t begin, std::size_t end) {
         std::vector<StackEntry> stack(static_cast<std::size_t>(all.stack_entries));
         kernel(all, rays, begin, end, stack.data());
-        if (out.normal == nullptr && out.radial_velocity == nullptr) return;
-        NormalFinder normals(geometry_);
+        if (out.radial_velocity == nullptr) return;
         for (std::size_t at = begin; at < end; ++at) {
             const auto i = static_cast<std::size_t>(order[at]);
+            out.radial_velocity[i] = std::numeric_limits<double>::quiet_NaN();
+            if (out.geom[i] < 0) continue;
             const double *o = origin + (one_origin ? 0 : 3 * i), *d = direction + 3 * i;
-            const bool hit = out.geom[i] >= 0;
-            double p[3] = {0.0, 0.0, 0.0};
-            if (hit) {
-                for (int a = 0; a < 3; ++a) p[a] = o[a] + out.range[i] * d[a];
-            }
-            if (out.normal != nullptr) {
-                double *n = out.normal + 3 * i;
-                if (hit) {
-                    normals.find(out.geom[i], triangle[i], p, d, n);
-                } else {
-                    n[0] = n[1] = n[2] = 0.0;
-                }
-            }
-            if (out.radial_velocity != nullptr) {
-                out.radial_velocity[i] =
-                    hit ? receding(geometry_.geoms()[static_cast<std::size_t>(out.geom[i])], p, d)
-                        : std::numeric_limits<double>::quiet_NaN();
-            }
+            double p[3];
+            for (int a = 0; a < 3; ++a) p[a] = o[a] + out.range[i] * d[a];
+            out.radial_velocity[i] = receding(geometry_.geoms()[static_cast<std::size_t>(out.geom[i])], p, d);
         }
     };
     const std::size_t useful = std::max<std::size_t>(1, count / kRaysPerThread);

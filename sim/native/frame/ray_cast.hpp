@@ -45,6 +45,8 @@ struct CastMesh {
     const TriangleBlock *blocks;
     std::int32_t block_count;
     float lo[3], hi[3];
+    const float *vertex;           // [vertices][3]
+    const std::int32_t *triangle;  // [triangles][3], into `vertex`
 };
 
 struct CastScene {
@@ -71,7 +73,7 @@ struct RayBatch {
     CastSkips skips;
     double *range;               // [count] t, +inf where nothing is met
     std::int32_t *geom;          // [count] -1 where nothing is met
-    std::int32_t *triangle;      // [count] of the mesh, -1 elsewhere; may be null
+    double *normal;              // [count][3] unit, against the ray; zeros where nothing is met. May be null
 };
 
 struct StackEntry {
@@ -131,26 +133,6 @@ class RayCaster {
     double moving_area_ = 0.0;
     std::uint64_t version_ = 0;
     bool fresh_ = false;
-};
-
-// Unit normals where rays met surfaces, one after the other. What is flat has one normal: those of the triangles and
-// planes met of late are kept. Bits do not depend on what was asked before.
-class NormalFinder {
-  public:
-    explicit NormalFinder(const Geometry &geometry) : geometry_(geometry) {}
-
-    // The normal, against direction d, of `geom` (triangle `part` of its mesh) at the point p of its surface; all in W.
-    void find(std::int32_t geom, std::int32_t part, const double p_W[3], const double d_W[3], double out[3]);
-
-  private:
-    struct Normal {
-        std::int32_t geom = -1, part = -1;  // of what is flat; -1: of nothing that may be used again
-        double n_W[3], unit_W[3], length;
-    };
-    static constexpr std::size_t kKept = 64;  // about 4 KiB; a power of two
-
-    const Geometry &geometry_;
-    Normal kept_[kKept];
 };
 
 // Directions into an order in which neighbours look the same way: cells of a cube map along a Morton curve, stable.

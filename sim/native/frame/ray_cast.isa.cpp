@@ -2,6 +2,7 @@
 #include "lanes.hpp"
 #include "ray_cast.hpp"
 #include "shapes.hpp"
+#include "surface_normal.hpp"
 #include "triples.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
@@ -401,18 +402,22 @@ HIL_INLINE bool load_packet(const RayBatch &rays, const Places &places, double t
     return valid != 0 && t_min <= rays.t_max;
 }
 
-HIL_INLINE void write(const RayBatch &rays, const Places &places, const Packet &p) {
+HIL_INLINE void write(const CastScene &scene, const RayBatch &rays, const Places &places, const Packet &p) {
     const auto hit = (p.geom < splat<D>(kInf)) & (p.t <= splat<D>(rays.t_max));
-    double t[kLanes], geom[kLanes], part[kLanes];
+    double t[kLanes], geom[kLanes];
     store(t, select(hit, p.t, splat<D>(kInf)));
     store(geom, select(hit, p.geom, splat<D>(-1.0)));
     for (int i = 0; i < places.count; ++i) {
         rays.range[places.ray[i]] = t[i];
         rays.geom[places.ray[i]] = (std::int32_t)geom[i];
     }
-    if (rays.triangle == nullptr) return;
-    store(part, select(hit, p.part, splat<D>(-1.0)));
-    for (int i = 0; i < places.count; ++i) rays.triangle[places.ray[i]] = (std::int32_t)part[i];
+    if (rays.normal == nullptr) return;
+    const Vec<D> normal = surface_normals(scene, hit, p.geom, p.part, p.o, p.d, p.t);
+    if (places.in_a_row) return store_rows(rays.normal + 3 * (std::size_t)places.ray[0], normal);
+    double row[3 * kLanes];
+    store_rows(row, normal);
+    for (int i = 0; i < places.count; ++i)
+        for (int a = 0; a < 3; ++a) rays.normal[3 * (std::size_t)places.ray[i] + a] = row[3 * i + a];
 }
 
 // All of these packets against what their common beam reaches.
@@ -459,7 +464,7 @@ void cast_packets(const CastScene &scene, const RayBatch &rays, std::size_t begi
             if (load_packet(rays, at, t_min, packets[count])) casting[cast++] = &packets[count];
         }
         if (cast > 0) meet_scene(scene, casting, cast, rays.skips.tree, t_min, stack);
-        for (int k = 0; k < count; ++k) write(rays, places[k], packets[k]);
+        for (int k = 0; k < count; ++k) write(scene, rays, places[k], packets[k]);
     }
 }
 
