@@ -443,4 +443,24 @@ HIL_INLINE V dot(const Vec<V> &a, const Vec<V> &b) {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
+// Four pixels in a row of lanes to x y z x y z ... Row r goes to to[r], `stride` floats apart.
+HIL_INLINE void store_triples(float *to, long stride, const Vec<F> &v) {
+    typedef float Quad __attribute__((vector_size(16)));
+    typedef std::int32_t Order __attribute__((vector_size(16)));
+    HIL_UNROLL for (int r = 0; r < 4; ++r) {
+        Quad x, y, z;
+        __builtin_memcpy(&x, (const float *)&v.x + 4 * r, 16);
+        __builtin_memcpy(&y, (const float *)&v.y + 4 * r, 16);
+        __builtin_memcpy(&z, (const float *)&v.z + 4 * r, 16);
+        const Quad low = __builtin_shuffle(x, y, (Order){0, 4, 1, 5}), high = __builtin_shuffle(x, y, (Order){2, 6, 3, 7});
+        const Quad middle = __builtin_shuffle(low, high, (Order){3, 3, 4, 5});
+        // Each on its own: put together in memory first, they would be waited for there.
+        const Quad a = __builtin_shuffle(low, z, (Order){0, 1, 4, 2}), b = __builtin_shuffle(middle, z, (Order){0, 5, 2, 3}),
+                   c = __builtin_shuffle(high, z, (Order){6, 2, 3, 7});
+        __builtin_memcpy(to + r * stride, &a, 16);
+        __builtin_memcpy(to + r * stride + 4, &b, 16);
+        __builtin_memcpy(to + r * stride + 8, &c, 16);
+    }
+}
+
 }  // namespace hil::sim::frame::HIL_ISA

@@ -407,13 +407,12 @@ HIL_INLINE void put_one(T *picture, int width, int x, int y, int rows, int value
     for (int r = 0; r < rows; ++r) __builtin_memcpy(picture + (long)(y + r) * width + x, four, sizeof four);
 }
 
-HIL_INLINE void put3(float *picture, int width, int x, int y, int columns, int rows, const float (*lanes)[16]) {
-    for (int r = 0; r < rows; ++r) {
-        float *to = picture + 3 * ((long)(y + r) * width + x);
-        for (int c = 0; c < columns; ++c) {
-            for (int i = 0; i < 3; ++i) to[3 * c + i] = lanes[i][4 * r + c];
-        }
-    }
+HIL_INLINE void put3(float *picture, int width, int x, int y, int columns, int rows, const Vec<F> &lanes) {
+    float *to = picture + 3 * ((long)y * width + x);
+    if (columns == 4 && rows == 4) return store_triples(to, 3L * width, lanes);
+    float all[48];
+    store_triples(all, 12, lanes);
+    for (int r = 0; r < rows; ++r) __builtin_memcpy(to + 3L * r * width, all + 12 * r, 3 * sizeof(float) * (unsigned long)columns);
 }
 
 HIL_INLINE void put_rgb(std::uint8_t *picture, int width, int x, int y, int columns, int rows, const I &packed) {
@@ -537,13 +536,7 @@ void resolve(const ResolveJob &job) {
                 store(lanes, velocity);
                 put(out.radial_velocity, b.width, x, y, columns, rows, lanes);
             }
-            if (out.normal) {
-                float lanes[3][16];
-                store(lanes[0], normals.x);
-                store(lanes[1], normals.y);
-                store(lanes[2], normals.z);
-                put3(out.normal, b.width, x, y, columns, rows, lanes);
-            }
+            if (out.normal) put3(out.normal, b.width, x, y, columns, rows, normals);
             if (out.rgb) {
                 if (bits(seen) != 0xffffu) {
                     const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * per_length;
