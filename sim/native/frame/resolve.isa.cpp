@@ -11,7 +11,6 @@ struct Surface {  // what the pixels of one geom see within a block
     F t;
     I mask;
     Vec<F> d;   // ray in C
-    F length, per_length;  // |d| and its inverse
     Vec<F> local, gradient;  // point and outward direction in the local frame of the geom (DrawnGeom)
     Vec<F> normal;           // unit, in C, towards the camera
 };
@@ -24,7 +23,7 @@ HIL_INLINE Vec<F> rays_of(const RayTable &rays, int row, int column, int block) 
     return {load<F>(rays.x.data() + 16 * column), load<F>(rays.y.data() + 16 * row), splat<F>(1)};
 }
 
-HIL_INLINE F reciprocal_length(const F &length2) { return 1.0f / sqrt(max(length2, splat<F>(1e-30f))); }
+HIL_INLINE F length_of(const Vec<F> &v) { return sqrt(max(dot(v, v), splat<F>(1e-30f))); }
 
 // Outward direction of a primitive at a point of its surface, in its local frame; any length.
 HIL_INLINE Vec<F> gradient(const DrawnGeom &g, const Vec<F> &p) {
@@ -187,8 +186,8 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     }
     const int width = texture.width, height = texture.cube ? texture.width : texture.height;
     // Texels that one pixel covers, across: the finest level that has no more than about one and a half.
-    const F range = s.t * s.length;
-    const F facing = max(abs(dot(s.normal, s.d)) * s.per_length, splat<F>(0.15f));
+    const F length = length_of(s.d), range = s.t * length;
+    const F facing = max(abs(dot(s.normal, s.d)) * (1.0f / length), splat<F>(0.15f));
     const F covered = range * pixel_angle_rad * max(du * (float)width, dv * (float)height) / facing * 0.7f;
     I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
     level = select(covered < splat<F>(1), splat<I>(0), level);
@@ -359,7 +358,7 @@ HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
 // pictures, its registers would be missing elsewhere.
 __attribute__((noinline)) void put_haze(const ResolveJob &job, const Vec<F> &d, const F &t, const I &seen, Rgb &c) {
     const Daylight &light = *job.light;
-    const F length = sqrt(max(dot(d, d), splat<F>(1e-30f)));
+    const F length = length_of(d);
     const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) / length;
     const F range = select(seen, t * length, light.haze_m / max(up, splat<F>(1e-3f)));
     const F through = exp_of_minus(range * light.extinction_per_m);
@@ -439,7 +438,6 @@ void resolve(const ResolveJob &job) {
             const F t = load<F>(b.t.data() + 16 * block);
             const I seen = id >= splat<I>(0);
             const Vec<F> d = rays_of(rays, row, column, block);
-            const F length = sqrt(max(dot(d, d), splat<F>(1e-30f))), per_length = 1.0f / length;
             if (out.geom) put(out.geom, b.width, x, y, columns, rows, ids);
             if (out.depth) {
                 float lanes[16];
@@ -448,7 +446,7 @@ void resolve(const ResolveJob &job) {
             }
             if (out.range) {
                 float lanes[16];
-                store(lanes, select(seen, t * length, inf));
+                store(lanes, select(seen, t * length_of(d), inf));
                 put(out.range, b.width, x, y, columns, rows, lanes);
             }
             if (labels) {
@@ -484,10 +482,8 @@ void resolve(const ResolveJob &job) {
                 left &= ~bits(s.mask);
                 s.t = t;
                 s.d = d;
-                s.length = length;
-                s.per_length = per_length;
                 if (out.radial_velocity) {
-                    const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * per_length;
+                    const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * (1.0f / length_of(d));
                     velocity = select(s.mask, along, velocity);
                 }
                 if (!wants_normal) continue;
@@ -511,7 +507,7 @@ void resolve(const ResolveJob &job) {
                     const Vec<F> n{q.x * m[0] + q.y * m[3] + q.z * m[6], q.x * m[1] + q.y * m[4] + q.z * m[7],
                                    q.x * m[2] + q.y * m[5] + q.z * m[8]};
                     if (unit) return n;
-                    const F scale = reciprocal_length(dot(n, n));
+                    const F scale = 1.0f / length_of(n);
                     return Vec<F>{n.x * scale, n.y * scale, n.z * scale};
                 };
                 const auto facing = [&](const Vec<F> &n, const I &away) {
@@ -539,7 +535,7 @@ void resolve(const ResolveJob &job) {
             if (out.normal) put3(out.normal, b.width, x, y, columns, rows, normals);
             if (out.rgb) {
                 if (bits(seen) != 0xffffu) {
-                    const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * per_length;
+                    const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * (1.0f / length_of(d));
                     const Rgb above = sky(*job.light, up);
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
                 }
