@@ -24,6 +24,23 @@ std::int32_t run_end(const T *values, std::int32_t from, std::int32_t end) {
     return at;
 }
 
+// The pixels whose lower neighbour is another thing's, row by row.
+template <typename OnTurn>
+void each_turn(const LabelPicture &p, OnTurn on_turn) {
+    constexpr std::int32_t kAtOnce = 8;
+    const std::int32_t w = p.width;
+    for (std::int32_t y = 0; y + 1 < p.height; ++y) {
+        const std::uint16_t *ids = p.instance + static_cast<std::ptrdiff_t>(y) * w;
+        for (std::int32_t from = 0; from < w; from += kAtOnce) {
+            const std::int32_t to = std::min(w, from + kAtOnce);
+            if (to - from == kAtOnce && !std::memcmp(ids + from, ids + from + w, 2 * kAtOnce)) continue;
+            for (std::int32_t x = from; x < to; ++x) {
+                if (ids[x] != ids[x + w]) on_turn(x, y);
+            }
+        }
+    }
+}
+
 bool real(float depth) { return depth > 0.0f && depth <= std::numeric_limits<float>::max(); }
 
 }  // namespace
@@ -84,48 +101,54 @@ const std::vector<InstanceRow> &InstanceScan::scan(const LabelPicture &p, std::i
         pair(p, at, 1, x + 2 < w);
         pair(p, at + 1, -1, x > 0);
     }
-    for (std::int32_t y = 0; y + 1 < h; ++y) {
-        const std::int32_t first = y * w;
-        const std::uint16_t *ids = p.instance + first;
-        for (std::int32_t x = 0; x < w; ++x) {
-            if (x + 4 <= w && !std::memcmp(ids + x, ids + x + w, 8)) {
-                x += 3;
-                continue;
-            }
-            if (ids[x] == ids[x + w]) continue;
-            pair(p, first + x, w, y + 2 < h);
-            pair(p, first + x + w, -w, y > 0);
-        }
-    }
+    each_turn(p, [&](std::int32_t x, std::int32_t y) {
+        pair(p, y * w + x, w, y + 2 < h);
+        pair(p, (y + 1) * w + x, -w, y > 0);
+    });
     std::sort(rows_.begin(), rows_.end(), [](const InstanceRow &a, const InstanceRow &b) { return a.id < b.id; });
     return rows_;
 }
 
 void InstanceScan::run_lengths(const LabelPicture &p, const std::uint16_t *ids, std::size_t n) {
-    constexpr std::int32_t kBlock = 32;
     const std::int32_t w = p.width, h = p.height, pixels = w * h;
-    columns_.resize(static_cast<std::size_t>(pixels));
-    for (std::int32_t y0 = 0; y0 < h; y0 += kBlock)
-        for (std::int32_t x0 = 0; x0 < w; x0 += kBlock)
-            for (std::int32_t x = x0; x < std::min(w, x0 + kBlock); ++x)
-                for (std::int32_t y = y0; y < std::min(h, y0 + kBlock); ++y)
-                    columns_[static_cast<std::size_t>(x * h + y)] = p.instance[y * w + x];
+    // Where columns turn to another thing, put column by column: far fewer than pixels.
+    edges_.clear();
+    column_.assign(static_cast<std::size_t>(w) + 1, 0);
+    each_turn(p, [&](std::int32_t x, std::int32_t y) {
+        edges_.push_back((y + 1) * w + x);
+        ++column_[static_cast<std::size_t>(x) + 1];
+    });
+    for (std::size_t x = 0; x < static_cast<std::size_t>(w); ++x) column_[x + 1] += column_[x];
+    turns_.resize(edges_.size());
+    for (const std::int32_t at : edges_) turns_[static_cast<std::size_t>(column_[static_cast<std::size_t>(at % w)]++)] = at;
     for (const InstanceRow &row : rows_) slot_[static_cast<std::size_t>(row.id)] = -1;
     rows_.clear();
     for (std::size_t i = 0; i < n; ++i) slot_[ids[i]] = static_cast<std::int32_t>(i);
     runs_.clear();
     offsets_.assign(n + 1, 0);
     end_.assign(n, 0);
-    for (std::int32_t i = 0; i < pixels;) {
-        const std::uint16_t id = columns_[static_cast<std::size_t>(i)];
-        const std::int32_t end = run_end(columns_.data(), i, pixels);
-        if (slot_[id] >= 0) {
-            runs_.push_back({slot_[id], i, end - i});
-            offsets_[static_cast<std::size_t>(slot_[id]) + 1] += 2;
-            end_[static_cast<std::size_t>(slot_[id])] = end;
+    std::uint16_t id = p.instance[0];
+    std::int32_t start = 0;
+    const auto end_run = [&](std::int32_t end) {
+        const std::int32_t slot = slot_[id];
+        if (slot < 0) return;
+        runs_.push_back({slot, start, end - start});
+        offsets_[static_cast<std::size_t>(slot) + 1] += 2;
+        end_[static_cast<std::size_t>(slot)] = end;
+    };
+    const auto go_on = [&](std::int32_t at, std::int32_t x, std::int32_t y) {
+        if (p.instance[at] == id) return;
+        end_run(x * h + y);
+        id = p.instance[at], start = x * h + y;
+    };
+    for (std::int32_t x = 0, turn = 0; x < w; ++x) {
+        go_on(x, x, 0);
+        for (; turn < column_[static_cast<std::size_t>(x)]; ++turn) {
+            const std::int32_t at = turns_[static_cast<std::size_t>(turn)];
+            go_on(at, x, at / w);
         }
-        i = end;
     }
+    end_run(pixels);
     for (std::size_t i = 0; i < n; ++i) offsets_[i + 1] += offsets_[i] + (end_[i] < pixels);
     counts_.resize(static_cast<std::size_t>(offsets_[n]));
     next_.assign(offsets_.begin(), offsets_.end() - 1);

@@ -50,8 +50,9 @@ private:
 
     std::vector<std::int32_t> slot_;  // by id: its row, -1 for none
     std::vector<InstanceRow> rows_;
-    std::vector<std::uint16_t> columns_;  // the picture transposed
-    std::vector<std::int32_t> edges_;  // pixels whose right neighbour is another thing's
+    std::vector<std::int32_t> edges_;  // pixels whose neighbour is another thing's: the right one, or (runs) the one above
+    std::vector<std::int32_t> turns_;  // the latter column by column
+    std::vector<std::int32_t> column_;  // where in `turns_` each column ends
     std::vector<Run> runs_;
     std::vector<std::int32_t> counts_, end_;
     std::vector<std::int64_t> offsets_, next_;
