@@ -1,4 +1,4 @@
-// sim._kernels.number_row, number_rows: numbers as rows of a table. Contract: number_text.hpp.
+// sim._kernels.number_rows: numbers as rows of a table. Contract: number_text.hpp.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
@@ -13,30 +13,19 @@ using namespace nb::literals;
 
 namespace {
 
-void add_number(std::string &text, PyObject *value) {
-    const double x = PyFloat_AsDouble(value);
-    if (x == -1.0 && PyErr_Occurred()) throw nb::python_error();
+void add_number(std::string &text, double x) {
     char number[hil::sim::kLongestNumber];
     text.append(number, hil::sim::number_text(x, number));
 }
 
-// A number, or all of a tuple, with commas between them.
-void add_numbers(std::string &text, PyObject *part) {
-    if (!PyTuple_Check(part)) return add_number(text, part);
-    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(part); ++i) {
+// All of a tuple, with commas between them.
+void add_numbers(std::string &text, PyObject *tuple) {
+    for (Py_ssize_t i = 0; i < PyTuple_GET_SIZE(tuple); ++i) {
         if (i) text += ',';
-        add_number(text, PyTuple_GET_ITEM(part, i));
+        const double x = PyFloat_AsDouble(PyTuple_GET_ITEM(tuple, i));
+        if (x == -1.0 && PyErr_Occurred()) throw nb::python_error();
+        add_number(text, x);
     }
-}
-
-nb::str number_row(nb::args values) {
-    thread_local std::string text;
-    text.clear();
-    for (nb::handle part : values) {
-        if (!text.empty() && !(PyTuple_Check(part.ptr()) && PyTuple_GET_SIZE(part.ptr()) == 0)) text += ',';
-        add_numbers(text, part.ptr());
-    }
-    return nb::str(text.data(), text.size());
 }
 
 template <typename T>
@@ -75,8 +64,7 @@ void add_column(std::string &text, const Column &column, std::size_t row) {
     else {
         for (std::size_t k = 0; k < column.width; ++k) {
             if (k) text += ',';
-            char number[hil::sim::kLongestNumber];
-            text.append(number, hil::sim::number_text(column.numbers[row * column.width + k], number));
+            add_number(text, column.numbers[row * column.width + k]);
         }
     }
 }
@@ -107,8 +95,6 @@ nb::str number_rows(nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, n
 }  // namespace
 
 void bind_number_text(nb::module_ &m) {
-    m.def("number_row", number_row, "values"_a,
-          "Numbers and tuples of numbers as Python's repr writes floats, with commas between them.");
     m.def("number_rows", number_rows, "t_ns"_a, "columns"_a, "before"_a,
           "A table's rows: first the time [ns], which must rise from row to row and from `before` (ValueError), then each "
           "column: float64 of shape (n) or (n, k), written as repr writes floats, int64 of shape (n), or a tuple of "

@@ -6,6 +6,7 @@ import io
 import json
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
 from hil.dataset.formats.datasheet import Datasheet, SamplePicture, SensorRow, datasheet_html, histogram_svg
 from hil.dataset.formats.labels import ObjectLabel, PictureLabels
@@ -22,7 +24,8 @@ from hil.dataset.formats.looks import cloud_look, radar_look, with_boxes
 from hil.dataset.formats.pictures import PictureEncoder
 from hil.dataset.formats.radar_npy import radar_json, range_doppler_npy, raw_npy
 from hil.dataset.formats.split import split_frames
-from hil.dataset.tables import COLUMNS
+from hil.dataset.tables import COLUMNS, TRUTH, Tables
+from hil.dataset.tree import Written
 from hil.recorder.topics import columns_of
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
@@ -40,6 +43,7 @@ from sim._kernels import number_rows, sample_columns
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.recording import load_recording
+from tests.reference.euroc_rows import gps_row, imu_row, truth_row
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
@@ -56,12 +60,21 @@ def rows_of(text: str) -> tuple[list[str], list[list[float]]]:
     return head.split(","), [[float(value) for value in row.split(",")] for row in rows]
 
 
+def rows_at_once(samples: list[Any], names: euroc.TableColumns, *, before: int = -1, later_ns: int = 0) -> str:
+    columns = columns_of(type(samples[0]), samples, later_ns)
+    return number_rows(columns["stamp_ns"], [columns[x] if isinstance(x, str) else x for x in names], before)
+
+
+def table_of(header: str, samples: list[Any], names: euroc.TableColumns) -> str:
+    return f"{header}\n{rows_at_once(samples, names)}"
+
+
 @given(st.tuples(FINITE, FINITE, FINITE), st.tuples(FINITE, FINITE, FINITE), st.integers(0, 2**62))
 def test_imu_rows_read_back_to_the_same_numbers(
     accel: tuple[float, float, float], gyro: tuple[float, float, float], t_ns: int
 ) -> None:
     sample = ImuSample(0, t_ns, t_ns, accel, gyro, 20.0)
-    text = euroc.table(euroc.IMU_HEADER, [euroc.imu_row(sample)])
+    text = table_of(euroc.IMU_HEADER, [sample], euroc.IMU_COLUMNS)
     head, (row,) = rows_of(text)
     assert len(head) == 7
     assert tuple(row[1:]) == (*gyro, *accel)
@@ -69,31 +82,24 @@ def test_imu_rows_read_back_to_the_same_numbers(
 
 
 def test_truth_has_the_columns_of_euroc() -> None:
-    text = euroc.table(euroc.TRUTH_HEADER, [euroc.truth_row(truth(0)), euroc.truth_row(truth(4, 0.25))])
-    head, rows = rows_of(text)
+    head, rows = rows_of(table_of(euroc.TRUTH_HEADER, [truth(0), truth(4, 0.25)], euroc.TRUTH_COLUMNS))
     assert len(head) == 17
     assert head[0] == "#timestamp"
     assert head[4].startswith("q_RS_w")
     assert rows[1] == [4.0, 0.25, 1.5, -2.0, 0.5, -0.5, 0.5, 0.5, 0.1, 0.2, 0.3, *[0.0] * 6]
-    assert rows_of(euroc.table(euroc.LEICA_HEADER, [euroc.leica_row(truth(0))]))[1] == [[0.0, 0.0, 1.5, -2.0]]
-
-
-def rows_at_once(samples: list[Any], names: euroc.TableColumns, *, before: int = -1, later_ns: int = 0) -> str:
-    columns = columns_of(type(samples[0]), samples, later_ns)
-    return number_rows(columns["stamp_ns"], [columns[x] if isinstance(x, str) else x for x in names], before)
 
 
 def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
     truths = [truth(4 * i, i / 3) for i in range(1, 50)]
-    assert rows_at_once(truths, euroc.TRUTH_COLUMNS) == "".join(map(euroc.truth_row, truths))
+    assert rows_at_once(truths, euroc.TRUTH_COLUMNS) == "".join(map(truth_row, truths))
     later = [t._replace(t_ns=t.t_ns + 10**18) for t in truths]
-    assert rows_at_once(truths, euroc.TRUTH_COLUMNS, later_ns=10**18) == "".join(map(euroc.truth_row, later))
+    assert rows_at_once(truths, euroc.TRUTH_COLUMNS, later_ns=10**18) == "".join(map(truth_row, later))
     imu = [
         ImuSample(i, 1_600_000_000_000_000_000 + i, i, (i * 1e-7, -0.0, 1e22), (1 / 7, 5.0, i), 20.0) for i in range(9)
     ]
-    assert rows_at_once(imu, euroc.IMU_COLUMNS, before=0) == "".join(map(euroc.imu_row, imu))
+    assert rows_at_once(imu, euroc.IMU_COLUMNS, before=0) == "".join(map(imu_row, imu))
     gps = [GpsSample(0, i, 9, 47.1 / i, 8.5, 400.25, (1.0, i, 3.0), 0.8, 1.2, 3, 11) for i in (1, 2)]
-    assert rows_at_once(gps, euroc.GPS_COLUMNS) == "".join(map(euroc.gps_row, gps))
+    assert rows_at_once(gps, euroc.GPS_COLUMNS) == "".join(map(gps_row, gps))
     assert number_rows(np.empty(0, np.int64), [], 0) == ""
 
 
@@ -140,22 +146,30 @@ def test_rows_of_something_else_are_refused() -> None:
 
 def test_gps_row() -> None:
     sample = GpsSample(0, 5, 9, 47.1, 8.5, 400.25, (1.0, 2.0, 3.0), 0.8, 1.2, 3, 11)
-    head, (row,) = rows_of(euroc.table(euroc.GPS_HEADER, [euroc.gps_row(sample)]))
+    head, (row,) = rows_of(table_of(euroc.GPS_HEADER, [sample], euroc.GPS_COLUMNS))
     assert len(head) == len(row)
     assert row == [5.0, 47.1, 8.5, 400.25, 1.0, 2.0, 3.0, 0.8, 1.2, 3.0, 11.0]
 
 
-@pytest.mark.parametrize("times", [(0, 0), (5, 4)])
-def test_time_must_rise(times: tuple[int, int]) -> None:
-    with pytest.raises(RecordingError, match="time must rise"):
-        euroc.table(euroc.FILE_HEADER, [euroc.file_row(t, "png") for t in times])
+def test_rows_wait_until_they_are_written_and_time_must_rise(tmp_path: Path) -> None:
+    tables = Tables(tmp_path, {TRUTH: euroc.TRUTH_HEADER, "cam0": euroc.FILE_HEADER}, {})
+    for t_ns in (5, 9):
+        tables.add_flight(FlightPart(columns_of(TruthState, [truth(t_ns)]), {}, []))
+        tables.add_files(files_at(t_ns))
+    assert tables.rows == {TRUTH: 2, "cam0": 2}
+    tables.write_out(tables.take())
+    assert (tmp_path / "mav0/cam0/data.csv").read_text() == "#timestamp [ns],filename\n5,5.png\n9,9.png\n"
+    assert tables.take() == {}
+    with pytest.raises(RecordingError, match=r"mav0/cam0/data.csv: time must rise.*9 ns follows 9"):
+        tables.add_files(files_at(9))
+    with pytest.raises(RecordingError, match=r"data.csv: time must rise.*8 ns follows 9"):
+        tables.add_flight(FlightPart(columns_of(TruthState, [truth(8)]), {}, []))
 
 
-def test_no_rows_and_no_negative_time() -> None:
-    assert euroc.table(euroc.FILE_HEADER, []) == "#timestamp [ns],filename\n"
-    assert euroc.file_row(100, "png") == "100,100.png\n"
-    with pytest.raises(RecordingError, match="0 ns or later"):
-        euroc.file_row(-1, "png")
+def files_at(t_ns: int) -> Any:
+    return SimpleNamespace(
+        files=(Written(f"mav0/cam0/data/{t_ns}.png", 0, 0), Written(f"Annotations/{t_ns}.xml", 0, 0))
+    )
 
 
 def test_sensor_yaml_reads_as_yaml_with_numbers() -> None:
@@ -200,7 +214,7 @@ def test_depth_has_the_camera_s_calibration_and_its_own_scale() -> None:
 def test_evo_reads_the_ground_truth(tmp_path: Path) -> None:
     file_interface = pytest.importorskip("evo.tools.file_interface", reason="evo is not installed")
     path = tmp_path / "data.csv"
-    path.write_text(euroc.table(euroc.TRUTH_HEADER, [euroc.truth_row(truth(i * 4_000_000, i)) for i in range(50)]))
+    path.write_text(table_of(euroc.TRUTH_HEADER, [truth(i * 4_000_000, i) for i in range(50)], euroc.TRUTH_COLUMNS))
     trajectory = file_interface.read_euroc_csv_trajectory(str(path))
     assert trajectory.check()[0]
     assert trajectory.num_poses == 50

@@ -3,7 +3,6 @@
     imu0                          t, angular rate, specific force, in the sensor's frame S
     cam0, depth0, ...             t, name of the file in data/
     state_groundtruth_estimate0   t, p_RS_R, q_RS (w-x-y-z), v_RS_R, gyro bias, accelerometer bias
-    leica0                        t, p_RS_R
     gps0                          t, geodetic position, velocity and what the receiver says of them; not in EuRoC
 
 R is the world (east, north, up), S the body (forward, left, up; origin at the centre of mass) in the ground truth, and
@@ -14,11 +13,10 @@ whole nanoseconds, quaternions begin with w. Numbers are written with as many di
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from hil.signals.errors import RecordingError
-from hil.signals.samples import GpsSample, ImuSample, TruthState, Vec3
-from sim._kernels import number_row
+from hil.signals.samples import Vec3
 from sim.frame.calibration_text import euroc_yaml
 from sim.frame.camera_model import CameraModel
 
@@ -45,7 +43,6 @@ TRUTH_HEADER = ",".join(
         *_columns("b_a_RS_S", "m s^-2"),
     ]
 )
-LEICA_HEADER = ",".join([_T, *_columns("p_RS_R", "m")])
 GPS_HEADER = ",".join(
     [
         _T,
@@ -56,58 +53,15 @@ GPS_HEADER = ",".join(
 _NO_BIAS: Vec3 = (0.0, 0.0, 0.0)
 
 
-def file_name(t_ns: int, ending: str) -> str:
-    """Of one sample in data/."""
-    _check_time(t_ns)
-    return f"{t_ns}.{ending}"
-
-
-def file_row(t_ns: int, ending: str) -> str:
-    return f"{t_ns},{file_name(t_ns, ending)}\n"
-
-
-def imu_row(sample: ImuSample) -> str:
-    return _row(sample.t_capture_ns, sample.gyro_radps, sample.accel_mps2)
-
-
-def truth_row(truth: TruthState, *, gyro_bias_radps: Vec3 = _NO_BIAS, accel_bias_mps2: Vec3 = _NO_BIAS) -> str:
-    """Biases as far as somebody knows them; zeros say nothing."""
-    return _row(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, gyro_bias_radps, accel_bias_mps2)
-
-
 # Columns of a table behind the time: by their name in `hil.recorder.topics.columns_of`, or numbers as they are.
 TableColumns = tuple[str | tuple[float, ...], ...]
 
-# What `imu_row`, `truth_row` and `gps_row` make, for many rows at once.
 IMU_COLUMNS: TableColumns = ("gyro_radps", "accel_mps2")
 TRUTH_COLUMNS: TableColumns = ("p_WB", "q_WB", "v_WB_W", _NO_BIAS, _NO_BIAS)
 GPS_COLUMNS: TableColumns = (
     *("latitude_deg", "longitude_deg", "altitude_m", "v_W"),
     *("horizontal_accuracy_m", "vertical_accuracy_m", "fix_type", "satellites"),
 )
-
-
-def leica_row(truth: TruthState) -> str:
-    return _row(truth.t_ns, truth.p_WB)
-
-
-def gps_row(sample: GpsSample) -> str:
-    place = (sample.latitude_deg, sample.longitude_deg, sample.altitude_m, *sample.v_W)
-    accuracy = (sample.horizontal_accuracy_m, sample.vertical_accuracy_m)
-    return _row(sample.t_capture_ns, place, accuracy).rstrip("\n") + f",{sample.fix_type},{sample.satellites}\n"
-
-
-def table(header: str, rows: Iterable[str]) -> str:
-    """A whole data.csv. Raises RecordingError where time does not rise from row to row."""
-    text = [header + "\n"]
-    before = -1
-    for row in rows:
-        t_ns = int(row[: row.index(",")])
-        if t_ns <= before:
-            raise RecordingError(f"data.csv: time must rise from row to row, but {t_ns} ns follows {before} ns")
-        before = t_ns
-        text.append(row)
-    return "".join(text)
 
 
 def sensor_yaml(
@@ -179,13 +133,3 @@ def _value(value: object) -> str:
         text = repr(value)
         return text.replace("e", ".0e") if "e" in text and "." not in text else text
     return json.dumps(value)
-
-
-def _row(t_ns: int, *values: tuple[float, ...]) -> str:
-    _check_time(t_ns)
-    return f"{t_ns},{number_row(*values)}\n"
-
-
-def _check_time(t_ns: int) -> None:
-    if t_ns < 0:
-        raise RecordingError(f"a time must be 0 ns or later, not {t_ns}")
