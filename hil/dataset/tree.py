@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -96,9 +97,11 @@ class TreeWriter:
                 os.link(this, name, src_dir_fd=file, follow_symlinks=True)
                 return
             except FileExistsError:
-                with contextlib.suppress(FileNotFoundError):
-                    os.unlink(part)
-                os.link(this, part, src_dir_fd=file, follow_symlinks=True)
+                pass
+            except OSError:  # not allowed here, if the disk is not full
+                self._nameless = False
+            with open(this, "rb") as whole, open(part, "wb") as copy:
+                shutil.copyfileobj(whole, copy)
         os.rename(part, name)
 
     def holds(self, written: Written) -> bool:

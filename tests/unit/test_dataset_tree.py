@@ -16,7 +16,7 @@ from hil.dataset.tree import TreeWriter
 from hil.signals.errors import RecordingError
 
 
-@pytest.fixture(params=["as it is", "no files without a name", "no proc"])
+@pytest.fixture(params=["as it is", "no files without a name", "no links", "no proc"])
 def tree(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TreeWriter:
     real_open, real_isdir = os.open, os.path.isdir
 
@@ -27,6 +27,12 @@ def tree(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
 
     if request.param == "no files without a name":
         monkeypatch.setattr(tree_module.os, "open", plain_open)
+
+    def no_link(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    if request.param == "no links":
+        monkeypatch.setattr(tree_module.os, "link", no_link)
     if request.param == "no proc":
         monkeypatch.setattr(os.path, "isdir", lambda path: not str(path).startswith("/proc") and real_isdir(path))
     return TreeWriter(tmp_path)
