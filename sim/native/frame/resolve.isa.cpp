@@ -471,6 +471,7 @@ void resolve(const ResolveJob &job) {
                 if (out.instance && !uniform) put(out.instance, b.width, x, y, columns, rows, ins);
             }
             if (!wants_normal && !out.radial_velocity) continue;
+            const F per_length = out.radial_velocity ? 1.0f / length_of(d) : zero;  // one for all geoms of the block
             Vec<F> normals{zero, zero, zero};
             F velocity = zero;
             Rgb colour{zero, zero, zero};
@@ -483,7 +484,7 @@ void resolve(const ResolveJob &job) {
                 s.t = t;
                 s.d = d;
                 if (out.radial_velocity) {
-                    const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * (1.0f / length_of(d));
+                    const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * per_length;
                     velocity = select(s.mask, along, velocity);
                 }
                 if (!wants_normal) continue;
