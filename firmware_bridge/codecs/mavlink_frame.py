@@ -15,7 +15,7 @@ from typing import NamedTuple
 from firmware_bridge import _native
 from firmware_bridge.codecs.dialect import SHAPES
 
-MAX_FRAME_LENGTH = 10 + 255 + 2 + 13  # header, payload, crc, signature
+MAX_FRAME_LENGTH = _native.MAX_FRAME_LENGTH
 
 
 class Frame(NamedTuple):

@@ -126,6 +126,7 @@ std::uint64_t count(const FrameParser &parser) {
 }  // namespace
 
 void bind_mavlink_frame(nb::module_ &m) {
+    m.attr("MAX_FRAME_LENGTH") = kLongestFrame;
     nb::class_<PyDialect>(m, "Dialect")
         .def(
             "__init__",
