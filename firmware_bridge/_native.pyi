@@ -1,6 +1,6 @@
 """Types of the compiled module; meaning, shapes and units are in its docstrings and in firmware_bridge/native/*.hpp."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy
@@ -75,7 +75,6 @@ class FlightCore:
     def landed(self) -> bool: ...
 
 def allocate(params: NDArray[numpy.float64], roll: float, pitch: float, yaw: float, thrust: float) -> tuple: ...
-def ekf_generated(name: str, inputs: Sequence[Sequence[float]]) -> list[list[float]]: ...
 def lateness_bin(duration_ns: int) -> int: ...
 
 MAX_FRAME_LENGTH: int

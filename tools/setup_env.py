@@ -129,7 +129,8 @@ def build_kernels() -> None:
     native = [
         p for folder in ("hil", "sim", "firmware_bridge") for p in (ROOT / folder).glob("**/native/**/*") if p.is_file()
     ]
-    digest = digest_of([*native, ROOT / "CMakeLists.txt", ROOT / "pyproject.toml"])
+    model = ROOT / "firmware_bridge/mock_pixhawk/ekf_model.py"  # the build generates C++ from it
+    digest = digest_of([*native, model, ROOT / "CMakeLists.txt", ROOT / "pyproject.toml"])
     if stamped("kernels", digest):
         return
     environment = dict(os.environ)

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "ekf_jacobians.hpp"
+#include "ekf_jacobians.h"
 
 namespace hil::flight {
 namespace {
@@ -160,9 +160,9 @@ void Ekf::predict(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F, bool may_rest) {
     propagate_covariance(imu, dt);
     const double gravity = params_[EKF_GRAVITY];
     double next[16], a_N[3];
-    const double *const arg[4] = {x_, imu, &dt, &gravity};
-    double *const res[2] = {next, a_N};
-    generated::ekf_predict(arg, res);
+    const double *arg[4] = {x_, imu, &dt, &gravity};
+    double *res[2] = {next, a_N};
+    ::ekf_predict(arg, res, nullptr, nullptr, 0);
     std::copy(next, next + 16, x_);
     a_N_ = {a_N[0], a_N[1], a_N[2]};
     rate_F_ = gyro_F - gyro_bias();
@@ -200,9 +200,9 @@ void Ekf::predict(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F, bool may_rest) {
 // the barometer's offset are random walks (identity rows).
 void Ekf::propagate_covariance(const double *imu, double dt) {
     double tt[9], tg[9], vt[9], vg[9], va[9], pt[9], pg[9], pa[9];
-    const double *const arg[3] = {x_, imu, &dt};
-    double *const res[8] = {tt, tg, vt, vg, va, pt, pg, pa};
-    generated::ekf_transition(arg, res);
+    const double *arg[3] = {x_, imu, &dt};
+    double *res[8] = {tt, tg, vt, vg, va, pt, pg, pa};
+    ::ekf_transition(arg, res, nullptr, nullptr, 0);
 
     double M[9][kErrors];  // the first 9 rows of F P
     for (int i = 0; i < 3; ++i) {

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "ekf.hpp"
-#include "ekf_jacobians.hpp"
+#include "ekf_jacobians.h"
 
 namespace hil::flight {
 namespace {
@@ -52,9 +52,9 @@ void Ekf::fuse_gps(const GpsFix &fix) {
     }
     const double force[3] = {force_N.x, force_N.y, force_N.z};
     double vt[9], va[9], pt[9], pa[9];
-    const double *const arg[3] = {x_, force, &tau};
-    double *const res[4] = {vt, va, pt, pa};
-    generated::ekf_delayed(arg, res);
+    const double *arg[3] = {x_, force, &tau};
+    double *res[4] = {vt, va, pt, pa};
+    ::ekf_delayed(arg, res, nullptr, nullptr, 0);
 
     const double timing = params_[EKF_GPS_T_NOISE];
     const double floor_p = params_[EKF_GPS_P_NOISE];
@@ -242,9 +242,9 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
         const Vec3 smooth_F = rotate(conjugate(q_NF()), field_N_);
         const double q[4] = {x_[0], x_[1], x_[2], x_[3]}, field[3] = {smooth_F.x, smooth_F.y, smooth_F.z};
         double h[3];
-        const double *const arg[2] = {q, field};
-        double *const res[1] = {h};
-        generated::ekf_heading(arg, res);
+        const double *arg[2] = {q, field};
+        double *res[1] = {h};
+        ::ekf_heading(arg, res, nullptr, nullptr, 0);
         Row row{};
         for (int k = 0; k < 3; ++k) row.h[kTheta + k] = h[k];
         row.innovation = value;

@@ -6,7 +6,6 @@
 namespace nb = nanobind;
 
 void bind_flight_core(nb::module_ &m);
-void bind_ekf_jacobians(nb::module_ &m);
 void bind_mavlink_frame(nb::module_ &m);
 void bind_realtime_sender(nb::module_ &m);
 
@@ -16,7 +15,6 @@ NB_MODULE(_native, m) {
     m.doc() = "Estimator and control of the mock Pixhawk; MAVLink framing; the real-time sender for autopilots that do not wait.";
     hil::bind_detmath(m);
     bind_flight_core(m);
-    bind_ekf_jacobians(m);
     bind_mavlink_frame(m);
     bind_realtime_sender(m);
 }
