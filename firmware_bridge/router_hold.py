@@ -19,15 +19,15 @@ from dataclasses import dataclass, field
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.router_client import Client
+from hil.signals.time import NS_PER_S
 
 HEARTBEAT = MSGID["HEARTBEAT"]
 SETPOINTS = frozenset(
     MSGID[name] for name in ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
 )
 
-_NS_PER_S = 1_000_000_000
-_ALIVE_NS = 2 * _NS_PER_S
-_STREAM_MIN_NS = _NS_PER_S
+_ALIVE_NS = 2 * NS_PER_S
+_STREAM_MIN_NS = NS_PER_S
 _STREAM_PERIODS = 5
 _PERIOD_MIN_NS = 10_000_000
 _ARRIVALS = 10  # over which a rate is measured
@@ -77,7 +77,7 @@ class Hold:
             source = self._sources[key] = _Source(client)
         if msgid == HEARTBEAT:
             source.heartbeat = frame
-            source.heartbeat_due_ns = t_ns + _NS_PER_S * 5 // 4
+            source.heartbeat_due_ns = t_ns + NS_PER_S * 5 // 4
             return
         arrivals = source.arrivals_wall_ns
         if arrivals and wall_ns - arrivals[-1] > _ALIVE_NS:
@@ -96,7 +96,7 @@ class Hold:
                 dead.append(key)
                 continue
             if source.heartbeat is not None and t_ns >= source.heartbeat_due_ns:
-                source.heartbeat_due_ns = t_ns + _NS_PER_S
+                source.heartbeat_due_ns = t_ns + NS_PER_S
                 copies.append(source.heartbeat)
                 self.heartbeats += 1
             if source.setpoint is None or t_ns < source.setpoint_due_ns:

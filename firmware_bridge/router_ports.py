@@ -13,6 +13,7 @@ from typing import Protocol
 from firmware_bridge.router_client import Client
 from firmware_bridge.router_endpoint import Address, Endpoint
 from hil.signals.errors import PortBusy, PortNotFound
+from hil.signals.time import NS_PER_S
 
 _DATAGRAM_LIMIT = 1400  # of whole frames, below any MTU
 _DATAGRAMS_PER_TICK = 32
@@ -21,7 +22,7 @@ _BYTES_PER_TICK = 65536  # read from one socket
 _TCP_BACKLOG_LIMIT = 256 * 1024  # unread telemetry of one client; past it the client has stalled
 _TCP_SEND_BUFFER = 128 * 1024
 _CLIENTS_LIMIT = 16  # per endpoint
-_FORGET_NS = 60 * 10**9  # a place may be taken over from a client that has said nothing for so long
+_FORGET_NS = 60 * NS_PER_S  # a place may be taken over from a client that has said nothing for so long
 
 Heard = Callable[[Client, bytes], None]
 

@@ -33,6 +33,7 @@ from typing import NamedTuple, NoReturn
 from firmware_bridge.codecs.errors import CodecError
 from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from hil.signals.samples import Quat, TruthState, Vec3
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 
 MAGIC_16 = 18458
 MAGIC_32 = 29569
@@ -195,7 +196,7 @@ def state_from_truth(
     )
 
 
-def ideal_imu(truth: TruthState, gravity_mps2: float = 9.80665) -> tuple[Vec3, Vec3]:
+def ideal_imu(truth: TruthState, gravity_mps2: float = STANDARD_GRAVITY_MPS2) -> tuple[Vec3, Vec3]:
     """Specific force [m/s2] and rate [rad/s] in B of an IMU without error at the body origin."""
     a_E, a_N, a_U = truth.a_WB_W
     return _to_body(truth.q_WB, (a_E, a_N, a_U + gravity_mps2)), truth.w_WB_B

@@ -32,6 +32,7 @@ from hil.signals.samples import (
     TruthState,
     Vec3,
 )
+from hil.signals.units import DEG_PER_RAD, STANDARD_GRAVITY_MPS2
 
 
 class FieldUnit(NamedTuple):
@@ -48,7 +49,7 @@ _MAG = FieldUnit("gauss", 1e4, "F")
 _DEGREES = FieldUnit("degE7", 1e7, "WGS-84")
 _ALTITUDE = FieldUnit("mm", 1e3, "MSL")
 _SPEED_N = FieldUnit("cm/s", 1e2, "N")
-_MILLI_G = FieldUnit("mG", 1e3 / 9.80665, "F")
+_MILLI_G = FieldUnit("mG", 1e3 / STANDARD_GRAVITY_MPS2, "F")
 _MICROSECONDS = FieldUnit("us", 1e-3, "-")
 
 UNITS: dict[str, dict[str, FieldUnit]] = {
@@ -240,7 +241,7 @@ def _course_deg(north: float, east: float) -> float:
     for k in range(1, 8):
         power = power * -z
         series = series + power / (2 * k + 1)
-    angle = 4.0 * u * series * 57.29577951308232
+    angle = 4.0 * u * series * DEG_PER_RAD
     if y > x:
         angle = 90.0 - angle
     if north < 0.0:

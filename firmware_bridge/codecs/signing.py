@@ -26,13 +26,14 @@ from fastcrc.crc16 import mcrf4xx
 
 from firmware_bridge.codecs.dialect import MSGID, SHAPES
 from firmware_bridge.codecs.mavlink_frame import Frame
+from hil.signals.time import NS_PER_S
 
 KEY_LENGTH = 32
 SETUP_SIGNING = MSGID["SETUP_SIGNING"]  # carries a key: never to be shown to others, nor kept in a log
 # Radios make this one themselves and have no key: the standard's one exception.
 ACCEPTED_UNSIGNED = frozenset({MSGID["RADIO_STATUS"]})
 
-_EPOCH_2015_NS = 1_420_070_400 * 10**9
+_EPOCH_2015_NS = 1_420_070_400 * NS_PER_S
 _MINUTE = 60 * 100_000  # in units of 10 us
 _V2, _FLAG = 0xFD, 0x01
 _TRAILER, _SIGNATURE = 13, 6

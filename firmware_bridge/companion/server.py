@@ -36,10 +36,10 @@ from firmware_bridge.companion.unreachable import Unreachable
 from firmware_bridge.companion.welcoming import welcome_of
 from firmware_bridge.companion.wires import Wires, flush_all
 from hil.signals.errors import HandshakeError, LinkClosed
+from hil.signals.time import NS_PER_MS
 
 _SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
 _LOOK_MS = 5
-_MS = 1_000_000
 _NAP_NS = 100_000
 _ROUND_MS = 50  # the watch over connections goes on while nothing is heard
 _LINGER_MS = 300  # for the last words to leave
@@ -208,19 +208,19 @@ class CompanionServer:
             if beside_zmq and self._patience.stays_awake(now_ns - begun_ns):
                 continue
             left_ns = deadline_ns - now_ns
-            if left_ns < _MS:  # the poller counts whole milliseconds
+            if left_ns < NS_PER_MS:  # the poller counts whole milliseconds
                 time.sleep(min(left_ns, _NAP_NS) * 1e-9)
             else:
-                self._wait(min(left_ns // _MS, _ROUND_MS))
+                self._wait(min(left_ns // NS_PER_MS, _ROUND_MS))
         if limit_s > 0.0:
             self._patience.waited(self._clock_ns() - begun_ns)
         return replies
 
     def _has_to_look(self, now_ns: int) -> bool:
         """Of who waits for answers on other ways: ZeroMQ takes as long as a frame to ask, its descriptors do not."""
-        if now_ns >= self._served_ns + _ROUND_MS * _MS or self._wires.stirred():
+        if now_ns >= self._served_ns + _ROUND_MS * NS_PER_MS or self._wires.stirred():
             return True
-        self._look_ns = now_ns + _LOOK_MS * _MS
+        self._look_ns = now_ns + _LOOK_MS * NS_PER_MS
         return False
 
     def _wait(self, limit_ms: int) -> None:
@@ -252,7 +252,7 @@ class CompanionServer:
                     if self._clock_ns() >= end_ns:
                         return  # and look again at once
             waiting = still
-        self._served_ns, self._look_ns = begun_ns, begun_ns + _LOOK_MS * _MS
+        self._served_ns, self._look_ns = begun_ns, begun_ns + _LOOK_MS * NS_PER_MS
 
     def _hear_ways(self, replies: list[Reply]) -> bool:
         """One message of each client in turn, until there is an answer, or for a moment. Whether there are clients, and

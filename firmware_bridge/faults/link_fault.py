@@ -28,11 +28,11 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from firmware_bridge.codecs.messages import MSGID
+from hil.signals.time import NS_PER_S
 
 Kind = Literal["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "unplug"]
 Direction = Literal["to_autopilot", "from_autopilot"]
 
-NS_PER_S = 1_000_000_000
 REORDER_WAIT_S = 0.02  # how long a unit waits, at most, for others to overtake it, unless `delay_s` says otherwise
 _WHOLE_LINE = ("stall", "unplug")  # kinds that hit all units
 _FOREVER_NS = 1 << 62

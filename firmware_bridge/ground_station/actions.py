@@ -24,8 +24,9 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
-from firmware_bridge.ground_station.wire import GCS_SYSID, NS_PER_S, Wire, enum_name
+from firmware_bridge.ground_station.wire import GCS_SYSID, Wire, enum_name
 from hil.signals.errors import HandshakeError
+from hil.signals.time import NS_PER_S
 
 _ParamRequestRead = message_class("PARAM_REQUEST_READ")
 _ParamSet = message_class("PARAM_SET")

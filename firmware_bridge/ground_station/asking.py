@@ -8,7 +8,8 @@ from firmware_bridge.ground_station.commands import ACCEPTED, Commands
 from firmware_bridge.ground_station.heartbeat import Heartbeats
 from firmware_bridge.ground_station.procedure import Step, declined_for_now
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, enum_name, refused
+from firmware_bridge.ground_station.wire import enum_name, refused
+from hil.signals.time import NS_PER_S
 
 _RETRY_NS = NS_PER_S
 _ARMINGS_LIMIT = 5

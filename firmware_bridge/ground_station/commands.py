@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from firmware_bridge.ground_station.wire import Wire, enum_name, refused
+from hil.signals.time import NS_PER_S
 
 _CommandLong = message_class("COMMAND_LONG")
 

@@ -18,10 +18,11 @@ from typing import Any
 from firmware_bridge.ground_station.autopilot_frame import AutopilotFrame
 from firmware_bridge.ground_station.desired_queue import Applied, DesiredQueue
 from firmware_bridge.ground_station.set_points import attitude_target, heading_N, position_target
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire
+from firmware_bridge.ground_station.wire import Wire
 from hil.signals.desired import DesiredState, carried_on
 from hil.signals.frames import ned_from_enu
 from hil.signals.samples import Vec3
+from hil.signals.time import NS_PER_S
 
 
 class Follower:

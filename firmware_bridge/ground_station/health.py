@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from firmware_bridge.ground_station.wire import NS_PER_S
+from hil.signals.time import NS_PER_S
 
 _PREARM_CHECK = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 # A vehicle that does not report its pre-arm check is asked to arm after this long, and again until it agrees.

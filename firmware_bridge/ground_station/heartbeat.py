@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire
+from firmware_bridge.ground_station.wire import Wire
+from hil.signals.time import NS_PER_S
 
 _Heartbeat = message_class("HEARTBEAT")
 _TYPE_GCS = 6

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, enum_name, refused
+from firmware_bridge.ground_station.wire import Wire, enum_name, refused
 from hil.signals.mission import MissionItem
+from hil.signals.time import NS_PER_S
 
 _MissionCount = message_class("MISSION_COUNT")
 _MissionItemInt = message_class("MISSION_ITEM_INT")

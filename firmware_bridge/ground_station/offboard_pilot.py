@@ -36,9 +36,9 @@ from firmware_bridge.ground_station.procedure import Step
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.projections import Projection
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, refused
+from firmware_bridge.ground_station.wire import Wire, refused
 from hil.signals.desired import DesiredState
-from hil.signals.time import is_due
+from hil.signals.time import NS_PER_S, is_due
 
 _DO_SET_MODE = 176
 _COMPONENT_ARM_DISARM = 400

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from firmware_bridge._native import det_atan2, det_cos, det_sin
 from hil.signals.samples import Vec3
+from hil.signals.units import RAD_PER_DEG
 
-_RAD_PER_DEG = 3.14159265358979311600 / 180.0
 _PX4_RADIUS_M = 6371000.0
 _ARDUPILOT_M_PER_DEG = 0.011131884502145034 * 1e7
 _A_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS-84
@@ -40,9 +40,9 @@ Projection = Callable[[Place, Place], Vec3]
 
 def px4_ned(origin: Place, place: Place) -> Vec3:
     """As PX4's estimator and position controller have it."""
-    lat0, lat = origin.lat_deg * _RAD_PER_DEG, place.lat_deg * _RAD_PER_DEG
+    lat0, lat = origin.lat_deg * RAD_PER_DEG, place.lat_deg * RAD_PER_DEG
     sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
-    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * _RAD_PER_DEG
+    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
     north = cos0 * sin_lat - sin0 * cos_lat * det_cos(dlon)
     east = cos_lat * det_sin(dlon)
     sin_c = sqrt(north * north + east * east)
@@ -54,7 +54,7 @@ def px4_ned(origin: Place, place: Place) -> Vec3:
 
 def ardupilot_ned(origin: Place, place: Place) -> Vec3:
     """As ArduPilot's estimator has it."""
-    scale = det_cos(0.5 * (origin.lat_deg + place.lat_deg) * _RAD_PER_DEG)
+    scale = det_cos(0.5 * (origin.lat_deg + place.lat_deg) * RAD_PER_DEG)
     north_deg, east_deg = place.lat_deg - origin.lat_deg, _turn_deg(place.lon_deg - origin.lon_deg)
     return (
         north_deg * _ARDUPILOT_M_PER_DEG,
@@ -66,7 +66,7 @@ def ardupilot_ned(origin: Place, place: Place) -> Vec3:
 def ardupilot_place(origin: Place, p_N: Vec3) -> Place:
     """Where `ardupilot_ned` has a point: the inverse."""
     north_deg = p_N[0] / _ARDUPILOT_M_PER_DEG
-    scale = det_cos((origin.lat_deg + 0.5 * north_deg) * _RAD_PER_DEG)
+    scale = det_cos((origin.lat_deg + 0.5 * north_deg) * RAD_PER_DEG)
     east_deg = _turn_deg(p_N[1] / (_ARDUPILOT_M_PER_DEG * scale))
     return Place(origin.lat_deg + north_deg, _turn_deg(origin.lon_deg + east_deg), origin.alt_m - p_N[2])
 
@@ -83,9 +83,9 @@ def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
 
 def tangent_ned(origin: Place, place: Place) -> Vec3:
     """North and east components of the difference of the two points in ECEF."""
-    lat0, lat = origin.lat_deg * _RAD_PER_DEG, place.lat_deg * _RAD_PER_DEG
+    lat0, lat = origin.lat_deg * RAD_PER_DEG, place.lat_deg * RAD_PER_DEG
     sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
-    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * _RAD_PER_DEG
+    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
     n0, n = _A_M / sqrt(1.0 - _E2 * sin0 * sin0), _A_M / sqrt(1.0 - _E2 * sin_lat * sin_lat)
     out0, out = (n0 + origin.alt_m) * cos0, (n + place.alt_m) * cos_lat
     dz = (n * (1.0 - _E2) + place.alt_m) * sin_lat - (n0 * (1.0 - _E2) + origin.alt_m) * sin0
@@ -103,7 +103,7 @@ def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
     for _ in range(6):
         north, east, _ = project(Place(lat, lon, place.alt_m), place)
         lat += (north - p_N[0]) / per_deg
-        lon += (east - p_N[1]) / (per_deg * det_cos(lat * _RAD_PER_DEG))
+        lon += (east - p_N[1]) / (per_deg * det_cos(lat * RAD_PER_DEG))
     return Place(lat, lon, place.alt_m + p_N[2])
 
 

@@ -6,6 +6,7 @@ SET_ATTITUDE_TARGET, which ArduPilot takes as a climb rate (0.5: none) unless GU
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
 
 from firmware_bridge._native import det_atan2
@@ -23,7 +24,6 @@ _LOCAL_NED = 1  # MAV_FRAME
 _NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_YAW, _NO_YAW_RATE = 0x007, 0x038, 0x1C0, 0x400, 0x800
 _NO_RATES, _NO_ATTITUDE = 0x07, 0x80
 
-_PI = 3.14159265358979311600
 _NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -84,10 +84,10 @@ def heading_N(desired: DesiredState) -> float | None:
             return None
         w, x, y, z = desired.q_WB
         yaw_rad = det_atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    angle = 0.5 * _PI - yaw_rad
-    if -_PI <= angle <= _PI:
+    angle = 0.5 * pi - yaw_rad
+    if -pi <= angle <= pi:
         return angle
-    return angle - 2.0 * _PI * ((angle + _PI) // (2.0 * _PI))
+    return angle - 2.0 * pi * ((angle + pi) // (2.0 * pi))
 
 
 def _boot_ms(t_ns: int) -> int:

@@ -30,8 +30,9 @@ from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from firmware_bridge.ground_station.procedure import first_seq, items_for, start_steps
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.status_texts import StatusTexts
-from firmware_bridge.ground_station.wire import NS_PER_S, Wire, refused
+from firmware_bridge.ground_station.wire import Wire, refused
 from hil.signals.mission import MissionItem
+from hil.signals.time import NS_PER_S
 
 _SET_MESSAGE_INTERVAL = 511
 _DO_SET_MODE = 176

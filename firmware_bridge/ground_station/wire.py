@@ -12,7 +12,6 @@ from hil.signals.errors import HandshakeError
 GCS_SYSID = 255
 GCS_COMPID = 190  # MAV_COMP_ID_MISSIONPLANNER: what ground stations use
 _HEARTBEAT = MSGID["HEARTBEAT"]
-NS_PER_S = 1_000_000_000
 
 
 class Wire:

@@ -64,6 +64,7 @@ from hil.signals.samples import (
     TruthState,
     Vec3,
 )
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 
 _HEARTBEAT = MSGID["HEARTBEAT"]
 _STATUSTEXT = MSGID["STATUSTEXT"]
@@ -135,7 +136,7 @@ class ArduPilotJsonLink:
         start_process: Callable[[Ports], ChildProcess] | None = None,
         pwm: PwmRange | None = None,
         imu: Literal["sensor", "ideal"] = "sensor",
-        gravity_mps2: float = 9.80665,
+        gravity_mps2: float = STANDARD_GRAVITY_MPS2,
         also: frozenset[Extra] = frozenset(),
         home_W: Vec3 | None = None,
         on_restart: Literal["error", "reset"] = "error",

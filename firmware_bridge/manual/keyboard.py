@@ -16,10 +16,10 @@ from types import TracebackType
 from typing import Protocol
 
 from firmware_bridge.manual.sticks import ManualControlError, StickLost, Sticks, StickState
+from hil.signals.time import NS_PER_S
 
 HELP = "W/S climb, sink   A/D yaw   arrows fly   space centre   1-9 buttons   Esc let go"
 
-_NS = 1_000_000_000
 # Keys -> (axis of Sticks, direction). Terminals send arrows in one of two ways.
 _STICK_KEYS = {
     b"w": ("throttle", 1.0),
@@ -72,8 +72,8 @@ class KeyboardSticks:
             raise ManualControlError(f"deflection {deflection} must be above 0 and at most 1")
         self._keys, self._clock_ns = keys, clock_ns
         self._deflection = deflection
-        self._first_ns, self._repeat_ns = round(first_hold_s * _NS), round(repeat_hold_s * _NS)
-        self._dead_man_ns = round(dead_man_s * _NS)
+        self._first_ns, self._repeat_ns = round(first_hold_s * NS_PER_S), round(repeat_hold_s * NS_PER_S)
+        self._dead_man_ns = round(dead_man_s * NS_PER_S)
         self._axes: dict[str, tuple[float, int]] = {}  # axis -> (direction, until)
         self._buttons: dict[int, int] = {}  # button -> until
         self._alive_until_ns = 0

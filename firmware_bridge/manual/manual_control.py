@@ -24,8 +24,8 @@ from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.wire import GCS_SYSID, enum_name, first_autopilot
 from firmware_bridge.manual.axes import StickMapping, manual_control_axes
 from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickDevice, StickLost, StickState
+from hil.signals.time import NS_PER_S
 
-_NS = 1_000_000_000
 # ArduPilot takes sticks from its ground station's system id only. Another component than the bench's ground station:
 # each sender counts its own messages.
 _COMPID = 25  # MAV_COMP_ID_USER1
@@ -36,7 +36,7 @@ _COMMAND_ACK = MSGID["COMMAND_ACK"]
 _DO_SET_MODE = 176
 _COMPONENT_ARM_DISARM = 400
 _ACCEPTED, _IN_PROGRESS = 0, 5
-_ANSWER_NS = _NS
+_ANSWER_NS = NS_PER_S
 _TRIES = 3
 _CUSTOM_MODE = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 
@@ -124,7 +124,7 @@ class ManualControlSource:
         self._device, self._reopen = device, reopen
         self._buttons, self._modes = buttons, modes
         self._rate_mhz = round(rate_hz * 1000)
-        self._neutral_ns, self._retry_ns = round(neutral_s * _NS), round(retry_s * _NS)
+        self._neutral_ns, self._retry_ns = round(neutral_s * NS_PER_S), round(retry_s * NS_PER_S)
         self._target = (target_sysid or 0, target_compid)  # 0: the first autopilot heard
         self._encoder = FrameEncoder(GCS_SYSID, _COMPID)
         self._next = 0  # number of the next poll
@@ -150,9 +150,9 @@ class ManualControlSource:
                 self._on_ack(t_ns, unpack(frame))
         out = self._ask_again(t_ns)
         # Poll n is due at n / rate, in whole nanoseconds from the start: no drift whatever the tick.
-        if t_ns * self._rate_mhz < self._next * 1000 * _NS:
+        if t_ns * self._rate_mhz < self._next * 1000 * NS_PER_S:
             return out
-        self._next = t_ns * self._rate_mhz // (1000 * _NS) + 1
+        self._next = t_ns * self._rate_mhz // (1000 * NS_PER_S) + 1
         state = self._poll(t_ns)
         held = state is not None and state.held
         if not held:

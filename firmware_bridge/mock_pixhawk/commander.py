@@ -22,8 +22,8 @@ from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.preflight import BIAS, Preflight
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Home, Vehicle
+from hil.signals.time import US_PER_S
 
-_US_PER_S = 1_000_000
 _READY_PERIOD_US = 100_000
 
 
@@ -297,5 +297,5 @@ class Commander:
         else:
             wait = self._params["COM_DISARM_PRFLT"]
             since, text = vehicle.armed_at_us, "Disarmed by auto preflight disarming"
-        if wait > 0.0 and now_us - since >= int(wait * _US_PER_S):
+        if wait > 0.0 and now_us - since >= int(wait * US_PER_S):
             self._disarm(now_us, text)

@@ -6,25 +6,20 @@ here are those of `hil/signals/native/detmath.hpp`. All angles in rad.
 
 from __future__ import annotations
 
-from math import floor
+from math import floor, pi
 
 from firmware_bridge import _native
+from hil.signals.units import TURN_RAD
 
 sin, cos, asin, atan2 = _native.det_sin, _native.det_cos, _native.det_asin, _native.det_atan2
 exp, log = _native.det_exp, _native.det_log
 
-PI = 3.14159265358979311600e00
-HALF_PI = 1.57079632679489655800e00
-TWO_PI = 2.0 * PI
-RAD_FROM_DEG = PI / 180.0
-DEG_FROM_RAD = 180.0 / PI
-
 
 def wrap_pi(angle_rad: float) -> float:
     """The same direction in [-pi, pi]; any finite angle."""
-    if -PI <= angle_rad <= PI:
+    if -pi <= angle_rad <= pi:
         return angle_rad
-    return angle_rad - TWO_PI * floor((angle_rad + PI) / TWO_PI)
+    return angle_rad - TURN_RAD * floor((angle_rad + pi) / TURN_RAD)
 
 
 def euler_from_quaternion(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:

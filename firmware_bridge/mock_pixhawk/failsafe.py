@@ -13,8 +13,9 @@ from firmware_bridge.mock_pixhawk.offboard import Offboard
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.sensors import ACCEL, BARO, GPS, GYRO, LABELS, MAG, SensorIntake
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from hil.signals.time import US_PER_S
+from hil.signals.units import RAD_PER_DEG
 
-_US_PER_S = 1_000_000
 _TERMINATION_BREAKER = 121212
 _HITL_IMU_PATIENCE_US = 2_000_000
 
@@ -85,7 +86,7 @@ class Failsafe:
     def manual_control_ok(self, now_us: int) -> bool:
         """MANUAL_CONTROL came within COM_RC_LOSS_T."""
         manual = self._vehicle.manual
-        return manual is not None and now_us - manual.t_us <= int(self._params["COM_RC_LOSS_T"] * _US_PER_S)
+        return manual is not None and now_us - manual.t_us <= int(self._params["COM_RC_LOSS_T"] * US_PER_S)
 
     def _edge(self, name: str, present: bool) -> bool:
         """True when condition `name` has just become true."""
@@ -113,12 +114,12 @@ class Failsafe:
     def _attitude(self, now_us: int) -> Action | None:
         p = self._params
         limit = min(p["FD_FAIL_R"], p["FD_FAIL_P"])
-        if limit <= 0.0 or self._vehicle.tilt_cos >= el.cos(limit * el.RAD_FROM_DEG):
+        if limit <= 0.0 or self._vehicle.tilt_cos >= el.cos(limit * RAD_PER_DEG):
             self._tilted_since_us = None
             return None
         if self._tilted_since_us is None:
             self._tilted_since_us = now_us
-        if now_us - self._tilted_since_us < int(min(p["FD_FAIL_R_TTRI"], p["FD_FAIL_P_TTRI"]) * _US_PER_S):
+        if now_us - self._tilted_since_us < int(min(p["FD_FAIL_R_TTRI"], p["FD_FAIL_P_TTRI"]) * US_PER_S):
             return None
         if not self._attitude_reported:
             self._attitude_reported = True
@@ -166,7 +167,7 @@ class Failsafe:
 
     def _offboard_link(self, now_us: int) -> Action | None:
         lost = self._vehicle.mode is Mode.OFFBOARD and not self._offboard.fresh(
-            now_us, int(self._params["COM_OF_LOSS_T"] * _US_PER_S)
+            now_us, int(self._params["COM_OF_LOSS_T"] * US_PER_S)
         )
         if self._edge("offboard", lost):
             self._say(Severity.CRITICAL, "Failsafe activated: no offboard signal")
@@ -182,7 +183,7 @@ class Failsafe:
 
     def _data_link(self, now_us: int) -> Action | None:
         action = _DATA_LINK.get(int(self._params["NAV_DLL_ACT"]))
-        limit = int(self._params["COM_DL_LOSS_T"] * _US_PER_S)
+        limit = int(self._params["COM_DL_LOSS_T"] * US_PER_S)
         lost = self.last_gcs_us is not None and now_us - self.last_gcs_us > limit
         if self._edge("gcs", lost):
             self._say(Severity.WARNING, "Connection to ground station lost")
@@ -192,7 +193,7 @@ class Failsafe:
     def _battery(self, now_us: int) -> Action | None:
         v, p = self._vehicle, self._params
         # Linear in armed time down to SIM_BAT_MIN_PCT, as PX4's battery simulator.
-        drained = (now_us - v.armed_at_us) / (p["SIM_BAT_DRAIN"] * _US_PER_S)
+        drained = (now_us - v.armed_at_us) / (p["SIM_BAT_DRAIN"] * US_PER_S)
         v.battery_remaining = max(1.0 - drained, p["SIM_BAT_MIN_PCT"] / 100.0)
         if self._edge("battery_low", v.battery_remaining <= p["BAT_LOW_THR"]):
             self._say(Severity.WARNING, "Low battery level")

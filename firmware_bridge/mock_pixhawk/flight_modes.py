@@ -15,8 +15,8 @@ from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
-
-_US_PER_S = 1_000_000
+from hil.signals.time import US_PER_S
+from hil.signals.units import RAD_PER_DEG
 
 
 class FlightMode(Protocol):
@@ -91,7 +91,7 @@ class TakeoffClimb:
         guidance, vehicle = self._guidance, self._vehicle
         assert self._target is not None
         if not self._climbing:
-            spool_us = int(self._params["COM_SPOOLUP_TIME"] * _US_PER_S)
+            spool_us = int(self._params["COM_SPOOLUP_TIME"] * US_PER_S)
             if vehicle.landed and now_us - vehicle.armed_at_us < spool_us:
                 guidance.idle()
                 return False
@@ -191,7 +191,7 @@ class Return:
         if distance_m <= p["RTL_MIN_DIST"]:
             wanted = min(top, p["RTL_DESCEND_ALT"], height_m)
         elif p["RTL_CONE_ANG"] > 0.0:
-            angle = p["RTL_CONE_ANG"] * el.RAD_FROM_DEG
+            angle = p["RTL_CONE_ANG"] * RAD_PER_DEG
             cone = distance_m * el.cos(angle) / el.sin(angle)
             wanted = min(top, max(cone, p["RTL_DESCEND_ALT"]))
         else:
@@ -233,7 +233,7 @@ class Return:
         if delay < 0.0:
             return None  # stay over home
         if self._wait_until_us is None:
-            self._wait_until_us = now_us + int(delay * _US_PER_S)
+            self._wait_until_us = now_us + int(delay * US_PER_S)
         if now_us >= self._wait_until_us:
             self._landing_at = point
             self._landing.start(point)

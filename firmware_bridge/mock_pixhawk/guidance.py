@@ -17,6 +17,7 @@ from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.trajectory import Limits, Point, Trajectory
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from hil.signals.units import RAD_PER_DEG
 
 OFF, IDLE, POSITION, VELOCITY, ATTITUDE, RATE = range(6)  # FlightCore.set_setpoint kinds
 
@@ -79,8 +80,8 @@ class Guidance:
         self.cruise_mps = p["MPC_XY_CRUISE"]
         self._speed_max = p["MPC_XY_VEL_MAX"]
         self._lag_max = max(p["MPC_XY_ERR_MAX"], 2.0 * _LAG_FREE_M)
-        self._yaw_rate_max = p["MPC_YAWRAUTO_MAX"] * el.RAD_FROM_DEG
-        self._yaw_accel = p["MPC_YAWRAUTO_ACC"] * el.RAD_FROM_DEG
+        self._yaw_rate_max = p["MPC_YAWRAUTO_MAX"] * RAD_PER_DEG
+        self._yaw_accel = p["MPC_YAWRAUTO_ACC"] * RAD_PER_DEG
         self._hover = p["MPC_THR_HOVER"]
 
     # -- what to do: called by flight modes ---------------------------------------------------------------------

@@ -12,6 +12,7 @@ from firmware_bridge.mock_pixhawk.guidance import PERIOD_US, Guidance
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.vehicle import ManualControl, Vehicle
+from hil.signals.units import RAD_PER_DEG
 
 _DEAD_ZONE = 0.1  # MPC_HOLD_DZ
 _YAW_RATE_SHARE = 0.5  # full yaw stick in position mode, as a share of MPC_MAN_Y_MAX
@@ -49,8 +50,8 @@ class ByAttitude:
         if self._vehicle.landed and sticks.throttle < (0.55 if self._holds_altitude else 0.1):
             guidance.idle()
             return None
-        tilt = p["MPC_MAN_TILT_MAX"] * el.RAD_FROM_DEG
-        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * el.RAD_FROM_DEG
+        tilt = p["MPC_MAN_TILT_MAX"] * RAD_PER_DEG
+        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * RAD_PER_DEG
         if self._holds_altitude:
             climb = _dead(2.0 * sticks.throttle - 1.0)
             limit = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
@@ -105,6 +106,6 @@ class ByPosition:
             self._d = nan
         elif self._d != self._d and abs(v.v_d) < 0.3:
             self._d = v.pos_d
-        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * _YAW_RATE_SHARE * el.RAD_FROM_DEG
+        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * _YAW_RATE_SHARE * RAD_PER_DEG
         guidance.velocity(self._n, self._e, self._d, self._vn, self._ve, self._vd, yaw_rate)
         return None

@@ -27,8 +27,9 @@ from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from hil.signals.mission import MissionItem
+from hil.signals.time import US_PER_S
+from hil.signals.units import RAD_PER_DEG, TURN_RAD
 
-_US_PER_S = 1_000_000
 _CORNER_RADIUS_M = 0.5  # a waypoint counts as reached no further away than this plus its acceptance radius
 _ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that jump for ever
 
@@ -240,7 +241,7 @@ class Navigator:
         return (None, True) if asked_mps == -2.0 else (now, asked_mps == -1.0)
 
     def _wait(self, seq: int, now_us: int, seconds: float) -> Callable[[int], bool]:
-        until = now_us + int(min(seconds, 1e6) * _US_PER_S)
+        until = now_us + int(min(seconds, 1e6) * US_PER_S)
 
         def step(now: int) -> bool:
             if self._vehicle.landed:
@@ -256,10 +257,10 @@ class Navigator:
 
     def _begin_yaw(self, item: MissionItem) -> Callable[[int], bool]:
         guidance = self._guidance
-        angle = value_or(item.param1, 0.0) * el.RAD_FROM_DEG
+        angle = value_or(item.param1, 0.0) * RAD_PER_DEG
         if item.param4 == 1.0:
             angle = guidance.yaw + (-angle if item.param3 < 0.0 else angle)
-        guidance.yaw_target = el.wrap_pi(angle - el.TWO_PI * int(angle / el.TWO_PI))
+        guidance.yaw_target = el.wrap_pi(angle - TURN_RAD * int(angle / TURN_RAD))
 
         def step(now: int) -> bool:  # noqa: ARG001
             guidance.follow()
@@ -357,7 +358,7 @@ class Navigator:
         """Heading an item demands, or None for the direction of travel."""
         if item.command not in NAVIGATION or item.param4 != item.param4:
             return None
-        return el.wrap_pi((item.param4 - 360.0 * int(item.param4 / 360.0)) * el.RAD_FROM_DEG)
+        return el.wrap_pi((item.param4 - 360.0 * int(item.param4 / 360.0)) * RAD_PER_DEG)
 
     def _pass_gates(self, last_seq: int) -> bool:
         """Complete what the trajectory and the vehicle have passed. True once only the last item is left, reached."""

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.arrivals import Arrivals
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 
 IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
 
@@ -34,7 +35,7 @@ MAX_EPH_CM, MAX_EPV_CM, MIN_FIX, MIN_SATELLITES = 300, 500, 3, 6
 # Barometric formula of the standard atmosphere below 11 km, as PX4's baro driver:
 # h = (T0 / L) (1 - (p / p0)^(L R / g))
 _T0, _LAPSE, _P0_HPA = 288.15, 6.5e-3, 1013.25
-_EXPONENT = _LAPSE * 287.05 / 9.80665
+_EXPONENT = _LAPSE * 287.05 / STANDARD_GRAVITY_MPS2
 
 
 class Estimator(Protocol):

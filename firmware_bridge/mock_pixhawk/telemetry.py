@@ -11,7 +11,6 @@ from math import nan, sqrt
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.estimate import Estimate
 from firmware_bridge.mock_pixhawk.ids import (
     AUTOPILOT_PX4,
@@ -25,6 +24,7 @@ from firmware_bridge.mock_pixhawk.ids import (
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.sensors import ACCEL, BARO, GPS, GYRO, MAG, UNKNOWN_ACCURACY, SensorIntake
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from hil.signals.units import DEG_PER_RAD
 
 #: message -> default period [us]; 0 = only on request
 DEFAULT_PERIOD_US = {
@@ -220,7 +220,7 @@ class Telemetry:
         lat, lon, alt = e.geodetic(*e.p_NF)
         vn, ve, vd = e.v_NF_N
         relative = v.home.d_m - e.p_NF[2] if v.home is not None else 0.0
-        yaw = e.euler[2] * el.DEG_FROM_RAD
+        yaw = e.euler[2] * DEG_PER_RAD
         return cls(
             now_us // 1000 & 0xFFFFFFFF,
             _i32(lat * 1e7),
@@ -245,7 +245,7 @@ class Telemetry:
         e = self._estimate
         vn, ve, vd = e.v_NF_N
         speed = sqrt(vn * vn + ve * ve)
-        heading = round(e.euler[2] * el.DEG_FROM_RAD) % 360
+        heading = round(e.euler[2] * DEG_PER_RAD) % 360
         u = self.controls
         throttle = 25.0 * (u[0] + u[1] + u[2] + u[3])
         return cls(speed, speed, heading, _clamped(throttle, (0, 100)), self._altitude_amsl(), -vd)

@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 
-_G = 9.80665
 _FREQUENCY_RADPS, _DAMPING = 8.0, 0.8  # of the attitude at nominal gain
 _PULL_PER_S2, _BRAKE_PER_S = 1.0, 1.8  # acceleration asked per metre and per m/s off station
 _MOST_TILT_RAD = 0.3
@@ -65,7 +65,7 @@ class AttitudeLoop:
             ay = -_PULL_PER_S2 * (s[1] - north) - _BRAKE_PER_S * s[8]
             lift = -_PULL_PER_S2 * (s[2] - up) - _BRAKE_PER_S * s[9]
             # Heading stays near east: x forward, y left.
-            pitch_wanted, roll_wanted = _limited(ax / _G), _limited(-ay / _G)
+            pitch_wanted, roll_wanted = _limited(ax / STANDARD_GRAVITY_MPS2), _limited(-ay / STANDARD_GRAVITY_MPS2)
         roll = self._kp[0] * (roll_wanted - 2.0 * w * x) - self._kd[0] * s[10]
         pitch = self._kp[1] * (pitch_wanted - 2.0 * w * y) - self._kd[1] * s[11]
         yaw = -self._kp[2] * 2.0 * w * z - self._kd[2] * s[12]

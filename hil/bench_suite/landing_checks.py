@@ -9,13 +9,13 @@ import numpy as np
 
 from hil.bench_suite.flight_cases import Float64
 from hil.bench_suite.result import Check
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import load_scene
 
 _OFF = (0.0, 0.0, 0.0, 0.0)
 _STILL = 1e-3  # m/s and rad/s
-_G = 9.80665
 
 
 @dataclass
@@ -47,7 +47,7 @@ def drop(
 
     def energy(s: Float64) -> float:
         motion = vehicle.mass_kg * float(s[7:10] @ s[7:10]) + float(np.sum(inertia * s[10:13] ** 2))
-        return vehicle.mass_kg * _G * float(s[2]) + 0.5 * motion
+        return vehicle.mass_kg * STANDARD_GRAVITY_MPS2 * float(s[2]) + 0.5 * motion
 
     physics.advance(0, _OFF)
     free = before = energy(physics.state)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import TruthState
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 
 Float64 = NDArray[np.float64]
 
-_G = 9.80665
 _DRAG_PER_S = 0.12
 _REST_S, _HOVER_S = 3.0, 2.0
 _CLIMB_MPS, _ACCEL_MPS2, _SIDE_MPS2 = 1.5, 1.2, 1.5
@@ -119,7 +119,7 @@ def _course(v: Float64, dt: float) -> Float64:
 
 def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> tuple[TruthState, ...]:
     dt = tick_ns * 1e-9
-    up = a + _DRAG_PER_S * v + np.array([0.0, 0.0, _G])
+    up = a + _DRAG_PER_S * v + np.array([0.0, 0.0, STANDARD_GRAVITY_MPS2])
     up /= np.linalg.norm(up, axis=1)[:, None]
     ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))], axis=-1)
     left = np.cross(up, ahead)

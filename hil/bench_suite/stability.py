@@ -45,6 +45,7 @@ from hil.bench_suite.flight_cases import (
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.bench_suite.stability_map import LOST, NAMED, OUT, WITHIN, draw_map
 from hil.signals.errors import ModelRangeError
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box
 
@@ -52,7 +53,6 @@ Say = Callable[[str], None]
 Rival = ThisProject | PlainMujoco
 _OURS = "this project"
 _FINE = ThisProject(0.25)
-_G = 9.80665
 _ROUND_TICKS = 5000
 _STILL = 0.05  # m/s and rad/s at the end of a slide or a drop; a light touch on soft contact creeps a little
 
@@ -229,7 +229,7 @@ def _closed_loop(method: Rival, flight: Flight, loop: AttitudeLoop, *, ticks: in
 
 
 def _drop_error(height_m: float, method: Rival) -> float:
-    flight = landing(height_m, seconds=(2.0 * height_m / _G) ** 0.5 + 2.0)
+    flight = landing(height_m, seconds=(2.0 * height_m / STANDARD_GRAVITY_MPS2) ** 0.5 + 2.0)
     flight.start[7:10] = 0.0
     flown = method.fly(flight, record=True)
     if not np.isfinite(flown).all():
@@ -260,7 +260,7 @@ def _energy_gain(method: Rival, flight: Flight, *, must_rest: bool = False, wall
     vehicle = flight.vehicle
     kinetic = 0.5 * vehicle.mass_kg * np.sum(flown[:, 7:10] ** 2, axis=1)
     kinetic += 0.5 * np.sum(np.array(vehicle.inertia_kgm2) * flown[:, 10:13] ** 2, axis=1)
-    energy = kinetic + vehicle.mass_kg * _G * flown[:, 2]
+    energy = kinetic + vehicle.mass_kg * STANDARD_GRAVITY_MPS2 * flown[:, 2]
     if must_rest and float(np.abs(flown[-1, 7:13]).max()) > _STILL:
         return 1e3
     if wall_x_m is not None and float(flown[:, 0].max()) > wall_x_m:

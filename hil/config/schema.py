@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router_endpoint import Endpoint
+from hil.signals.time import NS_PER_S
 from sim.frame.quality import QualityName
 from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
@@ -21,7 +22,6 @@ from sim.scene.weather import Weather
 from sim.scene.wind import Wind
 from sim.sensors.faults import SensorFault
 
-NS_PER_S = 1_000_000_000
 MAX_SEED = 2**63 - 1
 
 

@@ -23,6 +23,7 @@ from hil.config.schema import Goal
 from hil.goal.judgement import GoalMeasurement, GoalResult
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.frame.camera_pose import product
 from sim.frame.mount import Mount
 from sim.frame.source import FrameSource
@@ -35,7 +36,6 @@ TICK_NS = 4_000_000
 _TAU_S, _TAU_TILT_S, _MOST_MPS2 = 0.35, 0.12, 4.0
 _TAU_UP_S, _MOST_UP_MPS2 = 0.3, 3.0
 _YAW_GAIN_PER_S, _YAW_RATE_RADPS = 2.5, 1.5
-_G_MPS2 = 9.80665
 _REST = (0.0, 0.0, 0.0)
 START_Z_M = 0.23  # of an x500 on its feet
 SENSORS: dict[str, dict[str, Any]] = {
@@ -84,7 +84,7 @@ class Follower:
 
 def attitude(a: np.ndarray, yaw: float) -> Quat:
     """With thrust along the specific force, looking along yaw."""
-    z = np.array([a[0], a[1], a[2] + _G_MPS2])
+    z = np.array([a[0], a[1], a[2] + STANDARD_GRAVITY_MPS2])
     z /= np.linalg.norm(z)
     y = np.cross(z, (math.cos(yaw), math.sin(yaw), 0.0))
     y /= np.linalg.norm(y)

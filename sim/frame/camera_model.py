@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos, det_sin
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt, NotInvertible
 
@@ -23,7 +24,6 @@ MAX_PIXELS_ACROSS = 8192
 MAX_FISHEYE_FOV_DEG = 220.0
 _HALF = 0.5  # of a pixel: what lies between this bench's pixel centres and OpenCV's
 _BLOCK_PIXELS = 1 << 20
-_RAD_PER_DEG = 0.017453292519943295
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class CameraModel:
         if not (fov_deg > 0.0 and allowed):
             kind = "a fisheye" if isinstance(distortion, KannalaBrandt) else "a camera without fisheye distortion"
             raise ValueError(f"the field of view of {kind} must lie between 0 and {widest:g} degrees, not {fov_deg:g}")
-        half_rad = 0.5 * fov_deg * _RAD_PER_DEG
+        half_rad = 0.5 * fov_deg * RAD_PER_DEG
         try:
             edge = det_sin(half_rad) / det_cos(half_rad) if distortion is None else distortion.radial(half_rad)
         except NotInvertible as error:

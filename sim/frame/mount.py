@@ -20,10 +20,10 @@ from __future__ import annotations
 import math
 
 from hil.signals.samples import Quat, TruthState, Vec3
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos, det_sin
 from sim.frame.camera_pose import CameraPose, cross, product, rotation_of, turned
 
-_RAD_PER_DEG = 0.017453292519943295
 _FORWARD: Quat = (0.5, -0.5, 0.5, -0.5)  # optical axes to FLU: z to forward, x to right, y to down
 _NO_TURN: Quat = (1.0, 0.0, 0.0, 0.0)
 
@@ -32,7 +32,7 @@ def quaternion_of_rpy(rpy_deg: Vec3) -> Quat:
     """Rz(yaw) Ry(pitch) Rx(roll)."""
     turn = _NO_TURN
     for axis in (2, 1, 0):
-        half = 0.5 * rpy_deg[axis] * _RAD_PER_DEG
+        half = 0.5 * rpy_deg[axis] * RAD_PER_DEG
         part = [det_cos(half), 0.0, 0.0, 0.0]
         part[axis + 1] = det_sin(half)
         turn = product(turn, (part[0], part[1], part[2], part[3]))

@@ -13,6 +13,7 @@ from typing import Annotated
 import pydantic
 from pydantic import Field
 
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.model_file import StrictModel, load_model
 from sim.physics.battery import Battery
 
@@ -134,7 +135,7 @@ class Vehicle(StrictModel):
         """Command, equal for all rotors, at which thrust aloft equals standard weight, at nominal voltage."""
         c = self.rotor_constants
         full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
-        share, f = self.mass_kg * 9.80665 / full, c.thrust_model_factor
+        share, f = self.mass_kg * STANDARD_GRAVITY_MPS2 / full, c.thrust_model_factor
         if f == 0.0:
             return share
         return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from hil.signals.samples import Vec3
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import cosine_pattern, det_cos, det_log, det_pow
 from sim.model_file import StrictModel
 
 Float64 = NDArray[np.float64]
 
 MAX_RECEIVERS = 16  # that are summed: sim/native/radar/echo_model.hpp
-_HALF_RAD_PER_DEG = 0.5 * 0.017453292519943295
+_HALF_RAD_PER_DEG = 0.5 * RAD_PER_DEG
 _Beamwidth = Annotated[float, Field(ge=0.5, le=179.0)]
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import azimuth_elevation
 from sim.model_file import StrictModel
 from sim.scene.words import nearest
 
-_RAD_PER_DEG = 0.017453292519943295
 _NONE = "none"  # the class of nothing
 _Azimuth = Annotated[float, Field(ge=-180.0, le=180.0)]
 _Elevation = Annotated[float, Field(ge=-90.0, le=90.0)]
@@ -60,5 +60,5 @@ class Mask(StrictModel):
         azimuth_elevation(np.ascontiguousarray(direction_R, np.float64), azimuth, elevation)
         for angle, window in ((azimuth, self.azimuth_deg), (elevation, self.elevation_deg)):
             if window is not None:
-                inside &= (angle >= window[0] * _RAD_PER_DEG) & (angle <= window[1] * _RAD_PER_DEG)
+                inside &= (angle >= window[0] * RAD_PER_DEG) & (angle <= window[1] * RAD_PER_DEG)
         return inside

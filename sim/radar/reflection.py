@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from hil.signals.units import TURN_RAD
 from sim._kernels import RADAR_CURVE_STEPS, radar_amplitude_curve, radar_backscatter, radar_fresnel_power
 from sim.model_file import StrictModel
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
@@ -33,7 +34,6 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
-_TWO_PI = 6.283185307179586
 
 
 class Reflection(StrictModel):
@@ -67,6 +67,6 @@ def reflectance(surface: Surface, carrier_hz: float, cosine: float) -> float:
 
 def _at_carrier(surface: Surface, carrier_hz: float) -> tuple[float, float, float]:
     """Permittivity, its loss, and 4 pi h / lambda."""
-    loss = surface.conductivity_s_per_m / (_TWO_PI * carrier_hz * VACUUM_PERMITTIVITY_F_PER_M)
-    phase_height = 2.0 * _TWO_PI * surface.roughness_m * carrier_hz / SPEED_OF_LIGHT_MPS
+    loss = surface.conductivity_s_per_m / (TURN_RAD * carrier_hz * VACUUM_PERMITTIVITY_F_PER_M)
+    phase_height = 2.0 * TURN_RAD * surface.roughness_m * carrier_hz / SPEED_OF_LIGHT_MPS
     return surface.relative_permittivity, loss, phase_height

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.signals.samples import Vec3
+from hil.signals.units import DEG_PER_RAD, TURN_RAD
 from sim._kernels import det_atan2, det_cos, det_sin
 from sim.randomize.draw import between, colour_of, dice
 from sim.randomize.free_ground import Float64, FreeGround
@@ -26,8 +27,6 @@ from sim.scene.maps.walk_path import WalkPath
 from sim.scene.world import PERSON
 
 _TRIES = 60
-_TURN_RAD = 6.283185307179586
-_DEG_PER_RAD = 57.29577951308232
 _EVERY_M = 0.35  # of a way is looked at
 _FAIR: Vec3 = (0.89, 0.70, 0.58)
 _DARK: Vec3 = (0.30, 0.19, 0.14)
@@ -97,7 +96,7 @@ def _draw_person(limits: PeopleLimits, rolled: Dice, ground: FreeGround, name: s
     hair = rolled.pick(_HAIRS)
     for _ in range(_TRIES):
         x, y = (rolled.between(-limits.within_m, limits.within_m) for _ in range(2))
-        heading_rad = rolled.between(0.0, _TURN_RAD)
+        heading_rad = rolled.between(0.0, TURN_RAD)
         way = Way((x, y), heading_rad, rolled.between(3.0, 14.0), rolled.between(0.8, 5.0), rolled.unit())
         points, heading = np.array([[x, y]]), heading_rad
         if walks:
@@ -114,7 +113,7 @@ def _draw_person(limits: PeopleLimits, rolled: Dice, ground: FreeGround, name: s
         return Person(
             name,
             (x, y, z),
-            heading * _DEG_PER_RAD,
+            heading * DEG_PER_RAD,
             height_m,
             speed_mps=speed_mps if walks else 0.0,
             way=way if walks else None,
@@ -157,7 +156,7 @@ def _add(builder: MapBuilder, person: Person) -> None:
     x, y, z = person.at_m
     height_m, name = person.height_m, person.name
     if person.way is None:
-        heading_rad = person.heading_deg / _DEG_PER_RAD
+        heading_rad = person.heading_deg / DEG_PER_RAD
         add_still_person(builder, rolled, x, y, heading_rad, height_m=height_m, ground_m=z, name=name, look=look)
     else:
         path = person.way.path(person.speed_mps)

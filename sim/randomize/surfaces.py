@@ -17,11 +17,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos, det_sin
 from sim.randomize.draw import between, between_logarithms, dice
 from sim.randomize.settings import TextureLimits
 
-_RAD_PER_DEG = 0.017453292519943295
 _PER_ROOT_3 = 0.5773502691896258
 Rgb = tuple[float, float, float]
 T = TypeVar("T", float, NDArray[np.float64])
@@ -60,7 +60,7 @@ class SurfaceLook:
 
     def _turned(self, r: T, g: T, b: T) -> tuple[T, T, T]:
         """Rotated about the grey axis."""
-        angle = self.hue_deg * _RAD_PER_DEG
+        angle = self.hue_deg * RAD_PER_DEG
         cosine, sine = det_cos(angle), det_sin(angle) * _PER_ROOT_3
         grey = (r + g + b) * ((1.0 - cosine) / 3.0)
         return (

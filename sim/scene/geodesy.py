@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 from hil.signals.samples import Vec3
+from hil.signals.units import DEG_PER_RAD, RAD_PER_DEG
 from sim._kernels import det_atan2, det_cos, det_sin
 from sim.scene.scene import Site
 
@@ -26,14 +27,12 @@ SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 E2 = FLATTENING * (2.0 - FLATTENING)
 EP2 = E2 / (1.0 - E2)
 
-_RAD_PER_DEG = 3.14159265358979311600 / 180.0
-_DEG_PER_RAD = 180.0 / 3.14159265358979311600
 _BOWRING_STEPS = 3
 
 
 def ecef_from_geodetic(latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vec3:
     """ECEF [m] of a geodetic position; altitude above the ellipsoid."""
-    phi, lam = latitude_deg * _RAD_PER_DEG, longitude_deg * _RAD_PER_DEG
+    phi, lam = latitude_deg * RAD_PER_DEG, longitude_deg * RAD_PER_DEG
     sin_phi, cos_phi = det_sin(phi), det_cos(phi)
     normal = SEMI_MAJOR_M / math.sqrt(1.0 - E2 * sin_phi * sin_phi)
     out = (normal + altitude_m) * cos_phi
@@ -58,7 +57,7 @@ def geodetic_from_ecef(p: Vec3) -> tuple[float, float, float]:
     root = math.sqrt(1.0 - E2 * sin_phi * sin_phi)
     # Height without a division by a cosine or sine that may vanish.
     altitude_m = r * cos_phi + z * sin_phi - SEMI_MAJOR_M * root
-    return (det_atan2(sin_phi, cos_phi) * _DEG_PER_RAD, det_atan2(y, x) * _DEG_PER_RAD, altitude_m)
+    return (det_atan2(sin_phi, cos_phi) * DEG_PER_RAD, det_atan2(y, x) * DEG_PER_RAD, altitude_m)
 
 
 class LocalFrame:
@@ -66,7 +65,7 @@ class LocalFrame:
 
     def __init__(self, site: Site) -> None:
         self.site = site
-        phi, lam = site.latitude_deg * _RAD_PER_DEG, site.longitude_deg * _RAD_PER_DEG
+        phi, lam = site.latitude_deg * RAD_PER_DEG, site.longitude_deg * RAD_PER_DEG
         self._sin_phi, self._cos_phi = det_sin(phi), det_cos(phi)
         self._sin_lam, self._cos_lam = det_sin(lam), det_cos(lam)
         self._origin = ecef_from_geodetic(site.latitude_deg, site.longitude_deg, site.altitude_m)

@@ -15,10 +15,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos, det_sin
 from sim.model_file import StrictModel
-
-_RAD_PER_DEG = 0.017453292519943295
 
 Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
 Rgb = tuple[Intensity, Intensity, Intensity]
@@ -38,6 +37,6 @@ class Light(StrictModel):
     @property
     def to_sun_W(self) -> tuple[float, float, float]:
         """Unit vector towards the sun."""
-        azimuth, elevation = self.sun_azimuth_deg * _RAD_PER_DEG, self.sun_elevation_deg * _RAD_PER_DEG
+        azimuth, elevation = self.sun_azimuth_deg * RAD_PER_DEG, self.sun_elevation_deg * RAD_PER_DEG
         level = det_cos(elevation)
         return (det_sin(azimuth) * level, det_cos(azimuth) * level, det_sin(elevation))

@@ -13,6 +13,7 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr
 
+from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.model_file import StrictModel, load_located
 from sim.randomize.looks import Looks
 from sim.scene.light import Light
@@ -55,7 +56,7 @@ class Scene(StrictModel):
     description: str
     site: Site
     ground_friction: Annotated[float, Field(gt=0.0, le=5.0)]
-    gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = 9.80665
+    gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = STANDARD_GRAVITY_MPS2
     view: tuple[ViewPoint, ...] = ()  # where `hil view` looks from; none: places that it finds
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()

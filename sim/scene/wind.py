@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from math import pi
 from typing import Annotated, Literal, NamedTuple
 
 import pydantic
@@ -34,7 +35,6 @@ Velocity = tuple[Speed, Speed, Speed]
 _LEVELS_MPS = {"light": 7.717, "moderate": 15.433, "severe": 23.15}
 _LANES = 5
 _LEAST_AIRSPEED_MPS = 1.0
-_PI = 3.14159265358979311600
 
 
 class Turbulence(StrictModel):
@@ -74,11 +74,11 @@ class GustEvent(StrictModel):
         if t <= 0.0:
             return 0.0
         if t < self.rise_s:
-            return 0.5 * (1.0 - det_cos(_PI * t / self.rise_s))
+            return 0.5 * (1.0 - det_cos(pi * t / self.rise_s))
         t -= self.rise_s + self.hold_s
         if t <= 0.0 or self.fall_s is None:
             return 1.0
-        return 0.5 * (1.0 + det_cos(_PI * t / self.fall_s)) if t < self.fall_s else 0.0
+        return 0.5 * (1.0 + det_cos(pi * t / self.fall_s)) if t < self.fall_s else 0.0
 
     @property
     def end_s(self) -> float | None:

@@ -27,6 +27,7 @@ from pydantic import Field
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import ImuSample, TruthState
 from hil.signals.time import NS_PER_S
+from hil.signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim._kernels import det_cos, det_sin
 from sim.model_file import StrictModel
@@ -35,7 +36,6 @@ from sim.sensors.noise_key import noise_key
 from sim.sensors.sensor import Installation, Position
 
 _ROTORS = 8  # phases are drawn for as many; a vehicle with fewer uses the first ones
-_TWO_PI = 6.283185307179586
 
 Amplitude = Annotated[float, Field(ge=0.0, le=1000.0)]
 Fraction = Annotated[float, Field(ge=0.0, le=0.2)]
@@ -179,8 +179,8 @@ def _vibration(seed: int, name: str, p: ImuParameters) -> dict[str, Any]:
     return {
         "order": [h.order for h in p.vibration],
         "amplitude": [a for h in p.vibration for a in (*h.accel_mps2, *h.gyro_radps)],
-        "phase_cos": [det_cos(_TWO_PI * u) for u in phases],
-        "phase_sin": [det_sin(_TWO_PI * u) for u in phases],
+        "phase_cos": [det_cos(TURN_RAD * u) for u in phases],
+        "phase_sin": [det_sin(TURN_RAD * u) for u in phases],
         "reference_speed_radps": p.vibration_reference_radps,
     }
 

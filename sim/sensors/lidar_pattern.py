@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from hil.signals.time import NS_PER_S
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import coherent_order, det_cos, det_sin
 from sim.model_file import StrictModel
 
-_RAD_PER_DEG = 0.017453292519943295
 _NS_PER_MIN = 60 * NS_PER_S
 MAX_POINTS = 1_000_000  # of one sweep
 _SIDE_BY_SIDE = 8  # rays that are cast together
@@ -176,9 +176,9 @@ class _Spinning:
         fire_ns = np.minimum(fire_ns, period_ns - 1)
         sense = -1.0 if p.clockwise else 1.0
         turn_cos, turn_sin = _angles((2.0 * np.pi) * (0.5 + sense * (fire_ns.ravel() / period_ns)))
-        offset = np.array(p.azimuth_offset_deg or (0.0,) * channels) * _RAD_PER_DEG
+        offset = np.array(p.azimuth_offset_deg or (0.0,) * channels) * RAD_PER_DEG
         offset_cos, offset_sin = (np.tile(x, columns) for x in _angles(offset))
-        level, up = (np.tile(x, columns) for x in _angles(np.array(p.elevation_deg) * _RAD_PER_DEG))
+        level, up = (np.tile(x, columns) for x in _angles(np.array(p.elevation_deg) * RAD_PER_DEG))
         directions = np.stack(
             [
                 level * (turn_cos * offset_cos - turn_sin * offset_sin),
@@ -206,7 +206,7 @@ class _Rosette:
         self._period_ns = period_ns
         n = pattern.points(period_ns)
         self._fire_ns = np.arange(n, dtype=np.int64) * period_ns // n
-        half_rad = 0.5 * pattern.field_of_view_deg * _RAD_PER_DEG
+        half_rad = 0.5 * pattern.field_of_view_deg * RAD_PER_DEG
         self._radius = 0.5 * det_sin(half_rad) / det_cos(half_rad)
         # Turns within a sweep, once: a sweep only adds the turn at its start (addition theorem).
         self._within = [_angles((2.0 * np.pi) * ((rpm * self._fire_ns) / _NS_PER_MIN)) for rpm in pattern.prism_rpm]

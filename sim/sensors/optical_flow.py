@@ -20,12 +20,12 @@ from pydantic import Field, model_validator
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import FlowSample, TruthState
 from hil.signals.time import NS_PER_S
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos, rotate_into_body
 from sim.model_file import StrictModel
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, Position
 
-_RAD_PER_DEG = 0.017453292519943295
 _UNKNOWN_M = -1.0
 
 
@@ -76,7 +76,7 @@ class OpticalFlow:
         self._scale = (1.0 + p.flow_scale_error * scale[0], 1.0 + p.flow_scale_error * scale[1])
         bias = NoiseStream(seed, f"{name}.turn_on", lanes=3).normal(0)
         self._bias = [p.gyro_turn_on_bias_radps * n for n in bias]
-        self._least_cosine = det_cos(p.max_tilt_deg * _RAD_PER_DEG)
+        self._least_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
         self._before: tuple[int, float, float, float, float, float] | None = None
 
     def sample(self, truth: TruthState, seq: int) -> FlowSample:

@@ -17,13 +17,13 @@ from pydantic import Field, model_validator
 from hil.signals.noise import NoiseStream, normal_from_uniform
 from hil.signals.samples import RangeSample, TruthState
 from hil.signals.time import NS_PER_S
+from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos
 from sim.model_file import StrictModel
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, Position
 
 _BEST = 100
-_RAD_PER_DEG = 0.017453292519943295
 
 
 class RangeFinderParameters(StrictModel):
@@ -65,7 +65,7 @@ class RangeFinder:
         self._range = GroundRange(installation.scene, p.mount_m)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
         self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
-        self._least_cosine = det_cos(p.max_tilt_deg * _RAD_PER_DEG)
+        self._least_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
         # A normal below this one is as likely as a dropout.
         lost = p.dropout_probability
         self._drop_below = float(normal_from_uniform(np.array([lost]))[0]) if lost > 0.0 else -math.inf

@@ -11,12 +11,11 @@ frame is seen where it is at its middle. Elementary functions are those that giv
 
 from __future__ import annotations
 
-from math import sqrt
+from math import pi, sqrt
 
 from sim._kernels import det_cos, det_log
 from sim.radar.processing.parameters import WindowName
 
-_PI = 3.141592653589793
 _TAYLOR_DB, _TAYLOR_LOBES = 40.0, 5
 _STEPS = 64  # of the table between bins
 _CORRELATED = 8  # bins beyond which cells of any window have nothing in common
@@ -34,7 +33,7 @@ def window(name: WindowName, n: int) -> list[float]:
         terms = {"hann": [0.5, -0.5], "hamming": [0.54, -0.46], "blackman": [0.42, -0.5, 0.08]}[name]
     weights = []
     for i in range(n):
-        x = 2.0 * _PI * (i + 0.5) / n
+        x = 2.0 * pi * (i + 0.5) / n
         weight = 0.0
         for m, term in enumerate(terms):
             weight += term * det_cos(m * x)
@@ -47,7 +46,7 @@ def _taylor_terms() -> list[float]:
     ratio = 1.0
     for _ in range(int(_TAYLOR_DB / 20.0)):
         ratio *= 10.0
-    a = det_log(ratio + sqrt(ratio * ratio - 1.0)) / _PI
+    a = det_log(ratio + sqrt(ratio * ratio - 1.0)) / pi
     half = _TAYLOR_LOBES - 0.5
     s2 = _TAYLOR_LOBES * _TAYLOR_LOBES / (a * a + half * half)
     terms = []
@@ -66,7 +65,7 @@ def response(weights: list[float], bins: float, padded: int) -> float:
     middle = 0.5 * (len(weights) - 1)
     total = 0.0
     for i, w in enumerate(weights):
-        total += w * det_cos(2.0 * _PI * bins * (i - middle) / padded)
+        total += w * det_cos(2.0 * pi * bins * (i - middle) / padded)
     return total
 
 

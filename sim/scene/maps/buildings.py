@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import pi, sqrt
 
 from sim._kernels import det_atan2
 from sim.scene.maps import surfaces, textures
@@ -86,7 +86,7 @@ def add_house(
         cx = side * 0.5 * (hx + eaves * hx / slope)
         cz = wall + 0.5 * (rise - eaves * rise / slope) + 0.08
         tilt = pitch_quat(pitch)
-        quat = tilt if side > 0 else multiply(yaw_quat(3.141592653589793), tilt)
+        quat = tilt if side > 0 else multiply(yaw_quat(pi), tilt)
         # Quarter turn about the slab's own z: texture rows run along the eaves.
         quat = multiply(quat, yaw_quat(1.5707963267948966))
         body.geom("box", (hy + 0.3, reach, 0.07), pos=(cx, 0.0, cz), quat=quat, material=roof, part=part)

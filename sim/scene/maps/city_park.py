@@ -12,6 +12,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals.units import TURN_RAD
 from sim._kernels import det_atan2, det_cos, det_sin
 from sim.model_file import StrictModel
 from sim.scene.maps import surfaces, textures
@@ -20,7 +21,7 @@ from sim.scene.maps.cars import add_car
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
-from sim.scene.maps.meshes import TURN_RAD, box_with_tiles, ellipse, ribbon, slab
+from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
 from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 from math import sqrt
 
+from hil.signals.units import TURN_RAD
 from sim._kernels import det_cos, det_sin
 from sim.scene.maps.figure import Figure
 from sim.scene.maps.walk_path import smoothstep, smoothstep_slope
 
 Row = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
 
-_TURN_RAD = 6.283185307179586
 _STRIKE_RAD = -0.30  # foot pitch at heel strike: toe up
 _PUSH_RAD = 1.0  # at toe-off: heel up
 _FLAT_FROM, _FLAT_TO = 0.18, 0.58  # shares of stance during which the sole is flat
@@ -119,7 +119,7 @@ class Gait:
         self.cycle_m = cycle_m
         self.stance = min(max(0.752 - 0.143 * speed_mps / self.cycle_m, 0.55), 0.70)
         self._bob_m = 0.015 * relative * leg
-        self._arm_rad = 9.88 * relative * _TURN_RAD / 360.0
+        self._arm_rad = 9.88 * relative * TURN_RAD / 360.0
         self._lift_m = _LIFT_SHARE * figure.height_m
         # How far before the hip a flat foot starts: where the pelvis can be highest, so that knees stay straightest.
         middle_m = 0.5 * (self.stance * cycle_m - 0.063 * figure.height_m)
@@ -187,14 +187,14 @@ class Gait:
 
     def _pelvis(self, phase: float) -> tuple[float, float, float, float]:
         """Height above its base, yaw, and their derivatives."""
-        bob = 2.0 * _TURN_RAD * phase - 0.35 * _TURN_RAD
-        turn = _TURN_RAD * phase
+        bob = 2.0 * TURN_RAD * phase - 0.35 * TURN_RAD
+        turn = TURN_RAD * phase
         # Left hip (y > 0) leads when the left foot strikes: yaw to the right, negative.
         return (
             self._bob_m * det_sin(bob),
             -_PELVIS_YAW_RAD * det_cos(turn),
-            2.0 * _TURN_RAD * self._bob_m * det_cos(bob),
-            _TURN_RAD * _PELVIS_YAW_RAD * det_sin(turn),
+            2.0 * TURN_RAD * self._bob_m * det_cos(bob),
+            TURN_RAD * _PELVIS_YAW_RAD * det_sin(turn),
         )
 
     def _highest_hip(self, phase: float) -> float:
@@ -211,9 +211,9 @@ class Gait:
         bob, yaw, d_bob, d_yaw = self._pelvis(phase)
         sy, cy = det_sin(yaw), det_cos(yaw)
         hip_z = self._hip_m + bob
-        turn = _TURN_RAD * phase
+        turn = TURN_RAD * phase
         st, ct = det_sin(turn), det_cos(turn)
-        torso_yaw, d_torso_yaw = _TORSO_YAW_RAD * ct, -_TURN_RAD * _TORSO_YAW_RAD * st
+        torso_yaw, d_torso_yaw = _TORSO_YAW_RAD * ct, -TURN_RAD * _TORSO_YAW_RAD * st
         lean_s, lean_c = det_sin(_LEAN_RAD), det_cos(_LEAN_RAD)
         ts, tc = det_sin(torso_yaw), det_cos(torso_yaw)
         half_lean = (det_cos(0.5 * _LEAN_RAD), det_sin(0.5 * _LEAN_RAD))
@@ -228,9 +228,9 @@ class Gait:
         up = f.shoulder_above_hip_m
         for side, sign in ((f.shoulder_half_m, 1.0), (-f.shoulder_half_m, -1.0)):
             # The left arm is back when the left foot strikes.
-            swing, d_swing = sign * self._arm_rad * ct, -sign * _TURN_RAD * self._arm_rad * st
+            swing, d_swing = sign * self._arm_rad * ct, -sign * TURN_RAD * self._arm_rad * st
             elbow = _ELBOW_RAD + 0.5 * _ELBOW_SWING_RAD * (1.0 - sign * ct)
-            d_elbow = 0.5 * _ELBOW_SWING_RAD * sign * _TURN_RAD * st
+            d_elbow = 0.5 * _ELBOW_SWING_RAD * sign * TURN_RAD * st
             shoulder = (
                 up * lean_s - side * ts, side * tc, hip_z + up * lean_c,
                 -side * tc * d_torso_yaw, -side * ts * d_torso_yaw, d_bob,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from math import sqrt
 
 from hil.signals.samples import Vec3
+from hil.signals.units import TURN_RAD
 from sim._kernels import det_cos, det_sin
 
 Vec2 = tuple[float, float]
-TURN_RAD = 6.283185307179586
 
 
 @dataclass

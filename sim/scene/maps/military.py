@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from hil.signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder, multiply, roll_quat, yaw_quat
-from sim.scene.maps.meshes import TURN_RAD, box_with_tiles, extrude_xz
+from sim.scene.maps.meshes import box_with_tiles, extrude_xz
 from sim.scene.maps.walls import Openings, add_shell
 
 STOREY_M = 3.2

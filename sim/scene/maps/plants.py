@@ -6,10 +6,11 @@ solid: what flies into a crown is stopped.
 
 from __future__ import annotations
 
+from hil.signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
-from sim.scene.maps.meshes import TURN_RAD, blob, revolve
+from sim.scene.maps.meshes import blob, revolve
 
 _LEAF_RGB = {
     "linden": (0.42, 0.60, 0.22), "oak": (0.30, 0.47, 0.17), "birch": (0.58, 0.68, 0.30), "fir": (0.19, 0.36, 0.21),

@@ -17,13 +17,13 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals.units import TURN_RAD
 from sim.model_file import StrictModel
 from sim.scene.maps import military, surfaces, textures
 from sim.scene.maps.cars import add_car
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.meshes import TURN_RAD
 from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap

@@ -8,11 +8,12 @@ Drop zones (class `drop_zone`) are marked squares of `zone_m` in gardens: flat, 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import pi, sqrt
 from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals.units import TURN_RAD
 from sim._kernels import det_cos, det_sin
 from sim.model_file import StrictModel
 from sim.scene.maps import surfaces, textures
@@ -21,7 +22,7 @@ from sim.scene.maps.cars import add_car
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
-from sim.scene.maps.meshes import TURN_RAD, ellipse, ribbon
+from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
@@ -205,9 +206,7 @@ class _Suburb:
                 )  # fmt: skip
                 # Houses look to the street on the side of the middle block; corner blocks to the one along x.
                 toward_y = j != 0
-                heading = (
-                    (-_QUARTER_RAD if j > 0 else _QUARTER_RAD) if toward_y else (3.141592653589793 if i > 0 else 0.0)
-                )
+                heading = (-_QUARTER_RAD if j > 0 else _QUARTER_RAD) if toward_y else (pi if i > 0 else 0.0)
                 length = (x1 - x0) if toward_y else (y1 - y0)
                 depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * _FRONT_M
                 width = (length - 2.0 * _FRONT_M) / 3
@@ -318,7 +317,7 @@ class _Suburb:
                         spots.append((axis, side, along, lane))
         for axis, side, along, lane in dice.shuffled(spots)[: self.parameters.parked_vehicles]:
             x, y, _ = _turned(axis, along + dice.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
-            heading = axis * _QUARTER_RAD + (0.0 if lane < 0 else 3.141592653589793)
+            heading = axis * _QUARTER_RAD + (0.0 if lane < 0 else pi)
             add_car(b, dice, x, y, heading, van=dice.chance(0.25))
 
     def plants(self) -> None:

@@ -11,7 +11,7 @@ Here the tables are made; `sim._kernels.WalkPath` evaluates them (in Python: tes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from math import pi, sqrt
 
 import numpy as np
 
@@ -23,7 +23,6 @@ _SUBSTEPS = 8  # Simpson panels within a piece
 _PEAK_OF_SLOPE = 1.875  # largest S'(u)
 _MAX_YAW_RATE_RADPS = 2.6
 _BRAKING_MPS2 = 1.2
-_PI = 3.141592653589793
 
 Piece = tuple[float, float, float, float, float]  # start time, duration, start s, speed before, speed after
 Straight = tuple[float, float, float, float, float]  # start s, x, y, cos and sin of the heading
@@ -40,9 +39,9 @@ def smoothstep_slope(u: float) -> float:
 
 
 def _wrap(angle_rad: float) -> float:
-    if angle_rad > _PI:
-        return angle_rad - 2.0 * _PI
-    return angle_rad + 2.0 * _PI if angle_rad < -_PI else angle_rad
+    if angle_rad > pi:
+        return angle_rad - 2.0 * pi
+    return angle_rad + 2.0 * pi if angle_rad < -pi else angle_rad
 
 
 def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
