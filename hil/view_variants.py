@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from hil.dataset.formats.png import encode_png
 from hil.report import figures
 from hil.view_looks import ViewLooks
 from hil.view_points import pose_of
-from sim._kernels import PngEncoder
 from sim.frame.camera_model import CameraModel
 from sim.frame.mount import Mount
 from sim.frame.source import SharedFrames, channel_array
@@ -34,7 +34,7 @@ def draw_variants(
         variant = looks.variant(number)
         picture, title = _picture(variant.of(scene), variant, point, camera)
         path = folder / f"variant_{variant.randomize.seed}.png"
-        path.write_bytes(PngEncoder().encode(picture))
+        path.write_bytes(encode_png(picture))
         pictures.append(picture)
         titles.append(f"seed {variant.randomize.seed}: {title}")
         files.append(path)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from isal.isal_zlib import crc32
 from numpy.typing import NDArray
 
 from hil.bench import make_frames
@@ -21,7 +22,7 @@ from hil.dataset.formats.euroc import ROOT
 from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels
 from hil.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
 from hil.dataset.formats.looks import camera_looks, cloud_look, radar_look
-from hil.dataset.formats.pictures import DepthScale, PictureEncoder, with_palette
+from hil.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.dataset.formats.radar_npy import npy
 from hil.dataset.frame_chunk import EncodedFrames, pack_frames
 from hil.dataset.journal import BatchRecord, StoredChunk
@@ -31,7 +32,6 @@ from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.frame_stages import description
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from hil.simulated_sensors import SimulatedSensors
-from sim._kernels import crc32
 from sim.sensors.lidar import Lidar
 
 
@@ -54,7 +54,7 @@ class BatchDrawer:
         self.catalogue = Catalogue.of_geoms(
             self.frames.classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)
         )
-        self.encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m))
+        self.encoder = PictureEncoder(DepthScale(plan.config.dataset.depth_step_m), self.catalogue.palette)
         self.labels = LabelReader(self.catalogue)
         self.series = self.new_series(with_place=False)
 
@@ -192,17 +192,17 @@ class StoringWork:
             else:
                 self._data(name, channel, t_ns, "npy", npy(channels[channel]))
         labelled = name == self.plan.labelled
-        labels = self._label(sample, png["segmentation"], frame) if labelled else None
+        labels = self._label(sample, frame) if labelled else None
         if self._batch.index == 0 and self._samples[name] == 1:
             self._preview(name, camera_looks(channels, self._d.catalogue.classes, labels))
         return png
 
-    def _label(self, sample: ImageSample, segmentation_png: bytes, frame: int) -> PictureLabels:
+    def _label(self, sample: ImageSample, frame: int) -> PictureLabels:
         d, t_ns = self._d, sample.t_capture_ns
         labels = d.labels.read(sample.channels)
         file_name = f"{t_ns}.png"
         self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d.catalogue.classes))
-        self._write(f"{voc.CLASS_MASKS}/{file_name}", with_palette(segmentation_png, d.catalogue.palette))
+        self._write(f"{voc.CLASS_MASKS}/{file_name}", d.encoder.indexed_png(sample.channels["segmentation"]))
         masks = d.labels.mask_texts(sample.channels["instance"], labels)
         self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))

@@ -14,7 +14,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from hil.config import save_bench
@@ -43,7 +42,7 @@ def made_from(plan: DatasetPlan, bench_files: Mapping[str, bytes]) -> dict[str, 
         "batch_frames": BATCH_FRAMES,
         "epoch_ns": EPOCH_NS,
         "format": FORMAT,
-        "versions": {"hil": _version("hil-bench"), "numpy": np.__version__, "zstandard": _version("zstandard")},
+        "versions": {"hil": _version("hil-bench"), **{name: _version(name) for name in ("isal", "numpy", "zstandard")}},
     }
 
 

@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from isal.isal_zlib import crc32
+
 from hil.signals.errors import RecordingError
-from sim._kernels import crc32
 
 ASL = "mav0"
 ANNOTATIONS = "annotations"  # COCO

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import zstandard
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -37,7 +38,6 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from hil.signals.errors import RecordingError
-from sim._kernels import crc32
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "hil-bench"

@@ -6,7 +6,6 @@
 namespace nb = nanobind;
 
 void bind_actors(nb::module_ &m);
-void bind_crc32(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
@@ -18,7 +17,7 @@ void bind_lidar_receiver(nb::module_ &m);
 void bind_noise_block(nb::module_ &m);
 void bind_number_text(nb::module_ &m);
 void bind_sample_columns(nb::module_ &m);
-void bind_png(nb::module_ &m);
+void bind_picture_values(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
 void bind_radar_processing(nb::module_ &m);
@@ -32,7 +31,6 @@ NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     hil::bind_detmath(m);
     bind_actors(m);
-    bind_crc32(m);
     bind_dryden(m);
     bind_extinction(m);
     bind_frame(m);
@@ -44,7 +42,7 @@ NB_MODULE(_kernels, m) {
     bind_noise_block(m);
     bind_number_text(m);
     bind_sample_columns(m);
-    bind_png(m);
+    bind_picture_values(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);
     bind_radar_processing(m);

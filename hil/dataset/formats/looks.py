@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from hil.dataset.formats.datasheet import SamplePicture
 from hil.dataset.formats.labels import PictureLabels
+from hil.dataset.formats.png import encode_png
 from hil.signals.classes import Classes
-from sim._kernels import PngEncoder
 
 UInt8 = NDArray[np.uint8]
 
@@ -67,14 +67,13 @@ def camera_looks(
     channels: Mapping[str, NDArray[Any]], classes: Classes, labels: PictureLabels | None = None
 ) -> list[SamplePicture]:
     """The channels that are there, and colour with its boxes."""
-    png = PngEncoder()
     looks = [
-        SamplePicture(name, png.encode(np.ascontiguousarray(coloured(name, channels[name], classes))), name)
+        SamplePicture(name, encode_png(coloured(name, channels[name], classes)), name)
         for name in _SHOWN
         if name in channels
     ]
     if labels is not None and "rgb" in channels:
-        looks.insert(1, SamplePicture("boxes", png.encode(with_boxes(channels["rgb"], labels)), "boxes"))
+        looks.insert(1, SamplePicture("boxes", encode_png(with_boxes(channels["rgb"], labels)), "boxes"))
     return looks
 
 
@@ -98,7 +97,7 @@ def cloud_look(points_L: NDArray[np.float32], segmentation: UInt8, classes: Clas
     if classes.colours:
         colours[: len(classes.colours)] = classes.colours
     picture[place[seen, 0], place[seen, 1]] = colours[segmentation[seen]]
-    return SamplePicture("LiDAR from above, 40 m each way", PngEncoder().encode(picture), "cloud")
+    return SamplePicture("LiDAR from above, 40 m each way", encode_png(picture), "cloud")
 
 
 def radar_look(range_doppler: NDArray[np.float32]) -> SamplePicture:
@@ -107,5 +106,5 @@ def radar_look(range_doppler: NDArray[np.float32]) -> SamplePicture:
     edges = _shades(top * 1e-6, _DECADES_STEP, 255) if top > 0.0 else np.full(255, np.inf)
     grey = np.searchsorted(edges, range_doppler).astype(np.uint8)[::-1]
     grow = max(1, _SMALLEST_MAP_PX // max(grey.shape))
-    picture = np.ascontiguousarray(np.kron(grey, np.ones((grow, grow), np.uint8)))
-    return SamplePicture("radar, range and speed", PngEncoder().encode(picture), "map")
+    picture = np.kron(grey, np.ones((grow, grow), np.uint8))
+    return SamplePicture("radar, range and speed", encode_png(picture), "map")

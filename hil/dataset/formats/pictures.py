@@ -1,6 +1,6 @@
 """Pictures of a frame as files.
 
-    colour      PNG, 8-bit RGB, exact; or JPEG
+    colour      PNG, 8-bit RGB, exact
     depth       PNG, 16-bit grey: distance along the optical axis in steps of `DepthScale.step_m`, to the nearest;
                 0: nothing there; 65535: something, but farther than 65534 steps
     class       PNG, 8-bit grey: the class id; or the same with the classes' colours as palette, as Pascal VOC has it
@@ -8,20 +8,18 @@
     normal      PNG, 8-bit RGB: (x, y, z) of the unit normal in the camera frame as floor(127 n + 128.5);
                 (0, 0, 0): nothing there
 
-The PNGs come from this project's own encoder (sim/native/png.hpp), because what a compression library makes of a
-picture may change with its version and the processor. JPEG comes from OpenCV: the same bytes only with the same OpenCV.
+Pixels are the same everywhere; the bytes of a file may change with the compression library (`hil.dataset.formats.png`).
 """
 
 from __future__ import annotations
 
-import struct
-import zlib
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.dataset.formats.png import encode_png
 from hil.signals.errors import RecordingError
 from sim import _kernels
 
@@ -68,74 +66,43 @@ class PictureEncoder:
     def __init__(self, depth_scale: DepthScale | None = None, palette: UInt8 | None = None) -> None:
         self.depth_scale = depth_scale or DepthScale()
         self._palette = palette
-        self._png = _kernels.PngEncoder()
         # Of pictures of one size: a new array a picture is new pages a picture, which the system hands out one by one.
         self._depth: UInt16 = np.empty((0, 0), np.uint16)
         self._normal: UInt8 = np.empty((0, 0, 3), np.uint8)
 
     def rgb_png(self, rgb: UInt8) -> bytes:
         _check("rgb", rgb, np.uint8, 3)
-        return self._png.encode(rgb, "sub")  # a quarter smaller than without, where the camera has noise
-
-    def rgb_jpeg(self, rgb: UInt8, quality: int = 95) -> bytes:
-        import cv2
-
-        _check("rgb", rgb, np.uint8, 3)
-        if not 1 <= quality <= 100:
-            raise RecordingError(f"JPEG: the quality must be 1 to 100, not {quality}")
-        done, data = cv2.imencode(".jpg", rgb[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        if not done:
-            raise RecordingError("JPEG: OpenCV could not encode the picture")
-        return data.tobytes()
+        return encode_png(rgb, sub=True)  # a quarter smaller than without, where the camera has noise
 
     def depth_png(self, depth_m: NDArray[np.float32]) -> bytes:
         if self._depth.shape != depth_m.shape:
             _check("depth", depth_m, np.float32, 1)
             self._depth = np.empty(depth_m.shape, np.uint16)
-        return self._png.encode(self.depth_scale.values(depth_m, self._depth), "sub")
+        return encode_png(self.depth_scale.values(depth_m, self._depth), sub=True)
 
-    def class_png(self, segmentation: UInt8, *, indexed: bool = False) -> bytes:
-        """`indexed`: with the palette, whose every class must have a colour."""
+    def class_png(self, segmentation: UInt8) -> bytes:
         _check("segmentation", segmentation, np.uint8, 1)
-        if not indexed:
-            return self._png.encode(segmentation)
+        return encode_png(segmentation)
+
+    def indexed_png(self, segmentation: UInt8) -> bytes:
+        """Classes with the palette, whose every class must have a colour."""
+        _check("segmentation", segmentation, np.uint8, 1)
         if self._palette is None:
             raise RecordingError("class pictures: no palette was given for an indexed picture")
         try:
-            return self._png.encode(segmentation, "none", self._palette)
+            return encode_png(segmentation, palette=self._palette)
         except ValueError as error:
             raise RecordingError(f"class pictures: {error}; the palette has {len(self._palette)} colours") from error
 
     def instance_png(self, instance: UInt16) -> bytes:
         _check("instance", instance, np.uint16, 1)
-        return self._png.encode(instance)
+        return encode_png(instance)
 
     def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
         if self._normal.shape != normal_C.shape:
             _check("normal", normal_C, np.float32, 3)
             self._normal = np.empty(normal_C.shape, np.uint8)
-        return self._png.encode(normal_values(normal_C, self._normal))
-
-
-def with_palette(grey_png: bytes, palette: UInt8) -> bytes:
-    """A picture of `class_png` as the indexed one, without encoding it again: their pixels are packed the same way."""
-    header, rest = grey_png[8:33], grey_png[33:]
-    kind = struct.pack(">I", 13) + b"IHDR" + header[8:16] + b"\x08\x03" + header[18:21]
-    colours = np.ascontiguousarray(palette, np.uint8)
-    if colours.ndim != 2 or colours.shape[1] != 3 or not 1 <= len(colours) <= 256:
-        raise RecordingError(f"class pictures: a palette is 1 to 256 colours of three bytes, not {colours.shape}")
-    table = b"PLTE" + colours.tobytes()
-    return b"".join(
-        (
-            grey_png[:8],
-            kind,
-            struct.pack(">I", zlib.crc32(kind[4:])),
-            struct.pack(">I", len(table) - 4),
-            table,
-            struct.pack(">I", zlib.crc32(table)),
-            rest,
-        )
-    )
+        return encode_png(normal_values(normal_C, self._normal))
 
 
 def normal_values(normal_C: NDArray[np.float32], out: UInt8 | None = None) -> UInt8:
