@@ -32,8 +32,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from hil.config.schema import Limits
-from hil.documents.validate import unit_of
 from hil.missions.path import Leg, LegKind
+from hil.signals.documents.validate import unit_of
 from hil.signals.samples import TruthState, Vec3
 
 REACH_MARGIN_M = 1.0

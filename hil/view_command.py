@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config.files import available, find, is_bare
-from hil.documents.validate import nearest
 from hil.signals.classes import Classes
+from hil.signals.documents.validate import nearest
 from hil.signals.errors import ConfigError, Problem, RecordingError
 from hil.signals.samples import CHANNEL_UNITS, PointCloudSample, RadarSample
 from hil.view_looks import ViewLooks, read_looks

@@ -7,7 +7,7 @@ from functools import cache
 
 from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.params import ParamTable
-from hil.documents.validate import COMMAND_LINE, Located, at, nearest
+from hil.signals.documents.validate import COMMAND_LINE, Located, at, nearest
 from hil.signals.errors import Problem
 
 

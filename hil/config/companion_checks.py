@@ -9,7 +9,7 @@ from hil.companion.settings import link_settings
 from hil.companion.started import client_name, known_clients, unknown_clients
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
-from hil.documents.validate import at, nearest
+from hil.signals.documents.validate import at, nearest
 from hil.signals.errors import ConfigError, Problem
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil.documents.document import Document, Place
-from hil.documents.yaml_lines import MAX_DEPTH, dotted, parse_yaml
+from hil.signals.documents.document import Document, Place
+from hil.signals.documents.yaml_lines import MAX_DEPTH, dotted, parse_yaml
 from hil.signals.errors import ConfigError, Problem
 
 SET = "--set "

@@ -8,13 +8,11 @@ layer is reported at once, and each where it was written.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel
 
 from hil.config import radar_checks
@@ -25,12 +23,12 @@ from hil.config.randomizing import drawn_of, noise_problems, noisy_parameters
 from hil.config.scenes import read_scene, save_scene, world_problems
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, STANDARD_SENSORS, Autopilot, BenchConfig, MockFaults
 from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
-from hil.documents.document import Document, Place, shown_path
-from hil.documents.validate import COMMAND_LINE, at, nearest, shown, validate
-from hil.documents.yaml_lines import CORE_SCHEMA, read_yaml
 from hil.missions import Geopoint, Mission, load_mission
 from hil.missions.script import MissionScript
 from hil.missions.script_file import bench_problems, is_script, lay_script, mission_problems, read_script, with_gusts
+from hil.signals.documents.document import Document, Place, shown_path
+from hil.signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
+from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
 from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
@@ -438,28 +436,7 @@ def resolved_yaml(config: BenchConfig) -> str:
         for name, sensor in config.sensors.items()
     }
     head = "# Complete settings of one run; no rig file is laid under them.\n"
-    return head + yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes floats so that they read back as the very same floats, and quotes text that looks like anything else,
-    to this reader or to one of YAML 1.1."""
-
-
-def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
-    return dumper.represent_scalar("tag:yaml.org,2002:float", repr(value))  # shortest text that reads back exactly
-
-
-def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
-    # Line breaks of Unicode are folded on the way back, unless they are escaped, which only this style does.
-    style = '"' if any(char in value for char in "\x85\u2028\u2029") else None
-    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
-
-
-_Dumper.add_representer(float, _float)
-_Dumper.add_representer(str, _text)
-for _tag, _pattern, _first in CORE_SCHEMA:
-    _Dumper.add_implicit_resolver(_tag, re.compile(_pattern), _first)
+    return head + dump_yaml(data)
 
 
 def save_bench(bench: Bench, folder: Path) -> Path:
@@ -469,7 +446,7 @@ def save_bench(bench: Bench, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     names: dict[str, str] = {}
     if "scene" in bench.files:
-        names["scene"] = save_scene(bench.scene, bench.files["scene"], folder, _Dumper)
+        names["scene"] = save_scene(bench.scene, bench.files["scene"], folder)
     for what in ("vehicle", "mission"):
         if what in bench.files:
             source = bench.files[what]

@@ -14,8 +14,8 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from hil.config.layers import Settings
-from hil.documents.document import Place, shown_path
-from hil.documents.validate import COMMAND_LINE, at, nearest, shown
+from hil.signals.documents.document import Place, shown_path
+from hil.signals.documents.validate import COMMAND_LINE, at, nearest, shown
 from hil.signals.errors import ConfigError, Problem
 from sim.sensors.catalog import PRESETS, Preset
 from sim.sensors.presets import load_preset

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, SensorConfig
-from hil.documents.validate import at, nearest
+from hil.signals.documents.validate import at, nearest
 from hil.signals.errors import ConfigError, Problem
 from sim.frame.shared_picture import SharedPicture
 from sim.radar.scatterers import Scatterers

@@ -8,7 +8,7 @@ import pydantic
 
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
-from hil.documents.validate import at
+from hil.signals.documents.validate import at
 from hil.signals.errors import Problem
 from sim.randomize.looks import drawn
 from sim.randomize.noise import noise_factor, with_noise

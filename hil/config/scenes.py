@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
-
-from hil.documents.document import shown_path
-from hil.documents.validate import validate
-from hil.documents.yaml_lines import read_yaml
+from hil.signals.documents.document import shown_path
+from hil.signals.documents.validate import validate
+from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
 from hil.signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 from sim.scene.map_file import read_map_file
@@ -32,7 +30,7 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
         ]
     scene, problems = validate(Scene, document.data, document)
     if scene is not None:
-        scene = scene.from_file(SceneFile(path, document.source, document.lines))
+        scene = scene.from_file(SceneFile(path, document))
     return scene, problems
 
 
@@ -51,7 +49,7 @@ def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
     return [scene.file.problem(place, *wrong)]
 
 
-def save_scene(scene: Scene, source: Path, folder: Path, dumper: type[yaml.SafeDumper]) -> str:
+def save_scene(scene: Scene, source: Path, folder: Path) -> str:
     """Put the scene's file into a folder, with every file that its map names. Returns the new file's name.
 
     As it was before the bench laid weather and looks over it: the bench will do so again.
@@ -69,6 +67,5 @@ def save_scene(scene: Scene, source: Path, folder: Path, dumper: type[yaml.SafeD
         (below / name).write_bytes(data)
     kept = scene.model_copy(update={"map": scene.map.model_copy(update={"mjcf": f"{_MAP_FOLDER}/map.xml"})})
     head = f"# The scene of {shown_path(source)}, with its map in {_MAP_FOLDER}/.\n"
-    text = yaml.dump(kept.model_dump(mode="json"), Dumper=dumper, sort_keys=False, allow_unicode=True, width=110)
-    (folder / "scene.yaml").write_text(head + text, encoding="utf-8")
+    (folder / "scene.yaml").write_text(head + dump_yaml(kept.model_dump(mode="json")), encoding="utf-8")
     return "scene.yaml"

@@ -12,8 +12,8 @@ from hil.config.layers import Settings
 from hil.config.preset_values import find_preset, is_preset_path, laid_over
 from hil.config.radar_checks import frame_problems, rate_problems
 from hil.config.schema import SensorConfig
-from hil.documents.document import Place
-from hil.documents.validate import at, nearest, shown, validate
+from hil.signals.documents.document import Place
+from hil.signals.documents.validate import at, nearest, shown, validate
 from hil.signals.errors import Problem
 from hil.signals.time import period_ns_from_hz
 from sim.frame.quality import QUALITIES, with_quality

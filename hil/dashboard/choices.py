@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 import rigs
 from hil.config.files import available, default_bench
 from hil.dashboard.plain_number import is_number
+from hil.signals.documents.yaml_lines import read_yaml
+from hil.signals.errors import ConfigError
 
 _PACKAGE = Path(rigs.__file__).resolve().parent
 _MISSIONS = ("*.plan", "*.waypoints", "*.yaml")
@@ -64,8 +64,8 @@ def _files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
 def _defaults(bench: Path | None) -> dict[str, Any]:
     """What the bench file says of the form's fields; whether it is right is checked when it is run."""
     try:
-        data = yaml.safe_load(bench.read_text()) if bench is not None else {}
-    except (OSError, yaml.YAMLError, UnicodeError):
+        data = read_yaml(bench).data if bench is not None else {}
+    except ConfigError:
         data = {}
     known = data if isinstance(data, dict) else {}
     return {name: known.get(name) for name in ("rig", "scene", "mission", "seed")}

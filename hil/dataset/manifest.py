@@ -14,12 +14,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hil.config import save_bench
 from hil.dataset.formats.datasheet import LICENCE
 from hil.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.dataset.tree import MANIFEST, WORK, TreeWriter
+from hil.signals.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError, Problem, RecordingError
 
 FORMAT = 1
@@ -124,8 +123,8 @@ def _differences(root: Path, bench_files: Mapping[str, bytes]) -> list[str]:
 
 def _plain(data: bytes) -> Any:
     try:
-        return yaml.safe_load(data)
-    except yaml.YAMLError:
+        return parse_yaml(data.decode(), BENCH_NAME).data
+    except (ConfigError, UnicodeError):
         return None
 
 

@@ -22,8 +22,8 @@ from hil.config import Bench, BenchConfig, SensorConfig, load_bench
 from hil.config.files import find
 from hil.config.schema import Record
 from hil.dataset.trajectory import waypoints_text
-from hil.documents.validate import nearest
 from hil.missions import load_mission
+from hil.signals.documents.validate import nearest
 from hil.signals.errors import ConfigError, Problem
 from hil.signals.time import NS_PER_S
 from sim.frame.quality import QUALITIES

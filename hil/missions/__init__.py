@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil.documents.document import shown_path
 from hil.missions.mission import Geopoint, Mission
 from hil.missions.plan_file import read_plan
 from hil.missions.waypoints_file import read_waypoints
+from hil.signals.documents.document import shown_path
 from hil.signals.errors import ConfigError, Problem
 
 __all__ = ["Geopoint", "Mission", "load_mission"]

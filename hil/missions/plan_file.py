@@ -13,10 +13,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hil.documents.document import Document, Place, shown_path
-from hil.documents.json_lines import read_json
-from hil.documents.validate import nearest, shown
 from hil.missions.mission import JUMP, MAX_ITEMS, Geopoint, Mission, RawItem, items_from_raw, on_globe, problems_of
+from hil.signals.documents.document import Document, Place, shown_path
+from hil.signals.documents.json_lines import read_json
+from hil.signals.documents.validate import nearest, shown
 from hil.signals.errors import ConfigError, Problem
 
 

@@ -18,11 +18,10 @@ from pydantic import Field, field_validator, model_validator
 
 from firmware_bridge.ground_station.actions import Action, Effect, Happening, RunCommand, SetMode, SetParam
 from firmware_bridge.ground_station.modes import WORDS, plain_word
-from hil.documents.document import Document
-from hil.documents.validate import nearest, unit_of
 from hil.missions.mission import Mission
+from hil.signals.documents.document import Document
+from hil.signals.documents.validate import StrictModel, nearest, unit_of
 from hil.signals.time import NS_PER_S
-from sim.model_file import StrictModel
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
 from sim.sensors.faults import DriftAway, Dropout, Freeze, Offset, StuckBit

@@ -10,9 +10,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.documents.document import Place, shown_path
-from hil.documents.validate import COMMAND_LINE, at, nearest, validate
-from hil.documents.yaml_lines import read_yaml
 from hil.missions.mission import Mission
 from hil.missions.script import (
     AUTOPILOT_FAULTS,
@@ -23,6 +20,9 @@ from hil.missions.script import (
     injected_at,
     parse_happening,
 )
+from hil.signals.documents.document import Place, shown_path
+from hil.signals.documents.validate import COMMAND_LINE, at, nearest, validate
+from hil.signals.documents.yaml_lines import read_yaml
 from hil.signals.errors import ConfigError, Problem
 from sim.physics.faults import RotorFault, misfits
 from sim.scene.wind import Wind

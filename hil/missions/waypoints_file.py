@@ -14,8 +14,6 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from hil.documents.document import read_text, shown_path
-from hil.documents.validate import shown
 from hil.missions.mission import (
     FRAME_GLOBAL,
     JUMP,
@@ -28,6 +26,8 @@ from hil.missions.mission import (
     on_globe,
     problems_of,
 )
+from hil.signals.documents.document import read_text, shown_path
+from hil.signals.documents.validate import shown
 from hil.signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 16_000_000

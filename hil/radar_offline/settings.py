@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.config.layers import Settings, lay_settings
 from hil.config.preset_values import find_preset, laid_over
-from hil.documents.validate import validate
+from hil.signals.documents.validate import validate
 from hil.signals.errors import ConfigError, Problem
 from sim.radar.chirp import Chirp
 from sim.sensors.radar_parameters import RadarParameters

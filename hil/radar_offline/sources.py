@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from hil.config import BenchConfig, load_bench
 from hil.config.radar_checks import view_of
-from hil.documents.validate import nearest
-from hil.documents.yaml_lines import parse_yaml
 from hil.radar_offline.settings import settings_of, with_chirp
 from hil.recorder.reading import RecordedMessage, Recording
 from hil.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
 from hil.recorder.recorder import MCAP_NAME
+from hil.signals.documents.validate import nearest
+from hil.signals.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError, Problem, RecordingError
 from hil.signals.samples import TruthState
 from hil.signals.time import NS_PER_S

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 
 class Battery(StrictModel):

@@ -6,7 +6,7 @@ lag, gyroscopic torque and drag have no switch: their coefficients in the vehicl
 
 from __future__ import annotations
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 
 class Effects(StrictModel):

@@ -15,8 +15,8 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.time import NS_PER_S
-from sim.model_file import StrictModel
 
 _ALLOWED = {"efficiency": {"factor"}, "stuck": {"speed_radps"}, "lost_blade": {"blades", "imbalance_gcm"}}
 _OPTIONS = ("factor", "speed_radps", "blades", "imbalance_gcm")

@@ -13,8 +13,8 @@ from typing import Annotated
 import pydantic
 from pydantic import Field
 
+from hil.signals.documents.validate import StrictModel, load_model
 from hil.signals.units import STANDARD_GRAVITY_MPS2
-from sim.model_file import StrictModel, load_model
 from sim.physics.battery import Battery
 
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
@@ -154,7 +154,7 @@ def vehicle_names() -> list[str]:
 
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """A vehicle of `rigs/vehicles` by name, or any file by path. Raises ConfigError."""
-    return load_model(_path(name_or_path), Vehicle)
+    return load_model(_path(name_or_path), Vehicle)[0]
 
 
 def _path(name_or_path: str | Path) -> Path:

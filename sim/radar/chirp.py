@@ -17,7 +17,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 

@@ -22,7 +22,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
 from sim.radar.swept_pattern import SweptPattern
 

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from hil.signals.documents.validate import StrictModel, nearest
 from hil.signals.units import RAD_PER_DEG
 from sim._kernels import azimuth_elevation
-from sim.model_file import StrictModel
-from sim.scene.words import nearest
 
 _NONE = "none"  # the class of nothing
 _Azimuth = Annotated[float, Field(ge=-180.0, le=180.0)]

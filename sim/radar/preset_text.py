@@ -11,15 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
 from hil.signals.errors import ConfigError, Problem
 from sim.radar.calibration import Calibration
-from sim.radar.impairments import Impairments
 from sim.radar.recording import Recording
 
 _SOURCE = "recording"
-_WIDTH = 118
 
 
 @dataclass(frozen=True)
@@ -34,10 +31,10 @@ class Hardware:
 def hardware_of(preset: Path) -> Hardware:
     """Of a preset file of this project. Raises ConfigError where it is no radar's."""
     try:
-        data = yaml.safe_load(preset.read_text(encoding="utf-8"))
+        data = read_yaml(preset).data
         parameters = data["parameters"]
         return Hardware(data["sources"], parameters["antenna"], parameters["receiver"])
-    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+    except (KeyError, TypeError) as error:
         raise ConfigError([Problem(str(preset), f"tells no antenna and receiver of a radar: {error!r}")]) from error
 
 
@@ -63,75 +60,11 @@ def preset_text(calibration: Calibration, recording: Recording, hardware: Hardwa
     for key, hertz in (("hp_cutoff_hz", recording.hp_cutoff_hz), ("aaf_cutoff_hz", recording.aaf_cutoff_hz)):
         if hertz is not None:
             receiver[key] = hertz
-    lines = ["kind: radar", f"part: {_quoted(part)}", "sources:"]
-    lines += [f"  {key}: {_quoted(text)}" for key, text in sources.items()]
-    lines += ["parameters:"]
-    lines += _figure("chirp", {"status": "measured", "source": _SOURCE, "note": "the settings of the recording"})
-    lines += _block("value", recording.chirp.model_dump(), 4)
-    lines += _figure("antenna", hardware.antenna)
-    lines += _block("value", hardware.antenna["value"], 4)
-    lines += _figure("receiver", hardware.receiver)
-    lines += _block("value", receiver, 4)
-    lines += _figure("impairments", {"status": "measured", "source": _SOURCE, "note": note})
-    lines += impairments_lines(calibration.impairments, 4)
-    return "\n".join(lines) + "\n"
-
-
-def impairments_lines(impairments: Impairments, indent: int) -> list[str]:
-    """`value:` and what belongs to it, rows of numbers wrapped."""
-    return _block("value", impairments.model_dump(exclude_none=True), indent)
-
-
-def _figure(name: str, figure: Mapping[str, Any]) -> list[str]:
-    lines = [f"  {name}:", f"    status: {figure['status']}"]
-    lines += [f"    source: {figure['source']}"] if figure.get("source") else []
-    lines += [f"    note: {_quoted(figure['note'])}"] if figure.get("note") else []
-    return lines
-
-
-def _block(key: str, value: Any, indent: int) -> list[str]:
-    """`key: value`: mappings in block form, lists of numbers on as few lines as hold them."""
-    pad = " " * indent
-    if isinstance(value, Mapping):
-        lines = [f"{pad}{key}:"]
-        for inner, item in value.items():
-            lines += _block(inner, item, indent + 2)
-        return lines
-    if isinstance(value, list | tuple) and value and isinstance(value[0], list | tuple):
-        lines = [f"{pad}{key}:"]
-        for row in value:
-            lines += _wrapped(f"{pad}  - [", row, indent + 5)
-        return lines
-    if isinstance(value, list | tuple):
-        return _wrapped(f"{pad}{key}: [", value, indent + 2)
-    return [f"{pad}{key}: {_scalar(value)}"]
-
-
-def _wrapped(head: str, row: Sequence[Any], indent: int) -> list[str]:
-    lines, line = [], head
-    for i, value in enumerate(row):
-        text = _scalar(value) + (", " if i + 1 < len(row) else "]")
-        if len(line) + len(text.rstrip()) > _WIDTH:
-            lines.append(line.rstrip())
-            line = " " * indent
-        line += text
-    return [*lines, line]
-
-
-def _scalar(value: Any) -> str:
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        text = repr(value)
-        # YAML 1.1 takes 1e-06 for a word: a number needs its point and the sign of its exponent.
-        if "e" in text:
-            mantissa, exponent = text.split("e")
-            return f"{mantissa if '.' in mantissa else mantissa + '.0'}e{int(exponent):+d}"
-        return text
-    return _quoted(value) if isinstance(value, str) else str(value)
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ") + '"'
+    measured = {"status": "measured", "source": _SOURCE}
+    figures = {
+        "chirp": measured | {"note": "the settings of the recording", "value": recording.chirp.model_dump()},
+        "antenna": hardware.antenna,
+        "receiver": {**hardware.receiver, "value": receiver},
+        "impairments": measured | {"note": note, "value": calibration.impairments.model_dump(exclude_none=True)},
+    }
+    return dump_yaml({"kind": "radar", "part": part, "sources": sources, "parameters": figures})

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.units import TURN_RAD
 from sim._kernels import RADAR_CURVE_STEPS, radar_amplitude_curve, radar_backscatter, radar_fresnel_power
-from sim.model_file import StrictModel
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
 from sim.scene.maps.scene_map import Surface
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.randomize.draw import between_logarithms, dice
 from sim.randomize.settings import NoiseLimits
 from sim.sensors.camera_parameters import CameraParameters, LightNoise

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 
 def _ordered(limits: tuple[float, float]) -> tuple[float, float]:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from hil.signals.documents.document import shown_path
 from hil.signals.errors import ConfigError, Problem
-from sim.scene.scene_file import shown
 
 MAX_XML_BYTES = 64_000_000
 MAX_ASSET_BYTES = 1_000_000_000
@@ -96,7 +96,7 @@ def read_map_file(path: Path, *, inside: tuple[Path, ...] = ()) -> MapFile:
 
 def parse_xml(path: Path, where: str = "") -> Element:
     """Raises ConfigError, which names `where` if the file cannot be read at all."""
-    source = shown(path)
+    source = shown_path(path)
     try:
         if not path.exists():
             raise ConfigError([Problem(where or source, f"no such file: {source}" if where else "no such file")])
@@ -251,7 +251,7 @@ class _Reading:
         try:
             if not path.is_file():
                 message = f"{what} names a file that does not exist: {name}"
-                self._problems.append(Problem(element.where, message, f"looked for {shown(path)}"))
+                self._problems.append(Problem(element.where, message, f"looked for {shown_path(path)}"))
                 return name
             self._size += path.stat().st_size
             if self._size > MAX_ASSET_BYTES:

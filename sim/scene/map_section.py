@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import Discriminator, Field, Tag
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.scene.maps.scene_map import Surface
 
 MAX_SEED = 2**63 - 1

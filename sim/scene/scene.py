@@ -13,12 +13,13 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr
 
+from hil.signals.documents.document import Document, shown_path
+from hil.signals.documents.validate import StrictModel, load_model
 from hil.signals.units import STANDARD_GRAVITY_MPS2
-from sim.model_file import StrictModel, load_located
 from sim.randomize.looks import Looks
 from sim.scene.light import Light
 from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
-from sim.scene.scene_file import SceneFile, shown
+from sim.scene.scene_file import SceneFile
 from sim.scene.view_point import ViewPoint
 from sim.scene.weather import Weather
 
@@ -122,8 +123,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if is_mjcf(path):
         return scene_of_mjcf(path)
     path = path if path.suffix else SCENE_DIR / f"{path}.yaml"
-    scene, lines = load_located(path, Scene)
-    return scene.from_file(SceneFile(path, shown(path), lines))
+    scene, document = load_model(path, Scene)
+    return scene.from_file(SceneFile(path, document))
 
 
 def is_mjcf(path: Path) -> bool:
@@ -139,4 +140,4 @@ def scene_of_mjcf(path: Path) -> Scene:
         site=Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0),
         ground_friction=0.8,
         map=MjcfMap(mjcf=path.name),
-    ).from_file(SceneFile(path, shown(path)))
+    ).from_file(SceneFile(path, Document(shown_path(path), None)))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 _Coordinate = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
 

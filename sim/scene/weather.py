@@ -15,7 +15,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 
 CONTRAST_EXPONENT = 3.912  # -ln 0.02
 HAZE_M = 300.0  # thickness of a layer of fog or of the haze over a city: the order of size

@@ -22,11 +22,11 @@ from typing import Annotated, Literal, NamedTuple
 import pydantic
 from pydantic import Field
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import Vec3
 from hil.signals.time import NS_PER_S
 from sim._kernels import Dryden, det_cos
-from sim.model_file import StrictModel
 
 Speed = Annotated[float, Field(ge=-50.0, le=50.0)]
 Velocity = tuple[Speed, Speed, Speed]

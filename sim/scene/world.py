@@ -18,9 +18,9 @@ from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
-import pydantic
 from numpy.typing import NDArray
 
+from hil.signals.documents.validate import nearest, validate
 from hil.signals.errors import ConfigError, Problem
 from sim.randomize.settings import PeopleLimits
 from sim.randomize.surfaces import SurfaceLook, draw_surface
@@ -32,7 +32,6 @@ from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.maps.surfaces import SKIN
 from sim.scene.scene import Box, Scene
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
-from sim.scene.words import nearest
 
 if TYPE_CHECKING:
     from sim.randomize.people import Person
@@ -173,7 +172,7 @@ def _source(scene: Scene) -> _Source:
         there = False
     if not there:
         message = f"names a file that does not exist: {section.mjcf}"
-        raise ConfigError([scene.file.problem(("map", "mjcf"), message, f"looked beside {scene.file.source}")])
+        raise ConfigError([scene.file.problem(("map", "mjcf"), message, f"looked beside {scene.file.document.source}")])
     file = read_map_file(path.expanduser())
     return _Source(section, file, file.text)
 
@@ -217,19 +216,9 @@ def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
     if generator is None:
         message = f"is unknown: {section.generator!r}"
         raise ConfigError([scene.file.problem(("map", "generator"), message, nearest(section.generator, GENERATORS))])
-    try:
-        parameters = generator.parameters.model_validate(section.parameters)
-    except pydantic.ValidationError as error:
-        problems = []
-        for item in error.errors(include_url=False):
-            place = ("map", *item["loc"])
-            if item["type"] == "extra_forbidden":
-                known = ["generator", "seed", *generator.parameters.model_fields]
-                message = f"is unknown to the generator {section.generator!r}"
-                problems.append(scene.file.problem(place, message, nearest(str(item["loc"][-1]), known)))
-            else:
-                problems.append(scene.file.problem(place, f"is wrong: {item['msg'][:1].lower()}{item['msg'][1:]}"))
-        raise ConfigError(problems) from None
+    parameters, problems = validate(generator.parameters, section.parameters, scene.file.document, below=("map",))
+    if parameters is None or problems:
+        raise ConfigError(problems)
     try:
         return generator.generate(parameters, section.seed)
     except ValueError as error:

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.samples import CHANNEL_UNITS
 from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
 from sim.frame.quality import QualityName
-from sim.model_file import StrictModel
 from sim.sensors.sensor import Position
 
 Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]

@@ -19,6 +19,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.samples import (
     BaroSample,
     FlowSample,
@@ -33,7 +34,6 @@ from hil.signals.samples import (
     TruthState,
 )
 from hil.signals.time import NS_PER_S
-from sim.model_file import StrictModel
 from sim.scene.atmosphere import pressure_altitude_m
 from sim.sensors.sensor import Sensor
 

@@ -15,10 +15,10 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import GpsSample, TruthState
 from hil.signals.time import NS_PER_S
-from sim.model_file import StrictModel
 from sim.scene.geodesy import LocalFrame
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotation import rotate_into_world

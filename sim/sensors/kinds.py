@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.samples import FRAME_SAMPLES
-from sim.model_file import StrictModel
 from sim.sensors.barometer import Barometer, BarometerParameters
 from sim.sensors.camera import Camera
 from sim.sensors.camera_parameters import CameraParameters

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.sensors.lidar_pattern import AnyPattern
 from sim.sensors.sensor import Position
 

@@ -27,9 +27,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from hil.signals.errors import ConfigError, Problem
+from hil.signals.documents.document import Document, Place
+from hil.signals.documents.validate import StrictModel, load_model, validate
+from hil.signals.errors import ConfigError
 from sim.frame.quality import QUALITIES, with_quality
-from sim.model_file import StrictModel, load_model
 from sim.sensors.kinds import KINDS
 
 PRESET_DIR = Path(__file__).with_name("preset_files")
@@ -83,16 +84,25 @@ class Preset:
         return "; ".join(self.sources.values())
 
 
+@dataclass(frozen=True)
+class _Figures:
+    """Says of a parameter where a preset file has its value."""
+
+    document: Document
+
+    def where(self, place: Place) -> str:
+        return self.document.where((*place[:2], "value", *place[2:]))
+
+
 def load_preset(path: Path) -> Preset:
     """Read one preset file. Raises ConfigError with every problem found."""
-    file = load_model(path, PresetFile)
+    file, document = load_model(path, PresetFile)
     values = {name: figure.value for name, figure in file.parameters.items()}
     if file.kind == "camera" and values.get("quality") in QUALITIES:
         values = with_quality(values, values["quality"], said=values)
-    try:
-        parameters = KINDS[file.kind].parameters.model_validate(values)
-    except ValueError as error:
-        raise ConfigError([Problem(str(path), f"parameters do not fit a {file.kind}: {error}")]) from error
+    parameters, problems = validate(KINDS[file.kind].parameters, values, _Figures(document), below=("parameters",))
+    if parameters is None or problems:
+        raise ConfigError(problems)
     return Preset(file.kind, file.part, parameters, file.parameters, file.sources)
 
 

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.samples import RADAR_UNITS
 from sim.frame.camera_model import CameraModel
 from sim.frame.shared_picture import SharedPicture
-from sim.model_file import StrictModel
 from sim.radar.antenna import Antenna
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Impairments

@@ -14,12 +14,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream, normal_from_uniform
 from hil.signals.samples import RangeSample, TruthState
 from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
 from sim._kernels import det_cos
-from sim.model_file import StrictModel
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, Position
 

@@ -13,10 +13,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.documents.document import read_text, shown_path
-from hil.documents.json_lines import parse_json
-from hil.documents.yaml_lines import parse_yaml
+from hil.signals.documents.document import read_text, shown_path
+from hil.signals.documents.json_lines import parse_json
+from hil.signals.documents.yaml_lines import dump_yaml, parse_yaml
 from hil.signals.errors import ConfigError
+from sim.physics.vehicle import load_vehicle
+from sim.sensors.presets import load_preset
 
 
 def problems(parse: Any, text: str) -> list[str]:
@@ -162,3 +164,50 @@ def test_paths_are_shown_after_the_working_directory_is_gone(tmp_path: Path, mon
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
     assert shown_path(Path("b.yaml")) == "b.yaml"
+
+
+VEHICLE = (Path(__file__).parents[2] / "rigs/vehicles/x500.yaml").read_text()
+PRESET = """kind: gps
+part: "x"
+sources: {}
+parameters:
+  satellites: {value: 12, status: choice}
+"""
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "words"),
+    [
+        (load_vehicle, VEHICLE + "mass_kg: 2.0\n", "mass_kg is given twice (the first one is on line "),
+        (load_vehicle, VEHICLE.replace("mass_kg:", "mas_kg:"), "mas_kg: unknown key (did you mean 'mass_kg'?)"),
+        (load_vehicle, VEHICLE.replace("mass_kg: ", "mass_kg: !!str "), "mass_kg must be a number in kg"),
+        (
+            load_preset,
+            PRESET.replace("gps", "camera").replace("satellites: {value: 12", "shadows: {value: yes"),
+            "f.yaml:5: parameters.shadows must be true or false, not 'yes' (write true or false)",
+        ),
+        (load_preset, PRESET + "part: y\n", "f.yaml:6: part is given twice (the first one is on line 2)"),
+        (load_preset, PRESET + "sorces: {}\n", "f.yaml:6: sorces: unknown key (did you mean 'sources'?)"),
+        (
+            load_preset,
+            PRESET.replace("satellites", "satelites"),
+            "f.yaml:5: parameters.satelites: unknown key (did you",
+        ),
+        (load_preset, PRESET.replace("12", "yes"), "f.yaml:5: parameters.satellites must be a whole number, not 'yes'"),
+        (load_preset, PRESET.replace("12", "0o14.5"), "f.yaml:5: parameters.satellites must be a whole number"),
+    ],
+)
+def test_vehicles_and_presets_are_read_as_strictly_as_benches(
+    read: Any, text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("f.yaml").write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read(Path("f.yaml"))
+    assert words in str(caught.value)
+    assert str(caught.value).startswith("f.yaml:")
+
+
+@given(PLAIN)
+def test_what_is_written_reads_back_as_the_very_same(value: Any) -> None:
+    assert parse_yaml(dump_yaml({"v": value}), "f").data == {"v": value}

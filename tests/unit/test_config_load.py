@@ -14,7 +14,7 @@ from firmware_bridge.mock_pixhawk.faults import KINDS as FAULT_KINDS
 from firmware_bridge.mock_pixhawk.faults import parse_fault
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
 from hil.config.schema import MOCK_AIRFRAMES
-from hil.documents.yaml_lines import parse_yaml
+from hil.signals.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError
 from sim.sensors.catalog import KINDS
 

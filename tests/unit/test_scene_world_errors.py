@@ -44,7 +44,7 @@ def problems_of(folder: Path, scene: str | bytes, mjcf: str | bytes | None = Non
 SCENES = {
     "unknown generator": (HEAD + "map: {generator: city_prak}\n", 5, "map.generator is unknown", "'city_park'"),
     "no generator": (HEAD + "map: {seed: 1}\n", 5, "map.generator is missing", ""),
-    "unknown parameter": (HEAD + "map:\n  generator: city_park\n  tres: 3\n", 7, "map.tres is unknown", "'trees'"),
+    "unknown parameter": (HEAD + "map:\n  generator: city_park\n  tres: 3\n", 7, "map.tres: unknown key", "'trees'"),
     "absurd parameter": (HEAD + "map:\n  generator: city_park\n  trees: -3\n", 7, "map.trees", ""),
     "parameter no number": (HEAD + "map:\n  generator: city_park\n  hill_m: .nan\n", 7, "map.hill_m", ""),
     "negative seed": (HEAD + "map:\n  generator: city_park\n  seed: -1\n", 7, "map.seed must be at least 0", ""),

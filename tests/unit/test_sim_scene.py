@@ -122,7 +122,7 @@ def test_vehicle_file_errors_come_all_at_once_with_lines(tmp_path: Path) -> None
     path.write_text(bad)
     with pytest.raises(ConfigError) as caught:
         load_vehicle(path)
-    problems = {p.message.split(":")[0]: p for p in caught.value.problems}
+    problems = {p.message.split(":")[0].split(" ")[0]: p for p in caught.value.problems}
     assert set(problems) == {"mass_kg", "fett"}
     lines = bad.splitlines()
     for key, problem in problems.items():
@@ -150,7 +150,7 @@ def test_vehicle_physics_is_checked(old: str, new: str, says: str, tmp_path: Pat
 
 
 def test_missing_and_broken_files_are_config_errors(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with pytest.raises(ConfigError, match="no such file"):
         load_scene("no_such_scene")
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: [unclosed\n")
@@ -158,5 +158,5 @@ def test_missing_and_broken_files_are_config_errors(tmp_path: Path) -> None:
         load_scene(broken)
     empty = tmp_path / "empty.yaml"
     empty.write_text("")
-    with pytest.raises(ConfigError, match="file"):
+    with pytest.raises(ConfigError, match=r"empty.yaml:1: name is missing"):
         load_scene(empty)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
 
 WindowName = Literal["none", "hann", "hamming", "blackman", "taylor"]

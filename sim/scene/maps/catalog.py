@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sim.model_file import StrictModel
+from hil.signals.documents.validate import StrictModel
 from sim.scene.maps import city_park, radar_range, training_village, urban_delivery
 from sim.scene.maps.scene_map import SceneMap
 

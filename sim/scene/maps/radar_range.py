@@ -12,9 +12,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.units import TURN_RAD
 from sim._kernels import det_cos, det_sin
-from sim.model_file import StrictModel
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder, Quat

@@ -17,8 +17,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals.documents.validate import StrictModel
 from hil.signals.units import TURN_RAD
-from sim.model_file import StrictModel
 from sim.scene.maps import military, surfaces, textures
 from sim.scene.maps.cars import add_car
 from sim.scene.maps.dice import Dice

@@ -1,4 +1,4 @@
-"""Checks plain data against a pydantic model and says what is wrong in words for people, all at once.
+"""Checks what stands in a file against a pydantic model and says what is wrong in words for people, all at once.
 
 The data go through pydantic's strict JSON mode: no "1" for 1, no 1 for true, whole numbers may stand for real
 ones, a list may stand for a tuple. NaN and infinity are refused whatever the model says.
@@ -12,16 +12,18 @@ import math
 import re
 import types
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, Protocol, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.documents.document import Place
-from hil.documents.yaml_lines import dotted
-from hil.signals.errors import Problem
+from hil.signals.documents.document import Document, Place
+from hil.signals.documents.yaml_lines import dotted, read_yaml
+from hil.signals.errors import ConfigError, Problem
 
 MAX_HINTS = 50  # problems of one check for which the nearest legal word is looked for
 MAX_WORD = 100  # characters of a longer word that are compared
+MAX_KNOWN = 2000  # words that one is compared with
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -35,6 +37,12 @@ _UNITS = {
     "_pa": "Pa", "_ns": "ns", "_us": "us", "_ms": "ms", "_hz": "Hz", "_kg": "kg", "_nm": "N m",
     "_m": "m", "_s": "s", "_n": "N",
 }  # fmt: skip
+
+
+class StrictModel(BaseModel):
+    """Frozen, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Located(Protocol):
@@ -51,16 +59,25 @@ def unit_of(name: str) -> str:
     return ""
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """'did you mean ...?' if one of `known` is close to `word`, else the list of what there is."""
-    names = list(known)
+def nearest(word: str, known: Iterable[str], *, listed: bool = True) -> str:
+    """'did you mean ...?' if one of `known` is close to `word`, else, where `listed`, what there is."""
+    names = list(known)[:MAX_KNOWN]
     lowered = {name.lower(): name for name in names}
     close = difflib.get_close_matches(word[:MAX_WORD].lower(), lowered, n=1, cutoff=0.6)
     if close:
         return f"did you mean {lowered[close[0]]!r}?"
-    if not names:
+    if not names or not listed:
         return ""
     return "known: " + ", ".join(names) if len(names) > 1 else f"the only one there is: {names[0]}"
+
+
+def load_model(path: Path, model: type[Model]) -> tuple[Model, Document]:
+    """Read a YAML file as a `model`. Raises ConfigError with every problem found, each with its file and line."""
+    document = read_yaml(path)
+    built, problems = validate(model, document.data, document)
+    if built is None or problems:
+        raise ConfigError(problems)
+    return built, document
 
 
 def validate(

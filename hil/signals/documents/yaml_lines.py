@@ -8,12 +8,13 @@ mapping is an error, and so are keys that are not text. Anchors, aliases and `<<
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from hil.documents.document import Document, Place, read_text, shown_path
+from hil.signals.documents.document import Document, Place, read_text, shown_path
 from hil.signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 4_000_000
@@ -28,7 +29,7 @@ MAX_DEPTH = 50  # mappings and lists within one another; honest files have five
 _SURROGATE = re.compile("[\ud800-\udfff]")  # half a character: text that cannot be written anywhere
 
 # Plain scalars: tag, pattern, first characters.
-CORE_SCHEMA: tuple[tuple[str, str, list[str]], ...] = (
+_CORE_SCHEMA: tuple[tuple[str, str, list[str]], ...] = (
     (_NULL, r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
     (_BOOL, r"^(?:true|True|TRUE|false|False|FALSE)$", list("tTfF")),
     (_INT, r"^(?:[-+]?[0-9]+|0x[0-9a-fA-F]+|0o[0-7]+)$", list("-+0123456789")),
@@ -48,8 +49,44 @@ class _CoreSchemaLoader(yaml.SafeLoader):
     yaml_implicit_resolvers = {}  # noqa: RUF012  (PyYAML's own name; filled below)
 
 
-for _tag, _pattern, _first in CORE_SCHEMA:
-    _CoreSchemaLoader.add_implicit_resolver(_tag, re.compile(_pattern), _first)
+class _Dumper(yaml.SafeDumper):
+    """Writes floats so that they read back as the very same floats, and quotes text that looks like anything else,
+    to this reader or to one of YAML 1.1."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+
+def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
+    text = repr(value)  # shortest text that reads back exactly
+    if "e" in text and "." not in text:  # a reader of YAML 1.1 takes 1e-06 for a word
+        text = text.replace("e", ".0e")
+    return dumper.represent_scalar(_FLOAT, text)
+
+
+def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
+    # Line breaks of Unicode are folded on the way back, unless they are escaped, which only this style does.
+    style = '"' if any(char in value for char in "\x85\u2028\u2029") else None
+    return dumper.represent_scalar(_STR, value, style=style)
+
+
+def _sequence(dumper: yaml.SafeDumper, value: Sequence[Any]) -> yaml.SequenceNode:
+    flat = not any(isinstance(item, list | tuple | dict) for item in value)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", value, flow_style=flat)
+
+
+_Dumper.add_representer(float, _float)
+_Dumper.add_representer(str, _text)
+for _kind in (list, tuple):
+    _Dumper.add_representer(_kind, _sequence)
+for _class in (_CoreSchemaLoader, _Dumper):
+    for _tag, _pattern, _first in _CORE_SCHEMA:
+        _class.add_implicit_resolver(_tag, re.compile(_pattern), _first)
+
+
+def dump_yaml(data: Any) -> str:
+    """Plain data as text that this reader reads back as the very same, keys in their order, short lists on one line."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
 def _scalar(tag: str, text: str) -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.documents.document import Document, Place, read_text, shown_path
+from hil.signals.documents.document import Document, Place, read_text, shown_path
 from hil.signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 64_000_000
