@@ -15,11 +15,13 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Chunk
+
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import NAME, unpack
 from hil.companion.trace_name import TRACE_NAME
-from hil.recorder.reading import RecordedChunk, RecordedMessage, Recording, causal_order
+from hil.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.recorder.recorder import MCAP_NAME
 from hil.signals.errors import RecordingError
 from hil.signals.time import NS_PER_S
@@ -186,9 +188,7 @@ def _pairs(a: Recording, b: Recording) -> Iterator[tuple[RecordedMessage | None,
         return
 
 
-def _rest(
-    recording: Recording, chunk: RecordedChunk | None, chunks: Iterator[RecordedChunk]
-) -> Iterator[RecordedMessage]:
+def _rest(recording: Recording, chunk: Chunk | None, chunks: Iterator[Chunk]) -> Iterator[RecordedMessage]:
     while chunk is not None:
         for message in recording.messages_of(chunk):
             if message.topic not in _IGNORED:

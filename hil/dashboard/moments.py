@@ -28,8 +28,7 @@ from hil.dashboard.pictures import Shown, shown
 from hil.dashboard.snapshot import CLOUD_PART, MOST_POINTS, array_body, thinned
 from hil.dashboard.updates import packed_update
 from hil.recorder.reading import RecordedMessage
-from hil.recorder.reading_detections import DETECTIONS, detections
-from hil.recorder.reading_frames import CLOUD, IMAGE, cloud, image
+from hil.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
 from hil.recorder.recorder import MCAP_NAME
 from hil.signals.errors import HilError
 from hil.signals.time import NS_PER_S

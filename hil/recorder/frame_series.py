@@ -5,14 +5,19 @@ on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mon
 32FC1, normals as 32FC3. A radar's raw frames are hil_msgs/RadarFrame (uint16, by receiver, chirp and sample), its
 range-Doppler maps 32FC1 pictures, its points and tracks point clouds. Messages keep the bytes of the sample, so what is
 recorded is what was measured, bit for bit.
+
+Every field of an array of records becomes one of a point cloud's. Foxglove and RViz draw a cloud by its fields x, y and
+z. So the coordinates of a position in a frame F, `x_F` or the three of `p_F_m`, go by those names, and the three of a
+velocity `v_F_mps` by vx, vy, vz. The bytes stay those of the array.
 """
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +25,6 @@ from numpy.typing import NDArray
 from hil.recorder.cdr import MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mcap_file import Block, McapFile
-from hil.recorder.records_cloud import cloud_fields
 from hil.recorder.topics import BODY, WORLD
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from hil.signals.time import NS_PER_S
@@ -36,6 +40,9 @@ _ENCODINGS = {
     ("|u1", 3): "rgb8",
     ("<f4", 3): "32FC3",
 }
+# sensor_msgs/PointField datatypes
+DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
+_VECTORS = {"p": ("x", "y", "z"), "v": ("vx", "vy", "vz")}
 _POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label"],
@@ -264,6 +271,37 @@ def cloud_records(sample: PointCloudSample) -> NDArray[Any]:
     points["ring"] = sample.ring
     points["label"] = sample.segmentation
     return points
+
+
+class CloudField(NamedTuple):
+    """One field of a cloud."""
+
+    name: str
+    offset: int
+    datatype: int
+
+
+def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
+    """The fields of a cloud of such records."""
+    fields = []
+    for name, kind, offset in _scalars(dtype):
+        little = kind.newbyteorder("<").str
+        fields.append(CloudField(name, offset, DATATYPES[little]))
+    return fields
+
+
+def _scalars(dtype: np.dtype[Any]) -> Iterator[tuple[str, np.dtype[Any], int]]:
+    for name in dtype.names or ():
+        kind, offset = dtype.fields[name][:2]  # type: ignore[index]
+        vector = re.fullmatch(r"([pv])_[A-Z](_m|_mps)?", name)
+        if kind.shape == (3,) and vector:
+            names: tuple[str, ...] = _VECTORS[vector[1]]
+        elif kind.shape:
+            names = tuple(f"{name}_{i}" for i in range(int(np.prod(kind.shape))))
+        else:
+            names = (re.sub(r"^([xyz])_[A-Z]$", r"\1", name),)
+        for i, part in enumerate(names):
+            yield part, kind.base, offset + i * kind.base.itemsize
 
 
 def _xyzw(q: Quat) -> tuple[float, float, float, float]:

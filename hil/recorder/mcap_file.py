@@ -4,6 +4,10 @@ Format: https://mcap.dev/spec. Chunks arrive here as ready blocks of message rec
 nothing is done per message; the records written once per file come from the `mcap` library. A chunk and its
 message indexes leave in one write. When a write fails, the file is cut back to the last whole record and closed
 to further writing.
+
+Why no library writes it: `mcap.writer.Writer` takes one message at a time, which costs 1.48 s of CPU time in the
+default flight of 118 s (390,792 messages) where the blocks below cost 0.24 s, and so about a quarter of the real-time
+factor. `foxglove-sdk` costs 0.53 s, but cannot be told a message's own number, nor when it became available.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Reading a recording back, whole or cut off at any byte.
+"""Reading a recording back, whole or cut off at any byte, by the `mcap` library's reader.
 
 Only whole records count: a file whose writer was killed gives everything up to its last whole chunk. What is
 wrong inside a whole record (a bad checksum, another program's file) is a `RecordingError`.
@@ -8,23 +8,20 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
+from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
 
-from hil.recorder.cdr import MESSAGE_PREFIX, decode
-from hil.recorder.mcap_file import MAGIC
+from hil.recorder.cdr import decode
 from hil.signals.errors import RecordingError
 
-_HEAD = struct.Struct("<BQ")
-_CHUNK_TIMES = struct.Struct("<QQ")  # a chunk begins with the log times of its first and last message
+_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError)  # what the library raises at bytes that are none
 
 # Within one tick: the order in which things happen, so that the first difference is the cause of those after it.
 _PHASES = ("/truth/", "/tf", "", "/mavlink/to_autopilot", "/mavlink/from_autopilot", "/actuators", "/events")
@@ -45,14 +42,6 @@ class RecordedMessage(NamedTuple):
         return decode(self.type_name, self.data)
 
 
-class RecordedChunk(NamedTuple):
-    """One chunk: the log time of its first and last message, and its records as stored."""
-
-    first_ns: int
-    last_ns: int
-    records: bytes
-
-
 class Recording:
     """A recording opened for reading.
 
@@ -70,93 +59,74 @@ class Recording:
         self._channels: dict[int, tuple[str, str]] = {}
         try:
             with open(path, "rb") as file:
-                magic = file.read(len(MAGIC))
+                magic = file.read(len(MCAP0_MAGIC))
         except OSError as error:
             raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
-        if magic != MAGIC:
+        if magic != MCAP0_MAGIC:
             raise RecordingError(f"{path}: not an MCAP recording")
 
     def scan(self) -> Recording:
         """Read everything but the messages. Returns itself."""
-        for _ in self._chunk_bodies(_CHUNK_TIMES.size):
+        for _ in self.chunks():
             pass
         return self
 
-    def chunks(self) -> Iterator[RecordedChunk]:
-        """Every whole chunk in file order."""
-        for body in self._chunk_bodies(None):
-            yield self._chunk(Chunk.read(ReadDataStream(BytesIO(body))))
-
-    def _chunk_bodies(self, wanted: int | None) -> Iterator[bytes]:
-        """The first `wanted` bytes (None: all) of every whole chunk; takes in the other records on the way."""
+    def chunks(self) -> Iterator[Chunk]:
+        """Every whole chunk in file order; takes in the other records on the way."""
         self.complete = False
         with open(self.path, "rb") as file:
             size = os.fstat(file.fileno()).st_size
-            at = len(MAGIC)
-            while at + _HEAD.size <= size:
-                file.seek(at)
-                opcode, length = _HEAD.unpack(file.read(_HEAD.size))
-                at += _HEAD.size + length
-                if at > size:
-                    return
-                if opcode == Opcode.CHUNK:
-                    body = file.read(length if wanted is None else wanted)
-                    self.last_ns = max(self.last_ns, _CHUNK_TIMES.unpack_from(body)[1])
-                    yield body
-                elif opcode == Opcode.METADATA:
-                    metadata = Metadata.read(ReadDataStream(BytesIO(file.read(length))))
-                    self.metadata[metadata.name] = metadata.metadata
-                elif opcode == Opcode.ATTACHMENT:
-                    attachment = Attachment.read(ReadDataStream(BytesIO(file.read(length))))
-                    self.attachments[attachment.name] = attachment.data
-                elif opcode == Opcode.FOOTER:
-                    file.seek(at)
-                    self.complete = file.read(len(MAGIC)) == MAGIC
-                    return
+            reader = StreamReader(_WholeReads(file), emit_chunks=True, record_size_limit=size)  # type: ignore[arg-type]
+            try:
+                for record in reader.records:
+                    if isinstance(record, Chunk):
+                        self.last_ns = max(self.last_ns, record.message_end_time)
+                        yield record
+                    elif isinstance(record, Metadata):
+                        self.metadata[record.name] = record.metadata
+                    elif isinstance(record, Attachment):
+                        self.attachments[record.name] = record.data
+                self.complete = True
+            except (EndOfFile, RecordLengthLimitExceeded):
+                return  # its writer was killed
+            except _DAMAGE as error:
+                raise RecordingError(f"{self.path}: the file was changed or damaged ({error})") from error
 
-    def _chunk(self, chunk: Chunk) -> RecordedChunk:
+    def _records(self, chunk: Chunk) -> Iterator[McapRecord]:
+        """What is in a chunk, one after the other."""
+        if chunk.compression not in ("zstd", "lz4", ""):
+            raise RecordingError(f"{self.path}: compression {chunk.compression!r} is not one that can be read here")
         try:
-            records = (
-                zstandard.decompress(chunk.data, chunk.uncompressed_size) if chunk.compression == "zstd" else chunk.data
-            )
-        except zstandard.ZstdError as error:
-            raise RecordingError(f"{self.path}: a chunk cannot be unpacked ({error})") from error
-        if chunk.compression not in ("zstd", ""):
-            raise RecordingError(f"{self.path}: compression {chunk.compression!r} is not one this bench writes")
-        if chunk.uncompressed_crc and zlib.crc32(records) != chunk.uncompressed_crc:
-            raise RecordingError(f"{self.path}: a chunk's checksum is wrong; the file was changed or damaged")
-        return RecordedChunk(chunk.message_start_time, chunk.message_end_time, records)
+            data, size = get_chunk_data_stream(chunk, validate_crc=True)
+            records = StreamReader(data, skip_magic=True).records  # type: ignore[arg-type]
+            while data.count < size:
+                yield next(records)
+        except _DAMAGE as error:
+            raise RecordingError(f"{self.path}: a chunk was changed or damaged ({error})") from error
 
-    def learn(self, chunk: RecordedChunk) -> None:
+    def learn(self, chunk: Chunk) -> None:
         """Take in the schemas and channels at the head of a chunk. Needed only where its messages are skipped."""
-        records, at = chunk.records, 0
-        while at < len(records):
-            opcode, length = _HEAD.unpack_from(records, at)
-            if opcode == Opcode.MESSAGE:
+        for record in self._records(chunk):
+            if isinstance(record, Message):
                 return
-            body = records[at + _HEAD.size : at + _HEAD.size + length]
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(ReadDataStream(BytesIO(body)))
-                self._schemas[schema.id] = schema.name.replace("/msg/", "/")
-            elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(ReadDataStream(BytesIO(body)))
-                self._channels[channel.id] = (channel.topic, self._schemas[channel.schema_id])
-            at += _HEAD.size + length
+            self._declared(record)
 
-    def messages_of(self, chunk: RecordedChunk) -> list[RecordedMessage]:
+    def _declared(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record.name.replace("/msg/", "/")
+        elif isinstance(record, Channel):
+            self._channels[record.id] = (record.topic, self._schemas[record.schema_id])
+
+    def messages_of(self, chunk: Chunk) -> list[RecordedMessage]:
         """The messages of a chunk by time, and within one tick in the order in which they came about."""
-        self.learn(chunk)
         found: list[RecordedMessage] = []
-        records, at = chunk.records, 0
-        while at < len(records):
-            opcode, length = _HEAD.unpack_from(records, at)
-            end = at + _HEAD.size + length
-            if opcode == Opcode.MESSAGE:
-                _, _, channel, sequence, log_ns, publish_ns = MESSAGE_PREFIX.unpack_from(records, at)
-                topic, type_name = self._channels[channel]
-                data = records[at + MESSAGE_PREFIX.size : end]
-                found.append(RecordedMessage(topic, type_name, sequence, log_ns, publish_ns, data))
-            at = end
+        for record in self._records(chunk):
+            if isinstance(record, Message):
+                topic, type_name = self._channels[record.channel_id]
+                times = record.log_time, record.publish_time
+                found.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
+            else:
+                self._declared(record)
         found.sort(key=causal_order)
         return found
 
@@ -183,3 +153,16 @@ def read_messages(path: Path) -> Iterator[RecordedMessage]:
     Raises RecordingError where the file is missing, is no MCAP file, or is damaged inside.
     """
     return Recording(path).messages()
+
+
+class _WholeReads:
+    """A file in which a read that would come back short finds the end: nothing is taken of a record that was cut."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, count: int) -> bytes:
+        data = self._file.read(count)
+        if len(data) < count:
+            raise EndOfFile
+        return data

@@ -1,4 +1,4 @@
-"""Pictures, point clouds and raw radar frames of a recording as the arrays that they were."""
+"""Messages of a recording as what they were: pictures, point clouds, raw radar frames, detections."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.recorder.frame_series import DATATYPES
 from hil.recorder.reading import RecordedMessage
-from hil.recorder.records_cloud import DATATYPES
+from hil.signals.detections import MOST_BOXES, Detection, Detections
 from hil.signals.errors import RecordingError
 from hil.signals.time import NS_PER_S
 from sim.radar.chirp import Chirp
@@ -16,6 +17,7 @@ from sim.radar.chirp import Chirp
 RADAR_FRAME = "hil_msgs/RadarFrame"
 IMAGE = "sensor_msgs/Image"
 CLOUD = "sensor_msgs/PointCloud2"
+DETECTIONS = "hil_msgs/Detections"
 _PIXELS = {
     "mono8": ("u1", 1),
     "mono16": ("<u2", 1),
@@ -93,3 +95,24 @@ def cloud(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
 def capture_ns(values: dict[str, Any]) -> int:
     """The header's stamp."""
     return int(values["header.stamp.sec"]) * NS_PER_S + int(values["header.stamp.nanosec"])
+
+
+def detections(message: RecordedMessage) -> Detections:
+    """The boxes of a hil_msgs/Detections; the objects found so far are left out."""
+    v = message.decode()
+    boxes = []
+    for at in (f"detections[{i}]" for i in range(MOST_BOXES)):
+        if f"{at}.label" not in v:
+            break
+        x0, y0, x1, y1 = (float(v[f"{at}.box_px[{k}]"]) for k in range(4))
+        range_m, speed_mps = (float(v[f"{at}.{name}"]) for name in ("range_m", "radial_speed_mps"))
+        boxes.append(
+            Detection(
+                v[f"{at}.label"],
+                float(v[f"{at}.score"]),
+                (x0, y0, x1, y1),
+                range_m if range_m == range_m else None,  # NaN: it had none
+                speed_mps if speed_mps == speed_mps else None,
+            )
+        )
+    return Detections(v["topic"], capture_ns(v), (int(v["width"]), int(v["height"])), tuple(boxes))

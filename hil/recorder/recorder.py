@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
 
 from firmware_bridge.codecs.signing import SETUP_SIGNING
-from hil.recorder.album import Album
 from hil.recorder.digest import Digest, RawFrame
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mavlink_split import split_frames
@@ -24,7 +23,7 @@ from hil.recorder.tlog_sink import TlogSink
 from hil.recorder.track import Track
 from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError
-from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
+from hil.signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, RadarSample, Sample, TruthState
 from hil.signals.time import NS_PER_S
 
 MCAP_NAME = "run.mcap"
@@ -52,6 +51,43 @@ class Watch(Protocol):
     def event(self, t_ns: int, kind: str, text: str) -> None: ...
 
     def detected(self, client: str, detections: Detections) -> None: ...
+
+
+class Album:
+    """A few frames of each sensor for the report: enough to show one of the flight, however long it is.
+
+    Keeps frames 0, 1, 2, 4, 8, ... of each port, the three newest of them: one is from the middle. A radar's middle may
+    hold nothing: of it the frame with the most points, then the most tracks, the first of equals.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, list[FrameSample]] = {}
+        self._last: dict[str, int] = {}
+        self._fullest: dict[str, tuple[tuple[int, int], FrameSample]] = {}
+
+    def add(self, port: str, sample: FrameSample) -> None:
+        """Look at one frame."""
+        seq = sample.seq
+        self._last[port] = seq
+        if seq & (seq - 1) == 0:
+            kept = self._kept.setdefault(port, [])
+            kept.append(sample)
+            del kept[:-3]
+        if isinstance(sample, RadarSample):
+            found = (len(sample.channels.get("points", ())), len(sample.channels.get("tracks", ())))
+            if found > (self._fullest[port][0] if port in self._fullest else (0, 0)):
+                self._fullest[port] = found, sample
+
+    def shown(self) -> dict[str, FrameSample]:
+        """Of each port a radar's fullest frame, else the kept one that is nearest to the middle of the flight; by port
+        in alphabetical order."""
+        return {
+            port: self._fullest[port][1] if port in self._fullest else self._middle(port) for port in sorted(self._kept)
+        }
+
+    def _middle(self, port: str) -> FrameSample:
+        half = self._last[port] / 2
+        return min(self._kept[port], key=lambda sample: abs(sample.seq - half))
 
 
 class Recorder:

@@ -10,11 +10,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from hil.recorder.album import Album
 from hil.recorder.digest import Digest
 from hil.recorder.frame_description import FrameDescription, Projection
 from hil.recorder.reading import read_messages
-from hil.recorder.recorder import MCAP_NAME, Recorder
+from hil.recorder.recorder import MCAP_NAME, Album, Recorder
 from hil.replay import compare
 from hil.signals.samples import CHANNEL_UNITS, ImageSample, PointCloudSample, RadarSample
 from sim.frame.channels import CHANNELS
