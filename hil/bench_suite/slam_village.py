@@ -7,7 +7,6 @@ LiDAR at that height could see one.
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.goal.surfaces import surfaces_along
+from hil.companion.started import use_client
+from hil.goal.true_slice import surfaces_along
 from sim._kernels import RayCaster
 from sim.frame.source import SharedFrames
 from sim.scene.map_section import GeneratedMap
@@ -87,35 +87,18 @@ def distance_m(points_xy: Float64, to: Mask, cell_m: float = _CELL_M) -> Float64
 
 def way_through(blocked: Mask, start: tuple[float, float], goal: tuple[float, float], clear_m: float) -> Float64:
     """A short way (n, 2) that keeps clear of what is blocked and likes to keep farther; ValueError: there is none."""
+    use_client()
+    from hil_companion.explore.astar import search
+
     skip = round(_WAY_CELL_M / _CELL_M)
     field = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
     clear = field[skip // 2 :: skip, skip // 2 :: skip]
     price = np.where(clear < clear_m, np.inf, 1.0 + 4.0 * np.clip((clear_m + 3.0 - clear) / 3.0, 0.0, 1.0) ** 2)
-    begin, end = (tuple(int((c - LOW_M) / _WAY_CELL_M) for c in reversed(p)) for p in (start, goal))
-    cost = np.full(price.shape, np.inf)
-    cost[begin] = 0.0
-    before: dict[tuple[int, ...], tuple[int, ...]] = {}
-    queue: list[tuple[float, tuple[int, ...]]] = [(0.0, begin)]
-    steps = [(i, j, (i * i + j * j) ** 0.5) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
-    while queue:
-        so_far, at = heapq.heappop(queue)
-        if at == end:
-            break
-        if so_far > cost[at]:
-            continue
-        for i, j, length in steps:
-            to = (at[0] + i, at[1] + j)
-            if 0 <= to[0] < price.shape[0] and 0 <= to[1] < price.shape[1]:
-                new = so_far + length * price[to]
-                if new < cost[to]:
-                    cost[to], before[to] = new, at
-                    heapq.heappush(queue, (new, to))
-    else:
+    begin, end = ((int((y - LOW_M) / _WAY_CELL_M), int((x - LOW_M) / _WAY_CELL_M)) for x, y in (start, goal))
+    found = search(price, begin, end)
+    if found is None:
         raise ValueError(f"no way from {start} to {goal} that keeps {clear_m} m clear")
-    way = [end]
-    while way[-1] != begin:
-        way.append(before[way[-1]])
-    cells = np.array(way[::-1], float)[:, ::-1]
+    cells = np.array(found[0], float)[:, ::-1]
     xy = LOW_M + (cells + 0.5) * _WAY_CELL_M
     xy[0], xy[-1] = start, goal
     return np.asarray(xy)
