@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.report.run_json import validate_run_json
+from tests.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = ["--set", "duration_s=5", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
@@ -27,7 +27,7 @@ def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.Compl
 
 def status_of(out: Path) -> str:
     run = json.loads((out / "run.json").read_text())
-    assert validate_run_json(run) == []
+    assert problems_of(run) == []
     return run["status"]
 
 

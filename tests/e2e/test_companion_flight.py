@@ -16,8 +16,8 @@ from hil.bench import RunResult, run_bench
 from hil.companion.trace import TRACE_NAME
 from hil.config import load_bench
 from hil.replay import replay
-from hil.report.run_json import validate_run_json
 from tests.e2e.companion_bench import CAMERAS, RECTANGLE, fly, saved
+from tests.run_json_schema import problems_of
 
 PILOT = "start: [waypoints], control: true, rate_hz: 25"
 RECORDED = "record: {report: false, tlog: false}\n"
@@ -50,7 +50,7 @@ def repeated(run: Path, out: Path) -> str:
 
 def assert_flown(run: dict[str, Any], time: str) -> None:
     assert run["error"] is None, run["error"]
-    assert validate_run_json(run) == []
+    assert problems_of(run) == []
     # How long a client took is measured; only the trace of it repeats such a flight.
     assert (run["status"], run["deterministic"]) == ("PASS", time == "lockstep")
     pilot = run["companion"]["clients"]["waypoints"]

@@ -8,8 +8,8 @@ import pytest
 
 from hil.config import load_bench
 from hil.config.schema import Goal
-from hil.goal.closed_loop import START_Z_M, ClosedLoop
 from hil.view_command import load_frames
+from tests.explorer_flights import START_Z_M, ClosedLoop
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion.explore.slam import Slam  # isort: skip

@@ -12,7 +12,7 @@ import pytest
 from hil.bench import run_bench
 from hil.config import load_bench
 from hil.recorder.reading import Recording, read_messages
-from hil.report.run_json import validate_run_json
+from tests.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -34,7 +34,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_run_json_follows_the_contract(flown: Path) -> None:
     run = json.loads((flown / "run.json").read_text())
-    assert validate_run_json(run) == []
+    assert problems_of(run) == []
     assert run["status"] == "PASS"
     assert run["deterministic"] is True
     assert run["mission"]["completed"] is True

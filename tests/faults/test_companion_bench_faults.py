@@ -25,9 +25,9 @@ import hil.companion.started as started
 from firmware_bridge.companion.server import CompanionServer
 from hil.bench import RunResult
 from hil.recorder.reading import Recording, read_messages
-from hil.report.run_json import validate_run_json
 from tests.e2e.companion_bench import ROOT, fly, mapped_rings, marked_processes, saved, write_bench
 from tests.links.companion_world import RawClient
+from tests.run_json_schema import problems_of
 
 PILOT = "start: [waypoints], control: true, rate_hz: 25"
 SHORT = ("duration_s=6",)
@@ -94,7 +94,7 @@ def run_on(folder: Path, port: int, companion: str, *settings: str) -> RunResult
 
 def assert_error(outcome: RunResult, kind: str, *words: str) -> None:
     run = saved(outcome.out)
-    assert validate_run_json(run) == []
+    assert problems_of(run) == []
     assert (run["status"], run["error"]["type"]) == ("ERROR", kind), run["error"]
     for word in words:
         assert word in run["error"]["message"], run["error"]

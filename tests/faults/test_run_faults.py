@@ -17,7 +17,7 @@ import pytest
 from hil.bench import RunResult, run_bench
 from hil.config import load_bench
 from hil.recorder.reading import read_messages
-from hil.report.run_json import validate_run_json
+from tests.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -46,7 +46,7 @@ def test_a_mock_that_fails_in_flight(transport: str, fault: str, error: str, wor
     assert outcome.status == "ERROR"
     assert outcome.exit_status == 3
     run = json.loads((tmp_path / "run.json").read_text())
-    assert validate_run_json(run) == []
+    assert problems_of(run) == []
     assert run["error"]["type"] == error
     assert re.search(words, run["error"]["message"])
     assert not (tmp_path / "traceback.txt").exists()
