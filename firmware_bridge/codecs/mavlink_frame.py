@@ -1,4 +1,4 @@
-"""MAVLink frames: bytes in, checked frames out, and back.
+"""MAVLink frames: bytes in, checked frames out, and back. The one place that knows where a frame begins and ends.
 
 MAVLink 2 (0xFD, https://mavlink.io/en/guide/serialization.html):
     FD len incompat compat seq sysid compid msgid[3] payload[len] crc[2] (signature[13] if incompat & 1)
@@ -10,12 +10,27 @@ crc_extra. MAVLink 2 senders cut zero bytes off the payload's end; receivers put
 
 from __future__ import annotations
 
+import re
+import struct
 from typing import NamedTuple
 
-from firmware_bridge import _native
+from fastcrc.crc16 import mcrf4xx
+
 from firmware_bridge.codecs.dialect import SHAPES
 
-MAX_FRAME_LENGTH = _native.MAX_FRAME_LENGTH
+_V2, _V1 = 0xFD, 0xFE
+_HEADER_LENGTH = {_V2: 10, _V1: 6}
+_SIGNED = 0x01  # incompatibility flag
+_CRC_LENGTH, _SIGNATURE_LENGTH = 2, 13
+MAX_FRAME_LENGTH = 10 + 255 + _CRC_LENGTH + _SIGNATURE_LENGTH
+NO_FRAME = 0xFFFFFFFF  # stands for the message id of bytes that are no frame
+
+_LATE_GAP = 240  # a sequence number this far ahead is one that is up to 16 behind
+_ZEROS = bytes(256)
+_EXTRA_BYTE = {msgid: bytes((shape.crc_extra,)) for msgid, shape in SHAPES.items()}
+_start_byte = re.compile(b"[\xfd\xfe]").search
+_header_v2 = struct.Struct("<BBBBBBBHB").pack
+_crc_bytes = struct.Struct("<H").pack
 
 
 class Frame(NamedTuple):
@@ -32,10 +47,34 @@ class Frame(NamedTuple):
     raw: bytes
 
 
-_DIALECT = _native.Dialect(SHAPES, Frame)
+_make_frame = Frame._make
 
 
-class FrameParser(_native.FrameParser):
+def _claim(data: bytes, pos: int) -> tuple[int, int, int]:
+    """(message id, where the payload ends, where the frame ends) as the whole header at `pos` says.
+
+    The id is `NO_FRAME` where a MAVLink 2 header has unknown incompatibility flags: the standard says that such frames
+    must be thrown away.
+    """
+    if data[pos] == _V2:
+        incompat = data[pos + 2]
+        crc_at = pos + 10 + data[pos + 1]
+        if not incompat:
+            return data[pos + 7] | data[pos + 8] << 8 | data[pos + 9] << 16, crc_at, crc_at + _CRC_LENGTH
+        if incompat & ~_SIGNED:
+            return NO_FRAME, crc_at, crc_at
+        msgid = data[pos + 7] | data[pos + 8] << 8 | data[pos + 9] << 16
+        return msgid, crc_at, crc_at + _CRC_LENGTH + _SIGNATURE_LENGTH
+    crc_at = pos + 6 + data[pos + 1]
+    return data[pos + 5], crc_at, crc_at + _CRC_LENGTH
+
+
+def _checksum_fits(data: bytes, pos: int, crc_at: int, msgid: int) -> bool:
+    crc = mcrf4xx(data[pos + 1 : crc_at] + _EXTRA_BYTE[msgid])
+    return crc == data[crc_at] | data[crc_at + 1] << 8
+
+
+class FrameParser:
     """Incremental parser of one byte stream.
 
     Never raises, whatever the bytes. Frames come out in stream order and depend on the stream only, not on
@@ -49,19 +88,221 @@ class FrameParser(_native.FrameParser):
     compid); `senders` those pairs.
     """
 
-    __slots__ = ()
+    __slots__ = ("_next_seq", "_pending", "bad_crc", "frames", "garbage_bytes", "lost", "unknown")
 
     def __init__(self) -> None:
-        super().__init__(_DIALECT)
+        self._pending = b""
+        self._next_seq: dict[int, int] = {}
+        self.bad_crc = self.frames = self.garbage_bytes = self.lost = self.unknown = 0
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may be the beginning of a frame."""
+        return len(self._pending)
+
+    @property
+    def senders(self) -> int:
+        return len(self._next_seq)
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take `data` and return the frames that it completes."""
+        if self._pending:
+            data = self._pending + data
+        frames, end = self._scan(data, 0)
+        self._pending = data[end:]
+        return frames
+
+    def rescan(self) -> list[Frame]:
+        """Whole frames inside the bytes held back, or [].
+
+        A damaged length byte makes the parser wait for bytes that never come while a good frame sits inside
+        what it holds. A caller that sees the line go quiet calls this; if nothing whole is inside, nothing
+        changes, so that a frame which is merely slow is not lost.
+        """
+        pending = self._pending
+        counters = (self.bad_crc, self.garbage_bytes, self.unknown)
+        frames: list[Frame] = []
+        end = 0
+        # Each header that waits for more may itself be false: go on behind each of them in turn.
+        while not frames and end + 1 < len(pending):
+            frames, end = self._scan(pending, end + 1)
+        self.bad_crc, self.garbage_bytes, self.unknown = counters
+        if frames:
+            self.garbage_bytes += end - sum(len(frame.raw) for frame in frames)
+            self._pending = pending[end:]
+        return frames
+
+    def _scan(self, data: bytes, pos: int) -> tuple[list[Frame], int]:
+        """Frames of `data` from `pos` on, and where the bytes begin that must wait for more."""
+        found: list[Frame] = []
+        size = len(data)
+        while pos < size:
+            magic = data[pos]
+            if magic != _V2 and magic != _V1:
+                match = _start_byte(data, pos)
+                to = match.start() if match else size
+                self.garbage_bytes += to - pos
+                pos = to
+                continue
+            body = pos + (10 if magic == _V2 else 6)
+            if body > size:
+                break
+            msgid, crc_at, end = _claim(data, pos)
+            shape = SHAPES.get(msgid)
+            length = crc_at - body
+            # MAVLink 1 cuts no zeros, so there the length tells too.
+            if shape is None or (magic == _V1 and not shape[1] <= length <= shape[2]):
+                self.unknown += shape is None and msgid != NO_FRAME
+                self.garbage_bytes += 1
+                pos += 1
+                continue
+            if end > size:
+                break
+            if not _checksum_fits(data, pos, crc_at, msgid):
+                self.bad_crc += 1
+                self.garbage_bytes += 1
+                pos += 1
+                continue
+            sender = pos + 4 if magic == _V2 else pos + 2
+            seq, sysid, compid = data[sender : sender + 3]
+            self._count_gap(sysid << 8 | compid, seq)
+            # A newer sender may know more extension fields: what is behind those known here is not ours.
+            payload = data[body : min(crc_at, body + shape[2])]
+            if length < shape[2]:
+                payload += _ZEROS[: shape[2] - length]
+            found.append(_make_frame((msgid, sysid, compid, seq, payload, data[pos:end])))
+            pos = end
+        self.frames += len(found)
+        return found, pos
+
+    def _count_gap(self, sender: int, seq: int) -> None:
+        gap = (seq - self._next_seq.get(sender, seq)) & 0xFF
+        if gap < _LATE_GAP:
+            self.lost += gap
+            self._next_seq[sender] = (seq + 1) & 0xFF
+        elif self.lost:
+            # PX4 sends from two threads: a frame that comes a little late was counted as lost, and is not.
+            self.lost -= 1
 
 
-class FrameEncoder(_native.FrameEncoder):
+class FrameSplitter:
+    """Cuts a byte stream into units: whole frames, and the single bytes between them.
+
+    Unlike the parser it takes frames of unknown messages (other dialects) by their length, and loses nothing: all bytes
+    come out, in their order. Incremental: holds back at most one frame's beginning, which `flush` gives up waiting for.
+    """
+
+    __slots__ = ("_pending",)
+
+    def __init__(self) -> None:
+        self._pending = b""
+
+    @property
+    def pending(self) -> int:
+        """Bytes held back because they may be the beginning of a frame."""
+        return len(self._pending)
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take `data` and return the units that are complete."""
+        data = self._pending + data
+        units, end = self._scan(data, last=False)
+        self._pending = data[end:]
+        return units
+
+    def flush(self) -> list[bytes]:
+        """All that is held back, as units: nothing more will come."""
+        units, _ = self._scan(self._pending, last=True)
+        self._pending = b""
+        return units
+
+    def clear(self) -> None:
+        """Forget what is held back."""
+        self._pending = b""
+
+    @staticmethod
+    def _scan(data: bytes, *, last: bool) -> tuple[list[bytes], int]:
+        """Units of `data`, and where the bytes begin that must wait for more."""
+        units: list[bytes] = []
+        pos, size = 0, len(data)
+        while pos < size:
+            header = _HEADER_LENGTH.get(data[pos])
+            if header is None:
+                match = _start_byte(data, pos)
+                to = match.start() if match else size
+                units += [data[i : i + 1] for i in range(pos, to)]
+                pos = to
+                continue
+            end = size + 1  # more bytes are needed to tell
+            if pos + header <= size:
+                msgid, crc_at, end = _claim(data, pos)
+                whole = end <= size and msgid in SHAPES
+                if msgid == NO_FRAME or (whole and not _checksum_fits(data, pos, crc_at, msgid)):
+                    end = pos + 1
+            if end > size:
+                if not last:
+                    break
+                end = pos + 1
+            units.append(data[pos:end])
+            pos = end
+        return units, pos
+
+
+def message_id(unit: bytes) -> int:
+    """The message id of a unit, damaged or not; `NO_FRAME` if it has no header."""
+    if len(unit) <= _HEADER_LENGTH.get(unit[0], len(unit)):
+        return NO_FRAME
+    return int.from_bytes(unit[7:10], "little") if unit[0] == _V2 else unit[5]
+
+
+def split_frames(data: bytes) -> list[tuple[int, bytes]]:
+    """(message id, frame) of every frame in `data`, in order.
+
+    Bytes that are no frame (a damaged or cut one) come as one piece with id `NO_FRAME`: joining the pieces gives
+    `data` again.
+    """
+    pieces: list[tuple[int, bytes]] = []
+    units, _ = FrameSplitter._scan(data, last=True)
+    for unit in units:
+        msgid = message_id(unit)
+        if msgid == NO_FRAME and pieces and pieces[-1][0] == NO_FRAME:
+            pieces[-1] = (NO_FRAME, pieces[-1][1] + unit)
+        else:
+            pieces.append((msgid, unit))
+    return pieces
+
+
+def with_checksum(body: bytes, msgid: int) -> bytes:
+    """A frame of the dialect from start byte to payload, with its checksum behind it."""
+    return body + _crc_bytes(mcrf4xx(body[1:] + _EXTRA_BYTE[msgid]))
+
+
+class FrameEncoder:
     """Makes the frames of one sender and owns its sequence number.
 
     MAVLink 2, unsigned, trailing zeros cut.
     """
 
-    __slots__ = ()
+    __slots__ = ("_seq", "compid", "sysid")
 
     def __init__(self, sysid: int, compid: int) -> None:
-        super().__init__(_DIALECT, sysid, compid)
+        if not (1 <= sysid <= 255 and 1 <= compid <= 255):
+            raise ValueError(f"sysid and compid must be 1..255, not {sysid} and {compid}")
+        self.sysid = sysid
+        self.compid = compid
+        self._seq = 0
+
+    def frame(self, msgid: int, payload: bytes) -> bytes:
+        """The bytes of one frame.
+
+        `payload` is the whole payload of a message of the dialect (KeyError otherwise).
+        """
+        if msgid not in SHAPES:
+            raise KeyError(msgid)
+        if len(payload) > 255:
+            raise ValueError("a payload has at most 255 bytes")
+        seq = self._seq
+        self._seq = (seq + 1) & 0xFF
+        # At least one byte stays, even if it is zero: the standard's rule.
+        cut = payload.rstrip(b"\0") or b"\0"
+        body = _header_v2(_V2, len(cut), 0, 0, seq, self.sysid, self.compid, msgid & 0xFFFF, msgid >> 16) + cut
+        return with_checksum(body, msgid)

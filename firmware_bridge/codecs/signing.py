@@ -22,10 +22,8 @@ import time
 from collections.abc import Callable
 from enum import Enum
 
-from fastcrc.crc16 import mcrf4xx
-
-from firmware_bridge.codecs.dialect import MSGID, SHAPES
-from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.dialect import MSGID
+from firmware_bridge.codecs.mavlink_frame import Frame, with_checksum
 from hil.signals.time import NS_PER_S
 
 KEY_LENGTH = 32
@@ -38,7 +36,6 @@ _MINUTE = 60 * 100_000  # in units of 10 us
 _V2, _FLAG = 0xFD, 0x01
 _TRAILER, _SIGNATURE = 13, 6
 _STAMP = struct.Struct("<BQ")
-_CRC = struct.Struct("<H")
 _HEX_KEY = re.compile(rb"[0-9a-fA-F]{64}")
 
 
@@ -181,7 +178,7 @@ def _with_flag(raw: bytes, flag: int) -> bytes:
     """A frame without trailer, with the signed flag as given and its checksum made anew."""
     msgid = raw[7] | raw[8] << 8 | raw[9] << 16
     body = raw[:2] + bytes((raw[2] & ~_FLAG | flag,)) + raw[3 : 10 + raw[1]]
-    return body + _CRC.pack(mcrf4xx(body[1:] + bytes((SHAPES[msgid].crc_extra,))))
+    return with_checksum(body, msgid)
 
 
 def _signature(key: SigningKey, data: bytes) -> bytes:

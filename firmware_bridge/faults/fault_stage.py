@@ -11,8 +11,8 @@ from bisect import bisect_left
 from collections import deque
 from typing import Any
 
+from firmware_bridge.codecs.mavlink_frame import message_id
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.faults.frame_splitter import message_id
 from firmware_bridge.faults.hit_log import HitLog
 from firmware_bridge.faults.link_fault import Direction, LinkFault
 from hil.signals.noise import NoiseStream

@@ -1,6 +1,6 @@
 """Puts declared faults over any transport.
 
-Both directions are cut into units (`frame_splitter`), which then pass the faults in the order of the list. The same
+Both directions are cut into units (`FrameSplitter`), which then pass the faults in the order of the list. The same
 seed and the same traffic give the same hits. What is held back travels on when its time has come, at the next call of
 `read` or `write`; `read` wakes up for it by itself. There is no thread.
 
@@ -24,8 +24,8 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from firmware_bridge.codecs.mavlink_frame import FrameSplitter
 from firmware_bridge.faults.fault_stage import FaultStage
-from firmware_bridge.faults.frame_splitter import FrameSplitter
 from firmware_bridge.faults.hit_log import EventSink, HitLog
 from firmware_bridge.faults.link_fault import Direction, LinkFault
 from firmware_bridge.transports.transport import Transport

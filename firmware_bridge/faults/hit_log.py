@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from firmware_bridge.faults.frame_splitter import describe
+from firmware_bridge.codecs.dialect import NAME
+from firmware_bridge.codecs.mavlink_frame import NO_FRAME, message_id
 from firmware_bridge.faults.link_fault import Direction, LinkFault
 
 EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event` fits
@@ -13,6 +14,14 @@ LISTED_PER_FAULT = 1000  # further hits are counted, and reported as a number at
 _DONE = {"drop": "dropped", "delay": "delayed", "duplicate": "doubled", "reorder": "moved back", "corrupt": "damaged",
          "stall": "held back", "unplug": "unplugged"}  # fmt: skip
 _WORDS = {"to_autopilot": "to the autopilot", "from_autopilot": "from the autopilot"}
+
+
+def describe(unit: bytes) -> str:
+    """A unit in words."""
+    msgid = message_id(unit)
+    if msgid == NO_FRAME:
+        return f"byte 0x{unit.hex()}" if len(unit) == 1 else f"{len(unit)} bytes"
+    return NAME.get(msgid, f"message {msgid}")
 
 
 class HitLog:

@@ -6,15 +6,13 @@
 namespace nb = nanobind;
 
 void bind_flight_core(nb::module_ &m);
-void bind_mavlink_frame(nb::module_ &m);
 void bind_realtime_sender(nb::module_ &m);
 
 NB_MODULE(_native, m) {
-    // A parser may still be in the hands of a thread that nobody waits for when the interpreter ends: that is no leak.
+    // A sender may still be in the hands of a thread that nobody waits for when the interpreter ends: that is no leak.
     nb::set_leak_warnings(false);
-    m.doc() = "Estimator and control of the mock Pixhawk; MAVLink framing; the real-time sender for autopilots that do not wait.";
+    m.doc() = "Estimator and control of the mock Pixhawk; the real-time sender for autopilots that do not wait.";
     hil::bind_detmath(m);
     bind_flight_core(m);
-    bind_mavlink_frame(m);
     bind_realtime_sender(m);
 }

@@ -108,10 +108,12 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
         )
     result.panels.append(lambda ax: _draw_phases(ax, result.rows, floor_us))
     default = max(runs["pty, recorded"], key=lambda run: run["realtime_factor"])
+    above_us = default["timing"]["step_us"]["p50"] - floor_us
     digests = {run["digest"] for flights in runs.values() for run in flights}
     mission = default["mission"]
     result.checks += [
-        Check("real-time factor over the pty", default["realtime_factor"], ">=", 20.0, "x"),
+        # Above the bare round trip of the same run: the real-time factor depends on the machine.
+        Check("step over the pty above a bare round trip, median", above_us, "<=", 100.0, "us"),
         Check("the bench's own share of a step, median", default["timing"]["own_us"]["p50"], "<=", 150.0, "us"),
         Check("different digests over all flights", len(digests), "<=", 1, "digests"),
         Check("max cross-track error", mission["max_cross_track_m"], "<=", 1.0, "m"),

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
 
+from firmware_bridge.codecs.mavlink_frame import split_frames
 from firmware_bridge.codecs.signing import SETUP_SIGNING
 from hil.recorder.digest import Digest, RawFrame
 from hil.recorder.frame_description import FrameDescription
-from hil.recorder.mavlink_split import split_frames
 from hil.recorder.mcap_file import SafeFile, open_unbuffered
 from hil.recorder.mcap_sink import McapSink
 from hil.recorder.tlog_sink import TlogSink

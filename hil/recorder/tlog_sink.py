@@ -11,8 +11,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
+from firmware_bridge.codecs.mavlink_frame import NO_FRAME
 from hil.recorder.digest import RawFrame
-from hil.recorder.mavlink_split import NO_FRAME
 from hil.recorder.mcap_file import SafeFile
 
 EPOCH_US = 1_577_836_800_000_000

@@ -21,9 +21,9 @@ from firmware_bridge.codecs.ardupilot_json import PwmRange, ServoPacket, decode_
 from firmware_bridge.codecs.dialect import SHAPES
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
-from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser
+from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.faults.frame_splitter import FrameSplitter, describe
+from firmware_bridge.faults.hit_log import describe
 from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.lockstep import LockstepLink

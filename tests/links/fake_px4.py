@@ -23,9 +23,8 @@ import threading
 import time
 from pathlib import Path
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser, FrameSplitter, message_id
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.faults.frame_splitter import FrameSplitter, message_id
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 
 HIL_SENSOR = MSGID["HIL_SENSOR"]

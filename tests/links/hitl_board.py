@@ -15,8 +15,8 @@ from typing import Any
 from fastcrc.crc16 import mcrf4xx
 
 from firmware_bridge.codecs.dialect import SHAPES
+from firmware_bridge.codecs.mavlink_frame import FrameSplitter, message_id
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.faults.frame_splitter import FrameSplitter, message_id
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.line import serve
 
@@ -29,7 +29,7 @@ class Tap:
     def __init__(self, mock: MockPixhawk, mute: Sequence[str]) -> None:
         self.mock = mock
         self.mute = set(mute)
-        self.heard: list[int | None] = []
+        self.heard: list[int] = []
         self.gone = False
         self.spoil = 0  # so many of the next commands are no numbers, with good checksums
         self._in, self._out = FrameSplitter(), FrameSplitter()

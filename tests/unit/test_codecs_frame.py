@@ -212,6 +212,17 @@ def test_start_bytes_alone_take_linear_time_and_bounded_memory():
     assert parser.pending < MAX_FRAME_LENGTH
 
 
+def test_what_is_no_message_is_refused():
+    encoder = FrameEncoder(1, 1)
+    with pytest.raises(KeyError):
+        encoder.frame(70000, b"")
+    with pytest.raises(ValueError, match="255 bytes"):
+        encoder.frame(0, bytes(256))
+    with pytest.raises(TypeError):
+        FrameParser().feed("text")  # type: ignore[arg-type]
+    assert encoder.frame(0, bytes(9))[4] == 0  # a refused one takes no number
+
+
 def test_ids_of_a_sender_are_checked():
     with pytest.raises(ValueError, match="sysid and compid"):
         FrameEncoder(0, 1)

@@ -14,11 +14,10 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from firmware_bridge.codecs.dialect import SHAPES
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.faults.faulty_transport import FaultyTransport
-from firmware_bridge.faults.frame_splitter import FrameSplitter, describe
-from firmware_bridge.faults.hit_log import LISTED_PER_FAULT
+from firmware_bridge.faults.hit_log import LISTED_PER_FAULT, describe
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.signals.errors import LinkClosed, PortNotFound

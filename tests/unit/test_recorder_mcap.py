@@ -13,8 +13,8 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap_ros2.decoder import DecoderFactory
 
+from firmware_bridge.codecs.mavlink_frame import split_frames
 from hil.recorder.cdr import MESSAGE_PREFIX
-from hil.recorder.mavlink_split import split_frames
 from hil.recorder.reading import Recording, read_messages
 from hil.recorder.recorder import Recorder
 from hil.signals.errors import RecordingError

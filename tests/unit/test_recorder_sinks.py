@@ -19,8 +19,9 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v10 import common as common_v1
 
+from firmware_bridge.codecs.mavlink_frame import NO_FRAME, split_frames
+from firmware_bridge.codecs.signing import Signer, SigningKey
 from hil.recorder.digest import Digest, first_differing_tick
-from hil.recorder.mavlink_split import NO_FRAME, split_frames
 from hil.recorder.reading import read_messages
 from hil.recorder.recorder import Recorder
 from hil.recorder.tlog_sink import EPOCH_US
@@ -136,9 +137,8 @@ def test_split_frames_keeps_every_byte(flight: list[Tick]) -> None:
     assert split_frames(flight[25].sent)[0][0] == 0
     assert [m for m, _ in split_frames(flight[25].sent)] == [0, 107]
     assert split_frames(heartbeat_v1 + flight[1].sent) == [(0, heartbeat_v1), (107, flight[1].sent)]
-    signed = bytearray(flight[1].sent + bytes(13))
-    signed[2] |= 1
-    assert split_frames(bytes(signed)) == [(107, bytes(signed))]
+    signed = Signer(SigningKey(bytes(32)), link_id=1).sign(flight[1].sent)
+    assert split_frames(signed) == [(107, signed)]
     rng = random.Random(1)
     for _ in range(200):
         data = bytearray(flight[25].sent + heartbeat_v1 + flight[1].sent)
