@@ -25,7 +25,9 @@ constexpr std::size_t kValues = sizeof(Row) / sizeof(double);
 
 template <class Row>
 using Rows = nb::ndarray<const double, nb::numpy, nb::shape<-1, kValues<Row>>, nb::c_contig, nb::device::cpu>;
+using LengthValues = std::array<double, kValues<hs::FigureLengths>>;
 using ShapeValues = std::array<double, kValues<hs::GaitShape>>;
+using ThreeRows = std::array<hs::LimbRow, 3>;
 using Out3 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 3>, nb::c_contig, nb::device::cpu>;
 using Out4 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 4>, nb::c_contig, nb::device::cpu>;
 
@@ -65,6 +67,38 @@ void bind_gait(nb::module_ &m) {
             },
             "s_m"_a,
             "x, y [m], cos and sin of the heading, dx/ds, dy/ds, and heading change per metre, `s_m` into the lap.");
+
+    m.def(
+        "fit_gait",
+        [](const LengthValues &lengths_m, double speed_mps, double cycle_m) {
+            return std::bit_cast<ShapeValues>(
+                hs::fit_gait(std::bit_cast<hs::FigureLengths>(lengths_m), speed_mps, cycle_m));
+        },
+        "lengths_m"_a, "speed_mps"_a, "cycle_m"_a, "Values of a GaitShape (gait.hpp).");
+    m.def(
+        "gait_rows",
+        [](const ShapeValues &shape, double phase) {
+            hs::LimbRows rows;
+            hs::gait_rows(std::bit_cast<hs::GaitShape>(shape), phase, rows);
+            return rows;
+        },
+        "shape"_a, "phase"_a, "A row for each limb at `phase` in [0, 1), in the walker's frame H (gait.hpp).");
+    m.def(
+        "resting_leg",
+        [](const LengthValues &lengths_m, double y, double hip_z, double ankle_x, double ankle_z) {
+            ThreeRows rows;
+            hs::resting_leg(std::bit_cast<hs::FigureLengths>(lengths_m), y, hip_z, ankle_x, ankle_z, rows.data());
+            return rows;
+        },
+        "lengths_m"_a, "y"_a, "hip_z"_a, "ankle_x"_a, "ankle_z"_a, "Rows of thigh, shank and foot.");
+    m.def(
+        "resting_arm",
+        [](const LengthValues &lengths_m, double y, double z, double upper_rad, double fore_rad) {
+            ThreeRows rows;
+            hs::resting_arm(std::bit_cast<hs::FigureLengths>(lengths_m), y, z, upper_rad, fore_rad, rows.data());
+            return rows;
+        },
+        "lengths_m"_a, "y"_a, "z"_a, "upper_rad"_a, "fore_rad"_a, "Rows of upper arm, forearm and hand.");
 
     nb::class_<hs::Walker>(m, "Walker", "Somebody who walks on a path (gait.hpp).")
         .def(

@@ -1,6 +1,8 @@
 #include "gait.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include "detmath.hpp"
@@ -9,13 +11,15 @@ namespace hil::sim {
 namespace {
 
 constexpr double kTurn = 6.283185307179586;
-constexpr double kStrike = -0.30, kPush = 1.0;
-constexpr double kFlatFrom = 0.18, kFlatTo = 0.58;
+constexpr double kStrike = -0.30, kPush = 1.0;  // foot pitch at heel strike (toe up) and toe-off (heel up)
+constexpr double kFlatFrom = 0.18, kFlatTo = 0.58;  // shares of stance during which the sole is flat
 constexpr double kLean = 0.04;
 constexpr double kElbow = 0.22, kElbowSwing = 0.35;
 constexpr double kTorsoYaw = 0.07, kPelvisYaw = 0.10;
+constexpr double kReach = 0.992;  // longest hip-to-ankle distance as a share of the leg: never locked
+constexpr int kTries = 9;         // of how far before the hip a flat foot starts
 
-using Row = std::array<double, kLimbValues>;
+using Row = LimbRow;
 
 Row limb(double x, double y, double z, double s, double c, double dx, double dy, double dz, double d_theta) {
     const double half_c = std::sqrt(0.5 * (1.0 + c));
@@ -51,6 +55,7 @@ Point ankle(const GaitShape &g, double phase) {
     if (phase <= g.stance) {
         const Pitch pitch = phase < g.stance ? foot_pitch(g, phase) : Pitch{kPush, 0.0};
         const double flat = g.ahead - g.cycle * phase;
+        // From the point of the sole it turns about: the heel before the sole is flat, the ball after.
         const double px = phase < kFlatTo * g.stance ? g.heel : -g.ball, pz = g.ankle;
         const double s = det::sin(pitch.value), c = det::cos(pitch.value);
         const double rx = px * c + pz * s, rz = pz * c - px * s;
@@ -58,6 +63,7 @@ Point ankle(const GaitShape &g, double phase) {
     }
     const double span = 1.0 - g.stance, u = (phase - g.stance) / span;
     const double x0 = g.swing_from_x, z0 = g.swing_from_z, x1 = g.swing_to_x, z1 = g.swing_to_z;
+    // x: slopes at both ends are those of stance, second derivatives zero; the rest is smoothstep.
     const double slope = -g.cycle * span, change = x1 - x0 - slope;
     const double blend = smoothstep(u), d_blend = smoothstep_slope(u), v = u * (1.0 - u);
     const double z = z0 + (z1 - z0) * blend + g.lift * 64.0 * v * v * v;
@@ -65,7 +71,9 @@ Point ankle(const GaitShape &g, double phase) {
     return {x0 + slope * u + change * blend, z, (slope + change * d_blend) / span, dz / span};
 }
 
-void leg_rows(const GaitShape &g, double y, const Point &hip, const Point &foot, Pitch pitch, Row *rows) {
+// Thigh, shank and foot. With d = ankle - hip and n = (-d_z, d_x): knee = hip + k d + w n, k = (a^2 - b^2 + r^2) / 2 r^2,
+// w = sqrt(a^2 / r^2 - k^2), a and b being thigh and shank, r = |d|: it bends forward.
+void leg_rows(const FigureLengths &g, double y, const Point &hip, const Point &foot, Pitch pitch, Row *rows) {
     const double a = g.thigh, b = g.shank;
     const double x = foot.x - hip.x, z = foot.z - hip.z, dx = foot.dx - hip.dx, dz = foot.dz - hip.dz;
     const double rr = x * x + z * z, drr = 2.0 * (x * dx + z * dz);
@@ -90,7 +98,8 @@ struct Shoulder {
     double x, y, z, dx, dy, dz;
 };
 
-void arm_rows(const GaitShape &g, const Shoulder &shoulder, Pitch upper, Pitch fore, Row *rows) {
+// Upper arm, forearm and hand.
+void arm_rows(const FigureLengths &g, const Shoulder &shoulder, Pitch upper, Pitch fore, Row *rows) {
     double x = shoulder.x, z = shoulder.z, dx = shoulder.dx, dz = shoulder.dz;
     const double y = shoulder.y, dy = shoulder.dy;
     double s = det::sin(upper.value), c = det::cos(upper.value);
@@ -106,12 +115,77 @@ void arm_rows(const GaitShape &g, const Shoulder &shoulder, Pitch upper, Pitch f
     rows[2] = limb(x - reach * px, y, z - reach * pz, s, c, dx - reach * dpx, dy, dz - reach * dpz, fore.slope);
 }
 
+// Of the pelvis: height above its base, yaw, and their derivatives.
+struct Pelvis {
+    double bob, yaw, d_bob, d_yaw;
+};
+
+Pelvis pelvis(const GaitShape &g, double phase) {
+    const double bob_angle = 2.0 * kTurn * phase - 0.35 * kTurn, turn = kTurn * phase;
+    // The left hip (y > 0) leads when the left foot strikes: yaw to the right, negative.
+    return {g.bob * det::sin(bob_angle), -kPelvisYaw * det::cos(turn), 2.0 * kTurn * g.bob * det::cos(bob_angle),
+            kTurn * kPelvisYaw * det::sin(turn)};
+}
+
+void place_feet(GaitShape &g, double ahead) {
+    g.ahead = ahead;
+    const Point from = ankle(g, g.stance), to = ankle(g, 0.0);
+    g.swing_from_x = from.x, g.swing_from_z = from.z, g.swing_to_x = to.x, g.swing_to_z = to.z;
+}
+
+// Base height of the pelvis that leaves the leg in reach at the `count` phases evenly spread over a cycle.
+double highest_hip(const GaitShape &g, int count) {
+    const double reach = kReach * (g.thigh + g.shank);
+    double lowest = INFINITY;
+    for (int i = 0; i < count; ++i) {
+        const double phase = static_cast<double>(i) / count;
+        const Point foot = ankle(g, phase);
+        const Pelvis at = pelvis(g, phase);
+        const double x = foot.x + g.hip_half * det::sin(at.yaw);
+        const double high = foot.z + std::sqrt(reach * reach - x * x) - at.bob;
+        if (!(high > 0.0)) {
+            throw std::invalid_argument("steps longer than the legs: a walker must be slower");
+        }
+        lowest = std::min(lowest, high);
+    }
+    return lowest;
+}
+
 }  // namespace
 
+GaitShape fit_gait(const FigureLengths &figure, double speed_mps, double cycle_m) {
+    GaitShape g{figure};
+    const double leg = figure.thigh + figure.shank, relative = speed_mps / leg;
+    g.cycle = cycle_m;
+    g.stance = std::min(std::max(0.752 - 0.143 * speed_mps / cycle_m, 0.55), 0.70);
+    g.bob = 0.015 * relative * leg;
+    g.arm_rad = 9.88 * relative * kTurn / 360.0;
+    g.lift = 0.030 * figure.height;
+    const double middle = 0.5 * (g.stance * cycle_m - 0.063 * figure.height);
+    double best = -INFINITY, best_ahead = middle;
+    for (int step = 0; step < kTries; ++step) {
+        place_feet(g, middle - 0.008 * step * figure.height);
+        const double high = highest_hip(g, 64);
+        if (high > best) {
+            best = high, best_ahead = g.ahead;
+        }
+    }
+    place_feet(g, best_ahead);
+    g.hip = highest_hip(g, 128);
+    return g;
+}
+
+void resting_leg(const FigureLengths &figure, double y, double hip_z, double ankle_x, double ankle_z, LimbRow *rows) {
+    leg_rows(figure, y, {0.0, hip_z, 0.0, 0.0}, {ankle_x, ankle_z, 0.0, 0.0}, {0.0, 0.0}, rows);
+}
+
+void resting_arm(const FigureLengths &figure, double y, double z, double upper_rad, double fore_rad, LimbRow *rows) {
+    arm_rows(figure, {0.0, y, z, 0.0, 0.0, 0.0}, {upper_rad, 0.0}, {fore_rad, 0.0}, rows);
+}
+
 void gait_rows(const GaitShape &g, double phase, LimbRows &rows) {
-    const double bob_angle = 2.0 * kTurn * phase - 0.35 * kTurn, turn = kTurn * phase;
-    const double bob = g.bob * det::sin(bob_angle), yaw = -kPelvisYaw * det::cos(turn);
-    const double d_bob = 2.0 * kTurn * g.bob * det::cos(bob_angle), d_yaw = kTurn * kPelvisYaw * det::sin(turn);
+    const double turn = kTurn * phase;
+    const auto [bob, yaw, d_bob, d_yaw] = pelvis(g, phase);
     const double sy = det::sin(yaw), cy = det::cos(yaw);
     const double hip_z = g.hip + bob;
     const double st = det::sin(turn), ct = det::cos(turn);
@@ -126,6 +200,7 @@ void gait_rows(const GaitShape &g, double phase, LimbRows &rows) {
                0.0, 0.0, 0.0, d_bob, 0.0, 0.0};
     up = g.shoulder_above_hip;
     for (int i = 0; i < 2; ++i) {
+        // The left arm is back when the left foot strikes.
         const double sign = i == 0 ? 1.0 : -1.0, side = i == 0 ? g.shoulder_half : -g.shoulder_half;
         const double swing = sign * g.arm_rad * ct, d_swing = -sign * kTurn * g.arm_rad * st;
         const double elbow = kElbow + 0.5 * kElbowSwing * (1.0 - sign * ct);

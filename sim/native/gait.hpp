@@ -1,7 +1,21 @@
-// A walking person's limbs: the step cycle of sim/scene/maps/gait.py, carried along as sim/scene/maps/walker.py says.
+// A walking person's limbs as poses over the phase of the step cycle, carried along as sim/scene/maps/walker.py says.
 //
-// The equations stand there; here they are evaluated in the same order, so that both give the same bits
-// (tests/reference/walker_reference.py). No allocation; arrays are the caller's.
+// Frame H follows the walker: x along its heading, y left, z up, origin on the ground below the pelvis. Everything in H
+// is a function of the phase phi = s / L alone, s being the distance walked and L the length of a cycle (two steps), so
+// speed only stretches time. After Boulic, Magnenat-Thalmann & Thalmann, "A global human walking model with real-time
+// kinematic personification", The Visual Computer 6 (1990), with v' = speed / leg length:
+//
+//     cycle L = 1.346 sqrt(v') leg        stance share = 0.752 - 0.143 / T, T = L / speed
+//     pelvis  z = z_0 + 0.015 v' leg sin(4 pi phi - 0.7 pi)        arm swing 9.88 v' degrees
+//
+// Their tables of leg joint angles let the feet slide by centimetres. Here the foot leads and the leg follows: in
+// stance it rolls over heel, sole and ball, each at rest on the ground (in H: moving at -s'), in swing a polynomial
+// carries it on, and hip and knee angles follow by two-link inverse kinematics. Foot pitch and path have continuous
+// second derivatives.
+//
+// Angles are about y, positive turns z towards x. Each limb is a row (x, y, z, cos theta/2, sin theta/2, cos yaw/2,
+// sin yaw/2, dx, dy, dz, dtheta, dyaw) with derivatives by phi; rotation R = Rz(yaw) Ry(theta). No allocation; arrays
+// are the caller's.
 #pragma once
 
 #include <array>
@@ -15,17 +29,33 @@ namespace hil::sim {
 inline constexpr int kLimbs = 15;
 inline constexpr int kLimbValues = 12;  // x, y, z, cos and sin of half the pitch and of half the yaw, derivatives
 
-using LimbRows = std::array<std::array<double, kLimbValues>, kLimbs>;
+using LimbRow = std::array<double, kLimbValues>;
+using LimbRows = std::array<LimbRow, kLimbs>;
 
-// Lengths [m] of the figure and what follows from its speed; names as in sim/scene/maps/gait.py.
-struct GaitShape {
+// Lengths [m] of a person, in the order of sim/scene/maps/figure.py's `lengths_m`.
+struct FigureLengths {
     double thigh, shank, ankle, heel, ball, hip_half, shoulder_half, shoulder_above_hip, head_above_hip,
-        torso_above_hip, upper_arm, forearm, hand;
+        torso_above_hip, upper_arm, forearm, hand, height;
+};
+
+// A figure, and what follows from its speed: lengths [m], angles [rad], `stance` a share of the cycle.
+struct GaitShape : FigureLengths {
     double cycle, stance, bob, arm_rad, lift, ahead, swing_from_x, swing_from_z, swing_to_x, swing_to_z, hip;
 };
 
-// All limbs at `phase` in [0, 1), by the walker's own frame H; derivatives by phase.
+// Steps of one figure at one cruising speed; `cycle_m` close to the natural one. Flat feet start as far before the hip
+// as lets the pelvis be highest, so that knees stay straightest. std::invalid_argument: legs too short for such steps.
+GaitShape fit_gait(const FigureLengths &figure, double speed_mps, double cycle_m);
+
+// All limbs at `phase` in [0, 1), where the left foot strikes at 0, by the walker's own frame H; derivatives by phase.
+// In the order of sim/scene/maps/figure.py's LIMBS.
 void gait_rows(const GaitShape &shape, double phase, LimbRows &rows);
+
+// Thigh, shank and foot of somebody at rest with flat feet: hip at (0, y, hip_z), ankle at (ankle_x, y, ankle_z).
+void resting_leg(const FigureLengths &figure, double y, double hip_z, double ankle_x, double ankle_z, LimbRow *rows);
+
+// Upper arm, forearm and hand of somebody at rest: shoulder at (0, y, z), pitch of upper arm and forearm [rad].
+void resting_arm(const FigureLengths &figure, double y, double z, double upper_rad, double fore_rad, LimbRow *rows);
 
 // One walker: a step cycle carried along a path. Its bodies are its limbs.
 class Walker : public Actor {

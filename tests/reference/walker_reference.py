@@ -1,9 +1,10 @@
-"""A walker in Python, from the equations of walk_path.py and walker.py: what the native one must equal bit for bit."""
+"""A walker in Python, from the equations of walk_path.py (bit for bit) and of sim/native/gait.hpp (by angles)."""
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
-from math import sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,29 +75,94 @@ def _hermite(
     return value, slope
 
 
-def pose(walker: Walker, t_ns: int) -> tuple[NDArray[np.float64], ...]:
-    """p_WB, q_WB, v_WB_W and w_WB_W of all limbs."""
-    _, s_m, speed = progress(walker.path, t_ns)
-    place_x, place_y, c, s, dx_ds, dy_ds, yaw_per_m = place(walker.path, s_m)
-    per_m = walker.cycles_per_m
-    rate, yaw_rate = speed * per_m, speed * yaw_per_m
-    hc = sqrt(0.5 * (1.0 + c)) if c > -0.5 else 0.5 * abs(s) / sqrt(0.5 * (1.0 - c))  # half the heading
-    hs = sqrt(0.5 * (1.0 - c)) if c < 0.5 else 0.5 * abs(s) / hc
-    hs = -hs if s < 0.0 else hs
-    p, q, v, w = [], [], [], []
-    for x, y, z, tc, ts, yc, ys, dx, dy, dz, d_theta, d_yaw in walker.gait.rows(s_m * per_m % 1.0):
-        rx, ry = c * x - s * y, s * x + c * y
-        p.append((place_x + rx, place_y + ry, z + walker.ground_m))
-        vx, vy = dx * rate, dy * rate
-        v.append(
-            (
-                speed * dx_ds - yaw_rate * ry + (c * vx - s * vy),
-                speed * dy_ds + yaw_rate * rx + (s * vx + c * vy),
-                dz * rate,
-            )
-        )
-        zc, zs = hc * yc - hs * ys, hs * yc + hc * ys
-        q.append((zc * tc, -zs * ts, zc * ts, zs * tc))
-        pitch_rate = d_theta * rate
-        w.append((-pitch_rate * (2.0 * zc * zs), pitch_rate * (zc * zc - zs * zs), yaw_rate + d_yaw * rate))
-    return np.array(p), np.array(q), np.array(v), np.array(w)
+class Steps(NamedTuple):
+    """What was fitted to a figure's speed, from the values of `sim._kernels.fit_gait`."""
+
+    cycle: float
+    stance: float
+    bob: float
+    arm_rad: float
+    lift: float
+    ahead: float
+
+    @staticmethod
+    def of(walker: Walker) -> Steps:
+        return Steps(*walker.gait[14:20])
+
+
+def foot(walker: Walker, phase: float) -> tuple[float, float, float]:
+    """x and z of the ankle and pitch of the foot that strikes at phase 0, in H."""
+    f, g = walker.figure, Steps.of(walker)
+
+    def stance(phase: float) -> tuple[float, float, float]:
+        toe_up, heel_up = phase / (0.18 * g.stance), (phase / g.stance - 0.58) / 0.42
+        pitch = -0.3 * (1.0 - smoothstep(toe_up)) if toe_up < 1.0 else smoothstep(heel_up) if heel_up > 0.0 else 0.0
+        pivot_x = f.heel_m if heel_up < 0.0 else -f.ball_m  # from the ankle's foot point, backwards
+        c, s = math.cos(pitch), math.sin(pitch)
+        x = g.ahead - g.cycle * phase - pivot_x + pivot_x * c + f.ankle_m * s
+        return x, f.ankle_m * c - pivot_x * s, pitch
+
+    if phase <= g.stance:
+        return stance(phase)
+    u = (phase - g.stance) / (1.0 - g.stance)
+    (x0, z0, _), (x1, z1, _) = stance(g.stance), stance(0.0)
+    slope, blend = -g.cycle * (1.0 - g.stance), smoothstep(u)
+    z = z0 + (z1 - z0) * blend + g.lift * (4.0 * u * (1.0 - u)) ** 3
+    return x0 + slope * u + (x1 - x0 - slope) * blend, z, 1.0 - 1.3 * blend
+
+
+def limbs(walker: Walker, phase: float) -> list[tuple[float, float, float, float, float]]:
+    """x, y, z, pitch and yaw of every limb in H, in the order of LIMBS."""
+    f, g, hip_m = walker.figure, Steps.of(walker), walker.gait[24]
+    turn = 2.0 * math.pi * phase
+    hip_z = hip_m + g.bob * math.sin(2.0 * turn - 0.7 * math.pi)
+    yaw, torso_yaw, lean = -0.1 * math.cos(turn), 0.07 * math.cos(turn), 0.04
+
+    def along(above_m: float) -> tuple[float, float]:
+        return above_m * math.sin(lean), hip_z + above_m * math.cos(lean)
+
+    (torso_x, torso_z), (head_x, head_z) = along(f.torso_above_hip_m), along(f.head_above_hip_m)
+    found = [(0.0, 0.0, hip_z, 0.0, yaw), (torso_x, 0.0, torso_z, lean, torso_yaw), (head_x, 0.0, head_z, 0.0, 0.0)]
+    for sign in (1.0, -1.0):
+        x, z = along(f.shoulder_above_hip_m)
+        x, y = x - sign * f.shoulder_half_m * math.sin(torso_yaw), sign * f.shoulder_half_m * math.cos(torso_yaw)
+        upper = sign * g.arm_rad * math.cos(turn) - 0.05
+        fore = upper - 0.22 - 0.175 * (1.0 - sign * math.cos(turn))
+        for pitch, to_middle_m, length_m in (
+            (upper, 0.5 * f.upper_arm_m, f.upper_arm_m),
+            (fore, 0.5 * f.forearm_m, f.forearm_m),
+            (fore, f.hand_m, 0.0),
+        ):
+            found.append((x - to_middle_m * math.sin(pitch), y, z - to_middle_m * math.cos(pitch), pitch, 0.0))
+            x, z = x - length_m * math.sin(pitch), z - length_m * math.cos(pitch)
+    for sign, shift in ((1.0, 0.0), (-1.0, 0.5)):
+        hip_x, y = -sign * f.hip_half_m * math.sin(yaw), sign * f.hip_half_m
+        ankle_x, ankle_z, pitch = foot(walker, (phase + shift) % 1.0)
+        reach = math.hypot(ankle_x - hip_x, ankle_z - hip_z)
+        # The law of cosines at the hip; the knee lies before the line from hip to ankle.
+        bend = math.acos((f.thigh_m**2 + reach**2 - f.shank_m**2) / (2.0 * f.thigh_m * reach))
+        thigh = math.atan2(hip_x - ankle_x, hip_z - ankle_z) - bend
+        knee_x, knee_z = hip_x - f.thigh_m * math.sin(thigh), hip_z - f.thigh_m * math.cos(thigh)
+        shank = math.atan2(knee_x - ankle_x, knee_z - ankle_z)
+        found.append((0.5 * (hip_x + knee_x), y, 0.5 * (hip_z + knee_z), thigh, 0.0))
+        found.append((0.5 * (knee_x + ankle_x), y, 0.5 * (knee_z + ankle_z), shank, 0.0))
+        found.append((ankle_x, y, ankle_z, pitch, 0.0))
+    return found
+
+
+def pose(walker: Walker, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """p_WB and q_WB (w-x-y-z, w not negative) of all limbs."""
+    _, s_m, _ = progress(walker.path, t_ns)
+    at_x, at_y, c, s, *_ = place(walker.path, s_m)
+    p, q = [], []
+    for x, y, z, pitch, yaw in limbs(walker, s_m * walker.cycles_per_m % 1.0):
+        p.append((at_x + c * x - s * y, at_y + s * x + c * y, z + walker.ground_m))
+        half_z, half_y = 0.5 * (math.atan2(s, c) + yaw), 0.5 * pitch
+        zc, zs, tc, ts = math.cos(half_z), math.sin(half_z), math.cos(half_y), math.sin(half_y)
+        q.append(upright((zc * tc, -zs * ts, zc * ts, zs * tc)))
+    return np.array(p), np.array(q)
+
+
+def upright(q: Any) -> Any:
+    """The one of a rotation's two quaternions whose w is not negative."""
+    return q if q[0] >= 0.0 else tuple(-component for component in q)

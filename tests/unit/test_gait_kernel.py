@@ -1,4 +1,4 @@
-"""The native walker is that of the equations in Python, bit for bit."""
+"""The native walker is that of the equations in Python; derivatives are checked in test_scene_maps_walker.py."""
 
 from __future__ import annotations
 
@@ -44,28 +44,15 @@ def test_walkers_are_those_of_the_equations(
         assert walker.bound(t_ns)[0] == (*walker.path.place(found[1])[:2], 0.3 + 0.5 * height_m)
         p, q, v, w = arrays()
         walker.pose(t_ns, p, q, v, w)
-        for made, expected in zip((p, q, v, w), walker_reference.pose(walker, t_ns), strict=True):
-            assert np.array_equal(made, expected)
+        expected_p, expected_q = walker_reference.pose(walker, t_ns)
+        assert np.abs(p - expected_p).max() < 1e-9
+        assert np.abs(np.array([walker_reference.upright(row) for row in q]) - expected_q).max() < 1e-7
 
 
 def test_joints_of_a_path_belong_to_what_follows() -> None:
     path = PATHS["corners"](1.3, 0.0)
     for s_m in [part[0] for part in (*path.straights, *path.corners)] + [path.lap_m, -1e-12, path.lap_m + 1.0]:
         assert path.place(s_m) == walker_reference.place(path, s_m)
-
-
-def test_velocities_are_the_derivatives_of_the_poses() -> None:
-    walker = Walker("w", Figure(1.7), WalkPath([(0.0, 0.0), (6.0, 0.0), (5.0, 5.0)], 1.3))
-    step_ns = 1_000_000
-    for t_ns in range(10_000_000, 20_000_000_000, 777_777_777):
-        p, q, v, w = arrays()
-        walker.pose(t_ns, p, q, v, w)
-        before, after = arrays(), arrays()
-        walker.pose(t_ns - step_ns, *before)
-        walker.pose(t_ns + step_ns, *after)
-        slope = (after[0] - before[0]) / (2e-9 * step_ns)
-        assert np.abs(slope - v).max() < 2e-3
-        assert np.abs(np.sum(q * q, axis=1) - 1.0).max() < 1e-12
 
 
 def test_refusals() -> None:
@@ -75,7 +62,9 @@ def test_refusals() -> None:
         walker.pose(0, p[:-1], q, v, w)
     rest = {"path": walker.path, "cycles_per_m": 1.0, "ground_m": 0.0, "bound_z_m": 1.0, "bound_radius_m": 1.0}
     with pytest.raises(TypeError):
-        _kernels.Walker(shape=walker.gait.kernel_values[:-1], **rest)
+        _kernels.Walker(shape=walker.gait[:-1], **rest)
+    with pytest.raises(ValueError, match="longer than the legs"):
+        _kernels.fit_gait(Figure(1.7).lengths_m, 9.0, 4.0)
     tables = {name: np.array(getattr(walker.path, name)) for name in ("pieces", "straights", "corners")}
     _kernels.WalkPath(**tables, lap_s=1.0, offset_s=0.0)
     for times in ({"lap_s": 0.0, "offset_s": 0.0}, {"lap_s": 1.0, "offset_s": float("nan")}):

@@ -12,6 +12,7 @@ from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
+from tests.reference.walker_reference import Steps
 
 Float64 = NDArray[np.float64]
 N = len(LIMBS)
@@ -139,7 +140,7 @@ def test_feet_stand_on_the_ground_and_do_not_slip_on_straights(walker: Walker) -
             assert heights.min() > -1e-9
             lowest = min(lowest, float(heights.min()))
             own = (walker.phase(t) + (0.5 if side == "r" else 0.0)) % 1.0
-            if own >= walker.gait.stance:
+            if own >= Steps.of(walker).stance:
                 continue
             slip = float(np.linalg.norm(velocities[int(heights.argmin())]))
             if turning:

@@ -51,6 +51,13 @@ class Figure:
         self.hand_m = 0.050 * h  # wrist to middle of the hand
         self.leg_m = self.thigh_m + self.shank_m
 
+    @property
+    def lengths_m(self) -> tuple[float, ...]:
+        """What `sim._kernels` knows of a figure (sim/native/gait.hpp, FigureLengths)."""
+        legs = (self.thigh_m, self.shank_m, self.ankle_m, self.heel_m, self.ball_m, self.hip_half_m)
+        above = (self.shoulder_half_m, self.shoulder_above_hip_m, self.head_above_hip_m, self.torso_above_hip_m)
+        return (*legs, *above, self.upper_arm_m, self.forearm_m, self.hand_m, self.height_m)
+
     def shapes(self) -> tuple[LimbShape, ...]:
         h = self.height_m
         shapes = [

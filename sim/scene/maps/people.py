@@ -7,14 +7,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil.signals.samples import Vec3
+from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.figure import LIMBS, Figure, LimbShape
-from sim.scene.maps.gait import Row, arm_rows, leg_rows
 from sim.scene.maps.map_builder import IDENTITY, Body, MapBuilder, Quat, multiply, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Walker
+
+Row = list[float]  # of a limb: x, y, z, cos and sin of half its pitch, and more (sim/native/gait.hpp)
 
 _QUARTER_RAD = 1.5707963267948966
 _ALONG_Y = roll_quat(_QUARTER_RAD)
@@ -98,7 +100,7 @@ def _vec(rows: Float64, i: int) -> Vec3:
 
 def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
     heights = (0.0, figure.torso_above_hip_m, figure.head_above_hip_m)
-    return [(0.0, 0.0, hip_z + up, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for up in heights]
+    return [[0.0, 0.0, hip_z + up, 1.0, 0.0] for up in heights]
 
 
 def _standing(figure: Figure, dice: Dice) -> list[Row]:
@@ -107,10 +109,10 @@ def _standing(figure: Figure, dice: Dice) -> list[Row]:
     up = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
         bend = dice.between(0.1, 0.4) if dice.chance(0.6) else 1.6  # arms down, or one hand up as on a telephone
-        rows += arm_rows(figure, (0.0, side, up, 0.0, 0.0, 0.0), (-0.1, 0.0), (-0.1 - bend, 0.0))
+        rows += resting_arm(figure.lengths_m, side, up, -0.1, -0.1 - bend)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = dice.between(-0.03, 0.05)
-        rows += leg_rows(figure, side, (0.0, hip_z, 0.0, 0.0), (ahead, figure.ankle_m, 0.0, 0.0), (0.0, 0.0))
+        rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
     return rows
 
 
@@ -119,10 +121,10 @@ def _sitting(figure: Figure, seat_m: float) -> list[Row]:
     rows = _trunk_rows(figure, hip_z)
     up = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
-        rows += arm_rows(figure, (0.0, side, up, 0.0, 0.0, 0.0), (-0.35, 0.0), (-1.25, 0.0))
+        rows += resting_arm(figure.lengths_m, side, up, -0.35, -1.25)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = 0.93 * figure.thigh_m
-        rows += leg_rows(figure, side, (0.0, hip_z, 0.0, 0.0), (ahead, figure.ankle_m, 0.0, 0.0), (0.0, 0.0))
+        rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
     return rows
 
 

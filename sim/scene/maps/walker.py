@@ -1,4 +1,4 @@
-"""A walking person: the step cycle of `gait` carried along a `walk_path`.
+"""A walking person: the step cycle of sim/native/gait.hpp carried along a `walk_path`.
 
     p = p_WH + R_WH p_H,   v = v_WH + w x (p - p_WH) + R_WH p_H',   ' = d/dphi * ds/dt / L
 
@@ -12,7 +12,6 @@ from math import sqrt
 
 from sim import _kernels
 from sim.scene.maps.figure import LIMBS, Figure
-from sim.scene.maps.gait import Gait, natural_cycle_m
 from sim.scene.maps.walk_path import WalkPath
 
 
@@ -25,12 +24,13 @@ class Walker(_kernels.Walker):
         self.path = path
         self.ground_m = ground_m  # height of the ground it walks on
         # A whole number of cycles a lap, or the feet would jump where it closes.
-        cycles = max(1, round(path.lap_m / natural_cycle_m(figure, path.speed_mps)))
-        self.gait = Gait(figure, path.speed_mps, path.lap_m / cycles)
+        natural_cycle_m = 1.346 * sqrt(path.speed_mps * figure.leg_m)  # two steps
+        cycles = max(1, round(path.lap_m / natural_cycle_m))
+        self.gait = _kernels.fit_gait(figure.lengths_m, path.speed_mps, path.lap_m / cycles)
         self.cycles_per_m = cycles / path.lap_m
         self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
         super().__init__(
-            shape=self.gait.kernel_values,
+            shape=self.gait,
             path=path,
             cycles_per_m=self.cycles_per_m,
             ground_m=ground_m,
@@ -56,7 +56,7 @@ class Walker(_kernels.Walker):
         }
         radius = 0.0
         for i in range(64):
-            for limb, row in zip(LIMBS, self.gait.rows(i / 64), strict=True):
+            for limb, row in zip(LIMBS, _kernels.gait_rows(self.gait, i / 64), strict=True):
                 distance = sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
                 radius = max(radius, distance + reach[limb])
         return radius + 0.02  # between the sampled phases
