@@ -15,9 +15,10 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hil.dashboard.guard import App, Guard
+from hil.dashboard.guard import Guard
 from hil.dashboard.hub import Hub, Page
 from hil.dashboard.run_process import RunProcess
 from hil.signals.errors import HilError
@@ -64,7 +65,7 @@ class Dashboard:
 
         _ = self._past
 
-    def application(self, token: str | None) -> App:
+    def application(self, token: str | None) -> ASGIApp:
         """The ASGI application, guarded."""
         routes = [
             Route("/", self._index),

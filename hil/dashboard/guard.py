@@ -10,14 +10,12 @@
 from __future__ import annotations
 
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
-from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import urlencode, urlsplit
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 COOKIE = "hil_dash"
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -26,19 +24,19 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-_HEADERS = [
-    (b"content-security-policy", _POLICY.encode()),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-    (b"cache-control", b"no-store"),
-]
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
 
 
 class Guard:
     """An ASGI application round another. `token` None: loopback only, where none is needed."""
 
-    def __init__(self, app: App, *, token: str | None) -> None:
+    def __init__(self, app: ASGIApp, *, token: str | None) -> None:
         self._app = app
         self._token = token
 
@@ -46,25 +44,29 @@ class Guard:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        refusal = self._refusal(scope)
-        if refusal is not None:
-            await _refuse(scope, send, *refusal)
-            return
-        if self._token is not None and scope["type"] == "http" and "token" in _query(scope):
-            await self._keep_token(scope, send)
-            return
+        request = HTTPConnection(scope)
+        refusal = self._refusal(request)
 
-        async def with_headers(message: MutableMapping[str, Any]) -> None:
+        async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = {name.lower() for name, _ in message.get("headers", ())}
-                more = [(name, value) for name, value in _HEADERS if name not in own]
-                message["headers"] = [*message.get("headers", ()), *more]
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
             await send(message)
 
-        await self._app(scope, receive, with_headers)
+        answer: ASGIApp = self._app
+        if refusal is not None and scope["type"] == "websocket":
+            # Before it was accepted: HTTP 403.
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
+            return
+        if refusal is not None:
+            answer = PlainTextResponse(refusal[1], refusal[0])
+        elif self._token is not None and scope["type"] == "http" and "token" in request.query_params:
+            answer = self._kept_token(request, self._token)
+        await answer(scope, receive, with_headers)
 
-    def _refusal(self, scope: Scope) -> tuple[int, str] | None:
-        hosts, origins = _headers(scope, b"host"), _headers(scope, b"origin")
+    def _refusal(self, request: HTTPConnection) -> tuple[int, str] | None:
+        hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
         if len(hosts) != 1 or len(origins) > 1:
             return 400, "one Host and at most one Origin are needed"
         host = hosts[0].lower()
@@ -74,39 +76,26 @@ class Guard:
             parts = urlsplit(origins[0].lower())
             if parts.scheme not in ("http", "https") or parts.netloc != host:
                 return 403, "no requests from pages of other sites"
-        elif scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
+        elif request.scope["type"] == "http" and request.scope["method"] not in ("GET", "HEAD"):
             return 403, "a request that changes something must say which page it comes from"
-        fetched = _headers(scope, b"sec-fetch-site")
-        if fetched and fetched[0] not in ("same-origin", "none") and scope.get("path") != "/":
+        fetched = request.headers.get("sec-fetch-site", "none")
+        if fetched not in ("same-origin", "none") and request.scope.get("path") != "/":
             return 403, "no requests from pages of other sites"
-        if self._token is not None and not self._has_token(scope):
-            return 401, "the address needs ?token=..., as `hil dash` printed it"
+        if self._token is not None:
+            offered = (request.query_params.get("token", ""), request.cookies.get(COOKIE, ""))
+            if not any(hmac.compare_digest(one.encode(), self._token.encode()) for one in offered):
+                return 401, "the address needs ?token=..., as `hil dash` printed it"
         return None
 
-    def _has_token(self, scope: Scope) -> bool:
-        assert self._token is not None
-        offered = [_query(scope).get("token", "")]
-        for header in _headers(scope, b"cookie"):
-            for part in header.split(";"):
-                name, _, value = part.strip().partition("=")
-                if name == COOKIE:
-                    offered.append(value)
-        wanted = self._token.encode()
-        return any(hmac.compare_digest(one.encode(), wanted) for one in offered)
-
-    async def _keep_token(self, scope: Scope, send: Send) -> None:
+    @staticmethod
+    def _kept_token(request: HTTPConnection, token: str) -> ASGIApp:
         """To a cookie, and out of the address: addresses end up in histories and logs."""
-        rest = {name: value for name, value in _query(scope).items() if name != "token"}
+        rest = {name: value for name, value in request.query_params.items() if name != "token"}
         # One slash in front: an address that begins with two would name another host.
-        to = "/" + scope["path"].lstrip("/") + (f"?{urlencode(rest)}" if rest else "")
-        cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-        headers = [(b"location", to.encode("latin-1", "replace")), (b"set-cookie", cookie.encode()), *_HEADERS]
-        await send({"type": "http.response.start", "status": 303, "headers": headers})
-        await send({"type": "http.response.body", "body": b""})
-
-
-def _headers(scope: Scope, name: bytes) -> list[str]:
-    return [value.decode("latin-1") for key, value in scope["headers"] if key == name]
+        to = "/" + request.scope["path"].lstrip("/") + (f"?{urlencode(rest)}" if rest else "")
+        moved = RedirectResponse(to, 303)
+        moved.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+        return moved
 
 
 def _name_of(host: str) -> str:
@@ -114,16 +103,3 @@ def _name_of(host: str) -> str:
     if host.startswith("["):
         return host[1:].partition("]")[0]
     return host.partition(":")[0]
-
-
-def _query(scope: Scope) -> dict[str, str]:
-    return dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
-
-
-async def _refuse(scope: Scope, send: Send, status: int, why: str) -> None:
-    if scope["type"] == "websocket":
-        await send({"type": "websocket.close", "code": 1008, "reason": why})  # before it was accepted: HTTP 403
-        return
-    headers = [(b"content-type", b"text/plain; charset=utf-8"), *_HEADERS]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": why.encode()})

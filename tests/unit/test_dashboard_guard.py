@@ -105,7 +105,7 @@ def test_a_token_is_asked_for_and_leaves_the_address() -> None:
     assert moved["status"] == 303
     assert headers[b"location"] == b"/evil.example/?a=1"
     assert b"HttpOnly" in headers[b"set-cookie"]
-    assert b"SameSite=Strict" in headers[b"set-cookie"]
+    assert b"samesite=strict" in headers[b"set-cookie"].lower()
 
 
 def test_nothing_from_outside_may_be_loaded() -> None:
