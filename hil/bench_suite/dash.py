@@ -4,8 +4,8 @@ The same flight alone, with a page and no panes, with two panes of the run's own
 server draws. The run is in this process; the server and a page that takes every update at once are in processes of
 their own, as in `hil run --dash`. The page is only a socket that is read: a browser, and what it draws, is not in these
 figures. The error of a watched flight is the share of flights whose digest is not that of the flight alone; its time is
-what the run's own thread spent on looks and updates, as a share of the flight. Of several flights the best counts: what
-else the machine did can only have added to the others.
+the processor time of the run's own thread for looks and updates, as a share of the flight. Of several flights the best
+counts: what else the machine did can only have added to the others.
 
 Then many updates are put through the real server as fast as they go, and its memory is compared before and after.
 """

@@ -8,7 +8,7 @@ from typing import Any
 
 import rigs
 from hil.config.files import available, default_bench
-from hil.dashboard.plain_number import is_number
+from hil.dashboard.wire import is_number
 from hil.signals.documents.yaml_lines import read_yaml
 from hil.signals.errors import ConfigError
 

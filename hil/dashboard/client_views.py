@@ -1,4 +1,4 @@
-"""Maps that companions show of themselves, as streams of the page: `companion/NAME/map`."""
+"""What companions show: maps of themselves, as streams `companion/NAME/map`, and boxes over the run's pictures."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge.codecs.companion_view import View
+from hil.signals.detections import Detections, words_of
 
 _PREFIX, _SUFFIX = "companion/", "/map"
 
@@ -52,3 +53,18 @@ def view_body(view: View) -> dict[str, Any]:
         cells = m.unpacked()
     q = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
     return {"t_ns": view.t_ns, "p": view.p_W, "q": q, "view": shown, "data": cells}
+
+
+def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict[str, Any]:
+    """Stream -> {t_ns, boxes: [[x0, y0, x1, y1, words], ...]}; places as shares of the picture's width and height."""
+    shown = {}
+    for stream in streams:
+        seen = detected.get(stream)
+        if seen is not None:
+            width, height = seen.size_px
+            rows = [
+                [d.box_px[0] / width, d.box_px[1] / height, d.box_px[2] / width, d.box_px[3] / height, words_of(d)]
+                for d in seen.boxes
+            ]
+            shown[stream] = {"t_ns": seen.t_capture_ns, "boxes": rows}
+    return shown

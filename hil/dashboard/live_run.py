@@ -24,14 +24,11 @@ from typing import Any
 import pydantic
 
 from firmware_bridge.codecs.companion_view import View
-from hil.dashboard.boxes import boxes_of
-from hil.dashboard.client_views import view_streams
+from hil.dashboard.client_views import boxes_of, view_streams
 from hil.dashboard.faults_by_hand import fault_of
 from hil.dashboard.page_sticks import PageSticks
-from hil.dashboard.plain_number import is_number
-from hil.dashboard.shelf import Shelf
-from hil.dashboard.snapshot import copied, frame_streams, scalar_samples
-from hil.dashboard.wire import RunEnd
+from hil.dashboard.snapshot import frame_streams, scalar_samples
+from hil.dashboard.wire import RunEnd, is_number
 from hil.scheduler import Scheduler
 from hil.signals.detections import Detections
 from hil.signals.samples import Sample, Vec3
@@ -42,7 +39,7 @@ _BUSY_NS = 4_000_000  # the same while an update is still to be written
 _UPDATE_NS = 46_000_000  # between two updates, on average: a little over twenty a second
 _SLOW_NS = 500_000_000  # between two looks at what changes slowly
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
-_TRAIL_POINTS = 256  # in one update; a run that is faster than that leaves every second one out
+_TRAIL_POINTS = 1500  # beyond that every second one goes, and half as many are added
 _EVENTS = 100  # in one update
 _COMMANDS = 500  # recorded of one run; each is kept
 _WIND_RISE_S = 1.0
@@ -88,8 +85,7 @@ class LiveRun:
         self.commands: list[dict[str, Any]] = []  # every one that was carried out
         self.altered = False  # one of them changed what is simulated
         self.held_s = 0.0  # wall clock spent held up
-        self.looks_ns = 0  # and on looks and updates
-        self.updates = 0
+        self.looks_ns = 0  # of this thread's processor time, spent on looks and updates
         self._end = RunEnd(wire)
         self._fd = wire
         self._clock_ns = clock_ns
@@ -97,8 +93,8 @@ class LiveRun:
         self._latest: dict[str, Sample] = {}
         self._detected: dict[str, Detections] = {}  # by topic, the newest
         self._events: deque[tuple[int, str, str]] = deque(maxlen=_EVENTS)
-        self._trail: list[float] = []
-        self._trail_step = 1
+        self._trail: list[tuple[float, ...]] = []  # t [s], x, y, z [m, W]
+        self._trail_step_ns = _TRAIL_NS
         self._trail_ns = 0
         self._paused = paused
         self._steps = 0
@@ -109,8 +105,6 @@ class LiveRun:
         self._slow_ns = 0
         self._asked: tuple[str, ...] | None = None  # streams of the update that is wanted; None: none is
         self._streams_sent: dict[str, int] = {}
-        self._shelf = Shelf()
-        self._shelf_seen = False  # by whoever asked for the update that is wanted
         self._winds = 0
         self._wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # by hand, on top of the bench's own
         self._texts = 0  # of the vehicle's that were told
@@ -140,20 +134,19 @@ class LiveRun:
         self._flown = flown
         if not flown.can_wait:
             self._paused, self._pace = False, None
-        self._end.write({"kind": "begin", **flown.about, "shelf": self._shelf.path})
+        self._end.write({"kind": "begin", **flown.about})
         self._speed_from = (flown.scheduler.tick, self._clock_ns())
 
     def finish(self, run: Mapping[str, Any]) -> None:
         """The run is over; `run` is what run.json says."""
         if self._flown is not None and not self._end.lost and not self._end.busy:
-            self._asked = self._asked or ()
+            self._slow_ns = 0  # the whole of it once more
             self._end.write_last(self._state(self._clock_ns()), _LAST_S)
         if not self._end.lost:
             self._end.write_last({"kind": "end", "run": dict(run)}, _LAST_S)
 
     def close(self) -> None:
         self._end.close()
-        self._shelf.close()
 
     # -- the one place in the tick --------------------------------------------------------------------------------
 
@@ -167,9 +160,10 @@ class LiveRun:
     def _serve(self, now_ns: int) -> None:
         assert self._flown is not None
         scheduler = self._flown.scheduler
+        began_ns = time.thread_time_ns()
         self._look(now_ns)
+        self.looks_ns += time.thread_time_ns() - began_ns
         before_ns = self._clock_ns()
-        self.looks_ns += before_ns - now_ns
         while self._paused and not self._steps and not self._end.lost:
             self._wait(_HELD_S)
             self._look(self._clock_ns())
@@ -225,7 +219,6 @@ class LiveRun:
         if self._asked is not None and not end.busy and not end.lost and now_ns >= self._update_ns:
             # One that is late, for a picture that was drawn, does not put off all the others.
             self._update_ns = max(self._update_ns + _UPDATE_NS, now_ns + _UPDATE_NS // 2)
-            self.updates += 1
             end.write(self._state(now_ns))
 
     # -- what is told ---------------------------------------------------------------------------------------------
@@ -235,12 +228,11 @@ class LiveRun:
         truth = None if flown is None else flown.scheduler.truth
         if truth is None or truth.t_ns < self._trail_ns:
             return
-        self._trail_ns = truth.t_ns + _TRAIL_NS * self._trail_step
-        self._trail += (truth.t_ns * 1e-9, *truth.p_WB)
-        if len(self._trail) > 4 * _TRAIL_POINTS:
-            points = [self._trail[i : i + 4] for i in range(0, len(self._trail), 8)]
-            self._trail = [value for point in points for value in point]
-            self._trail_step *= 2
+        self._trail_ns = truth.t_ns + self._trail_step_ns
+        self._trail.append(tuple(round(value, 3) for value in (truth.t_ns * 1e-9, *truth.p_WB)))
+        if len(self._trail) > _TRAIL_POINTS:
+            del self._trail[1::2]
+            self._trail_step_ns *= 2
 
     def _tell_news(self, phase: str, reached: int) -> None:
         flown = self._flown
@@ -285,10 +277,8 @@ class LiveRun:
             "held": self.sticks.held,
             "armed": actuators.armed,
             "mode": actuators.mode,
-            "trail": self._trail,
             "events": list(self._events),
         }
-        self._trail, self._trail_step = [], 1
         self._events.clear()
         if truth is not None:
             rotors = len(truth.rotor_speed_radps)
@@ -303,11 +293,9 @@ class LiveRun:
             }
         if now_ns - self._slow_ns >= _SLOW_NS:
             self._slow_ns = now_ns
-            state |= {"slow": flown.slow() | {"sensors": scalar_samples(self._latest)}}
+            state["slow"] = flown.slow() | {"sensors": scalar_samples(self._latest), "trail": self._trail}
         asked = self._asked or ()
-        self._shelf.turn()
-        put = self._shelf.put if self._shelf_seen else copied
-        streams = frame_streams(self._latest, asked, self._streams_sent, put)
+        streams = frame_streams(self._latest, asked, self._streams_sent)
         streams |= view_streams(flown.views(), asked, self._streams_sent)
         if streams:
             state["frames"] = streams
@@ -324,7 +312,6 @@ class LiveRun:
         if kind == "next":
             wanted = message.get("streams", ())
             self._asked = tuple(stream for stream in wanted if isinstance(stream, str))
-            self._shelf_seen = message.get("shelf") is True
             # A pane that was closed and opened again wants its picture, also where it is the old one.
             for stream in [s for s in self._streams_sent if s not in self._asked]:
                 del self._streams_sent[stream]

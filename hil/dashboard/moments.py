@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 
 from firmware_bridge.codecs.companion_view import View
 from hil.companion.view_log import VIEWS_NAME, read_views
-from hil.dashboard.boxes import boxes_of
-from hil.dashboard.client_views import client_of, stream_of, view_body
+from hil.dashboard.client_views import boxes_of, client_of, stream_of, view_body
 from hil.dashboard.own_views import OwnViews
 from hil.dashboard.pictures import Shown, shown
 from hil.dashboard.snapshot import CLOUD_PART, MOST_POINTS, array_body, thinned
-from hil.dashboard.updates import packed_update
+from hil.dashboard.wire import packed_update
 from hil.recorder.reading import RecordedMessage
 from hil.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
 from hil.recorder.recorder import MCAP_NAME
@@ -79,7 +78,7 @@ class Moments:
             return [] if past is None else [stream_of(client) for client in sorted(past.maps)]
 
     def at(self, name: str, t_ns: int, streams: Sequence[str]) -> bytes | None:
-        """As `hil.dashboard.updates` has it; None where there is no such run."""
+        """As `hil.dashboard.wire.packed_update` makes it; None where there is no such run."""
         with self._lock:
             past, folder = self._past(name), self._folder_of(name)
             if past is None or folder is None:

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from hil.dashboard.actors import Actors
-from hil.dashboard.own_streams import PREFIX, STREAMS
+from hil.dashboard.hub import OWN_PREFIX, OWN_STREAMS
 from hil.dashboard.snapshot import CLOUD_PART, MOST_POINTS, frame_streams
 from hil.signals.classes import Classes
 from hil.signals.samples import TruthState
+
+if TYPE_CHECKING:
+    from hil.dashboard.scene_mesh import Actors
 
 _SIZE = (320, 240)
 _FOV_DEG = 90.0
@@ -43,7 +43,7 @@ class OwnViews:
 
     def triangles(self) -> bytes:
         """The scene for the 3-D view. HilError where the bench file or its scene is wrong."""
-        from hil.dashboard.scene_mesh import scene_triangles
+        from hil.dashboard.scene_mesh import Actors, scene_triangles
 
         with self._lock:
             world = self._loaded().world
@@ -64,16 +64,14 @@ class OwnViews:
             self._loaded()
             self._seq += 1
             for name in ("camera", "lidar", "radar"):
-                port = f"{PREFIX}/{name}"
+                port = f"{OWN_PREFIX}/{name}"
                 parts = tuple(sorted(s.removeprefix(f"{port}/") for s in wanted if s.startswith(f"{port}/")))
-                if not parts or any(f"{port}/{part}" not in STREAMS for part in parts):
+                if not parts or any(f"{port}/{part}" not in OWN_STREAMS for part in parts):
                     continue
                 self._frames.expect(t_ns)
                 sample = self._sensor(name, parts).sample(truth, self._seq)
                 if sample is not None:
-                    made |= frame_streams(
-                        {port: sample}, [f"{port}/{part}" for part in parts], {}, np.ascontiguousarray
-                    )
+                    made |= frame_streams({port: sample}, [f"{port}/{part}" for part in parts], {})
         return made
 
     def _loaded(self) -> Any:

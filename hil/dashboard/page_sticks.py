@@ -12,7 +12,7 @@ from typing import Any
 
 from firmware_bridge.manual.manual_control import Buttons
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks, StickState
-from hil.dashboard.plain_number import is_number
+from hil.dashboard.wire import is_number
 
 _HOLD_NS = 400_000_000  # wall clock; the page repeats itself every 50 ms while the switch is held
 _PRESS_NS = 250_000_000

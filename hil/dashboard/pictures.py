@@ -45,8 +45,12 @@ def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, b
     if channel == "rgb":
         return _encoded(".jpg", cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2BGR))
     if channel in ("depth", "range"):
-        bits = np.ascontiguousarray(array, np.float32).view(np.uint32)
-        return _encoded(".jpg", cv2.applyColorMap(_depth_levels()[bits >> 16], _depth_colours()))
+        seen = np.isfinite(array)
+        metres = np.clip(np.where(seen, array, _FARTHEST_M), _NEAREST_M, _FARTHEST_M)
+        near = 1.0 - np.log(metres / _NEAREST_M) / np.float32(np.log(_FARTHEST_M / _NEAREST_M))
+        bgr = cv2.applyColorMap(np.rint(255.0 * near).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+        bgr[~seen] = _NOTHING
+        return _encoded(".jpg", bgr)
     if channel == "radial_velocity":
         grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _FASTEST_MPS, -1.0, 1.0)).astype(np.uint8)
         return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
@@ -69,30 +73,6 @@ def _cv2() -> Any:
     # Waking others for a small picture costs more than they save, and the run wants their processor.
     cv2.setNumThreads(1)
     return cv2
-
-
-@cache
-def _depth_levels() -> NDArray[np.uint8]:
-    """Level 1 (far) to 255 (near) of each float32 by its upper half, 0 of what is no distance.
-
-    Half a float has a distance to 0.4 %; a level is 2.4 %. A logarithm for each pixel took longer than all the rest.
-    """
-    with np.errstate(invalid="ignore"):
-        middles = ((np.arange(1 << 16, dtype=np.uint32) << 16) | 0x8000).view(np.float32).astype(np.float64)
-    seen = np.isfinite(middles)
-    far = np.log(np.clip(np.where(seen, middles, _FARTHEST_M), _NEAREST_M, _FARTHEST_M) / _NEAREST_M)
-    levels = np.rint(1.0 + 254.0 * (1.0 - far / np.log(_FARTHEST_M / _NEAREST_M))).astype(np.uint8)
-    levels[~seen] = 0
-    return levels
-
-
-@cache
-def _depth_colours() -> NDArray[np.uint8]:
-    """BGR of each level."""
-    cv2 = _cv2()
-    colours = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)
-    colours[0] = _NOTHING
-    return np.asarray(colours, np.uint8)
 
 
 @lru_cache(maxsize=4)

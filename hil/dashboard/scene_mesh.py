@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.dashboard.actors import Actors, into_frame
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import rgb_texture, texels_of
 
@@ -22,11 +21,40 @@ _GEOM = mujoco.mjtGeom
 _Piece = tuple[float, NDArray[np.float32], NDArray[np.uint8]]  # size [m], corners, colour
 
 
+class Actors:
+    """Where a scene's people and vehicles are: each one stiff thing at its first body. In pictures their limbs move."""
+
+    def __init__(self, world: Any) -> None:
+        """`world`: sim.scene.world.World."""
+        self._actors = world.map.actors
+        self._arrays = [tuple(np.zeros((len(actor.bodies), width)) for width in (3, 4, 3, 3)) for actor in self._actors]
+
+    def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
+        """x, y, z [m, W] and yaw [rad] of each."""
+        found = []
+        for actor, arrays in zip(self._actors, self._arrays, strict=True):
+            actor.pose(t_ns, *arrays)
+            x, y, z = arrays[0][0].tolist()
+            qw, qx, qy, qz = arrays[1][0].tolist()
+            yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+            found.append((round(x, 3), round(y, 3), round(z, 3), round(yaw, 4)))
+        return found
+
+
+def into_frame(corners: NDArray[np.float32], place: tuple[float, float, float, float]) -> NDArray[np.float32]:
+    """Points of W in the frame of a place."""
+    x, y, z, yaw = place
+    moved = corners - np.array((x, y, z), np.float32)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turn = np.array(((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)), np.float32)
+    return np.asarray(moved @ turn.T, np.float32)
+
+
 def scene_triangles(world: Any) -> bytes:
     """What stands still, then uint32 how many people and vehicles there are, then each of them.
 
     A mesh is uint32 count, then per corner three float32 [m] and four uint8 (red, green, blue, 255): in W what stands
-    still, in its own frame (`hil.dashboard.actors`) what moves, after its place at the start as four float32.
+    still, in its own frame what moves, after its place at the start as four float32.
     `world`: sim.scene.world.World.
     """
     model = world.model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,17 +14,9 @@ from hil.signals.samples import FRAME_SAMPLES, FrameSample, ImageSample, PointCl
 _WIDEST = 320  # pixels across; what is wider is thinned before it leaves the run
 MOST_POINTS = 6000  # of a sweep
 CLOUD_PART = "points"  # the one stream of a LiDAR
-Put = Callable[[NDArray[Any]], Any]  # what stands for an array's bytes in a body
 
 
-def copied(array: NDArray[Any]) -> bytes:
-    """The bytes themselves."""
-    return array.tobytes()
-
-
-def frame_streams(
-    latest: Mapping[str, Sample], wanted: Iterable[str], sent: dict[str, int], put: Put = copied
-) -> dict[str, Any]:
+def frame_streams(latest: Mapping[str, Sample], wanted: Iterable[str], sent: dict[str, int]) -> dict[str, Any]:
     """The newest frame of each wanted stream, but for those that were `sent` already (by sequence number)."""
     made: dict[str, Any] = {}
     for stream in wanted:
@@ -32,27 +24,27 @@ def frame_streams(
         sample = latest.get(port)
         if not isinstance(sample, FRAME_SAMPLES) or sent.get(stream) == sample.seq:
             continue
-        body = _body(sample, part, put)
+        body = _body(sample, part)
         if body is not None:
             sent[stream] = sample.seq
             made[stream] = {"t_ns": sample.t_capture_ns, "p": sample[3], "q": sample[4], **body}
     return made
 
 
-def _body(sample: FrameSample, part: str, put: Put) -> dict[str, Any] | None:
+def _body(sample: FrameSample, part: str) -> dict[str, Any] | None:
     if isinstance(sample, PointCloudSample):
         if part != CLOUD_PART:
             return None
         step = -(-len(sample.points_L) // MOST_POINTS) or 1
-        return {"points": put(sample.points_L[::step])}
+        return {"points": sample.points_L[::step].tobytes()}
     picture = sample.channels.get(part)
     if picture is None:
         return None
     if picture.dtype.names is not None:
         return {"records": records(picture)}
     if isinstance(sample, RadarSample):
-        return array_body(picture, put)
-    return array_body(thinned(picture), put)
+        return array_body(picture)
+    return array_body(thinned(picture))
 
 
 def thinned(picture: NDArray[Any]) -> NDArray[Any]:
@@ -61,9 +53,9 @@ def thinned(picture: NDArray[Any]) -> NDArray[Any]:
     return picture[::step, ::step] if step > 1 else picture
 
 
-def array_body(picture: NDArray[Any], put: Put = copied) -> dict[str, Any]:
+def array_body(picture: NDArray[Any]) -> dict[str, Any]:
     """An array on the wire."""
-    return {"shape": list(picture.shape), "dtype": picture.dtype.str, "data": put(picture)}
+    return {"shape": list(picture.shape), "dtype": picture.dtype.str, "data": picture.tobytes()}
 
 
 def array_of(body: Mapping[str, Any]) -> NDArray[Any]:

@@ -45,9 +45,8 @@ def state(k: int, *, pictures: bool = True) -> dict[str, Any]:
         "kind": "state",
         "tick": k,
         "t_ns": k * 4_000_000,
-        "trail": [0.2 * k, float(k), 0.0, 1.0],
         "events": [(k, "status", f"event {k}")],
-        "slow": {"links": []},
+        "slow": {"links": [], "trail": [(0.2 * k, float(k), 0.0, 1.0)] * 1500},
         "frames": {"front/depth": picture} if pictures else {},
         "speed": float("nan"),
     }
@@ -70,6 +69,25 @@ def test_a_slow_page_gets_the_newest_and_no_queue() -> None:
         assert len(head["events"]) == 300
         await hub._take(state(500))
         assert len(slow.got) == 1
+
+    asyncio.run(scenario())
+
+
+def test_what_changes_slowly_is_told_once_to_each_page() -> None:
+    async def scenario() -> None:
+        hub, early, late = Hub(), Collecting(), Collecting()
+        hub.pages |= {early.page, late.page}
+        for k in range(2):
+            told = state(k)
+            if k:
+                del told["slow"]
+            await hub._take(told)
+            await hub.hear(early.page, {"kind": "next"})
+        await hub.hear(late.page, {"kind": "next"})
+        first, second = (head_of(data) for data in early.got)
+        assert first["slow"]["links"] == []
+        assert "slow" not in second
+        assert head_of(late.got[-1])["slow"] == first["slow"]
 
     asyncio.run(scenario())
 
@@ -140,7 +158,7 @@ def test_eight_hours_of_updates_leave_nothing_behind() -> None:
         begun = await hammered(50)
         ended = await hammered(400)
         tracemalloc.stop()
-        # The trail's points may go on to 4000; every update kept would be 400 pictures and more.
+        # Every update kept would be 400 pictures and more.
         assert ended - begun < 400_000
         assert len(page.got) <= 4
 

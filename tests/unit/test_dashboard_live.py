@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import socket
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks
+from hil.dashboard.live_run import LiveRun
 from hil.dashboard.page_sticks import ASKS, PageSticks, page_buttons
+from hil.dashboard.pictures import picture
 from hil.dashboard.snapshot import array_of, frame_streams
-from hil.dashboard.trail import Trail
-from hil.dashboard.wire import RunEnd, Unpacker, packed
+from hil.dashboard.wire import MAX_MESSAGE, RunEnd, Unpacker, packed
+from hil.signals.classes import Classes
 from hil.signals.samples import ImageSample, PointCloudSample
 
 MS = 1_000_000
@@ -99,8 +104,9 @@ def test_messages_come_whole_in_whatever_pieces() -> None:
         {"kind": "a", "n": 1},
         {"kind": "b"},
     ]
+    assert unpacker.feed(b"\x07\xc0") == []  # no messages of this wire
     with pytest.raises(ValueError, match="bytes"):
-        unpacker.feed(b"\xff\xff\xff\xff")
+        unpacker.feed(b"\xc6\xff\xff\xff\xff" + bytes(MAX_MESSAGE))
 
 
 def test_a_frame_is_told_once_and_only_to_those_who_ask() -> None:
@@ -122,10 +128,25 @@ def test_a_frame_is_told_once_and_only_to_those_who_ask() -> None:
 
 
 def test_a_trail_stays_short_and_keeps_its_ends() -> None:
-    trail = Trail(limit=100)
+    ours, _theirs = socket.socketpair()
+    live = LiveRun(ours)
     for k in range(100_000):
-        trail.add((float(k), 0.0, 0.0, 1.0))
-    assert 40 <= len(trail.points) < 100
-    assert trail.points[-1][0] > 97_000
-    gaps = {b[0] - a[0] for a, b in zip(trail.points, trail.points[1:], strict=False)}
-    assert max(gaps) <= 2 * min(gaps)
+        truth = SimpleNamespace(t_ns=200 * MS * k, p_WB=(float(k), 0.0, 1.0))
+        live._flown = SimpleNamespace(scheduler=SimpleNamespace(truth=truth))  # type: ignore[assignment]
+        live._keep_trail()
+    assert 700 <= len(live._trail) <= 1500
+    assert live._trail[0][1] == 0.0
+    assert live._trail[-1][1] > 99_800.0
+    gaps = {b[0] - a[0] for a, b in pairwise(live._trail)}
+    assert max(gaps) <= 2 * min(gaps) + 1e-9
+
+
+def test_depth_is_shown_near_to_far_and_nothing_is_grey() -> None:
+    distances = np.array([0.5, 1.5, 11.0, 60.0, 1000.0, np.inf, np.nan], np.float32)
+    array = np.repeat(distances[:, None], 16, axis=1).repeat(16, axis=0)
+    _, data = picture("depth", array, Classes())
+    bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[8::16, 8].astype(int)
+    shares = 1.0 - np.log(np.clip(distances[:5].astype(float), 0.5, 200.0) / 0.5) / np.log(400.0)
+    viridis = cv2.applyColorMap(np.rint(255.0 * shares).astype(np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0]
+    assert np.abs(bgr[:5] - viridis.astype(int)).max() <= 8
+    assert np.abs(bgr[5:] - 190).max() <= 2

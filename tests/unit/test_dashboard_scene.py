@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.dashboard.actors import Actors, into_frame
-from hil.dashboard.scene_mesh import _colour, scene_triangles
+from hil.dashboard.scene_mesh import Actors, _colour, into_frame, scene_triangles
 from hil.view_command import load_frames
 
 CORNER = np.dtype([("at", "<f4", 3), ("colour", "u1", 4)])

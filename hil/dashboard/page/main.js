@@ -26,7 +26,8 @@ const charts = {
   motors: new Chart($("c-motors"), { range: [0, 1] }),
 };
 const view = new View3d($("view"), $("view-note"));
-let replay = null, going = false, stopping = false, about = {}, state = {}, trail = [], run = -1, sceneOf = null;
+let replay = null, going = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
+let trail = [], fresh = false;  // [t, x, y, z] of where the vehicle has been; whether the charts lack it
 let maps = [];  // streams of companions that show one
 
 // -- what comes ----------------------------------------------------------------------------------------------------
@@ -36,17 +37,20 @@ const live = new Live(update, () => setStatus("no connection", "bad"));
 function update(head, frames) {
   going = head.going;
   if (head.about) begin(head);
-  if (head.trail_whole) trail = [];
-  for (const point of head.trail) trail.push(point);
-  if (head.trail_whole && !replay?.on) remember();
   state = head.state;
+  if (head.slow) {
+    slow = head.slow;
+    trail = slow.trail ?? [];
+    if (fresh && trail.length) { fresh = false; if (!replay?.on) remember(); }
+  }
+  // Between two trails of the run, from its updates.
+  if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
   const error = head.result?.error;
   showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
   if (!going) stopping = false;
   buttons();
   if (replay?.on) return;
   for (const event of head.events) log(event);
-  if (head.slow) slow = head.slow;
   showSlow();
   if (state.p) showState();
   showStatus(head.result);
@@ -69,6 +73,8 @@ function begin(head) {
   about = head.about;
   if (head.run === run) return;
   run = head.run;
+  fresh = true;
+  trail = [];
   if (!replay.on) showRun();
 }
 
@@ -107,10 +113,7 @@ async function loadScene(which) {
 function showState() {
   view.setActors(state.actors);
   view.setPose(state.p, state.q);
-  const flat = new Float32Array(3 * trail.length + 3);
-  trail.forEach((point, k) => flat.set([point[1], point[2], point[3]], 3 * k));
-  flat.set(state.p, 3 * trail.length);
-  view.setLine("trail", flat, { colour: "--trail" });
+  view.setLine("trail", trail.flatMap((point) => point.slice(1)), { colour: "--trail" });
   breakage.show(state.by_hand);
   const t = state.t_ns / NS;
   charts.altitude.add(t, [state.p[2]]);
@@ -161,7 +164,7 @@ function clientRows(told) {
     Object.entries(report).filter(([, value]) => value !== "").map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
 }
 
-let slow = {}, slowShown = null;
+let slowShown = null;
 function showSlow() {
   if (slow.battery) state.battery = slow.battery;
   if (slow.maps && slow.maps.join() !== maps.join()) { maps = slow.maps; offerPanes(); }
