@@ -166,7 +166,8 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         "instance": autopilot.instance,
         "on_restart": autopilot.on_restart,
         "gravity_mps2": bench.scene.gravity_mps2,
-        "also": frozenset({"windvane"}) if _windy(bench) else frozenset(),
+        "tells_wind": _windy(bench),
+        "on_event": around.on_event,
         "reply_limit_s": autopilot.reply_timeout_s if autopilot.on_restart == "error" else math.inf,
         "boot_limit_s": autopilot.connect_timeout_s,
     }

@@ -426,8 +426,8 @@ class _Run:
             observers.append(self.goal.add)
         if self.search is not None:
             observers.append(self.search.add)
-        for source in (self.link, self.manual, self.page_manual):
-            if isinstance(source, ArduPilotJsonLink | ManualControlSource):
+        for source in (self.manual, self.page_manual):
+            if source is not None:
                 observers.append(partial(self._record_events, source))
         self.scheduler = Scheduler(
             tick_ns=config.tick_ns,
@@ -571,7 +571,7 @@ class _Run:
             self.recorder.event(0, "warning", warning)
         return key
 
-    def _record_events(self, source: ArduPilotJsonLink | ManualControlSource, truth: TruthState) -> None:  # noqa: ARG002
+    def _record_events(self, source: ManualControlSource, truth: TruthState) -> None:  # noqa: ARG002
         """What a source of events has had to say since the tick before."""
         assert self.recorder is not None
         for event in source.take_events():

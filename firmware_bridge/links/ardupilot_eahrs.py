@@ -14,15 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from firmware_bridge.links.ardupilot_sitl import copter_parameters, write_defaults
+from firmware_bridge.links.ardupilot_sitl import copter_parameters, home_text, program_at, write_defaults
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.transports.pty import PtyTransport
-from hil.signals.errors import LinkClosed, LinkError, PortNotFound
 
 BAUD = 921_600
 SENSOR_SERIAL = 4  # SERIAL4 of SITL has our VectorNav, SERIAL0 MAVLink
-EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's
-EKF_OWN = 3  # EKF3 on the device's IMU, magnetometer, barometer and GPS
+EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's; 3 is EKF3 on its measurements
 
 _DEVICE_TYPE_IMU = 0x320000  # of an accelerometer behind an External AHRS
 _BUS_SERIAL = 6
@@ -36,9 +34,7 @@ class HeldPty(PtyTransport):
     hung up. Whether it still runs is known of its process."""
 
     def read(self, timeout_s: float) -> bytes:
-        if self._stream is None:
-            raise LinkClosed(self.name, "the pty is not open")
-        return self._stream.read(timeout_s)
+        return self._opened().read(timeout_s)
 
 
 def board_parameters(*, serial: int, has_ins: bool = True, ekf: int = EKF_EXTERNAL, rate_hz: int) -> dict[str, float]:
@@ -118,9 +114,6 @@ def arducopter_eahrs_command(
     arguments: Sequence[str] = (),
 ) -> list[str]:
     """Command line of an ArduCopter whose SERIAL4 is `sensor_path` and whose SERIAL0 is `mavlink_path`."""
-    latitude, longitude, altitude, heading = home
-    if latitude == 0.0 and longitude == 0.0:
-        raise LinkError(str(binary), "home 0, 0: ArduPilot takes that for 'none given' and starts in Canberra")
     command = [
         str(binary),
         "-w",
@@ -129,7 +122,7 @@ def arducopter_eahrs_command(
         "--speedup",
         "1",
         "--home",
-        f"{latitude:.9f},{longitude:.9f},{altitude:.4f},{heading:.4f}",
+        home_text(binary, home),
         "--defaults",
         str(defaults),
     ]
@@ -152,10 +145,7 @@ def arducopter_on_ptys(
     env: Mapping[str, str] | None = None,
 ) -> Callable[[], ChildProcess]:
     """What starts `binary` in `folder`, once the two pseudo-terminals are open. PortNotFound if there is no program."""
-    program = binary.expanduser().resolve()
-    if not program.is_file():
-        raise PortNotFound(str(binary), "no such program; build it with `./waf configure --board sitl && ./waf copter`")
-    where = folder.resolve()
+    program, where = program_at(binary), folder.resolve()
 
     def start() -> ChildProcess:
         command = arducopter_eahrs_command(

@@ -24,16 +24,13 @@ each `send`. Of the bench's sensors it uses IMU and range finder.
 
 from __future__ import annotations
 
-import os
 import select
-import signal
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from firmware_bridge.codecs.ardupilot_json import (
-    CONTROLS,
     PwmRange,
     ServoPacket,
     VehicleState,
@@ -44,15 +41,15 @@ from firmware_bridge.codecs.ardupilot_json import (
     state_from_truth,
 )
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.links.ardupilot_mavlink import MavlinkSide
 from firmware_bridge.links.autopilot_link import LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.links.silence import process_is_stopped
-from firmware_bridge.transports.udp_inbox import Address, UdpInbox
+from firmware_bridge.links.servo_outputs import motor_command
+from firmware_bridge.links.silence import VehicleWatch, process_is_stopped
+from firmware_bridge.links.wired_link import WiredLink
+from firmware_bridge.transports.udp import Address, UdpInbox
 from hil.signals.errors import HandshakeError, HilError, LinkClosed, LockstepLost
-from hil.signals.frames import ned_from_enu
 from hil.signals.samples import (
     ActuatorFrame,
     BaroSample,
@@ -66,21 +63,13 @@ from hil.signals.samples import (
 )
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 
-_HEARTBEAT = MSGID["HEARTBEAT"]
-_STATUSTEXT = MSGID["STATUSTEXT"]
-_AUTOPILOT_COMPID = 1
-_ARMED_BIT = 0x80
-
 _SLICE_S = 0.05
 _CHECK_S = 0.25  # how often the process is looked at while waiting
 # SITL repeats after 1 s of silence. A repeat that has crossed our answer is followed by the next packet at once.
 _GRACE_S = 0.25
 _UNSETTLED_PACKETS = 1000  # the rate may walk by 1 Hz a packet, from 1200
 _RATE_TOLERANCE_HZ = 1.5  # SITL reports the rate of our timestamps, one more or less
-_TEXTS = 3
 _MODULUS = 1 << 32
-
-Extra = Literal["airspeed", "windvane", "velocity_wind"]
 
 
 class RestartRequested(HilError):
@@ -88,14 +77,6 @@ class RestartRequested(HilError):
 
     The link's clock towards the autopilot begins anew with the next `send`; the bench's own time goes on.
     """
-
-
-class LinkEvent(NamedTuple):
-    """Something worth a line in the recording."""
-
-    t_ns: int
-    kind: str
-    text: str
 
 
 @dataclass
@@ -112,51 +93,39 @@ class ArduPilotStats(LinkStats):
     restarts: int = 0
 
 
-class Ports(NamedTuple):
-    """Where a SITL that the link starts shall send to."""
-
-    servo: int
-    mavlink: int | None  # None: it listens, over TCP
-
-
-class ArduPilotJsonLink:
+class ArduPilotJsonLink(WiredLink):
     """Lockstep with ArduPilot SITL (`--model JSON`), whose servo packets come to `inbox`.
 
-    `start_process` is called with the bound ports and starts nothing yet: `open` does. `home_W` is the place that the
-    firmware was given as `--home`; None: where the vehicle is at the first `observe`. `imu`: what SITL is told, the
-    samples of the bench's sensor, or the truth ("ideal"); SITL adds noise of its own to either (SIM_ACC*, SIM_GYR*).
-    `also` names optional fields to send. Limits are wall-clock; infinite for a server that waits for whoever comes.
+    Home is where the vehicle is at the first `observe`. SITL adds noise of its own to the IMU's samples (SIM_ACC*,
+    SIM_GYR*). With `tells_wind` a wind vane is among what SITL is told. Limits are wall-clock; infinite for a server
+    that waits for whoever comes. `on_event` hears of restarts, and of a step that does not fit the tick.
     """
+
+    _stats: ArduPilotStats
 
     def __init__(
         self,
         inbox: UdpInbox,
         mavlink: MavlinkSide | None = None,
         *,
-        start_process: Callable[[Ports], ChildProcess] | None = None,
-        pwm: PwmRange | None = None,
-        imu: Literal["sensor", "ideal"] = "sensor",
+        start_process: Callable[[], ChildProcess] | None = None,
         gravity_mps2: float = STANDARD_GRAVITY_MPS2,
-        also: frozenset[Extra] = frozenset(),
-        home_W: Vec3 | None = None,
+        tells_wind: bool = False,
         on_restart: Literal["error", "reset"] = "error",
+        on_event: Callable[[str, str], None] | None = None,
         reply_limit_s: float = 10.0,
         boot_limit_s: float = 60.0,
     ) -> None:
         self._inbox = inbox
         self._mavlink = mavlink
-        self._start_process = start_process
-        self._process: ChildProcess | None = None
-        self._pwm = pwm if pwm is not None else PwmRange()
-        self._ideal_imu = imu == "ideal"
+        self._pwm = PwmRange()
         self._gravity_mps2 = gravity_mps2
-        self._also = also
-        self._fixed_home_W = home_W
+        self._tells_wind = tells_wind
         self._on_restart = on_restart
         self._reply_limit_s = reply_limit_s
         self._boot_limit_s = boot_limit_s
         # One answer a step, as fast as wished; above 1200 Hz nobody has tried.
-        self._caps = LinkCaps(
+        caps = LinkCaps(
             "ardupilot_json",
             lockstep=True,
             deterministic=False,  # SITL's boot takes a few steps more or less, as its threads get the processor
@@ -165,8 +134,11 @@ class ArduPilotJsonLink:
             busy_processors=2,  # its threads for input and output run on wall-clock time
             takes_truth=True,
         )
+        # SITL that waits for a state does not hear SIGTERM.
+        super().__init__(caps, inbox, aside=mavlink, start_process=start_process, deaf=True, on_event=on_event)
+
+    def _reset(self) -> None:
         self._stats = ArduPilotStats()
-        self._events: list[LinkEvent] = []
         self._forget()
 
     def _forget(self) -> None:
@@ -175,80 +147,26 @@ class ArduPilotJsonLink:
         self._asker: Address = ("", 0)
         self._former: Address | None = None  # of the autopilot before its last start
         self._reply = b""  # the last one
-        self._home_W = self._fixed_home_W
+        self._home_W: Vec3 | None = None
         self._truth: TruthState | None = None
         self._wind_W: Vec3 = (0.0, 0.0, 0.0)
         self._imu: ImuSample | None = None
         self._ranges_m: tuple[float, ...] = ()
-        self._frames: list[Frame] = []
-        self._mode = 0
-        self._texts: list[str] = []
+        self._frames = []
+        self._watch = VehicleWatch()
         self._heard_in_wait = 0
         self._sent_at_ns = 0
         self._last_t_ns: int | None = None
         self._epoch_ns: int | None = None  # the bench's time of this autopilot's first state
         self._tick_ns = 0
         self._rate_packets = 0
-        self._rate_told = False
 
-    @property
-    def caps(self) -> LinkCaps:
-        return self._caps
-
-    @property
-    def stats(self) -> ArduPilotStats:
-        """Counters; brought up to date by reading this property."""
-        stats, side = self._stats, self._mavlink
-        if side is not None:
-            stats.take_received(side.parser)
-        return stats
-
-    @property
-    def pid(self) -> int | None:
-        """Of the autopilot, if the bench started it."""
-        return None if self._process is None else self._process.pid
-
-    @property
-    def name(self) -> str:
-        return f"autopilot (ardupilot_json, {self._inbox.name})"
-
-    @property
-    def servo_port(self) -> int:
-        return self._inbox.port
-
-    def open(self) -> None:
-        """Bind, start the process if there is one to start, wait for its first servo packet."""
-        self._forget()
-        self._stats = ArduPilotStats()
-        self._events = []
-        try:
-            self._inbox.open()
-            if self._mavlink is not None:
-                self._mavlink.open()
-            if self._start_process is not None:
-                side = self._mavlink
-                self._process = self._start_process(Ports(self._inbox.port, None if side is None else side.udp_port))
-                self._process.start()
-            self._await_first_packet()
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        self._inbox.close()
-        if self._mavlink is not None:
-            self._mavlink.close()
-        process, self._process = self._process, None
-        if process is not None:
-            if process.running() and process.pid is not None:
-                # SITL that waits for a state does not hear SIGTERM.
-                os.kill(process.pid, signal.SIGKILL)
-            process.close()
+    def _parsers(self) -> Sequence[FrameParser]:
+        return () if self._mavlink is None else (self._mavlink.parser,)
 
     def observe(self, truth: TruthState, wind_W: Vec3 = (0.0, 0.0, 0.0)) -> None:
         """The vehicle's true state, and the wind at it [m/s, W], which the next `send` tells."""
-        self._truth = truth
-        self._wind_W = wind_W
+        self._truth, self._wind_W = truth, wind_W
         if self._home_W is None:
             self._home_W = truth.p_WB
 
@@ -266,10 +184,9 @@ class ArduPilotJsonLink:
         """Write `extra` to the MAVLink side, then the state line; these bytes. CodecError if it holds no number."""
         if imu is not None:
             self._imu = imu
-        if ranging:
-            ranges = tuple(sample.distance_m for sample in ranging if isinstance(sample, RangeSample))
-            if ranges:
-                self._ranges_m = ranges
+        ranges_m = tuple(sample.distance_m for sample in ranging if isinstance(sample, RangeSample))
+        if ranges_m:
+            self._ranges_m = ranges_m
         if self._epoch_ns is None:
             self._epoch_ns = t_ns
         data = encode_state(self._state(tick, t_ns, self._epoch_ns))
@@ -296,23 +213,8 @@ class ArduPilotJsonLink:
         packet = self._await_next(t_ns)
         self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
         self._drain()
-        self._watch_rate(packet, t_ns)
-        controls = self._pwm.controls(packet.pwm_us)
-        # A heartbeat comes once a second; turning motors tell at once.
-        armed = self._mode & _ARMED_BIT != 0 or any(controls[:8])
-        mode = self._mode | _ARMED_BIT if armed else self._mode & ~_ARMED_BIT
-        assert len(controls) == CONTROLS
-        return ActuatorFrame(tick, t_ns, controls, armed, mode)
-
-    def take_frames(self) -> list[Frame]:
-        """Every MAVLink frame received since the last call, in order."""
-        frames, self._frames = self._frames, []
-        return frames
-
-    def take_events(self) -> list[LinkEvent]:
-        """What happened on the link since the last call."""
-        events, self._events = self._events, []
-        return events
+        self._watch_rate(packet)
+        return motor_command(tick, t_ns, self._pwm.controls(packet.pwm_us), self._watch.base_mode)
 
     # ---- what is sent
 
@@ -321,23 +223,15 @@ class ArduPilotJsonLink:
         if truth is None or home_W is None or truth.t_ns != t_ns:
             raise LockstepLost(self.name, f"tick {tick}: `observe` was not called with the truth of {t_ns} ns")
         sample = self._imu
-        if sample is None or self._ideal_imu:
-            # Also before the sensor's first sample: all zeros would leave the estimator uninitialised for ever.
+        if sample is None:
+            # Before the sensor's first sample: all zeros would leave the estimator uninitialised for ever.
             accel, gyro = ideal_imu(truth, self._gravity_mps2)
         else:
             accel, gyro = sample.accel_mps2, sample.gyro_radps
         state = state_from_truth(
             t_ns - epoch_ns, truth, home_W=home_W, accel_B_mps2=accel, gyro_B_radps=gyro, ranges_m=self._ranges_m
         )
-        also = self._also
-        if also:
-            airspeed, vane = air_data(truth, self._wind_W)
-            state = state._replace(
-                airspeed_mps=airspeed if "airspeed" in also else None,
-                windvane=vane if "windvane" in also else None,
-                wind_N_mps=ned_from_enu(self._wind_W) if "velocity_wind" in also else None,
-            )
-        return state
+        return state._replace(windvane=air_data(truth, self._wind_W)[1]) if self._tells_wind else state
 
     # ---- what is received
 
@@ -384,7 +278,7 @@ class ArduPilotJsonLink:
                 self._stats.answered_again += 1
             if now_ns >= check_ns:
                 check_ns = now_ns + int(_CHECK_S * 1e9)
-                self._check_process(f"while the state of {t_ns} ns was to be answered")
+                self._check_process(f"ended while the state of {t_ns} ns was to be answered")
             if now_ns >= deadline_ns:
                 raise LockstepLost(
                     self.name, self._silence(t_ns, self._stats.repeats - repeats_before), cause=self._cause()
@@ -393,68 +287,53 @@ class ArduPilotJsonLink:
 
     def _pause(self, limit_s: float) -> None:
         """Wait for a datagram. Telemetry is read meanwhile: SITL stands still if nobody reads its TCP port."""
-        fds = [self._inbox.fileno()]
-        side = self._mavlink.fileno() if self._mavlink is not None else None
-        if side is not None:
-            fds.append(side)
-        if fds[0] not in select.select(fds, [], [], limit_s)[0]:
+        inbox, side = self._inbox.fileno(), self._mavlink.fileno() if self._mavlink is not None else None
+        if inbox not in select.select([fd for fd in (inbox, side) if fd is not None], [], [], limit_s)[0]:
             self._drain()
 
     def _drain(self) -> None:
         if self._mavlink is None:
             return
         frames = self._mavlink.read()
-        if not frames:
-            return
         self._heard_in_wait += len(frames)
         self._frames += frames
-        for frame in frames:
-            if frame[0] == _HEARTBEAT and frame[2] == _AUTOPILOT_COMPID:
-                self._mode = unpack(frame).base_mode
-            elif frame[0] == _STATUSTEXT:
-                self._texts = [*self._texts[1 - _TEXTS :], unpack(frame).text]
+        self._watch.heard(frames)
 
     def _is_next(self, packet: ServoPacket, sender: Address) -> bool:
         """Whether `packet` is the one after the one asked last. Counts all others, or ends the run."""
         asked = self._asked
         assert asked is not None
-        count, stats = packet.frame_count, self._stats
-        if sender == self._asker:
-            ahead = (count - asked.frame_count) % _MODULUS
-            if ahead == 1:
-                return True
-            if ahead == 0:
-                stats.repeats += 1
-                return False
-            if count == 0:
-                self._restarted(packet, sender)
-            if ahead < _MODULUS // 2:
-                raise LockstepLost(
-                    self.name,
-                    f"SITL's frame count went from {asked.frame_count} to {count}: it took answers of another "
-                    "simulator, or packets were lost",
-                    cause="gap",
-                )
-            stats.stale += 1
+        count, stats, same = packet.frame_count, self._stats, sender == self._asker
+        ahead = (count - asked.frame_count) % _MODULUS
+        if same and ahead == 1:
+            return True
+        if same and ahead == 0:
+            stats.repeats += 1
             return False
-        if sender == self._former and count != 0:
-            stats.stale += 1
+        if count == 0:
+            self._restarted(packet, sender)
             return False
-        if count != 0:
+        if same and ahead < _MODULUS // 2:
             raise LockstepLost(
                 self.name,
-                f"a second autopilot sends here: frame {count} from {sender[0]}:{sender[1]}, besides frame "
-                f"{asked.frame_count} from {self._asker[0]}:{self._asker[1]}; stop one or give it another instance",
-                cause="second_autopilot",
+                f"SITL's frame count went from {asked.frame_count} to {count}: it took answers of another simulator, "
+                "or packets were lost",
+                cause="gap",
             )
-        self._restarted(packet, sender)
-        return False
+        if same or sender == self._former:
+            stats.stale += 1
+            return False
+        raise LockstepLost(
+            self.name,
+            f"a second autopilot sends here: frame {count} from {sender[0]}:{sender[1]}, besides frame "
+            f"{asked.frame_count} from {self._asker[0]}:{self._asker[1]}; stop one or give it another instance",
+            cause="second_autopilot",
+        )
 
     def _take(self, packet: ServoPacket, sender: Address) -> None:
-        stats = self._stats
         self._asked, self._asker = packet, sender
-        stats.frame_rate_hz = packet.frame_rate_hz
-        stats.channels = len(packet.pwm_us)
+        self._stats.frame_rate_hz = packet.frame_rate_hz
+        self._stats.channels = len(packet.pwm_us)
 
     def _restarted(self, packet: ServoPacket, sender: Address) -> None:
         """A packet 0 out of turn: another start of the autopilot. Raises, unless nothing had been flown yet."""
@@ -472,9 +351,9 @@ class ArduPilotJsonLink:
             f"the autopilot has started again at {t_ns * 1e-9:.3f} s: its frame count fell from {asked.frame_count} "
             f"to 0, and it sends from port {sender[1]} now, {self._asker[1]} before"
         )
-        self._events.append(LinkEvent(t_ns, "restart", text))
+        self._on_event("restart", text)
         if self._on_restart == "error":
-            said = f"; it last said: {' / '.join(self._texts)}" if self._texts else ""
+            said = f"; {self._watch.last_words}" if self._watch.texts else ""
             raise LinkClosed(
                 self.name, f"{text} (rebooted, or crashed and started by somebody){said}", cause="restarted"
             )
@@ -485,29 +364,23 @@ class ArduPilotJsonLink:
         self._former = former
         raise RestartRequested(text)
 
-    def _watch_rate(self, packet: ServoPacket, t_ns: int) -> None:
+    def _watch_rate(self, packet: ServoPacket) -> None:
         """Say once if SITL keeps asking for another step than it gets."""
-        if self._rate_told or not self._tick_ns:
+        if not self._tick_ns or self._rate_packets > _UNSETTLED_PACKETS:
             return
         tick_hz = 1e9 / self._tick_ns
-        if abs(packet.frame_rate_hz - tick_hz) <= _RATE_TOLERANCE_HZ:
-            self._rate_packets = 0
-            return
-        self._rate_packets += 1
-        if self._rate_packets >= _UNSETTLED_PACKETS:
-            self._rate_told = True
-            self._events.append(
-                LinkEvent(
-                    t_ns,
-                    "warning",
-                    f"ArduPilot asks for {packet.frame_rate_hz} steps a second and gets {tick_hz:g}: its time follows "
-                    "the timestamps all the same, but set SIM_RATE_HZ to the tick rate",
-                )
+        fits = abs(packet.frame_rate_hz - tick_hz) <= _RATE_TOLERANCE_HZ
+        self._rate_packets = 0 if fits else self._rate_packets + 1
+        if self._rate_packets > _UNSETTLED_PACKETS:
+            self._on_event(
+                "warning",
+                f"ArduPilot asks for {packet.frame_rate_hz} steps a second and gets {tick_hz:g}: its time follows the "
+                "timestamps all the same, but set SIM_RATE_HZ to the tick rate",
             )
 
     # ---- waiting for it to come up, and saying why it does not answer
 
-    def _await_first_packet(self) -> None:
+    def _await_far_side(self) -> None:
         deadline_s = time.monotonic() + self._boot_limit_s
         while True:
             found = self._receive()
@@ -523,7 +396,7 @@ class ArduPilotJsonLink:
                 self._take(packet, sender)
                 self._drain()
                 return
-            self._check_process("before its first servo packet")
+            self._check_process("ended before its first servo packet")
             if time.monotonic() >= deadline_s:
                 raise HandshakeError(self.name, self._no_packet())
             self._pause(_SLICE_S)
@@ -532,24 +405,18 @@ class ArduPilotJsonLink:
         heard = []
         if self._stats.junk:
             heard.append(f"{self._stats.junk} datagrams came that are no servo packets: is it `--model JSON`?")
-        side = self._mavlink
-        if side is not None and side.parser.frames:
-            heard.append(f"{side.parser.frames} MAVLink frames came: is it started with `--model JSON`, and our port?")
+        frames = self.stats.rx_frames
+        if frames:
+            heard.append(f"{frames} MAVLink frames came: is it started with `--model JSON`, and our port?")
         if not heard:
             heard.append(
                 f"nothing came at all; is it started with `--model JSON:127.0.0.1 --sim-port-out {self._inbox.port}`? "
                 "By default it first waits for a client on TCP 5760; `--serial0 udpclient:127.0.0.1:PORT` avoids that"
             )
         if self._process is not None:
-            heard.append("its process runs" + ("" if not self._log_tail() else f"; it last said:\n{self._log_tail()}"))
+            tail = self._process.stderr_tail()
+            heard.append("its process runs" + (f"; it last said:\n{tail}" if tail else ""))
         return f"no servo packet within {self._boot_limit_s:g} s of wall clock; {'; '.join(heard)}"
-
-    def _log_tail(self) -> str:
-        return "" if self._process is None else self._process.stderr_tail()
-
-    def _check_process(self, when: str) -> None:
-        if self._process is not None and not self._process.running():
-            raise LinkClosed(self.name, f"ended {when}: {self._process.describe_end()}", cause="crashed")
 
     def _cause(self) -> str:
         if self._process is not None and process_is_stopped(self._process.pid):
@@ -571,8 +438,8 @@ class ArduPilotJsonLink:
         if self._process is not None:
             stopped = self._cause() == "stopped"
             facts.append("its process is halted (SIGSTOP, or a debugger)" if stopped else "its process still runs")
-        if self._texts:
-            facts.append(f"it last said: {' / '.join(self._texts)}")
+        if self._watch.texts:
+            facts.append(self._watch.last_words)
         return (
             f"no servo packet after the state of {t_ns} ns within {self._reply_limit_s:g} s of wall clock: "
             f"{'; '.join(facts) or 'it said nothing'}"

@@ -11,15 +11,13 @@ acted upon in that step.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
-from firmware_bridge.links.ground_channel import frame_size
+from firmware_bridge.links.ground_channel import datagrams
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpTransport
 from hil.signals.errors import LinkClosed, PortNotFound
 
-_DATAGRAM_LIMIT = 1400
 _KEPT_LIMIT = 65536
 _RETRY_S = 0.1
 
@@ -34,8 +32,6 @@ class MavlinkSide:
         self._retry_at_s = 0.0
         self._kept = b""  # words for an autopilot that has not been heard yet
         self.parser = FrameParser()
-        self.tx_bytes = 0
-        self.rx_bytes = 0
 
     @property
     def name(self) -> str:
@@ -50,7 +46,6 @@ class MavlinkSide:
         """UDP: bind. TCP: nothing yet, SITL may not be up; every `read` tries."""
         self.parser = FrameParser()
         self._kept = b""
-        self.tx_bytes = self.rx_bytes = 0
         self._retry_at_s = 0.0
         self._connected = False
         if not self._tcp:
@@ -83,9 +78,8 @@ class MavlinkSide:
                     raise LinkClosed(self.name, "not connected yet")
                 self._transport.write(data)
             else:
-                for datagram in _datagrams(data):
+                for datagram in datagrams(data):
                     self._transport.write(datagram)
-            self.tx_bytes += len(data)
         except LinkClosed:
             self._hang_up()
             self._kept = data if len(data) <= _KEPT_LIMIT else b""
@@ -103,7 +97,6 @@ class MavlinkSide:
                 return frames
             if not data:
                 return frames
-            self.rx_bytes += len(data)
             frames += self.parser.feed(data)
 
     def _connect(self) -> bool:
@@ -124,15 +117,3 @@ class MavlinkSide:
         if self._tcp:
             self._transport.close()
             self._connected = False
-
-
-def _datagrams(data: bytes) -> Iterator[bytes]:
-    """`data`, whole frames, cut at their borders."""
-    start = pos = 0
-    while pos < len(data):
-        size = frame_size(data, pos)
-        if pos + size - start > _DATAGRAM_LIMIT and pos > start:
-            yield data[start:pos]
-            start = pos
-        pos += size
-    yield data[start:]

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.ardupilot_json import hover_throttle, thrust_expo
-from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, Ports
+from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink
 from firmware_bridge.links.ardupilot_mavlink import MavlinkSide
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.transports.tcp import TcpClient
-from firmware_bridge.transports.udp import UdpTransport
-from firmware_bridge.transports.udp_inbox import UdpInbox
+from firmware_bridge.transports.udp import UdpInbox, UdpTransport
 from hil.signals.errors import LinkError, PortNotFound
 
 SERVO_PORT = 9002  # + 10 * instance
@@ -59,6 +58,22 @@ def write_defaults(path: Path, parameters: Mapping[str, float]) -> Path:
     return path
 
 
+def home_text(binary: str | Path, home: tuple[float, float, float, float]) -> str:
+    """`home` as --home wants it: latitude and longitude [deg], altitude [m MSL], heading [deg from north]."""
+    latitude, longitude, altitude, heading = home
+    if latitude == 0.0 and longitude == 0.0:
+        raise LinkError(str(binary), "home 0, 0: ArduPilot takes that for 'none given' and starts in Canberra")
+    return f"{latitude:.9f},{longitude:.9f},{altitude:.4f},{heading:.4f}"
+
+
+def program_at(binary: Path) -> Path:
+    """The user's build. PortNotFound if there is none."""
+    program = binary.expanduser().resolve()
+    if not program.is_file():
+        raise PortNotFound(str(binary), "no such program; build it with `./waf configure --board sitl && ./waf copter`")
+    return program
+
+
 def arducopter_command(
     binary: str | Path,
     *,
@@ -72,12 +87,9 @@ def arducopter_command(
 ) -> list[str]:
     """Command line of an ArduCopter that flies over the JSON interface.
 
-    `home`: latitude and longitude [deg], altitude [m MSL], heading [deg from north]. `mavlink_port`: the UDP port on
-    which MAVLink is wanted; None leaves SITL's own TCP ports, where it waits for a client before it starts.
+    `mavlink_port`: the UDP port on which MAVLink is wanted; None leaves SITL's own TCP ports, where it waits for a
+    client before it starts.
     """
-    latitude, longitude, altitude, heading = home
-    if latitude == 0.0 and longitude == 0.0:
-        raise LinkError(str(binary), "home 0, 0: ArduPilot takes that for 'none given' and starts in Canberra")
     command = [
         str(binary),
         "-w",  # no parameters of an earlier run; not repeated when it reboots itself
@@ -90,7 +102,7 @@ def arducopter_command(
         "--speedup",
         f"{speedup:g}",
         "--home",
-        f"{latitude:.9f},{longitude:.9f},{altitude:.4f},{heading:.4f}",
+        home_text(binary, home),
         "--defaults",
         ",".join(str(path) for path in defaults),
     ]
@@ -126,26 +138,23 @@ def ardupilot_sitl(
         return ArduPilotJsonLink(inbox, side, **settings)
     if home is None or folder is None:
         raise LinkError(str(binary), "to be started it needs `home` and a `folder` to run in")
-    program = binary.expanduser().resolve()
-    if not program.is_file():
-        raise PortNotFound(str(binary), "no such program; build it with `./waf configure --board sitl && ./waf copter`")
-    where, place = folder.resolve(), home
+    program, where, place, inbox = program_at(binary), folder.resolve(), home, UdpInbox(servo_port or 0)
 
-    def start(ports: Ports) -> ChildProcess:
+    def start() -> ChildProcess:
         defaults = write_defaults(where / "bench.parm", parameters or {})
         command = arducopter_command(
             program,
             home=place,
             defaults=[defaults],
-            servo_port=ports.servo,
-            mavlink_port=ports.mavlink,
+            servo_port=inbox.port,
+            mavlink_port=None if side is None else side.udp_port,
             instance=instance,
             speedup=speedup,
             arguments=arguments,
         )
         return ChildProcess(command, stderr_path=where / "arducopter.log", cwd=where, log_output=True)
 
-    return ArduPilotJsonLink(UdpInbox(servo_port or 0), side, start_process=start, **settings)
+    return ArduPilotJsonLink(inbox, side, start_process=start, **settings)
 
 
 def _mavlink_side(text: str) -> MavlinkSide | None:

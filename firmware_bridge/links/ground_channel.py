@@ -7,21 +7,20 @@ is held back until PX4 has read them: simulated time stands still meanwhile.
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
-from hil.signals.errors import LinkClosed, PortNotFound
+from firmware_bridge.transports.udp import UdpInbox
+from hil.signals.errors import LinkError
 
 _DATAGRAM_LIMIT = 1400  # PX4 reads datagrams of at most 1600 bytes
-_DATAGRAM_SIZE = 65536
 _TAKEN_LIMIT_S = 0.05
 # Allowance, not measured, for PX4's receiver thread from "read from the socket" to "acted upon".
 _ACT_S = 0.0003
 _PROC_UDP = Path("/proc/net/udp")
-_RECEIVE_BUFFER = 4 * 1024 * 1024
 
 
 class GroundChannel:
@@ -29,67 +28,34 @@ class GroundChannel:
 
     def __init__(self, port: int, *, host: str = "127.0.0.1") -> None:
         self._peer = (host, port)
-        self._socket: socket.socket | None = None
-        self._parser = FrameParser()
+        self._socket = UdpInbox(host=host)
         self._far_port = f":{port:04X}"
-        self.tx_bytes = 0
-        self.rx_bytes = 0
+        self.parser = FrameParser()  # its counters tell how clean the line is
 
     @property
     def name(self) -> str:
         return f"udp {self._peer[0]}:{self._peer[1]}"
 
-    @property
-    def parser(self) -> FrameParser:
-        """Its counters tell how clean the line is."""
-        return self._parser
-
     def open(self) -> None:
-        self._parser = FrameParser()
-        self.tx_bytes = self.rx_bytes = 0
-        try:
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-            self._socket.bind((self._peer[0], 0))
-        except OSError as error:
-            self.close()
-            raise PortNotFound(self.name, f"no socket can be had for it ({error.strerror})") from error
-        self._socket.setblocking(False)
+        self.parser = FrameParser()
+        self._socket.open()
 
     def close(self) -> None:
-        sock, self._socket = self._socket, None
-        if sock is not None:
-            sock.close()
+        self._socket.close()
 
     def write(self, data: bytes) -> None:
         """Send whole frames, and wait until the far side has read them (at most 50 ms: it may not be up yet)."""
-        sock = self._open_socket()
-        for datagram in _datagrams(data):
-            try:
-                sock.sendto(datagram, self._peer)
-            except OSError:
-                continue  # nobody there yet, or no room: MAVLink's services ask again
-            self.tx_bytes += len(datagram)
+        for datagram in datagrams(data):
+            with suppress(LinkError):  # MAVLink's services ask again
+                self._socket.send(datagram, self._peer)
         self._wait_until_taken()
 
     def read(self) -> list[Frame]:
         """Frames of every datagram that has arrived. Never waits."""
-        sock = self._open_socket()
         frames: list[Frame] = []
-        while True:
-            try:
-                data = sock.recv(_DATAGRAM_SIZE)
-            except BlockingIOError:
-                return frames
-            except OSError:
-                continue  # an ICMP report about an earlier datagram
-            self.rx_bytes += len(data)
-            frames += self._parser.feed(data)
-
-    def _open_socket(self) -> socket.socket:
-        if self._socket is None:
-            raise LinkClosed(self.name, "the socket is not open")
-        return self._socket
+        while (found := self._socket.receive()) is not None:
+            frames += self.parser.feed(found[0])
+        return frames
 
     def _wait_until_taken(self) -> None:
         deadline = time.monotonic() + _TAKEN_LIMIT_S
@@ -119,7 +85,7 @@ class GroundChannel:
         return None
 
 
-def _datagrams(data: bytes) -> Iterable[bytes]:
+def datagrams(data: bytes) -> Iterable[bytes]:
     """`data`, whole frames, cut into datagrams at their borders."""
     start = pos = 0
     while pos < len(data):

@@ -4,10 +4,9 @@ Order of a tick, which is what makes runs repeatable:
 
     send   one write: [extra][HIL_GPS if due][HIL_SENSOR id 0]. Where commands have a wire of their own (PX4 SITL),
            `extra` goes there first, and is waited for until it is read
-    wait   read until the answer with the same time_usec. All that the autopilot said before it belongs to
-    this tick;
-           what comes behind it in the same read belongs to the next one. How the bytes were cut into reads,
-           and when, makes no difference.
+    wait   read until the answer with the same time_usec. All that the autopilot said before it belongs to this tick;
+           what comes behind it in the same read belongs to the next one. How the bytes were cut into reads, and when,
+           makes no difference.
 
 While the autopilot boots it answers nothing. If the number of those first HIL_SENSORs is known
 (`boot_sensors`), nothing is read during them, so that nothing depends on when bytes arrive. If it is not
@@ -40,6 +39,8 @@ from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, Link
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.ground_channel import GroundChannel
 from firmware_bridge.links.silence import VehicleWatch, Verdict, process_is_stopped
+from firmware_bridge.links.timesync import TIMESYNC
+from firmware_bridge.links.wired_link import WiredLink
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
@@ -75,13 +76,38 @@ _FALLS_BEHIND = (
 )
 
 
-class LockstepLink:
-    """Lockstep over `transport`.
+def tick_messages(
+    encoder: FrameEncoder,
+    stats: LinkStats,
+    t_ns: int,
+    imu: ImuSample | None,
+    mag: MagSample | None,
+    baro: BaroSample | None,
+    gps: GpsSample | None,
+    ranging: Sequence[Sample],
+    *,
+    question: bytes | None = None,
+) -> bytes:
+    """[range and flow][TIMESYNC if there is a `question`][HIL_GPS if given][HIL_SENSOR id 0], counted in `stats`.
 
-    If `start_process` is given, `open` calls it once the transport is open and starts the process it returns; `close`
-    ends that process.
-    `reply_limit_s` and `heartbeat_limit_s` are wall-clock limits.
+    CodecError if a sample is not a number.
     """
+    data = b""
+    for sample in ranging:
+        data += encoder.frame(*ranging_message(t_ns, sample))
+        stats.tx_frames += 1
+    if question is not None:
+        data += encoder.frame(TIMESYNC, question)
+    if gps is not None:
+        data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
+        stats.tx_frames += 1
+    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
+    stats.tx_frames += 1
+    return data
+
+
+class LockstepLink(WiredLink):
+    """Lockstep over `transport`; `ground` is a second wire, for commands. Limits are wall-clock."""
 
     def __init__(
         self,
@@ -94,13 +120,10 @@ class LockstepLink:
         heartbeat_limit_s: float = 20.0,
     ) -> None:
         self._transport = transport
-        self._caps = caps
-        self._start_process = start_process
-        self._process: ChildProcess | None = None
         self._ground = ground
         self._reply_limit_s = reply_limit_s
         self._heartbeat_limit_s = heartbeat_limit_s
-        self._reset()
+        super().__init__(caps, transport, aside=ground, start_process=start_process)
 
     def _reset(self) -> None:
         self._stats = LinkStats()
@@ -111,7 +134,6 @@ class LockstepLink:
         self._imu: ImuSample | None = None  # the newest of each that was sent
         self._mag: MagSample | None = None
         self._baro: BaroSample | None = None
-        self._frames: list[Frame] = []  # for take_frames
         self._held: list[Frame] = []  # came behind the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
@@ -119,51 +141,11 @@ class LockstepLink:
         self._heard_before = (0, 0)  # frames and damaged bytes when the wait began, for the error message
         self._boot_due_ns = 0
 
-    @property
-    def caps(self) -> LinkCaps:
-        return self._caps
+    def _parsers(self) -> Sequence[FrameParser]:
+        return (self._parser,) if self._ground is None else (self._parser, self._ground.parser)
 
-    @property
-    def stats(self) -> LinkStats:
-        """Counters; brought up to date by reading this property."""
-        stats = self._stats
-        stats.take_received(self._parser, *([] if self._ground is None else [self._ground.parser]))
-        return stats
-
-    @property
-    def pid(self) -> int | None:
-        """Of the autopilot, if the bench started it."""
-        return None if self._process is None else self._process.pid
-
-    @property
-    def name(self) -> str:
-        return f"autopilot ({self._caps.kind}, {self._transport.name})"
-
-    def open(self) -> None:
-        """Open the transport, start the process if there is one to start, wait for the first heartbeat."""
-        self._reset()
-        try:
-            self._transport.open()
-            if self._ground is not None:
-                self._ground.open()
-            if self._start_process is not None:
-                self._process = self._start_process()
-                self._process.start()
-            self._await_heartbeat()
-        except BaseException:
-            self.close()
-            raise
-
-    def close(self) -> None:
-        # The wire first: a well-behaved far side sees the hang-up and leaves by itself.
-        self._transport.close()
-        if self._ground is not None:
-            self._ground.close()
-        process, self._process = self._process, None
-        if process is not None:
-            process.close()
-
-    def _await_heartbeat(self) -> None:
+    def _await_far_side(self) -> None:
+        """Wait for the first heartbeat."""
         deadline = time.monotonic() + self._heartbeat_limit_s
         while True:
             left_s = deadline - time.monotonic()
@@ -175,10 +157,7 @@ class LockstepLink:
                     self._check_ours()
                     return
             self._frames += frames
-            if self._process is not None and not self._process.running():
-                raise LinkClosed(
-                    self.name, f"ended before its first heartbeat: {self._process.describe_end()}", cause="crashed"
-                )
+            self._check_process("ended before its first heartbeat")
             if left_s <= 0.0 or (not frames and self._transport.fileno() is None):
                 raise HandshakeError(self.name, self._no_heartbeat())
 
@@ -231,13 +210,7 @@ class LockstepLink:
                 data = extra
             else:
                 self._ground.write(extra)
-        for sample in ranging:
-            data += encoder.frame(*ranging_message(t_ns, sample))
-            stats.tx_frames += 1
-        if gps is not None:
-            data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-            stats.tx_frames += 1
-        data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
+        data += tick_messages(encoder, stats, t_ns, imu, mag, baro, gps, ranging)
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
@@ -245,7 +218,6 @@ class LockstepLink:
         except LinkClosed as error:
             raise self._gone(error) from error
         self._sent_at_ns = time.perf_counter_ns()
-        stats.tx_frames += 1
         stats.steps += 1
         if self._ground is not None:
             data = extra + data
@@ -354,12 +326,7 @@ class LockstepLink:
         frames = self._parser.rescan()
         if frames:
             return frames
-        if self._process is not None and not self._process.running():
-            raise LinkClosed(
-                self.name,
-                f"gone while {want_us} us was to be answered: {self._process.describe_end()}",
-                cause="crashed",
-            )
+        self._check_process(f"gone while {want_us} us was to be answered")
         if self._transport.fileno() is None:
             # In memory, all that can come has come.
             raise self._lost(want_us)

@@ -1,14 +1,15 @@
 """Writes frames at their deadlines: through the native real-time thread, or, where something sits between the bench
-and the wire (declared link faults), from here, as soon as a frame is ready.
+and the wire (declared link faults), from here, as soon as a frame is ready. Keeps count of how late they left.
 """
 
 from __future__ import annotations
 
+import errno
+import os
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from firmware_bridge._native import RealtimeSender
-from firmware_bridge.links.send_stats import SendStats, send_stats, sending_failure
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import LinkClosed
 from hil.signals.latency import LatencyHistogram
@@ -17,38 +18,77 @@ from hil.signals.time import NS_PER_MS
 # A thread that was held up must not let go of a burst: PX4 would take old samples for new ones.
 _SLOTS = 16
 _STALE_NS = 20 * NS_PER_MS
+_COUNTS = ("pushed", "sent", "dropped", "refused", "stalled")
+
+
+@dataclass
+class SendStats:
+    """Counts of frames since the line was opened. `pushed` = `sent` + `dropped` + `pending`."""
+
+    # Of the frames sent: right before the write that took the last byte, minus deadline.
+    lateness: LatencyHistogram = field(default_factory=LatencyHistogram)
+    pushed: int = 0
+    sent: int = 0
+    dropped: int = 0  # left out: stale, or the line was full until a period after the deadline
+    refused: int = 0  # never taken: no slot was free
+    stalled: int = 0  # had to wait for room in the line
+    pending: int = 0
+    longest_gap_ns: int = 0  # from one sample written to the next: what the autopilot did without
+    late_2ms: int = 0
+    late_20ms: int = 0
+    scheduling: str = "no thread of its own: declared faults sit on the line"  # what the sender was granted, in words
+
+    def count_lateness(self, lateness_ns: int) -> None:
+        self.lateness.add(lateness_ns)
+        self.late_2ms += lateness_ns > 2 * NS_PER_MS
+        self.late_20ms += lateness_ns > 20 * NS_PER_MS
+
+
+def sending_failure(sender: RealtimeSender, port: str) -> LinkClosed | None:
+    """The error to raise if the sender has ended by itself; None while it has not."""
+    if sender.error is None:
+        return None
+    code, deadline_ns = sender.error
+    if code == errno.ETIMEDOUT:
+        what = "the far side takes no bytes any more; is it hung, or not reading?"
+    elif code in (errno.EIO, errno.ENXIO, errno.ENODEV, errno.EPIPE, errno.ECONNRESET):
+        what = f"the far side hung up, or the device was unplugged ({os.strerror(code)})"
+    else:
+        what = f"cannot be written to ({os.strerror(code)})"
+    return LinkClosed(port, f"{what}, at the frame due at {deadline_ns * 1e-9:.6f} s of the monotonic clock")
 
 
 class PacedLine:
-    """The outgoing half of `transport`, which is open. `before`: counts of the same line before it was replugged."""
+    """The outgoing half of `transport`, which is open."""
 
-    def __init__(
-        self, transport: Transport, *, period_ns: int, native: bool = True, before: SendStats | None = None
-    ) -> None:
-        self._transport = transport
+    def __init__(self, transport: Transport, *, period_ns: int, native: bool = True) -> None:
         self._period_ns = period_ns
         self._native = native
-        self._before = before
+        self._stats = SendStats()  # of the senders that have ended, and the lateness of all
+        self._begin(transport)
+
+    def _begin(self, transport: Transport) -> None:
+        self._transport = transport
         fd = transport.fileno()
         self._sender = (
-            RealtimeSender(fd, period_ns=period_ns, slots=_SLOTS, stale_ns=_STALE_NS)
-            if native and fd is not None
+            RealtimeSender(fd, period_ns=self._period_ns, slots=_SLOTS, stale_ns=_STALE_NS)
+            if self._native and fd is not None
             else None
         )
-        self._own = LatencyHistogram()
-        self._late_2ms = self._late_20ms = 0
-        self._stats: SendStats | None = None
 
     def push(self, deadline_ns: int, data: bytes, *, keep: bool) -> None:
         """Send `data` at `deadline_ns`; with `keep` also if it is late. LinkClosed where that is known at once."""
+        stats = self._stats
         if self._sender is not None:
             self._sender.push(deadline_ns, data, keep)
+            for lateness_ns in self._sender.take_lateness():
+                stats.count_lateness(lateness_ns)
             return
         late_ns = max(0, time.monotonic_ns() - deadline_ns)
         self._transport.write(data)
-        self._own.add(late_ns)
-        self._late_2ms += late_ns > 2 * NS_PER_MS
-        self._late_20ms += late_ns > 20 * NS_PER_MS
+        stats.count_lateness(late_ns)
+        stats.pushed += 1
+        stats.sent += 1
 
     def failure(self, port: str) -> LinkClosed | None:
         """Why the line takes nothing any more; None while it does."""
@@ -59,32 +99,22 @@ class PacedLine:
         if self._sender is not None:
             self._sender.stop()
 
-    def renewed(self, transport: Transport) -> PacedLine:
-        """The same line after its transport has been opened again; counting goes on."""
-        return PacedLine(transport, period_ns=self._period_ns, native=self._native, before=self.stats())
+    def renew(self, transport: Transport) -> None:
+        """The line was stopped and its transport has been opened again; counting goes on."""
+        self._stats = replace(self.stats(), pending=0)
+        self._begin(transport)
 
     def stats(self) -> SendStats:
-        now = send_stats(self._sender) if self._sender is not None else self._own_stats()
-        return now if self._before is None else _sum(self._before, now)
-
-    def _own_stats(self) -> SendStats:
-        sent = self._own.count
-        return SendStats(
-            lateness=self._own, pushed=sent, sent=sent, dropped=0, stale=0, refused=0, stalled=0, pending=0,
-            longest_gap_ns=0, late_2ms=self._late_2ms, late_20ms=self._late_20ms, worst=(),
-            scheduling="no thread of its own: declared faults sit on the line",
-        )  # fmt: skip
-
-
-def _sum(a: SendStats, b: SendStats) -> SendStats:
-    lateness = LatencyHistogram()
-    lateness.merge(a.lateness)
-    lateness.merge(b.lateness)
-    counts = ("pushed", "sent", "dropped", "stale", "refused", "stalled", "late_2ms", "late_20ms")
-    return replace(
-        b,
-        lateness=lateness,
-        longest_gap_ns=max(a.longest_gap_ns, b.longest_gap_ns),
-        worst=(*a.worst, *b.worst)[:256],
-        **{name: getattr(a, name) + getattr(b, name) for name in counts},
-    )
+        """The counts as they stand now. Exact once the sender has stopped, else each is of its own instant."""
+        before, sender = self._stats, self._sender
+        if sender is None:
+            return before
+        for lateness_ns in sender.take_lateness():
+            before.count_lateness(lateness_ns)
+        return replace(
+            before,
+            pending=sender.pending,
+            longest_gap_ns=max(before.longest_gap_ns, sender.longest_gap_ns),
+            scheduling=sender.scheduling,
+            **{name: getattr(before, name) + getattr(sender, name) for name in _COUNTS},
+        )

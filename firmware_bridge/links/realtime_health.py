@@ -1,5 +1,8 @@
 """Was the timing of a free-running run good enough for the autopilot's estimator? In words, with what to do.
 
+In lockstep every command belongs to its tick. A free-running autopilot's latest command is latched and used again until
+the next one comes: its age adds to the delay of the control loop, and a hole in the stream freezes the motors.
+
 PX4 stamps HIL samples on arrival, so a late sample is an acceleration at the wrong time. Known: with 2.6 % of the
 samples more than 20 ms late PX4 reported "High Accelerometer Bias" and hovered 1.75 m too high, and long stalls ended
 in its flight termination. The other limits stand well below that, by choice, so that a person is told before the flight
@@ -11,9 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from firmware_bridge.links.actuator_age import ActuatorAge
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
-from firmware_bridge.links.send_stats import SendStats
+from firmware_bridge.links.paced_line import SendStats
+from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_MS
 
 LATE_SHARE_WARNING = 0.001  # of the samples more than 20 ms late, or never sent
@@ -23,6 +26,45 @@ STALL_WARNING_NS = 50 * NS_PER_MS
 STALL_ERROR_NS = 200 * NS_PER_MS
 ACTUATOR_AGE_P99_WARNING_NS = 20 * NS_PER_MS  # about 200 Hz is normal: p99 below 10 ms
 SHARE_NEEDS = 100  # frames sent, below which no share is judged
+# PX4 HITL sends at about 200 Hz (p90 of the interval 6.2 ms): four in a row are missing.
+GAP_NS = 20 * NS_PER_MS
+
+
+class ActuatorAge:
+    """How old the actuator command is when it moves the vehicle. Times are the receiver's monotonic clock [ns].
+
+    `interval` is from one arrival to the next; one of more than `gap_ns` is a gap.
+    """
+
+    def __init__(self, *, gap_ns: int = GAP_NS) -> None:
+        self.gap_ns = gap_ns
+        self.age = LatencyHistogram()
+        self.interval = LatencyHistogram()
+        self.gap_count = 0
+        self.longest_gap_ns = 0
+        self._arrived_ns: int | None = None
+
+    def arrived(self, t_ns: int) -> None:
+        """A command came and is latched from now on."""
+        if self._arrived_ns is not None:
+            self.interval.add(t_ns - self._arrived_ns)
+            self._note_gap(t_ns - self._arrived_ns)
+        self._arrived_ns = t_ns
+
+    def used(self, t_ns: int) -> None:
+        """A tick at `t_ns` uses the latched command, if there is one."""
+        if self._arrived_ns is not None:
+            self.age.add(t_ns - self._arrived_ns)
+
+    def finish(self, t_ns: int) -> None:
+        """The run ends: a stream that had fallen silent is a gap too, though nothing ended it."""
+        if self._arrived_ns is not None:
+            self._note_gap(t_ns - self._arrived_ns)
+
+    def _note_gap(self, length_ns: int) -> None:
+        if length_ns > self.gap_ns:
+            self.gap_count += 1
+            self.longest_gap_ns = max(self.longest_gap_ns, length_ns)
 
 
 @dataclass(frozen=True)
@@ -74,10 +116,9 @@ def judge_actuators(age: ActuatorAge) -> list[Finding]:
         )
         findings.append(Finding("warning", text))
     if age.gap_count:
-        longest_ns = max(gap.length_ns for gap in age.gaps)
         text = (
             f"the actuator commands stopped {age.gap_count} times for more than {age.gap_ns / NS_PER_MS:.0f} ms "
-            f"(up to {longest_ns / NS_PER_MS:.0f} ms); meanwhile the motors kept their last command"
+            f"(up to {age.longest_gap_ns / NS_PER_MS:.0f} ms); meanwhile the motors kept their last command"
         )
         findings.append(Finding("warning", text))
     return findings

@@ -108,6 +108,14 @@ class ServoOutputs:
         if new is None:
             return None
         t_ns, controls = new
-        # A heartbeat comes once a second; turning motors tell at once.
-        armed = self._mode & _ARMED_BIT != 0 or any(controls[:8])
-        return ActuatorFrame(tick, t_ns, controls, armed, self._mode | _ARMED_BIT if armed else self._mode)
+        return motor_command(tick, t_ns, controls, self._mode)
+
+
+def motor_command(tick: int, t_ns: int, controls: tuple[float, ...], base_mode: int) -> ActuatorFrame:
+    """`controls` of an ArduPilot whose last heartbeat had `base_mode`.
+
+    A heartbeat comes once a second; turning motors tell at once that it is armed.
+    """
+    assert len(controls) == CONTROLS
+    armed = base_mode & _ARMED_BIT != 0 or any(controls[:8])
+    return ActuatorFrame(tick, t_ns, controls, armed, base_mode | _ARMED_BIT if armed else base_mode)

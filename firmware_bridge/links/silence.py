@@ -47,7 +47,8 @@ class VehicleWatch:
 
     def __init__(self) -> None:
         self.texts: deque[str] = deque(maxlen=_TEXTS)
-        self._heartbeat: Frame | None = None
+        self.base_mode = 0  # of the newest heartbeat
+        self._heartbeat: Any = None
         self._told: deque[bytes] = deque(maxlen=256)
         self._probing = False
 
@@ -63,32 +64,36 @@ class VehicleWatch:
         for frame in frames:
             if frame[0] == _HEARTBEAT:
                 if frame[2] == 1:  # the autopilot's own, not that of a camera or gimbal on the same link
-                    self._heartbeat = frame
+                    self._heartbeat = unpack(frame)
+                    self.base_mode = self._heartbeat.base_mode
             elif frame[0] == _STATUSTEXT:
                 text = unpack(frame).text.strip()
                 if not self._probing or "terminat" in text.lower():
                     self.texts.append(text)
 
+    @property
+    def last_words(self) -> str:
+        """Its last texts, for an error message; "" if there are none."""
+        return f"it last said: {' / '.join(self.texts)}" if self.texts else ""
+
     def verdict(self) -> Verdict | None:
         """What explains a silence, if what was said and heard explains it."""
         terminated = any(m.param1 == 1.0 for m in self._told_commands(_DO_FLIGHTTERMINATION))
         offboard = [m.param2 for m in self._told_commands(_DO_SET_MODE)][-1:] == [_PX4_OFFBOARD >> 16]
-        armed = False
-        if self._heartbeat is not None:
-            beat = unpack(self._heartbeat)
+        beat = self._heartbeat
+        if beat is not None:
             terminated = terminated or beat.system_status == _STATE_FLIGHT_TERMINATION
-            armed = bool(beat.base_mode & _ARMED_BIT)
             if beat.autopilot == _AUTOPILOT_PX4:
                 offboard = offboard or beat.custom_mode & 0xFF0000 == _PX4_OFFBOARD
         terminated = terminated or any("terminat" in text.lower() for text in self.texts)
-        said = f"; it last said: {' / '.join(self.texts)}" if self.texts else ""
+        said = f"; {self.last_words}" if self.texts else ""
         if terminated:
             return Verdict(
                 "terminated",
                 "the flight was terminated: PX4 answers nothing afterwards, and the thrust in its last answer means "
                 f"nothing{said}",
             )
-        if offboard and not armed:
+        if offboard and not self.base_mode & _ARMED_BIT:
             return Verdict(
                 "offboard_without_setpoints",
                 "mode OFFBOARD was chosen while disarmed and no set-points come: PX4 falls silent then. Send "

@@ -49,7 +49,6 @@ class TimeSync:
     def __init__(self, *, rate_hz: float = 10.0) -> None:
         self.rtt = LatencyHistogram()
         self.resets = 0  # jumps of the autopilot's clock
-        self.unmatched = 0  # answers to questions that were not ours, or came twice
         self._period_ns = period_ns_from_hz(rate_hz)
         self._next_ns: int | None = None
         self._asked: deque[int] = deque(maxlen=_OUTSTANDING)
@@ -70,14 +69,10 @@ class TimeSync:
         message = unpack(frame)
         if message.tc1 == 0:
             return None  # the autopilot's own question
-        if message.ts1 not in self._asked:
-            self.unmatched += 1
+        if message.ts1 not in self._asked or now_ns < message.ts1:
             return None
         self._asked.remove(message.ts1)
         rtt_ns = now_ns - message.ts1
-        if rtt_ns < 0:
-            self.unmatched += 1
-            return None
         reading = ClockReading(now_ns, message.tc1 - (message.ts1 + now_ns) // 2, rtt_ns)
         self.rtt.add(rtt_ns)
         if self._jumped(reading):
@@ -128,24 +123,3 @@ class TimeSync:
             return None
         now_ns = self._blocks[-1].t_ns
         return min(self._blocks, key=lambda b: b.rtt_ns / 2 + _MAX_DRIFT * (now_ns - b.t_ns))
-
-    def offset_ns(self, t_ns: int) -> int | None:
-        """The autopilot's clock minus ours at `t_ns` of ours; None before the first answer."""
-        best = self.best()
-        if best is None:
-            return None
-        return best.offset_ns + round((self._line() or 0.0) * (t_ns - best.t_ns))
-
-    def ours_ns(self, theirs_ns: int) -> int | None:
-        """The instant of our clock at which the autopilot's showed `theirs_ns`; None before the first answer."""
-        best = self.best()
-        if best is None:
-            return None
-        since_ns = theirs_ns - (best.t_ns + best.offset_ns)
-        return best.t_ns + round(since_ns / (1.0 + (self._line() or 0.0)))
-
-
-def answer(frame: Frame, now_ns: int) -> bytes | None:
-    """Payload that answers another's question in `frame`, with our clock; None if it is no question."""
-    message = unpack(frame)
-    return pack(_Timesync(now_ns, message.ts1)) if message.tc1 == 0 else None

@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 namespace hil::realtime {
 
@@ -54,7 +55,7 @@ RealtimeSender::RealtimeSender(int fd, const SenderOptions &options)
     : options_(options), pid_(getpid()), frames_(options.slots * options.slot_bytes), slots_(options.slots) {
     fd_ = duplicate_nonblocking(fd);
     try {
-        if (options_.lock_memory) memory_lock_ = std::make_unique<MemoryLock>(frames_.data(), frames_.bytes());
+        memory_lock_ = std::make_unique<MemoryLock>(frames_.data(), frames_.bytes());
         const SignalsBlocked blocked;
         thread_ = std::make_unique<std::thread>([this] { run(); });
     } catch (...) {
@@ -87,7 +88,7 @@ void RealtimeSender::stop() {
     fd_ = -1;
 }
 
-RealtimeSender::Push RealtimeSender::push(std::int64_t deadline_ns, std::string_view frame, bool keep) noexcept {
+RealtimeSender::Push RealtimeSender::push(std::int64_t deadline_ns, std::string_view frame, bool keep) {
     if (frame.size() > options_.slot_bytes) return Push::TooLong;
     const std::uint64_t head = head_.load(std::memory_order_relaxed);
     const bool full = head - tail_.load(std::memory_order_acquire) == options_.slots;
@@ -96,7 +97,8 @@ RealtimeSender::Push RealtimeSender::push(std::int64_t deadline_ns, std::string_
         return Push::NotTaken;
     }
     const std::size_t place = head % options_.slots;
-    slots_[place] = {deadline_ns, frame.size(), keep};
+    collect();  // before the place is used again
+    slots_[place] = {deadline_ns, frame.size(), keep, kLeftOut};
     std::memcpy(frames_.data() + place * options_.slot_bytes, frame.data(), frame.size());
     head_.store(head + 1, std::memory_order_release);
     // After the head: a sender that saw the old bell and the old head finds the bell changed and looks again.
@@ -105,9 +107,20 @@ RealtimeSender::Push RealtimeSender::push(std::int64_t deadline_ns, std::string_
     return Push::Taken;
 }
 
+void RealtimeSender::collect() {
+    for (const std::uint64_t tail = tail_.load(std::memory_order_acquire); collected_ < tail; ++collected_) {
+        const std::int64_t lateness_ns = slots_[collected_ % options_.slots].lateness_ns;
+        if (lateness_ns != kLeftOut) lateness_.push_back(lateness_ns);
+    }
+}
+
+std::vector<std::int64_t> RealtimeSender::take_lateness() {
+    collect();
+    return std::exchange(lateness_, {});
+}
+
 void RealtimeSender::run() {
-    scheduling_ = schedule_this_thread(options_.priority);
-    if (memory_lock_) scheduling_ += ", " + memory_lock_->description();
+    scheduling_ = schedule_this_thread() + ", " + memory_lock_->description();
     ready_.store(true, std::memory_order_release);
     ready_.notify_all();
     for (std::uint64_t tail = 0;;) {
@@ -118,13 +131,14 @@ void RealtimeSender::run() {
             continue;
         }
         const std::size_t place = tail % options_.slots;
-        const Slot slot = slots_[place];
-        if (!sleep_until(slot.deadline_ns)) return;
-        if (!send(slot, frames_.data() + place * options_.slot_bytes, tail)) return;
+        Slot &slot = slots_[place];
+        const std::int64_t deadline_ns = slot.deadline_ns;
+        if (!sleep_until(deadline_ns)) return;
+        if (!send(slot, frames_.data() + place * options_.slot_bytes)) return;
         tail_.store(++tail, std::memory_order_release);
         // A pseudo-terminal whose far end is gone goes on taking bytes. Looked at after the write, so as not to delay it.
         if (hung_up()) {
-            fail(EIO, slot.deadline_ns);
+            fail(EIO, deadline_ns);
             return;
         }
     }
@@ -132,25 +146,20 @@ void RealtimeSender::run() {
 
 // False if asked to stop meanwhile.
 bool RealtimeSender::sleep_until(std::int64_t deadline_ns) const noexcept {
-    const std::int64_t target_ns = deadline_ns - options_.spin_ns;
     for (;;) {
         if (stop_.load(std::memory_order_relaxed)) return false;
         const std::int64_t now = now_ns();
-        if (now >= target_ns) break;
-        sleep_until_ns(std::min(target_ns, now + kSliceNs));
+        if (now >= deadline_ns) return true;
+        sleep_until_ns(std::min(deadline_ns, now + kSliceNs));
     }
-    while (now_ns() < deadline_ns) {
-    }
-    return true;
 }
 
 // False if the thread is to end: stopped or failed.
-bool RealtimeSender::send(const Slot &slot, const std::byte *frame, std::uint64_t index) noexcept {
+bool RealtimeSender::send(Slot &slot, const std::byte *frame) noexcept {
     std::size_t done = 0;
     bool waited = false;
     std::int64_t now = now_ns();
     if (options_.stale_ns > 0 && !slot.keep && now - slot.deadline_ns > options_.stale_ns) {
-        stale_.add(1);
         dropped_.add(1);
         return true;
     }
@@ -182,7 +191,8 @@ bool RealtimeSender::send(const Slot &slot, const std::byte *frame, std::uint64_
         if (poll_fd.revents & kGone) return fail(EIO, slot.deadline_ns);
     }
     // `now` was taken right before the write that took the last byte: a frame is no sample before it is whole.
-    lateness_.add(static_cast<std::int64_t>(index), slot.deadline_ns, now - slot.deadline_ns);
+    slot.lateness_ns = std::max<std::int64_t>(now - slot.deadline_ns, 0);
+    sent_.add(1);
     if (!slot.keep) {
         if (last_sent_ns_ != 0) longest_gap_ns_.raise_to(now - last_sent_ns_);
         last_sent_ns_ = now;

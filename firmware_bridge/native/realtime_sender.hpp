@@ -24,20 +24,29 @@
 #include <thread>
 #include <vector>
 
-#include "lateness.hpp"
 #include "realtime_thread.hpp"
 
 namespace hil::realtime {
+
+// A counter with one writer: a plain load and store, no bus lock.
+class Counter {
+   public:
+    void add(std::int64_t n) noexcept { value_.store(value_.load(std::memory_order_relaxed) + n, std::memory_order_relaxed); }
+    void raise_to(std::int64_t n) noexcept {
+        if (n > get()) value_.store(n, std::memory_order_relaxed);
+    }
+    std::int64_t get() const noexcept { return value_.load(std::memory_order_relaxed); }
+
+   private:
+    std::atomic<std::int64_t> value_{0};
+};
 
 struct SenderOptions {
     std::size_t slots = 64;
     std::size_t slot_bytes = 4096;
     std::int64_t period_ns = 0;
-    std::int64_t spin_ns = 0;  // before a deadline, look at the clock instead of sleeping for this long
     std::int64_t stall_limit_ns = 5'000'000'000;
     std::int64_t stale_ns = 0;  // 0: no frame is ever stale
-    int priority = 80;  // above the kernel's interrupt threads (50); 0: stay with normal scheduling
-    bool lock_memory = true;
 };
 
 class RealtimeSender {
@@ -51,7 +60,10 @@ class RealtimeSender {
 
     enum class Push { Taken, NotTaken, TooLong };
     // Never waits. NotTaken: no slot is free, or the sender has stopped or failed.
-    Push push(std::int64_t deadline_ns, std::string_view frame, bool keep = false) noexcept;
+    Push push(std::int64_t deadline_ns, std::string_view frame, bool keep = false);
+
+    // How late each frame left that was sent since the last call [ns], in order. Of the pushing thread.
+    std::vector<std::int64_t> take_lateness();
 
     // Ends the thread within some 10 ms; frames whose deadline has not come are not sent. Any number of times.
     void stop();
@@ -65,12 +77,11 @@ class RealtimeSender {
 
     const SenderOptions &options() const noexcept { return options_; }
     const std::string &scheduling() const noexcept { return scheduling_; }
-    const LatenessStats &lateness() const noexcept { return lateness_; }
     std::int64_t pushed() const noexcept { return static_cast<std::int64_t>(head_.load(std::memory_order_acquire)); }
+    std::int64_t sent() const noexcept { return sent_.get(); }
     std::int64_t refused() const noexcept { return refused_.get(); }
     std::int64_t stalled() const noexcept { return stalled_.get(); }
     std::int64_t dropped() const noexcept { return dropped_.get(); }
-    std::int64_t stale() const noexcept { return stale_.get(); }
     std::int64_t longest_gap_ns() const noexcept { return longest_gap_ns_.get(); }
     std::int64_t pending() const noexcept {
         const std::uint64_t tail = tail_.load(std::memory_order_acquire);
@@ -82,11 +93,14 @@ class RealtimeSender {
         std::int64_t deadline_ns;
         std::size_t size;
         bool keep;
+        std::int64_t lateness_ns;  // written by the sender; kLeftOut: not sent
     };
+    static constexpr std::int64_t kLeftOut = -1;
 
     void run();
+    void collect();
     bool sleep_until(std::int64_t deadline_ns) const noexcept;
-    bool send(const Slot &slot, const std::byte *frame, std::uint64_t index) noexcept;
+    bool send(Slot &slot, const std::byte *frame) noexcept;
     bool hung_up() const noexcept;
     bool fail(int code, std::int64_t deadline_ns) noexcept;
 
@@ -107,8 +121,11 @@ class RealtimeSender {
     Failure failure_{0, 0};
     std::int64_t last_sent_ns_ = 0;     // 0: none yet
     std::int64_t blocked_since_ns_ = 0;  // 0: the line took what was last offered
-    LatenessStats lateness_;
-    Counter refused_, stalled_, dropped_, stale_, longest_gap_ns_;
+    Counter sent_, refused_, stalled_, dropped_, longest_gap_ns_;
+
+    // Of the pushing thread: frames whose lateness it has read, and what it read since it was last asked.
+    std::uint64_t collected_ = 0;
+    std::vector<std::int64_t> lateness_;
 
     std::mutex stop_mutex_;
     std::unique_ptr<std::thread> thread_;

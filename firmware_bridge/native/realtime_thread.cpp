@@ -27,6 +27,7 @@ namespace hil::realtime {
 namespace {
 
 constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr int kPriority = 80;
 constexpr std::size_t kStackBytes = 64 * 1024;  // the sender uses a few hundred bytes; the C library's calls some more
 
 // The compiler may not drop the writes, nor inline this into a frame that stays.
@@ -93,25 +94,24 @@ void sleep_until_ns(std::int64_t deadline_ns) noexcept {
 }
 #endif
 
-std::string schedule_this_thread(int priority) {
+std::string schedule_this_thread() {
 #ifdef __linux__
     prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);  // ns; the default of 50 us would be added to every sleep
     pthread_setname_np(pthread_self(), "hil-sender");
 #endif
     touch_stack();
-    if (priority == 0) return "normal scheduling (SCHED_FIFO not asked for)";
     sched_param param{};
-    param.sched_priority = priority;
+    param.sched_priority = kPriority;
     int refusal = pthread_setschedparam(pthread_self(), SCHED_FIFO, &param);
 #ifdef RLIMIT_RTPRIO
     rlimit limit{};
     if (refusal == EPERM && getrlimit(RLIMIT_RTPRIO, &limit) == 0 && limit.rlim_cur > 0) {
-        param.sched_priority = static_cast<int>(std::min<rlim_t>(limit.rlim_cur, static_cast<rlim_t>(priority)));
+        param.sched_priority = static_cast<int>(std::min<rlim_t>(limit.rlim_cur, static_cast<rlim_t>(kPriority)));
         refusal = pthread_setschedparam(pthread_self(), SCHED_FIFO, &param);
     }
 #endif
     if (refusal == 0) return "SCHED_FIFO " + std::to_string(param.sched_priority);
-    const std::string asked = "SCHED_FIFO " + std::to_string(priority);
+    const std::string asked = "SCHED_FIFO " + std::to_string(kPriority);
     if (refusal == EPERM) return "normal scheduling (no permission for " + asked + ": " + kRemedy + ")";
     return "normal scheduling (" + asked + " refused: " + std::strerror(refusal) + ")";
 }

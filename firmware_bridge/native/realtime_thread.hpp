@@ -14,9 +14,9 @@ std::int64_t now_ns() noexcept;
 // Sleeps until that clock shows `deadline_ns`; may return early (signal), never on purpose late.
 void sleep_until_ns(std::int64_t deadline_ns) noexcept;
 
-// For the calling thread: SCHED_FIFO at `priority` (0: not asked for) or the highest priority the user may have, no
-// timer slack, a name, a stack that is there before it is needed. Returns what was granted, and what to do if not.
-std::string schedule_this_thread(int priority);
+// For the calling thread: SCHED_FIFO at 80, above the kernel's interrupt threads (50), or the highest priority the user may
+// have, no timer slack, a name, a stack that is there before it is needed. Returns what was granted, and what to do if not.
+std::string schedule_this_thread();
 
 // Holds the process's memory in RAM while it lives. Where the process may lock without limit, all of it (present and
 // future pages, as they are touched); elsewhere `bytes` at `data` only: locking everything under a limit would make later

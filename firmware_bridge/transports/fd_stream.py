@@ -106,3 +106,24 @@ class FdStream:
 
     def _closed(self, error: OSError) -> LinkClosed:
         return LinkClosed(self._name, f"the far side hung up, or the device was unplugged ({error.strerror})")
+
+
+class StreamTransport:
+    """The half of a transport that reads and writes a stream, once `open` has made one."""
+
+    _stream: FdStream | None = None
+
+    @property
+    def name(self) -> str:
+        raise NotImplementedError
+
+    def write(self, data: bytes) -> None:
+        self._opened().write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        return self._opened().read(timeout_s)
+
+    def _opened(self) -> FdStream:
+        if self._stream is None:
+            raise LinkClosed(self.name, "it is not open")
+        return self._stream

@@ -10,11 +10,11 @@ from __future__ import annotations
 import os
 import tty
 
-from firmware_bridge.transports.fd_stream import FdStream
-from hil.signals.errors import LinkClosed, PortNotFound
+from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
+from hil.signals.errors import PortNotFound
 
 
-class PtyTransport:
+class PtyTransport(StreamTransport):
     """Creates the pair on `open`; `far_path` is where the far side finds its end.
 
     Until the first byte arrives the far end is also held open here: otherwise a far side that has not come
@@ -24,7 +24,6 @@ class PtyTransport:
     def __init__(self) -> None:
         self._near: int | None = None
         self._far: int | None = None
-        self._stream: FdStream | None = None
         self._far_path = ""
 
     @property
@@ -61,15 +60,8 @@ class PtyTransport:
         if far is not None:
             os.close(far)
 
-    def write(self, data: bytes) -> None:
-        if self._stream is None:
-            raise LinkClosed(self.name, "the pty is not open")
-        self._stream.write(data)
-
     def read(self, timeout_s: float) -> bytes:
-        if self._stream is None:
-            raise LinkClosed(self.name, "the pty is not open")
-        data = self._stream.read(timeout_s)
+        data = super().read(timeout_s)
         if data and self._far is not None:
             self._release_far()
         return data

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import serial
 from serial.tools import list_ports
 
-from firmware_bridge.transports.fd_stream import FdStream
-from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
+from hil.signals.errors import LinkError, PortBusy, PortNotFound
 
 # PX4 ignores HIL messages on links slower than 5000 B/s: 57600 baud is too slow, this is what its docs use.
 DEFAULT_BAUD = 921600
@@ -48,7 +48,7 @@ def _usb_identity(path: str) -> _UsbIdentity | None:
     return next((_identity_of(port) for port in list_ports.comports() if port.device == path), None)
 
 
-class SerialTransport:
+class SerialTransport(StreamTransport):
     """The serial port at `path`, held exclusively while open.
 
     With `follow`, a USB device that was opened once is found again by its USB identity when it comes back under
@@ -61,7 +61,6 @@ class SerialTransport:
         self._follow = follow
         self._identity: _UsbIdentity | None = None
         self._port: serial.Serial | None = None
-        self._stream: FdStream | None = None
 
     @property
     def name(self) -> str:
@@ -113,16 +112,6 @@ class SerialTransport:
         port, self._port, self._stream = self._port, None, None
         if port is not None:
             port.close()
-
-    def write(self, data: bytes) -> None:
-        if self._stream is None:
-            raise LinkClosed(self._path, "the port is not open")
-        self._stream.write(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        if self._stream is None:
-            raise LinkClosed(self._path, "the port is not open")
-        return self._stream.read(timeout_s)
 
     def fileno(self) -> int | None:
         return None if self._port is None else self._port.fileno()

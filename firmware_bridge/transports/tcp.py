@@ -7,20 +7,19 @@ import select
 import socket
 import time
 
-from firmware_bridge.transports.fd_stream import FdStream
+from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
 from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
 
 _LOOPBACK = "127.0.0.1"
 
 
-class TcpClient:
+class TcpClient(StreamTransport):
     """Connects to `host`:`port` on `open`."""
 
     def __init__(self, port: int, *, host: str = _LOOPBACK, connect_limit_s: float = 5.0) -> None:
         self._address = (host, port)
         self._connect_limit_s = connect_limit_s
         self._socket: socket.socket | None = None
-        self._stream: FdStream | None = None
 
     @property
     def name(self) -> str:
@@ -41,21 +40,11 @@ class TcpClient:
         _close(self._socket)
         self._socket = None
 
-    def write(self, data: bytes) -> None:
-        if self._stream is None:
-            raise LinkClosed(self.name, "the connection is not open")
-        self._stream.write(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        if self._stream is None:
-            raise LinkClosed(self.name, "the connection is not open")
-        return self._stream.read(timeout_s)
-
     def fileno(self) -> int | None:
         return None if self._socket is None else self._socket.fileno()
 
 
-class TcpServer:
+class TcpServer(StreamTransport):
     """Listens on `host`:`port` from `open` on and serves the first client that comes (0: any free port).
 
     The client may come at any time: `read` waits for it first. PX4 SITL is such a client, and connects only
@@ -66,7 +55,6 @@ class TcpServer:
         self._address = (host, port)
         self._listener: socket.socket | None = None
         self._socket: socket.socket | None = None
-        self._stream: FdStream | None = None
 
     @property
     def name(self) -> str:
@@ -113,8 +101,7 @@ class TcpServer:
         """LinkClosed while no client has come."""
         if self._stream is None and not self._accept(0.0):
             raise LinkClosed(self.name, "no client has connected yet")
-        assert self._stream is not None
-        self._stream.write(data)
+        super().write(data)
 
     def read(self, timeout_s: float) -> bytes:
         if self._stream is None:
@@ -122,8 +109,7 @@ class TcpServer:
             if not self._accept(timeout_s):
                 return b""
             timeout_s = max(0.0, timeout_s - (time.monotonic() - start))
-        assert self._stream is not None
-        return self._stream.read(timeout_s)
+        return super().read(timeout_s)
 
     def fileno(self) -> int | None:
         active = self._socket or self._listener

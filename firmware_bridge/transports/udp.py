@@ -1,4 +1,4 @@
-"""UDP datagrams to and from one peer."""
+"""UDP datagrams: from anybody, each with its sender (`UdpInbox`), or to and from the last speaker (`UdpTransport`)."""
 
 from __future__ import annotations
 
@@ -8,40 +8,25 @@ import socket
 
 from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
 
+Address = tuple[str, int]
 _LOOPBACK = "127.0.0.1"
 _DATAGRAM_SIZE = 65536
+_RECEIVE_BUFFER = 4 * 1024 * 1024
 
 
-def bind_udp(address: tuple[str, int], name: str) -> socket.socket:
-    """A socket that never waits, bound to `address` (port 0: any free one). PortBusy or PortNotFound say why not."""
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    try:
-        sock.bind(address)
-    except (OSError, OverflowError) as error:
-        sock.close()
-        if getattr(error, "errno", None) == errno.EADDRINUSE:
-            raise PortBusy(name, "another program has this port; stop it or choose another port") from error
-        raise PortNotFound(name, f"cannot be bound on this machine ({error})") from error
-    sock.setblocking(False)
-    return sock
-
-
-class UdpTransport:
-    """Binds `host`:`port` (0: any free one). The peer is the one given, or whoever sent the latest datagram.
+class UdpInbox:
+    """Binds `host`:`port` (0: any free one). Never waits: poll `fileno`.
 
     There is no far side that could be seen to close: silence is all that a vanished peer looks like.
     """
 
-    def __init__(self, port: int = 0, *, host: str = _LOOPBACK, peer: tuple[str, int] | None = None) -> None:
-        self._address = (host, port)
-        self._peer = peer
-        self._learn = peer is None
+    def __init__(self, port: int = 0, *, host: str = _LOOPBACK) -> None:
+        self._address: Address = (host, port)
         self._socket: socket.socket | None = None
 
     @property
     def name(self) -> str:
-        to = f" to {self._peer[0]}:{self._peer[1]}" if self._peer else ""
-        return f"udp {self._address[0]}:{self._address[1]}{to}"
+        return f"udp {self._address[0]}:{self._address[1]}"
 
     @property
     def port(self) -> int:
@@ -49,7 +34,17 @@ class UdpTransport:
         return self._address[1]
 
     def open(self) -> None:
-        sock = bind_udp(self._address, self.name)
+        """PortBusy or PortNotFound say why the port cannot be had."""
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+            sock.bind(self._address)
+        except (OSError, OverflowError) as error:
+            sock.close()
+            if getattr(error, "errno", None) == errno.EADDRINUSE:
+                raise PortBusy(self.name, "another program has this port; stop it or choose another port") from error
+            raise PortNotFound(self.name, f"cannot be bound on this machine ({error})") from error
+        sock.setblocking(False)
         self._address = (self._address[0], sock.getsockname()[1])
         self._socket = sock
 
@@ -58,41 +53,57 @@ class UdpTransport:
         if sock is not None:
             sock.close()
 
+    def receive(self) -> tuple[bytes, Address] | None:
+        """The oldest datagram that has come, and its sender; None if there is none."""
+        while True:
+            try:
+                return self._open_socket().recvfrom(_DATAGRAM_SIZE)
+            except BlockingIOError:
+                return None
+            except ConnectionError:
+                continue  # an ICMP report about an earlier datagram of ours
+
+    def send(self, data: bytes, to: Address) -> None:
+        """One datagram. That nobody takes it is not told."""
+        try:
+            self._open_socket().sendto(data, to)
+        except (BlockingIOError, ConnectionError):
+            return  # lost, as datagrams may be
+        except OSError as error:
+            raise LinkError(
+                self.name, f"cannot send {len(data)} bytes to {to[0]}:{to[1]} ({error.strerror})"
+            ) from error
+
+    def fileno(self) -> int | None:
+        """None while it is not open."""
+        return None if self._socket is None else self._socket.fileno()
+
     def _open_socket(self) -> socket.socket:
         if self._socket is None:
             raise LinkClosed(self.name, "the socket is not open")
         return self._socket
 
+
+class UdpTransport(UdpInbox):
+    """A transport whose far side is whoever sent the latest datagram."""
+
+    _peer: Address | None = None
+
     def write(self, data: bytes) -> None:
-        """One datagram. LinkClosed if no peer is known yet, LinkError if it is too long for one."""
+        """One datagram. LinkClosed if nobody has been heard yet, LinkError if it is too long for one."""
         sock = self._open_socket()
         if self._peer is None:
             raise LinkClosed(self.name, "nobody has sent anything yet, so there is no address to answer to")
-        try:
-            try:
-                sock.sendto(data, self._peer)
-            except BlockingIOError:
-                select.select([], [sock], [], 1.0)
-                sock.sendto(data, self._peer)
-        except ConnectionRefusedError:
-            pass  # an ICMP echo of an earlier datagram: the peer is not up yet, which UDP does not promise to tell
-        except OSError as error:
-            raise LinkError(self.name, f"cannot send {len(data)} bytes ({error.strerror})") from error
+        select.select([], [sock], [], 1.0)
+        self.send(data, self._peer)
 
     def read(self, timeout_s: float) -> bytes:
         """One datagram."""
         sock = self._open_socket()
-        if not select.select([sock], [], [], max(timeout_s, 0.0))[0]:
+        if timeout_s > 0.0:
+            select.select([sock], [], [], timeout_s)
+        found = self.receive()
+        if found is None:
             return b""
-        try:
-            data, sender = sock.recvfrom(_DATAGRAM_SIZE)
-        except (BlockingIOError, ConnectionRefusedError):
-            return b""
-        if self._learn:
-            self._peer = sender
-        elif sender != self._peer:
-            return b""
+        data, self._peer = found
         return data
-
-    def fileno(self) -> int | None:
-        return None if self._socket is None else self._socket.fileno()

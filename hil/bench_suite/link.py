@@ -29,7 +29,6 @@ from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, HIL_SENSOR, actuat
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.realtime_producer import RealtimeProducer
-from firmware_bridge.links.send_stats import send_stats
 from hil.bench import run_bench
 from hil.bench_suite.link_companion import measure_companion
 from hil.bench_suite.link_latency import latency_rows
@@ -123,13 +122,15 @@ def _native(seconds: float) -> tuple[LatencyHistogram, float, str]:
         cpu_s = _paced(seconds, lambda deadline_ns: sender.push(deadline_ns, _FRAME), realtime=True)
         time.sleep(0.05)
         sender.stop()
-        stats = send_stats(sender)
+        lateness = LatencyHistogram()
+        for lateness_ns in sender.take_lateness():
+            lateness.add(lateness_ns)
     finally:
         stop.set()
         os.write(far, b"\0")  # wakes the reader
         os.close(far)
         os.close(near)
-    return stats.lateness, cpu_s, stats.scheduling
+    return lateness, cpu_s, sender.scheduling
 
 
 def _python(seconds: float) -> tuple[LatencyHistogram, float, str]:

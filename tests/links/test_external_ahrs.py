@@ -16,6 +16,7 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.codecs.vectornav import sentence
+from firmware_bridge.links import external_ahrs
 from firmware_bridge.links.ardupilot_eahrs import (
     HeldPty,
     arducopter_eahrs_command,
@@ -25,8 +26,7 @@ from firmware_bridge.links.ardupilot_eahrs import (
 )
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
-from firmware_bridge.links.ins_solution import InsErrors, InsSolution
-from firmware_bridge.links.vectornav_stream import GPS_START_NS
+from firmware_bridge.links.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
 from firmware_bridge.transports.pty import PtyTransport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
 from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, TruthState
@@ -176,7 +176,7 @@ class Bench:
         self.events = []
         self.board = board
         wires = {side: Wire(board, side) for side in ("sensor", "mavlink")}
-        usual = {"period_ns": TICK_NS, "geodetic": geodetic, "errors": NO_ERRORS, "patience_s": 0.05}
+        usual = {"period_ns": TICK_NS, "geodetic": geodetic, "errors": NO_ERRORS}
         self.link = ExternalAhrsLink(
             wires["sensor"],
             wires["mavlink"],
@@ -217,6 +217,11 @@ class Bench:
         return [kind for kind, _ in self.events]
 
 
+@pytest.fixture(autouse=True)
+def _asked_soon(monkeypatch):
+    monkeypatch.setattr(external_ahrs, "_BOOTED_BEFORE_S", 0.05)
+
+
 @pytest.fixture
 def board():
     return Board()
@@ -233,7 +238,7 @@ def test_the_set_up_is_answered_and_the_packets_flow_at_their_rates(board):
     bench.run(400)
     assert [len(of(board, group)) for group in (0x01, 0x31, 0x49)] == [400, 50, 5]
     assert bench.link.stats.steps == bench.link.stats.tx_frames == 400
-    assert bench.link.stats.commands == len(SETUP)
+    assert bench.link.device.commands == len(SETUP)
     times = [int.from_bytes(packet[4:12], "little") for packet in of(board, 0x01)]
     assert times == [tick * TICK_NS for tick in range(400)]
 
@@ -362,7 +367,7 @@ def test_a_reboot_is_an_event_stops_the_motors_and_outputs_are_asked_for_again(b
     bench.run(20)
     assert any(bench.controls.controls)
     assert len(board.packets) >= packets + 20
-    assert bench.link.stats.reboots == 1
+    assert bench.link.reboots == 1
 
 
 def test_a_reboot_is_noticed_by_the_time_since_boot_alone(board):

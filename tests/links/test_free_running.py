@@ -151,7 +151,7 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
     assert link.stats.steps == driven.tick
     assert link.stats.bad_crc == link.stats.garbage_bytes == 0
     assert link.stats.rtt.count > 0
-    assert link.timesync.offset_ns is not None  # type: ignore[attr-defined]
+    assert link.timesync.best() is not None  # type: ignore[attr-defined]
 
 
 def test_the_bytes_of_a_tick_in_their_order(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
@@ -185,7 +185,7 @@ def test_a_bench_that_falls_behind_lets_go_and_says_so(
     driven.run(10)
     schedule = driven.link.schedule  # type: ignore[attr-defined]
     assert schedule.slip_count >= 1
-    assert schedule.longest_slip_ns >= 250_000_000
+    assert schedule.slipped_ns >= 250_000_000
     (kind, text), *_ = driven.events
     assert kind == "slip"
     assert "behind the wall clock and let go" in text

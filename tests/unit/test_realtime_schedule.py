@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
@@ -26,7 +28,7 @@ class Clock:
         self.now_ns += round(seconds * 1e9) + self.overshoot_ns
 
 
-def schedule(clock: Clock, **settings: int) -> DeadlineSchedule:
+def schedule(clock: Clock, **settings: Any) -> DeadlineSchedule:
     return DeadlineSchedule(**{"period_ns": PERIOD, "lead_ns": LEAD, **settings}, clock_ns=clock, sleep_s=clock.sleep)
 
 
@@ -40,12 +42,8 @@ def test_deadlines_are_absolute_whatever_the_sleeps_do() -> None:
         assert deadline == start + LEAD + k * PERIOD == plan.deadline_ns(k)
         assert deadline - LEAD <= clock.now_ns <= deadline - LEAD + clock.overshoot_ns
         clock.now_ns += 150_000
-        plan.note_handed_over(k)
     assert len(clock.slept) == 999
     assert plan.slip_count == 0
-    assert plan.lead_left.count == 1000
-    assert plan.lead_left.max_ns <= LEAD - 150_000
-    assert plan.overdue.count == 0
 
 
 def test_behind_by_up_to_the_limit_it_keeps_its_deadlines() -> None:
@@ -55,10 +53,8 @@ def test_behind_by_up_to_the_limit_it_keeps_its_deadlines() -> None:
     clock.now_ns = first - LEAD + PERIOD + 20_000_000
     for k in range(1, 6):
         assert plan.wait_until_due(k) == first + k * PERIOD
-        plan.note_handed_over(k)
     assert plan.slip_count == 0
     assert clock.slept == []
-    assert (plan.overdue.count, plan.overdue.max_ns) == (5, 20_000_000 - LEAD)
     # Tick 6 begins on time again.
     plan.wait_until_due(7)
     assert len(clock.slept) == 1
@@ -66,28 +62,17 @@ def test_behind_by_up_to_the_limit_it_keeps_its_deadlines() -> None:
 
 def test_behind_by_more_it_slips_once_and_sends_no_burst() -> None:
     clock = Clock()
-    plan = schedule(clock)
+    told: list[int] = []
+    plan = schedule(clock, on_slip=told.append)
     first = plan.wait_until_due(0)
     clock.now_ns = first - LEAD + PERIOD + 100_000_000
     stalled_until = clock.now_ns
     assert plan.wait_until_due(1) == stalled_until + LEAD
-    assert plan.slips == [(1, stalled_until, 100_000_000)]
-    assert (plan.slip_count, plan.slipped_ns, plan.longest_slip_ns) == (1, 100_000_000, 100_000_000)
+    assert (told, plan.slip_count, plan.slipped_ns) == ([100_000_000], 1, 100_000_000)
     for k in range(2, 10):
         assert plan.wait_until_due(k) == stalled_until + LEAD + (k - 1) * PERIOD
         assert clock.now_ns == stalled_until + (k - 1) * PERIOD, "one tick per period, no burst"
     assert plan.slip_count == 1
-
-
-def test_slips_are_counted_without_end_but_kept_up_to_a_bound() -> None:
-    clock = Clock()
-    plan = schedule(clock)
-    plan.wait_until_due(0)
-    for k in range(1, 1001):
-        clock.now_ns += PERIOD + 30_000_000
-        plan.wait_until_due(k)
-    assert (plan.slip_count, len(plan.slips)) == (1000, 256)
-    assert plan.slipped_ns == 1000 * 30_000_000
 
 
 def test_a_sleep_cut_short_is_continued() -> None:
@@ -107,6 +92,6 @@ def test_it_may_start_at_any_tick_and_refuses_nonsense() -> None:
     with pytest.raises(ValueError, match="not started"):
         plan.deadline_ns(0)
     assert plan.wait_until_due(500) == clock.now_ns + LEAD
-    for wrong in ({"period_ns": 0}, {"lead_ns": -1}, {"slip_ns": 0}):
+    for wrong in ({"period_ns": 0}, {"lead_ns": -1}):
         with pytest.raises(ValueError, match="must be above 0"):
             schedule(clock, **wrong)

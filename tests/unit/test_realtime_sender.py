@@ -13,12 +13,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from firmware_bridge._native import RealtimeSender, lateness_bin
-from firmware_bridge.links.send_stats import send_stats, sending_failure
-from hil.signals.latency import LatencyHistogram
+from firmware_bridge._native import RealtimeSender
+from firmware_bridge.links.paced_line import sending_failure
 
 PERIOD_NS = 4_000_000
 FAR_FUTURE_NS = 3_600 * 10**9
@@ -86,55 +83,25 @@ def test_frames_leave_in_order_whole_once_and_never_early(line: Line, sender: Re
         assert time.monotonic_ns() >= start + (len(got) // 64 - 1) * 1_000_000
     assert got == b"".join(frame(k) for k in range(50))
     until(lambda: sender.sent == 50)
-    stats = send_stats(sender)
-    assert (stats.pushed, stats.pending, stats.dropped, stats.refused) == (50, 0, 0, 0)
-    assert stats.lateness.count == sum(sender.lateness_bins()) == 50
-    assert stats.lateness.max_ns == sender.max_lateness_ns
-    assert stats.lateness.total_ns >= stats.lateness.max_ns
+    until(lambda: sender.pending == 0)
+    assert (sender.pushed, sender.dropped, sender.refused) == (50, 0, 0)
+    assert len(sender.take_lateness()) == 50
+    assert sender.take_lateness() == []
 
 
-def test_a_known_lateness_is_counted_and_listed(line: Line, sender: RealtimeSender) -> None:
-    now = time.monotonic_ns()
+def test_how_late_each_frame_left_is_told_in_order_without_those_left_out(line: Line) -> None:
     hour = 3_600 * 10**9
-    for k, behind in enumerate((hour, 2 * hour)):
-        assert sender.push(now - behind, frame(k))
-    until(lambda: sender.sent == 2)
-    stats = send_stats(sender)
-    assert (stats.late_2ms, stats.late_20ms) == (2, 2)
-    assert [(late.number, late.deadline_ns) for late in stats.worst] == [(0, now - hour), (1, now - 2 * hour)]
-    assert stats.worst[1].lateness_ns == stats.lateness.max_ns >= 2 * hour
-    assert stats.worst[0].lateness_ns + stats.worst[1].lateness_ns == stats.lateness.total_ns
-    # Minutes of a stopped machine are less than half a bin of hours.
-    assert stats.lateness.quantile_ns(0.0) == pytest.approx(hour, rel=0.04)
-
-
-def test_of_many_late_sends_the_worst_are_kept(line: Line, sender: RealtimeSender) -> None:
-    line.read_in_background()
+    sender = RealtimeSender(line.near.fileno(), period_ns=PERIOD_NS, slots=2, stale_ns=5 * hour)
+    late: list[int] = []
     now = time.monotonic_ns()
-    hour = 3_600 * 10**9
-    for k in range(600):
-        deadline = now - hour * (k + 1 if k < 300 else 1)
-        until(lambda deadline=deadline, k=k: sender.push(deadline, frame(k)))  # type: ignore[misc]
-    until(lambda: sender.sent == 600)
-    assert [late[0] for late in sender.worst()] == list(range(44, 300))
-    assert sender.late_20ms == 600
-
-
-@settings(deadline=None)
-@given(st.integers(0, 2**63 - 1))
-def test_bins_are_those_of_the_python_histogram(duration_ns: int) -> None:
-    histogram = LatencyHistogram()
-    histogram.add(duration_ns)
-    assert histogram._bins[lateness_bin(duration_ns)] == 1
-
-
-def test_bins_at_every_power_of_two_and_below_zero() -> None:
-    assert lateness_bin(-1) == lateness_bin(-(2**63)) == 0
-    for bit in range(63):
-        for duration in {(1 << bit) - 1, 1 << bit, (1 << bit) + 1}:
-            histogram = LatencyHistogram()
-            histogram.add(duration)
-            assert histogram._bins[lateness_bin(duration)] == 1
+    for k in (1, 2, 9, 3, 4):
+        until(lambda k=k: sender.push(now - k * hour, frame(k)))  # type: ignore[misc]
+        late += sender.take_lateness()
+    until(lambda: sender.pending == 0)
+    late += sender.take_lateness()
+    sender.stop()
+    assert [lateness_ns // hour for lateness_ns in late] == [1, 2, 3, 4]
+    assert (sender.sent, sender.dropped) == (4, 1)
 
 
 def test_stale_frames_are_left_out_unless_they_are_to_be_kept(line: Line) -> None:
@@ -147,8 +114,7 @@ def test_stale_frames_are_left_out_unless_they_are_to_be_kept(line: Line) -> Non
     until(lambda: sender.pending == 0)
     sender.stop()
     assert line.far.recv(65536) == frame(0) + frame(2) + frame(3)
-    assert (sender.sent, sender.dropped, sender.stale, sender.pushed) == (3, 1, 1, 4)
-    assert sender.late_20ms >= 2
+    assert (sender.sent, sender.dropped, sender.pushed) == (3, 1, 4)
 
 
 def test_the_longest_gap_is_between_samples_whatever_commands_lie_between(line: Line, sender: RealtimeSender) -> None:
@@ -157,9 +123,9 @@ def test_the_longest_gap_is_between_samples_whatever_commands_lie_between(line: 
     sender.push(start + 20_000_000, frame(1), keep=True)
     sender.push(start + 40_000_000, frame(2))
     until(lambda: sender.sent == 3)
-    until(lambda: sender.longest_gap_ns)
+    until(lambda: sender.pending == 0)
     # The first may be late, the last never early.
-    assert sender.longest_gap_ns >= 40_000_000 - sender.max_lateness_ns
+    assert sender.longest_gap_ns >= 40_000_000 - max(sender.take_lateness())
 
 
 def test_on_a_full_line_a_kept_frame_waits_for_room(line: Line) -> None:
@@ -327,7 +293,7 @@ def test_refusals(line: Line, sender: RealtimeSender) -> None:
     with pytest.raises(TypeError):
         sender.push(0, "text")  # type: ignore[arg-type]
     fd = line.near.fileno()
-    for wrong in ({"period_ns": 0}, {"slots": 0}, {"slot_bytes": 0}, {"priority": 100}, {"spin_ns": PERIOD_NS}):
+    for wrong in ({"period_ns": 0}, {"slots": 0}, {"slot_bytes": 0}):
         with pytest.raises(ValueError, match=next(iter(wrong))):
             RealtimeSender(fd, **{"period_ns": PERIOD_NS, **wrong})  # type: ignore[arg-type]
     with pytest.raises(OSError, match="Bad file descriptor"):
@@ -339,11 +305,6 @@ def test_it_says_what_scheduling_it_got(line: Line, sender: RealtimeSender) -> N
         ("SCHED_FIFO ", "normal scheduling (no permission for SCHED_FIFO 80: to get it, ")
     )
     assert "memory" in sender.scheduling
-    plain = RealtimeSender(line.near.fileno(), period_ns=PERIOD_NS, priority=0, lock_memory=False, spin_ns=50_000)
-    assert plain.scheduling == "normal scheduling (SCHED_FIFO not asked for)"
-    assert plain.push(time.monotonic_ns() + 1_000_000, b"spun")
-    until(lambda: plain.sent == 1)
-    plain.stop()
 
 
 def _resident_bytes() -> int:
@@ -371,7 +332,7 @@ def test_a_hundred_thousand_frames_take_no_memory_and_lose_no_byte(line: Line) -
             first = _resident_bytes()
     until(lambda: sender.pending == 0)
     assert _resident_bytes() - first < 4_000_000, "90 000 frames of 200 bytes would be 18 MB"
-    assert (sender.sent, sender.dropped, sum(sender.lateness_bins())) == (100_000, 0, 100_000)
+    assert (sender.sent, sender.dropped, len(sender.take_lateness())) == (100_000, 0, 100_000)
     sender.stop()
     line.near.close()
     reader.join(PATIENCE_S)
