@@ -1,7 +1,7 @@
-"""Messages of the companion link, version 2, as pure functions: msgpack headers in and out. No I/O.
+"""Messages of the companion link, version 3, as pure functions: msgpack headers in and out. No I/O.
 
 Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian). To a
-client that reads shared memory a frame is one small packet: the arrays and the samples' header lie in the memory.
+client that reads shared memory a frame has no second part: the arrays lie in the memory.
 A client sends hello, credit, done, view, ping and bye: `decode_client` turns their bytes into frozen dataclasses and
 refuses everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is
 told).
@@ -27,13 +27,13 @@ from firmware_bridge.codecs.companion_detections import KEYS as _DETECTIONS_KEYS
 from firmware_bridge.codecs.companion_detections import detections_from_map
 from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.strangers import number, shown, whole
+from firmware_bridge.codecs.untrusted import number, shown, whole
 from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
 from hil.signals.detections import Detections
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
-VERSION = 2
+VERSION = 3
 MAX_CREDIT = 64
 REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
@@ -49,7 +49,7 @@ _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it s
 
 # Keys of every message: part of the schema, so that a change of the wire cannot go unnoticed.
 _KEYS: dict[str, tuple[str, ...]] = {
-    "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory", "stream"),
+    "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
     "done": ("frame", "t_received_ns", "t_sent_ns", "t2_ns", "desired", "finished", "report", "detections"),
     "view": ("frame", "t_ns", "p_W", "yaw_rad", "goal_W", "plan_W", "particles_W", "map"),
@@ -57,10 +57,10 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "bye": ("reason",),
     "welcome": (
         *("version", "schema", "session", "mode", "tick_ns", "rate_hz"),
-        *("topics", "sensors", "waypoints_W", "ports", "ring", "streams", "control", "views_every_ns"),
+        *("topics", "sensors", "waypoints_W", "ports", "ring", "control", "views_every_ns"),
     ),
     "refused": ("code", "text"),
-    "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "samples_at", "release", "ports_of_frame"),
+    "frame": ("frame", "tick", "t_ns", "t_sent_ns", "dropped", "samples", "release", "ports_of_frame"),
     "pong": ("id", "t_client_ns", "t_bench_received_ns", "t_bench_sent_ns"),
     "end": ("status", "text"),
 }
@@ -152,7 +152,6 @@ class Hello:
     shared_memory: bool
     schema: str | None
     session: str | None = None  # on the port of one sensor: that of the welcome
-    stream: bool = False  # may be left out: it can take frames by plain TCP beside ZeroMQ
 
 
 @dataclass(frozen=True)
@@ -211,20 +210,10 @@ def topic_schema(sample_type: type, channel: str | None = None) -> TopicSchema:
 
 @dataclass(frozen=True)
 class Ring:
-    """Shared memory, and where a client of it is heard."""
+    """Shared memory in which the arrays of frames lie."""
 
     name: str
     bytes: int
-    door: str  # file of a local socket
-    word: str  # to say there first
-
-
-@dataclass(frozen=True)
-class Streams:
-    """Plain TCP connections for a client to open: one for each group, "" for all that no sensor's port takes."""
-
-    word: str  # to say on each first
-    addresses: Mapping[str, tuple[str, int]]
 
 
 @dataclass(frozen=True)
@@ -241,7 +230,6 @@ class Welcome:
     waypoints_W: Sequence[Sequence[float]]
     ports: Mapping[str, str]
     ring: Ring | None
-    streams: Streams | None
     control: bool
     views_every_ns: int = 0  # simulated time from one `view` to the next that are wanted; 0: none
 
@@ -273,27 +261,8 @@ def decode_client(raw: bytes | memoryview) -> ClientMessage:
     return decoder(message)
 
 
-def encode_hello(hello: Hello) -> bytes:
-    """What a client sends first: for tests and tools."""
-    return _pack(
-        {
-            "k": "hello",
-            "magic": MAGIC,
-            "version": VERSION,
-            "schema": hello.schema,
-            "name": hello.name,
-            "topics": list(hello.topics),
-            "control": hello.control,
-            "credit": hello.credit,
-            "shared_memory": hello.shared_memory,
-            "stream": hello.stream,
-            **({"session": hello.session} if hello.session is not None else {}),
-        }
-    )
-
-
 def encode_welcome(welcome: Welcome) -> bytes:
-    return _pack(
+    return pack(
         {
             "k": "welcome",
             "version": VERSION,
@@ -310,7 +279,6 @@ def encode_welcome(welcome: Welcome) -> bytes:
             "waypoints_W": [list(p) for p in welcome.waypoints_W],
             "ports": welcome.ports,
             "ring": None if welcome.ring is None else asdict(welcome.ring),
-            "streams": None if welcome.streams is None else asdict(welcome.streams),
             "control": welcome.control,
             "views_every_ns": welcome.views_every_ns,
         }
@@ -318,11 +286,11 @@ def encode_welcome(welcome: Welcome) -> bytes:
 
 
 def encode_refused(code: str, text: str) -> bytes:
-    return _pack({"k": "refused", "code": code, "text": text})
+    return pack({"k": "refused", "code": code, "text": text})
 
 
 def encode_pong(ping: Ping, t_bench_received_ns: int, t_bench_sent_ns: int) -> bytes:
-    return _pack(
+    return pack(
         {
             "k": "pong",
             "id": ping.id,
@@ -334,10 +302,11 @@ def encode_pong(ping: Ping, t_bench_received_ns: int, t_bench_sent_ns: int) -> b
 
 
 def encode_end(status: str, text: str) -> bytes:
-    return _pack({"k": "end", "status": status, "text": text})
+    return pack({"k": "end", "status": status, "text": text})
 
 
-def _pack(message: object) -> bytes:
+def pack(message: object) -> bytes:
+    """As msgpack."""
     return msgpack.packb(message, use_bin_type=True)
 
 
@@ -346,7 +315,10 @@ def _hello(m: dict[str, Any]) -> Hello:
         if m.get("magic") != MAGIC:
             raise HelloRefused("magic", f"magic {shown(m.get('magic'))}; this is {MAGIC!r}")
         if type(m.get("version")) is not int or m["version"] != VERSION:
-            raise HelloRefused("version", f"version {shown(m.get('version'))}; this bench speaks {VERSION}")
+            other = (
+                f"version {shown(m.get('version'))}; this bench speaks {VERSION}: take the client from its rigs/jetson"
+            )
+            raise HelloRefused("version", other)
         name = m.get("name")
         if type(name) is not str or not _NAME.fullmatch(name):
             raise HelloRefused("name", f"name {shown(name)}; 1 to 64 characters of A-Z a-z 0-9 _ . -")
@@ -368,7 +340,6 @@ def _hello(m: dict[str, Any]) -> Hello:
             _flag(m, "shared_memory"),
             schema,
             session,
-            "stream" in m and _flag(m, "stream"),
         )
     except HelloRefused:
         raise

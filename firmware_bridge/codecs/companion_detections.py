@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.strangers import number, shown, whole
+from firmware_bridge.codecs.untrusted import number, shown, whole
 from hil.signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
 from hil.signals.samples import Vec3
 

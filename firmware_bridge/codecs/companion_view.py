@@ -2,7 +2,7 @@
 
 A `view` is a message of its own, sent behind the answer to a frame, a few times a second of simulated time at most. It
 decides nothing: it is no part of an answer, of the trace or of the digest; a session without any is the same flight.
-So it may be large as headers go, within the packet of a local socket (64 KiB):
+So it may be large as headers go, within the limit of a client's message (128 KiB):
 
     {k: "view", frame, t_ns, p_W: [x, y, z], yaw_rad, goal_W: [x, y] or null, plan_W, particles_W: bytes,
      map: null, or {rows, columns, cell_m, origin_W: [x, y], cells: bytes}}
@@ -14,12 +14,12 @@ southernmost, and the values are those of `CELLS`. `origin_W` is the corner of c
 from __future__ import annotations
 
 import zlib
-from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.untrusted import number, whole
 
 UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too near to something to fly there
 MAX_SIDE = 256  # cells of a map
@@ -108,24 +108,15 @@ def _points(m: dict[str, Any], key: str) -> bytes:
 
 
 def _whole(m: dict[str, Any], key: str, low: int, high: int) -> int:
-    value = m.get(key)
-    if type(value) is not int or not low <= value <= high:
-        raise CodecError(f"view.{key}: a whole number within {low}..{high} is needed")
-    return value
+    return whole(f"view.{key}", m.get(key), low, high)
 
 
 def _number(m: dict[str, Any], key: str) -> float:
-    return _finite(m.get(key), key)
+    return number(f"view.{key}", m.get(key), _LARGEST_M)
 
 
 def _numbers(m: dict[str, Any], key: str, count: int) -> list[float]:
     values = m.get(key)
     if type(values) is not list or len(values) != count:
         raise CodecError(f"view.{key}: {count} numbers are needed")
-    return [_finite(value, key) for value in values]
-
-
-def _finite(value: object, key: str) -> float:
-    if type(value) not in (int, float) or not isfinite(value) or abs(value) > _LARGEST_M:  # type: ignore[arg-type]
-        raise CodecError(f"view.{key}: a finite number is needed")
-    return float(value)  # type: ignore[arg-type]
+    return [number(f"view.{key}", value, _LARGEST_M) for value in values]

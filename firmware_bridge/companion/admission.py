@@ -1,13 +1,13 @@
-"""Who is let in: a hello against the settings, the topics there are, and the clients there are already."""
+"""Which clients are let in: a hello against the settings, the topics there are, and the clients there are already."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fnmatch import fnmatchcase
 
 from firmware_bridge.codecs.companion import Hello, HelloRefused, schema_hash
 from firmware_bridge.companion.clients import Client, Clients
 from firmware_bridge.companion.frames import SessionFacts
-from firmware_bridge.companion.patterns import matching
 from firmware_bridge.companion.settings import CompanionSettings
 
 _NAMES = 256  # of clients in a session: what is counted is kept for each of them to the end
@@ -26,7 +26,7 @@ class Admission:
         """The topics that these patterns name. HelloRefused if one names none, or one that is not to be had."""
         wanted: set[str] = set()
         for pattern in dict.fromkeys(patterns):
-            named = matching(self.available, pattern)
+            named = [topic for topic in self.available if fnmatchcase(topic, pattern)]
             if not named:
                 raise HelloRefused(
                     "topic", f"no topic fits {pattern!r}; there are: {', '.join(sorted(self.available)) or 'none'}"

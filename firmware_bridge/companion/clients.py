@@ -6,14 +6,14 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from firmware_bridge.codecs.companion import MAX_CREDIT, Hello, HelloRefused
+from firmware_bridge.codecs.companion import MAX_CREDIT, Done, Hello, HelloRefused
+from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.clock_offset import ClockOffset
-from firmware_bridge.companion.frames import ClientInfo
-from firmware_bridge.companion.groups import CONTROL
-from firmware_bridge.companion.newcomers import Way
+from firmware_bridge.companion.frames import ClientInfo, Reply
 from hil.signals.latency import LatencyHistogram
 
-_STRANGERS = 256
+_CLOCKS_APART_NS = 1_000_000  # how much longer than here a function may seem to have taken by another clock
+_UNKNOWN = 256  # senders of nonsense that are remembered
 
 
 class UnderWay(NamedTuple):
@@ -61,23 +61,13 @@ class Client:
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
         self.in_ring = False
-        self.word = ""  # by which it is known beside ZeroMQ
-        self.ways_needed: frozenset[str] = frozenset()  # groups in which it is to have a way beside ZeroMQ
-        self.ways: dict[str, Way] = {}
         self.address = ""
         self.user = ""  # public key, where there is one
 
     @property
     def ready(self) -> bool:
-        """Whether frames can go: it has said on every sensor's port, or beside ZeroMQ, who it is."""
-        if self.ways_needed:
-            return self.ways_needed <= self.ways.keys()
+        """Whether frames can go: it has said on every sensor's port who it is."""
         return self.groups <= self.ports.keys()
-
-    @property
-    def way(self) -> Way | None:
-        """On which it is heard, where that is not ZeroMQ."""
-        return self.ways.get(CONTROL)
 
     def add_credit(self, n: int) -> bool:
         """Whether that was within what a client may have."""
@@ -91,12 +81,55 @@ class Client:
         self.stats.dropped += frames
         self.dropped_since += frames
 
+    def answered(self, done: Done, t_ns: int) -> tuple[Reply, list[int | None]]:
+        """What it says of a frame, here at `t_ns`, measured and counted; and the slots of the ring that it has read.
+        CodecError."""
+        if done.frame not in self.under_way:
+            raise CodecError(f"done: frame {done.frame} was not sent, or has been answered")
+        if done.desired is not None and not self.control:
+            raise CodecError("done: a desired state of a client that has no control")
+        if done.detections is not None and done.detections.topic not in self.topics:
+            raise CodecError(f"done: detections in {done.detections.topic[:60]!a}, a topic that it does not get")
+        sent = self.under_way[done.frame]
+        if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
+            raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
+        # Frames are answered in order: what is older, the client has passed over.
+        answered = [self.under_way.pop(n) for n in list(self.under_way) if n <= done.frame]
+        self.credit = min(self.credit + 1, MAX_CREDIT)
+        self.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
+        reading, stats = self.clock.best, self.stats
+        offset_ns = 0 if reading is None else reading.offset_ns
+        stats.skipped += len(answered) - 1
+        stats.answered += 1
+        stats.clock_offset_ns = offset_ns
+        stats.clock_delay_ns = None if reading is None else reading.delay_ns
+        stats.t1.add(done.t_received_ns - offset_ns - sent.t_sent_ns)
+        stats.t2.add(done.t2_ns)
+        stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
+        stats.round_trip.add(t_ns - sent.t_sent_ns)
+        stats.overhead.add(t_ns - sent.t_begun_ns - done.t2_ns)
+        reply = Reply(
+            self.name,
+            done.frame,
+            done.desired,
+            done.finished,
+            done.t2_ns,
+            done.t_received_ns,
+            done.t_sent_ns,
+            t_ns,
+            offset_ns,
+            sent.t_sent_ns,
+            done.report,
+            done.detections,
+        )
+        return reply, [one.slot for one in answered]
+
     def info(self) -> ClientInfo:
         return ClientInfo(self.name, self.topics, self.control, self.credit, self.address, self.stats.returned)
 
 
 class Clients:
-    """Who is here, who was, and strangers that have sent nothing sensible yet."""
+    """Who is here, who was, and unknown senders of nothing sensible so far."""
 
     def __init__(self) -> None:
         self.by_name: dict[str, Client] = {}
@@ -104,7 +137,7 @@ class Clients:
         self.stats: dict[str, ClientStats] = {}
         self.lost: dict[str, str] = {}  # why, by name; those that came back are not in it
         self._names: dict[int, tuple[bytes, str]] = {}  # by connection: who has had a place there
-        self._strangers: OrderedDict[bytes, int] = OrderedDict()
+        self._unknown: OrderedDict[bytes, int] = OrderedDict()
 
     def at(self, identity: bytes) -> Client | None:
         return self._by_identity.get(identity)
@@ -128,7 +161,7 @@ class Clients:
         self.by_name[client.name] = client
         self._by_identity[client.identity] = client
         self._names[client.fd] = (client.identity, client.name)
-        self._strangers.pop(client.identity, None)
+        self._unknown.pop(client.identity, None)
         if self.lost.pop(client.name, None) is not None:
             client.stats.returned += 1
 
@@ -139,9 +172,9 @@ class Clients:
         self._by_identity.pop(client.identity, None)
 
     def strike(self, identity: bytes) -> int:
-        """How many messages without sense this stranger has sent in a row, with this one. Few are remembered."""
-        strikes = self._strangers.pop(identity, 0) + 1
-        self._strangers[identity] = strikes
-        while len(self._strangers) > _STRANGERS:
-            self._strangers.popitem(last=False)
+        """How many messages without sense this unknown sender has sent in a row, with this one. Few are remembered."""
+        strikes = self._unknown.pop(identity, 0) + 1
+        self._unknown[identity] = strikes
+        while len(self._unknown) > _UNKNOWN:
+            self._unknown.popitem(last=False)
         return strikes

@@ -1,4 +1,4 @@
-"""A frame made ready for the wire: arrays put together and headers packed, once per set of topics.
+"""A frame made ready for the wire: arrays put together and headers packed, once for each set of topics.
 
 What a header says of a sample's arrays (names, types, shapes, places) seldom changes from frame to frame. It is packed
 by itself, and kept: so both ends make and read it once, and know it again by its bytes.
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import zmq
 
-from firmware_bridge.codecs.companion_frame import pack_arrays, pack_samples
+from firmware_bridge.codecs.companion import pack
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.companion.block import Block
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
+from firmware_bridge.companion.shared_ring import Block
 
 _PLAIN = "?biufc"
 _AS_THEY_ARE = frozenset(np.dtype(t) for t in ("?", "u1", "i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8"))
+_SAMPLES_KEY = pack("samples")
 _KEPT = 4096  # descriptions; those of clouds, whose sizes differ from turn to turn, come and go
 
 Described = tuple[tuple[str, np.dtype[Any], tuple[int, ...], int], ...]  # name, type, shape, place of each array
@@ -38,7 +39,7 @@ class Packing:
             if len(self._kept) >= _KEPT:
                 self._kept.clear()
             arrays = [{"name": n, "dtype": t.str, "shape": list(s), "offset": at} for n, t, s, at in described]
-            found = self._kept[described] = pack_arrays(arrays)
+            found = self._kept[described] = pack(arrays)
         return found
 
     def together(self, block: Block) -> zmq.Frame:
@@ -58,57 +59,76 @@ class Outgoing:
     """One frame. What goes to several clients is made once."""
 
     def __init__(self, frame: CompanionFrame, packing: Packing) -> None:
+        """CodecError for arrays that cannot be sent."""
         self.frame = frame
         self._packing = packing
         self.topics = frozenset(s.topic for s in frame.samples)
         self._arrays = [
             [(name, _plain(sample.topic, name, a)) for name, a in sample.arrays.items()] for sample in frame.samples
         ]
-        self._packed: dict[frozenset[str], tuple[bytes, Block]] = {}
-        self._together: dict[frozenset[str], list[zmq.Frame]] = {}
-        self._in_ring: dict[frozenset[str], tuple[int, int, int]] = {}
+        self._blocks: dict[frozenset[str], tuple[Block, dict[int, dict[str, Any]]]] = {}
+        self._samples: dict[tuple[frozenset[str], frozenset[str]], bytes] = {}
+        self._bodies: dict[frozenset[str], list[zmq.Frame]] = {}
 
-    def packed(self, topics: frozenset[str]) -> tuple[bytes, Block]:
-        """Of these topics the samples, for the header, and the arrays behind it, good while the frame's are."""
-        ready = self._packed.get(topics)
+    def block(self, topics: frozenset[str]) -> Block:
+        """The arrays of these topics, good while the frame's are."""
+        return self._described(topics)[0]
+
+    def body(self, topics: frozenset[str]) -> list[zmq.Frame]:
+        """The same as one part of a message, if there are any."""
+        ready = self._bodies.get(topics)
         if ready is None:
-            block, headers = self._block(topics)
-            ready = self._packed[topics] = pack_samples(list(headers.values())), block
+            block = self.block(topics)
+            ready = self._bodies[topics] = [self._packing.together(block)] if block.size else []
         return ready
 
-    def together(self, topics: frozenset[str]) -> list[zmq.Frame]:
-        """The arrays of these topics as one part of a message, if there are any."""
-        ready = self._together.get(topics)
-        if ready is None:
-            _, block = self.packed(topics)
-            ready = self._together[topics] = [self._packing.together(block)] if block.size else []
-        return ready
+    def header(
+        self,
+        topics: frozenset[str],
+        within: frozenset[str],
+        *,
+        t_sent_ns: int,
+        dropped: int,
+        release: int | None = None,
+        ports_of_frame: Sequence[str] | None = None,
+    ) -> bytes:
+        """For a client of these topics, whose arrays lie in the block of `within`: that of several clients, from
+        `release` on in the shared memory. A map is its entries one behind the other, so that what several clients
+        share is packed once."""
+        f = self.frame
+        head: dict[str, Any] = {"k": "frame", "frame": f.frame, "tick": f.tick, "t_ns": f.t_ns}
+        head |= {"t_sent_ns": t_sent_ns, "dropped": dropped}
+        if release is not None:
+            head["release"] = release
+        if ports_of_frame is not None:
+            head["ports_of_frame"] = ports_of_frame
+        first = pack(head)
+        # Fewer than 16 entries: the number of entries is the low half of the first byte.
+        return bytes((first[0] + 1,)) + first[1:] + _SAMPLES_KEY + self._packed(topics, within)
 
-    def _block(self, topics: frozenset[str]) -> tuple[Block, dict[int, dict[str, Any]]]:
+    def array_bytes(self, topics: frozenset[str]) -> int:
+        """Of the arrays of these topics."""
+        return sum(a.nbytes for i, s in enumerate(self.frame.samples) if s.topic in topics for _, a in self._arrays[i])
+
+    def _packed(self, topics: frozenset[str], within: frozenset[str]) -> bytes:
+        """The samples of these topics."""
+        packed = self._samples.get((topics, within))
+        if packed is None:
+            samples, headers = self.frame.samples, self._described(within)[1]
+            packed = pack([header for i, header in headers.items() if samples[i].topic in topics])
+            self._samples[topics, within] = packed
+        return packed
+
+    def _described(self, topics: frozenset[str]) -> tuple[Block, dict[int, dict[str, Any]]]:
         """The arrays of these topics, and the headers of the samples by their index."""
-        block = Block()
-        headers: dict[int, dict[str, Any]] = {}
-        for i, sample in enumerate(self.frame.samples):
-            if sample.topic in topics:
-                described = tuple([(n, a.dtype, a.shape, block.add(a)) for n, a in self._arrays[i]])
-                headers[i] = _header(sample, self._packing.described(described))
-        return block, headers
-
-    def for_ring(self, wanted: Sequence[frozenset[str]]) -> Block:
-        """What the ring has to hold for clients of these topics: the arrays, and a header for each set of topics."""
-        topics = wanted[0] if len(wanted) == 1 else frozenset().union(*wanted)
-        block, headers = self._block(topics)
-        for mine in wanted:
-            if mine not in self._in_ring:
-                chosen = [i for i in headers if self.frame.samples[i].topic in mine]
-                size = sum([array.nbytes for i in chosen for _, array in self._arrays[i]])
-                packed = np.frombuffer(pack_samples([headers[i] for i in chosen]), np.uint8)
-                self._in_ring[mine] = (block.add(packed), packed.nbytes, size)
-        return block
-
-    def in_ring(self, topics: frozenset[str]) -> tuple[int, int, int]:
-        """Of the header of these topics: where it lies, counted from the slot, its bytes, and those of its arrays."""
-        return self._in_ring[topics]
+        ready = self._blocks.get(topics)
+        if ready is None:
+            block, headers = ready = self._blocks[topics] = Block(), {}
+            for i, sample in enumerate(self.frame.samples):
+                if sample.topic in topics:
+                    described = tuple([(n, a.dtype, a.shape, block.add(a)) for n, a in self._arrays[i]])
+                    headers[i] = _header(sample, self._packing.described(described))
+        return ready
 
 
 def _header(sample: CompanionSample, arrays: bytes) -> dict[str, Any]:

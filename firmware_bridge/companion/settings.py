@@ -16,7 +16,7 @@ _MAX_CLIENTS = 32
 
 @dataclass(frozen=True)
 class CompanionSettings:
-    """`bind` is where headers go and clients knock: ipc:// for shared memory, tcp:// for the others.
+    """`bind` is where clients say hello: ipc:// for shared memory, tcp:// for the others.
 
     With several ports, the sensors' ports are taken on the same host: any free ones, or `first_port`, +1, +2, ... in
     the order of the sensors' names, for where a firewall has to know.
@@ -28,11 +28,10 @@ class CompanionSettings:
     first_port: int | None = None
     max_clients: int = _MAX_CLIENTS
     max_credit: int = MAX_CREDIT  # frames under way to one client
-    max_message_bytes: int = 1 << 20  # of one part that a client sends
+    max_message_bytes: int = 128 << 10  # of one part that a client sends; more ends its connection
     ring_bytes: int = 64 << 20
     vanished_s: int = 2  # a machine that is silent for so long has gone; a process that only stalls has not
     malformed_in_a_row: int = 10  # more than this many end the client's place
-    unread_bytes_limit: int = 8 << 20  # of one TCP connection that makes no complete messages of them
 
     def __post_init__(self) -> None:
         problems = []
@@ -55,7 +54,6 @@ class CompanionSettings:
             ("ring_bytes", 4096, 1 << 36),
             ("vanished_s", 1, 3600),
             ("malformed_in_a_row", 1, 1_000_000),
-            ("unread_bytes_limit", self.max_message_bytes, 1 << 36),
         ):
             if not low <= getattr(self, name) <= high:
                 problems.append(self._problem(f"{name} {getattr(self, name)!r}", f"within {low}..{high}"))

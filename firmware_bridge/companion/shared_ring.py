@@ -20,10 +20,40 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_bridge.companion.block import ALIGN, Block
 from hil.signals.errors import PortNotFound
 
+ALIGN = 64
 _FOLDER = Path("/dev/shm")  # noqa: S108
+
+
+class Block:
+    """Arrays in C order that are to lie together, each on a boundary of 64 bytes."""
+
+    __slots__ = ("arrays", "size")
+
+    def __init__(self) -> None:
+        self.arrays: list[tuple[np.ndarray, int]] = []  # each with its offset
+        self.size = 0
+
+    def add(self, array: np.ndarray) -> int:
+        """Its offset."""
+        offset, size = self.size, array.nbytes
+        if size:  # a radar that sees nothing has no points
+            self.arrays.append((array, offset))
+            self.size += -(-size // ALIGN) * ALIGN
+        return offset
+
+    def copy_to(self, view: memoryview) -> None:
+        """The arrays, each to its offset."""
+        for array, offset in self.arrays:
+            view[offset : offset + array.nbytes] = _bytes_of(array)
+
+
+def _bytes_of(array: np.ndarray) -> memoryview:
+    try:
+        return array.data.cast("B")
+    except (TypeError, ValueError):  # complex numbers are none of memoryview's
+        return array.reshape(-1).view(np.uint8).data
 
 
 class SharedRing:

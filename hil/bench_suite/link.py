@@ -6,8 +6,8 @@ Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebod
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
-Companion  frames of a megabyte to a client under test, in flights and beside a bare socket: link_companion.py. Slow
-           clients in simulated time against real time: link_latency.py.
+Companion  frames of a megabyte to a client under test, in flights, and between two hosts beside a bare socket:
+           link_companion.py. Slow clients in simulated time against real time: link_latency.py.
 Firmware   the rectangle on PX4 SITL and ArduCopter SITL, if PX4_BINARY and ARDUCOPTER_BINARY name builds of yours.
 """
 

@@ -35,7 +35,7 @@ CASE = "companion, frame by frame"
 _CLOUD = "sensor_msgs/PointCloud2"
 _RATE_HZ = 100
 _FRAMES_PER_S = 100.0  # by the wall clock, on two cores
-_OVERHEAD_MS = 2.0
+_OVERHEAD_MS = 4.0  # p99
 _BENCH = f"""scene: airfield
 mission: {Path(__file__).resolve().parents[2] / "rigs" / "missions" / "rectangle.plan"}
 autopilot: {{transport: loopback}}

@@ -25,7 +25,7 @@ _LIMIT_S = 20.0
 def main(arguments: Sequence[str]) -> None:
     """Until the input ends."""
     from hil_companion.client import Client
-    from hil_companion.memory import keep_freed_memory, quiet_collector
+    from hil_companion.runner import keep_freed_memory, quiet_collector
 
     keep_freed_memory()  # as the runner does
     address, place, size = arguments[:3]

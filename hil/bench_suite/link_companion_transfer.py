@@ -5,8 +5,6 @@ of the frame's arrays, put together beforehand, in one `sendall`, received into 
 bytes back; no header, no arrays, no checks. Both in turn, in short blocks, so that what else the machine does meets
 both; each pair of them makes a ratio, and the median of those counts. Stop-and-wait: the next frame leaves when the
 answer to the last is here. Streaming: four frames under way.
-
-In shared memory the link's arrays are copied once and read in place, so it can be faster than any socket.
 """
 
 from __future__ import annotations
@@ -40,7 +38,6 @@ from hil.bench_suite.link_companion_frame import (
 from hil.companion.collector import QuietCollector
 from hil.companion.started import CLIENT_PATH
 from hil.signals.errors import LinkClosed
-from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import GpsSample, ImageSample, ImuSample, PointCloudSample, TruthState
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,8 +73,6 @@ class Rates:
     payload_bytes: int
     link_s: list[float] = field(default_factory=list)
     bare_s: list[float] = field(default_factory=list)
-    link_ns: LatencyHistogram = field(default_factory=LatencyHistogram)  # of single frames, where they do not stream
-    bare_ns: LatencyHistogram = field(default_factory=LatencyHistogram)
 
     @property
     def of_bare(self) -> float:
@@ -95,10 +90,9 @@ class Wire:
 
 
 @contextmanager
-def far_end(wire: Wire, arrangement: Arrangement, folder: Path, arrays: Arrays) -> Iterator[Transfer]:
+def far_end(wire: Wire, arrangement: Arrangement, arrays: Arrays) -> Iterator[Transfer]:
     """A server here and a peer there, joined. HandshakeError, LinkClosed."""
-    bind = f"ipc://{folder / 'link'}" if arrangement == "shared_memory" else f"tcp://{wire.near}:*"
-    server = CompanionServer(CompanionSettings(bind, arrangement, wire.keys), _FACTS)
+    server = CompanionServer(CompanionSettings(f"tcp://{wire.near}:*", arrangement, wire.keys), _FACTS)
     server.open()
     peer: subprocess.Popen[str] | None = None
     collector = QuietCollector()
@@ -172,29 +166,21 @@ class Transfer:
         per_block = max(2 * AHEAD, round(min(_BLOCK_S, seconds / (4 * least_pairs)) / self._probe(ahead)))
         end_s = time.monotonic() + seconds
         while len(rates.link_s) < least_pairs or time.monotonic() < end_s:
-            rates.link_s.append(self._block("link", self._link, per_block, ahead, rates.link_ns))
-            rates.bare_s.append(self._block("bare", self._send_bare, per_block, ahead, rates.bare_ns))
+            rates.link_s.append(self._block("link", self._link, per_block, ahead))
+            rates.bare_s.append(self._block("bare", self._send_bare, per_block, ahead))
         return rates
 
     def _probe(self, ahead: int) -> float:
         """Seconds per frame, about; warms both ends up too."""
-        link_s = self._block("link", self._link, 10, ahead, None)
-        return max(link_s, self._block("bare", self._send_bare, 10, ahead, None))
+        link_s = self._block("link", self._link, 10, ahead)
+        return max(link_s, self._block("bare", self._send_bare, 10, ahead))
 
-    def _block(
-        self, kind: str, send: Callable[..., None], count: int, ahead: int, times: LatencyHistogram | None
-    ) -> float:
+    def _block(self, kind: str, send: Callable[..., None], count: int, ahead: int) -> float:
         """Seconds per frame. The first frame finds the far end asleep and is not timed."""
         self._tell(kind, count + 1)
         send(1, 1)
         began_s = time.perf_counter()
-        if ahead == 1 and times is not None:
-            for _ in range(count):
-                began_ns = time.perf_counter_ns()
-                send(1, 1)
-                times.add(time.perf_counter_ns() - began_ns)
-        else:
-            send(count, ahead)
+        send(count, ahead)
         return (time.perf_counter() - began_s) / count
 
     def _tell(self, kind: str, count: int) -> None:

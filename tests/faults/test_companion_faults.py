@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import resource
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -30,11 +29,6 @@ from firmware_bridge.companion.server import CompanionServer
 from tests.links.companion_world import Events, RawClient, answered, frame_of, join, serving, step, until
 
 NAN = float("nan")
-# What a DEALER without keys sends first in ZMTP 3.0 (ZeroMQ RFC 23).
-READY = b"\x05READY\x0bSocket-Type\x00\x00\x00\x06DEALER\x08Identity\x00\x00\x00\x00"
-GREETING = (
-    b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32) + b"\x04" + bytes((len(READY),)) + READY
-)
 DONE = {"k": "done", "frame": 0, "t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0, "desired": None, "finished": False}
 
 
@@ -95,7 +89,7 @@ def test_killed_process_is_noticed_and_a_stopped_one_is_the_callers_to_drop() ->
     code = (
         "import sys, zmq, msgpack\n"
         "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=2, schema=None, name=sys.argv[2],"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=3, schema=None, name=sys.argv[2],"
         " topics=['*'], control=False, credit=4, shared_memory=True)))\n"
         "while True: s.recv_multipart()\n"
     )
@@ -178,7 +172,7 @@ def test_ten_thousand_messages_of_garbage(known: bool) -> None:
     [
         ({"magic": "other"}, "magic"),
         ({"magic": None}, "magic"),
-        ({"version": 1}, "version"),
+        ({"version": 2}, "version"),  # a client of before
         ({"version": True}, "version"),
         ({"schema": "0123456789abcdef"}, "schema"),
         ({"schema": 5}, "malformed"),
@@ -304,49 +298,6 @@ def test_hundred_megabytes_in_one_part_never_get_in() -> None:
         assert grown_kb < 50_000
 
 
-def test_gigabytes_in_many_parts_are_cut_off() -> None:
-    """A message without an end: each part is small enough, and ZeroMQ keeps them all until the last has come.
-
-    Its own library would keep them on the client's side, so this speaks ZMTP 3.0 (RFC 23) itself.
-    """
-    part = b"\x03" + (1 << 19).to_bytes(8, "big") + bytes(1 << 19)  # long, more to come
-    sent_bytes = 0
-
-    def stream(address: tuple[str, int]) -> None:
-        nonlocal sent_bytes
-        with socket.create_connection(address) as wire, suppress(OSError):
-            wire.sendall(GREETING)
-            while sent_bytes < 4 << 30:
-                wire.sendall(part)
-                sent_bytes += len(part)
-
-    events = Events()
-    with serving(events, unread_bytes_limit=16 << 20) as server, healthy(server) as fly:
-        host, port = server.endpoint.removeprefix("tcp://").split(":")
-        before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        thread = threading.Thread(target=stream, args=((host, int(port)),))
-        thread.start()
-        until(server, lambda: not thread.is_alive(), 60.0)
-        assert any("message without end" in text for text in events.of("wire"))
-        assert sent_bytes < 1 << 30
-        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 1 << 20
-        fly()
-
-
-def test_heartbeats_of_a_connection_that_breaks_while_nobody_reads_end_nothing() -> None:
-    """ZeroMQ answers heartbeats from within, also those behind a full queue of a connection that is no more."""
-    heartbeat = b"\x04\x07\x04PING\x00\x10"
-    with serving() as server, healthy(server) as fly:
-        host, port = server.endpoint.removeprefix("tcp://").split(":")
-        for _ in range(10):
-            with socket.create_connection((host, int(port))) as wire:
-                wire.sendall(GREETING + (b"\x00\x01x" + heartbeat) * 3000)
-                wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
-                time.sleep(0.01)
-        time.sleep(0.05)
-        fly()
-
-
 @pytest.mark.parametrize("message", ["ping", "nonsense"])
 def test_flood_of_small_messages_does_not_starve_the_others(message: str) -> None:
     raw = msgpack.packb({"k": "ping", "id": 1, "t_client_ns": 1}) if message == "ping" else b"\xc1"
@@ -376,32 +327,6 @@ def test_flood_of_small_messages_does_not_starve_the_others(message: str) -> Non
         assert took_s < 5.0  # it ends at all: not a measurement
 
 
-def test_flood_of_connections_is_limited() -> None:
-    with serving(max_clients=2) as server, healthy(server):
-        host, port = server.endpoint.removeprefix("tcp://").split(":")
-        wires = [socket.create_connection((host, int(port))) for _ in range(60)]
-        try:
-            closed: set[int] = set()
-
-            def cut_off() -> bool:
-                for i, wire in enumerate(wires):
-                    wire.setblocking(False)
-                    try:
-                        while wire.recv(4096):
-                            pass
-                        closed.add(i)
-                    except BlockingIOError:
-                        pass
-                    except OSError:
-                        closed.add(i)
-                return len(closed) >= 50
-
-            until(server, cut_off)
-        finally:
-            for wire in wires:
-                wire.close()
-
-
 @pytest.mark.parametrize("key", ["other key", "no key", "wrong bench"])
 def test_wrong_keys_are_turned_away_and_the_right_one_is_served(key: str, tmp_path: Path) -> None:
     make_keys(tmp_path / "bench", ["cut"])
@@ -429,7 +354,7 @@ def test_wrong_keys_are_turned_away_and_the_right_one_is_served(key: str, tmp_pa
         assert stranger.silent()
 
 
-def test_stranger_on_a_sensors_port_gets_nothing() -> None:
+def test_unknown_client_on_a_sensors_port_gets_nothing() -> None:
     with serving(arrangement="ports") as server, RawClient(server.endpoint) as client:
         client.hello(topics=["imu"])
         until(server, lambda: server.topics == {"imu"})
@@ -454,13 +379,11 @@ def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_mem
     code = (
         "import os, sys, zmq, msgpack\n"
         "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=2, schema=None, name='killed',"
+        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=3, schema=None, name='killed',"
         " topics=['imu'], control=False, credit=64, shared_memory=True)))\n"
         "ring = msgpack.unpackb(s.recv())['ring']\n"
         "import mmap; m = mmap.mmap(os.open('/dev/shm/' + ring['name'], os.O_RDONLY), 4096, prot=mmap.PROT_READ)\n"
-        "import socket; d = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)\n"
-        "d.connect(ring['door']); d.send(ring['word'].encode())\n"
-        "while True: d.recv(1000)\n"
+        "while True: s.recv()\n"
     )
     with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server, RawClient(bind) as client:
         join(server, client, credit=1, topics=["imu"])
@@ -470,7 +393,7 @@ def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_mem
             number = 0
             while server.send(frame_of(number), to=["killed"]):
                 number += 1
-            assert 4096 // 512 <= number <= 4096 // 192
+            assert number == 4096 // 128  # a frame of that topic has 120 bytes
             assert server.send(frame_of(number)) == []  # full: dropped, nobody waits
             child.kill()
             until(server, lambda: "killed" in server.lost)

@@ -1,10 +1,8 @@
-"""A companion server in this process and raw clients, by ZeroMQ and at the ring's door, that say what they like."""
+"""A companion server in this process and raw clients, which say what they like."""
 
 from __future__ import annotations
 
 import mmap
-import select
-import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -65,22 +63,15 @@ class RawClient:
         for name, value in options.items():
             setattr(self.socket, name, value)
         self.socket.connect(address)
-        self.door: socket.socket | None = None
         self.memory: mmap.mmap | None = None
 
-    def enter(self, ring: Mapping[str, Any]) -> None:
-        """The ring that a welcome told of: from here on everything goes through its door."""
+    def map(self, ring: Mapping[str, Any]) -> None:
+        """The ring that a welcome told of."""
         with Path("/dev/shm", ring["name"]).open("rb") as file:
             self.memory = mmap.mmap(file.fileno(), ring["bytes"], access=mmap.ACCESS_READ)
-        self.door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.door.connect(ring["door"])
-        self.door.send(ring["word"].encode())
 
     def send(self, *parts: bytes) -> None:
-        if self.door is None:
-            self.socket.send_multipart(parts)
-        else:
-            self.door.send(*parts)
+        self.socket.send_multipart(parts)
 
     def say(self, kind: str, **entries: Any) -> None:
         self.send(msgpack.packb({"k": kind, **entries}))
@@ -107,12 +98,8 @@ class RawClient:
         """A header, with what its samples say of arrays unpacked, and the other parts."""
         if self.silent(wait_s):
             raise AssertionError("nothing came")
-        parts = self.socket.recv_multipart() if self.door is None else [self.door.recv(1 << 16)]
+        parts = self.socket.recv_multipart()
         header = msgpack.unpackb(parts[0])
-        if "samples_at" in header:
-            assert self.memory is not None
-            begin, size = header["release"] + header["samples_at"][0], header["samples_at"][1]
-            header["samples"] = msgpack.unpackb(self.memory[begin : begin + size])
         for sample in header.get("samples", ()):
             sample["arrays"] = msgpack.unpackb(sample["arrays"])
         return header, parts[1:]
@@ -128,14 +115,10 @@ class RawClient:
         return header
 
     def silent(self, wait_s: float = 0.05) -> bool:
-        if self.door is None:
-            return not self.socket.poll(wait_s * 1000)
-        return not select.select([self.door], [], [], wait_s)[0]
+        return not self.socket.poll(wait_s * 1000)
 
-    def close(self) -> None:
-        if self.door is not None:
-            self.door.close()
-        self.context.destroy(linger=0)
+    def close(self, linger_ms: int = 0) -> None:
+        self.context.destroy(linger=linger_ms)
 
     def __enter__(self) -> RawClient:
         return self
@@ -169,7 +152,7 @@ def join(server: CompanionServer, client: RawClient, name: str = "cut", **change
     until(server, lambda: not client.silent(0.0))
     welcome = client.expect("welcome")
     if welcome["ring"] is not None:
-        client.enter(welcome["ring"])
+        client.map(welcome["ring"])
     until(server, lambda: name in server.living)
     return welcome
 

@@ -34,9 +34,9 @@ def wire(host: SecondHost, tmp_path: Path) -> Wire:
 
 
 @pytest.mark.parametrize("arrangement", ["one_port", "ports"])
-def test_frames_cross_the_wire_whole(wire: Wire, arrangement: Arrangement, tmp_path: Path) -> None:
+def test_frames_cross_the_wire_whole(wire: Wire, arrangement: Arrangement) -> None:
     arrays = frame_arrays(0, scale=SCALE)
-    with far_end(wire, arrangement, tmp_path, arrays) as transfer:
+    with far_end(wire, arrangement, arrays) as transfer:
         assert transfer.differing(2) == 0
         rates = transfer.measure(ahead=AHEAD, seconds=0.2, least_pairs=1)
     assert rates.payload_bytes == size_of(arrays)
@@ -44,21 +44,21 @@ def test_frames_cross_the_wire_whole(wire: Wire, arrangement: Arrangement, tmp_p
     assert min(rates.link_s + rates.bare_s) > 0.5 * size_of(arrays) * 8 / 1e9
 
 
-def test_a_key_that_is_not_allowed_stays_outside(wire: Wire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_that_is_not_allowed_stays_outside(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     assert wire.keys is not None
     (wire.keys / "peer.pub").unlink()
     monkeypatch.setattr("hil.bench_suite.link_companion_transfer.LIMIT_S", 1.5)
     with (
         pytest.raises(HandshakeError, match="not among the allowed"),
-        far_end(wire, "one_port", tmp_path, frame_arrays(0, scale=SCALE)),
+        far_end(wire, "one_port", frame_arrays(0, scale=SCALE)),
     ):
         pass
 
 
-def test_no_keys_no_second_host(wire: Wire, tmp_path: Path) -> None:
+def test_no_keys_no_second_host(wire: Wire) -> None:
     with (
         pytest.raises(ConfigError, match="make keys"),
-        far_end(Wire(wire.near, wire.far), "one_port", tmp_path, frame_arrays(0, scale=SCALE)),
+        far_end(Wire(wire.near, wire.far), "one_port", frame_arrays(0, scale=SCALE)),
     ):
         pass
 

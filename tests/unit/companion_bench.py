@@ -28,7 +28,7 @@ Header = dict[str, Any]
 def welcome(**changes: Any) -> Header:
     header: Header = {
         "k": "welcome",
-        "version": 2,
+        "version": 3,
         "schema": "a" * 16,
         "session": SESSION,
         "mode": "lockstep",

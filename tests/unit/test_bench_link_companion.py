@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from firmware_bridge.companion.settings import Arrangement
 from hil.bench_suite import link_companion, second_host
-from hil.bench_suite.link_companion_flight import ARRANGEMENTS, differing_arrays
+from hil.bench_suite.link_companion_flight import differing_arrays
 from hil.bench_suite.link_companion_frame import bytes_of, checksums, frame_arrays, size_of
 from hil.bench_suite.link_companion_transfer import Rates, Wire, _wrong, far_end
-from hil.bench_suite.result import BenchmarkResult, work_precision_plot
+from hil.bench_suite.result import BenchmarkResult
 from hil.recorder.frame_series import FrameSeries
 from hil.signals.errors import LinkClosed, PortNotFound
 
@@ -42,19 +42,18 @@ def test_ratio_is_of_pairs() -> None:
     assert rates.of_bare == 0.5
 
 
-@pytest.mark.parametrize("arrangement", ARRANGEMENTS)
-def test_transfer_both_ways(arrangement: Arrangement, tmp_path: Path) -> None:
+@pytest.mark.parametrize("arrangement", ["one_port", "ports"])
+def test_transfer_both_ways(arrangement: Arrangement) -> None:
     arrays = frame_arrays(0, scale=0.05)
-    with far_end(Wire(), arrangement, tmp_path, arrays) as transfer:
+    with far_end(Wire(), arrangement, arrays) as transfer:
         assert transfer.differing(2) == 0
         for ahead in (1, 4):
             rates = transfer.measure(ahead=ahead, seconds=0.05, least_pairs=1)
             assert len(rates.link_s) == len(rates.bare_s) >= 1
-            assert (rates.link_ns.count > 0) == (ahead == 1)
 
 
-def test_far_end_that_dies_is_named(tmp_path: Path) -> None:
-    with far_end(Wire(), "one_port", tmp_path, frame_arrays(0, scale=0.05)) as transfer:
+def test_far_end_that_dies_is_named() -> None:
+    with far_end(Wire(), "one_port", frame_arrays(0, scale=0.05)) as transfer:
         transfer._peer.kill()
         transfer._peer.wait()
         with pytest.raises((LinkClosed, BrokenPipeError)):
@@ -76,19 +75,12 @@ def test_a_flight_gives_what_it_recorded(tmp_path: Path, monkeypatch: pytest.Mon
     assert differ > 0
 
 
-def test_panels_are_drawn(tmp_path: Path) -> None:
+def test_rows_of_a_transfer() -> None:
     rates = Rates(1_000_000, link_s=[1e-3], bare_s=[5e-4])
-    for t_ns in (100_000, 200_000, 200_000):
-        rates.link_ns.add(t_ns)
-        rates.bare_ns.add(t_ns // 2)
     result = BenchmarkResult()
     link_companion._rows(result, "transfer", "ports", rates, 0, wire="loopback")
     assert result.rows[0].details["of_bare"] == 0.5
     assert result.rows[0].details["mb_per_s"] == pytest.approx(1000.0)
-    result.panels.append(lambda ax: link_companion.draw_times({"ports": rates}, ax))
-    result.panels.append(lambda ax: link_companion.draw_sizes({"ports": [rates]}, ax))
-    work_precision_plot(result, "title", tmp_path / "plot.png")
-    assert (tmp_path / "plot.png").stat().st_size > 5000
 
 
 def test_second_host_that_cannot_be_made_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

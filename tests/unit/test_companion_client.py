@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -14,13 +13,12 @@ from multiprocessing import shared_memory
 from pathlib import Path
 from typing import Any
 
-import msgpack
 import numpy as np
 import pytest
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
 
-from tests.unit.companion_bench import CLIENT, LIMIT_S, Bench, array, frame, pack, running, sample, welcome
+from tests.unit.companion_bench import CLIENT, Bench, array, frame, pack, running, sample, welcome
 
 from hil_companion import Client, Desired, Frame  # isort: skip
 from hil_companion.errors import (  # isort: skip
@@ -164,38 +162,24 @@ def test_frames_over_several_ports_are_put_together_whatever_the_order() -> None
         context.destroy(linger=0)
 
 
-def test_arrays_in_shared_memory_are_read_in_place_and_the_memory_outlives_the_client(tmp_path: Path) -> None:
+def test_arrays_in_shared_memory_are_read_in_place_and_the_memory_outlives_the_client() -> None:
     memory = shared_memory.SharedMemory(create=True, size=1 << 20)
     try:
         slot = np.frombuffer(memory.buf, "<f4", 40_000, offset=4096)
         slot[:] = DEPTH.ravel()
-        ring = {"name": memory.name, "bytes": memory.size, "door": str(tmp_path / "door"), "word": "open"}
 
-        def packet(number: int, begin: int, offset: int) -> bytes:
+        def told(number: int, release: int, offset: int = 1024) -> dict[str, Any]:
             at = {"name": "depth", "dtype": "<f4", "shape": [200, 200], "offset": offset}
-            packed = pack([sample("front/depth", arrays=[at])])
-            memory.buf[begin : begin + len(packed)] = packed
-            told = {k: v for k, v in frame(number).items() if k != "samples"}
-            return pack(told | {"release": 0, "samples_at": [begin, len(packed)]})
+            return frame(number, [sample("front/depth", arrays=[at])], release=release)
 
         def script(bench: Bench) -> None:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
-                listening.bind(ring["door"])
-                listening.listen(1)
-                listening.settimeout(LIMIT_S)
-                bench.greet(ring=ring)
-                door, _ = listening.accept()
-            with door:
-                door.settimeout(LIMIT_S)
-                assert door.recv(100) == b"open"
-                door.send(packet(0, 0, (1 << 20) - 8))  # reaches out of the ring
-                door.send(pack(frame(0) | {"samples_at": [(1 << 20) - 8, 16]}))
-                door.send(packet(1, 512, 4096))
-                kinds = []
-                while kinds[-1:] != ["done"]:
-                    kinds.append(msgpack.unpackb(door.recv(1000))["k"])
-                assert kinds.count("credit") == 2  # of those that could not be read
-                door.send(pack(END))
+            client = bench.greet(ring={"name": memory.name, "bytes": memory.size})
+            bench.send(client, told(0, (1 << 20) - 2048))  # reaches out of the ring
+            bench.send(client, told(0, -3072))
+            bench.send(client, told(1, 3072))
+            bench.receive("done")
+            assert len(bench.of_kind("credit")) == 2  # of those that could not be read
+            bench.send(client, END)
 
         with running(script) as bench, connect(bench) as client:
             first = client.receive(5.0)
@@ -299,7 +283,7 @@ def test_nothing_but_garbage_is_an_error() -> None:
 
 def test_a_welcome_that_is_none_is_refused_field_by_field() -> None:
     wrong: list[dict[str, Any]] = [
-        {"version": 1},
+        {"version": 2},
         {"schema": 3},
         {"mode": "fast"},
         {"tick_ns": 0},
@@ -310,9 +294,8 @@ def test_a_welcome_that_is_none_is_refused_field_by_field() -> None:
         {"waypoints_W": [[0, 0]]},
         {"waypoints_W": [[0, 0, math.inf]]},
         {"ports": {"imu": 5}},
-        {"ring": {"name": "../etc", "bytes": 10, "door": "/d", "word": "w"}},
-        {"ring": {"name": "x", "bytes": -1, "door": "/d", "word": "w"}},
-        {"ring": {"name": "x", "bytes": 10, "door": "x" * 200, "word": "w"}},
+        {"ring": {"name": "../etc", "bytes": 10}},
+        {"ring": {"name": "x", "bytes": -1}},
         {"control": 1},
     ]
 

@@ -13,9 +13,8 @@ import pytest
 
 from tests.unit.companion_bench import array, frame, sample, together, welcome
 
-from hil_companion.cuts.arrival import Seen, came_within_s  # isort: skip
 from hil_companion.cuts.record import Record  # isort: skip
-from hil_companion.cuts.waypoints import Waypoints  # isort: skip
+from hil_companion.cuts.waypoints import Seen, Waypoints, came_within_s  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
 from hil_companion.frame import Frame, SampleReader  # isort: skip
 from hil_companion.protocol import read_welcome  # isort: skip

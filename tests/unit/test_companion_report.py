@@ -19,7 +19,7 @@ from hil_companion import protocol  # isort: skip
 from hil_companion.catalog import make_cut  # isort: skip
 from hil_companion.cuts.explore import Explore  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
-from hil_companion.report import checked_report  # isort: skip
+from hil_companion.protocol import checked_report  # isort: skip
 
 assert CLIENT
 TIMES: dict[str, Any] = {"t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0, "desired": None, "finished": False}

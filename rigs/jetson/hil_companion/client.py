@@ -14,20 +14,18 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-import select
 import time
 from collections import deque
-from typing import Any, Callable, Iterator, Mapping, Sequence
+from typing import Any, Iterator, Mapping, Sequence
 
 import zmq
 
 from hil_companion import protocol
 from hil_companion.barrier import Barrier
 from hil_companion.clock import BenchClock
-from hil_companion.connection import BYE_LINGER_MS, Connection
+from hil_companion.connection import BYE_LINGER_MS, Connection, Keys, PathLike
 from hil_companion.desired import Desired
 from hil_companion.detections import Detections
-from hil_companion.door import Door
 from hil_companion.errors import (
     BadMessage,
     CompanionError,
@@ -38,13 +36,8 @@ from hil_companion.errors import (
     Refused,
     SchemaChanged,
 )
-from hil_companion.frame import Frame, SampleReader
-from hil_companion.keys import Keys, PathLike
-from hil_companion.patience import Patience
-from hil_companion.protocol import End, Streams, Welcome
-from hil_companion.report import checked_report
-from hil_companion.ring import RingView, can_map
-from hil_companion.stream import Stream
+from hil_companion.frame import Frame, RingView, SampleReader, can_map
+from hil_companion.protocol import End, Welcome, checked_report
 from hil_companion.view import View
 
 PING_EVERY_S = 1.0
@@ -71,7 +64,6 @@ class Client:
         hold: bool = False,
         credit: int = 1,
         shared_memory: bool = True,
-        stream: bool = True,
         schema: str | None = None,
         key: PathLike | None = None,
         bench_key: PathLike | None = None,
@@ -81,8 +73,7 @@ class Client:
     ) -> Client:
         """Say hello and wait for the welcome. OptionError, NoBench, WrongKeys, Refused, SchemaChanged.
 
-        `hold`: everything desired is flown as it stands (`Desired.hold`). `stream`: frames by plain TCP connections
-        beside ZeroMQ, where the bench offers that (on this machine, without keys) and they can be opened.
+        `hold`: everything desired is flown as it stands (`Desired.hold`).
         """
         if not _NAME.match(name):
             raise OptionError(f"name {name!r}: 1 to 64 of letters, digits, _ . - are needed")
@@ -97,7 +88,7 @@ class Client:
         self._hold = hold
         self._hello = {"name": name, "topics": topics, "control": control, "credit": credit}
         try:
-            self._join(address, schema, shared_memory and can_map(), stream, wait_s)
+            self._join(address, schema, shared_memory and can_map(), wait_s)
         except BaseException:
             self.close()
             raise
@@ -113,13 +104,10 @@ class Client:
         self._keys = keys
         self._max_message_bytes = max_message_bytes
         self._connections: list[Connection] = []  # the first is the one that speaks
-        self._poller: Any = zmq.Poller()
+        self._poller = zmq.Poller()
         self._hello: dict[str, Any] = {}
         self._hold = False
         self._samples = SampleReader()
-        # Beside ZeroMQ, where there is such a way; all goes by it, and what is said by the first one.
-        self._ways: list[Door | Stream] = []
-        self._patience = Patience()
         self._ready: deque[Frame] = deque()
         self._unanswered: deque[Frame] = deque()
         self._bad_in_a_row = 0
@@ -130,28 +118,10 @@ class Client:
 
     # --- connecting ---
 
-    def _join(self, address: str, schema: str | None, shared_memory: bool, stream: bool, wait_s: float) -> None:
+    def _join(self, address: str, schema: str | None, shared_memory: bool, wait_s: float) -> None:
+        """Say hello until there is a welcome, and then to each port."""
         speaking = self._open(address)
-        self._greet(speaking, wait_s, schema=schema, shared_memory=shared_memory, stream=stream)
-        if self.welcome.ring is not None:
-            self._samples = SampleReader(RingView(self.welcome.ring))
-            self._ways = [Door(self.welcome.ring.door, self.welcome.ring.word)]
-        elif self.welcome.streams is not None and not self._open_streams(self.welcome.streams):
-            # The bench is reached by a way that leads to one port only: through a tunnel, from another container.
-            speaking.send(protocol.bye("its streams cannot be reached"))
-            self._greet(speaking, wait_s, schema=schema, shared_memory=shared_memory, stream=False)
-        if self._ways:
-            self._wait_at(self._ways)
-        # Each port learns by a hello of its own who is at the other end.
-        greeting = protocol.hello(
-            schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
-        )
-        for port in sorted(set(self.welcome.ports.values())):
-            self._open(reachable(port, address)).send(greeting)
-
-    def _greet(self, speaking: Connection, wait_s: float, **wishes: Any) -> None:
-        """Say hello until there is a welcome."""
-        greeting = protocol.hello(**wishes, **self._hello)
+        greeting = protocol.hello(schema=schema, shared_memory=shared_memory, **self._hello)
         speaking.send(greeting)
         greeted = max(1, speaking.handshakes)
         deadline_s = time.monotonic() + wait_s
@@ -170,17 +140,14 @@ class Client:
         self.welcome = protocol.read_welcome(header)
         if self._hello["control"] and not self.welcome.control:
             raise Refused("control", "the bench takes no commands from this client")
-
-    def _open_streams(self, streams: Streams) -> bool:
-        """Whether all of them could be opened; none is open if not."""
-        try:
-            for _, host, port in streams.addresses:
-                self._ways.append(Stream(host, port, streams.word, self._max_message_bytes))
-        except OSError:
-            for way in self._ways:
-                way.close()
-            self._ways = []
-        return bool(self._ways)
+        if self.welcome.ring is not None:
+            self._samples = SampleReader(RingView(self.welcome.ring))
+        # Each port learns by a hello of its own who is at the other end.
+        greeting = protocol.hello(
+            schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
+        )
+        for port in sorted(set(self.welcome.ports.values())):
+            self._open(reachable(port, address)).send(greeting)
 
     def _open(self, address: str) -> Connection:
         connection = Connection(self._context, address, self._keys, self._max_message_bytes)
@@ -188,18 +155,6 @@ class Client:
         self._poller.register(connection.socket, zmq.POLLIN)
         self._poller.register(connection.monitor, zmq.POLLIN)
         return connection
-
-    def _wait_at(self, ways: Sequence[Door | Stream]) -> None:
-        """From here on by descriptors: ZeroMQ's own poller takes as long as a frame is on its way.
-
-        Its descriptors tell of changes only, so it has to be asked before each wait, as `_drain` does.
-        """
-        self._poller = select.poll()
-        for way in ways:
-            self._poller.register(way, select.POLLIN)
-        for connection in self._connections:
-            for socket in (connection.socket, connection.monitor):
-                self._poller.register(int(socket.getsockopt(zmq.FD)), select.POLLIN)
 
     def _first_answer(self, speaking: Connection) -> protocol.Header | None:
         parts = speaking.receive()
@@ -232,27 +187,15 @@ class Client:
 
     def receive(self, timeout_s: float = math.inf) -> Frame | None:
         """The next frame; None where none came in time, or the bench ended."""
-        began_s = since_s = now_s = time.monotonic()
-        deadline_s = began_s + timeout_s
+        deadline_s = time.monotonic() + timeout_s
         while not self._ready and self.end is None:
+            now_s = time.monotonic()
             if now_s >= self._next_ping_s:
                 self.ping()
-            if self._drain_ways():
-                since_s = now_s = time.monotonic()
-                continue
-            now_s = time.monotonic()
-            if (
-                self._ways
-                and now_s < deadline_s
-                and self._patience.stays_awake(now_s - since_s, begun=self.barrier.waits)
-            ):
-                continue
             if self._drain() == 0:
                 if now_s >= deadline_s:
                     return None
                 self._poller.poll(math.ceil(1000 * max(0.0, min(deadline_s, self._next_ping_s) - now_s)))
-            now_s = time.monotonic()
-        self._patience.waited(now_s - began_s)
         if not self._ready:
             return None
         frame = self._ready.popleft()
@@ -262,8 +205,7 @@ class Client:
         return frame
 
     def _drain(self) -> int:
-        """Take in what is there by ZeroMQ; how many messages that were. A loss counts only once nothing is left to
-        read."""
+        """Take in what is there; how many messages that were. A loss counts only once nothing is left to read."""
         taken = 0
         for connection in self._connections:
             parts = connection.receive()
@@ -277,28 +219,13 @@ class Client:
                     raise ConnectionLost(f"{connection.address}: the connection was lost")
         return taken
 
-    def _drain_ways(self) -> bool:
-        """The same beside ZeroMQ, up to the first frame: asking in vain for more would take as long as reading it."""
-        taken = False
-        for way in self._ways:
-            while self.end is None and not self._ready:
-                parts = way.receive()
-                if parts is None:
-                    break
-                taken = True
-                self._take(parts, way.finish)
-        return taken
-
-    def _take(self, parts: Sequence[Any], finish: Callable[[], None] | None = None) -> None:
-        """`finish` waits for what of the parts is still on its way."""
+    def _take(self, parts: Sequence[Any]) -> None:
         t_received_ns = time.monotonic_ns()
         header: protocol.Header = {}
         try:
-            header = protocol.unpack(getattr(parts[0], "buffer", parts[0]))
-            self._dispatch(header, parts, finish, t_received_ns)
+            header = protocol.unpack(parts[0].buffer)
+            self._dispatch(header, parts, t_received_ns)
         except BadMessage as error:
-            if finish is not None:
-                finish()
             self.malformed += 1
             self._bad_in_a_row += 1
             if self._bad_in_a_row >= MAX_BAD_IN_A_ROW:
@@ -309,17 +236,12 @@ class Client:
         else:
             self._bad_in_a_row = 0
 
-    def _dispatch(
-        self, header: protocol.Header, parts: Sequence[Any], finish: Callable[[], None] | None, t_received_ns: int
-    ) -> None:
+    def _dispatch(self, header: protocol.Header, parts: Sequence[Any], t_received_ns: int) -> None:
         kind = header["k"]
         if kind == "frame":
             samples = self._samples.read(header, parts)
             topics = protocol.ports_of_frame(header)
             part = Frame(header, samples, in_ring=self.welcome.ring is not None, t_received_ns=t_received_ns)
-            if len(parts) > 1 and finish is not None:
-                finish()
-                part.t_received_ns = time.monotonic_ns()
             frame, lost = self.barrier.add(part, topics)
             if lost:
                 self.give_credit(lost)
@@ -395,7 +317,7 @@ class Client:
         )
 
     def _say(self, message: bytes) -> None:
-        (self._ways[0] if self._ways else self._connections[0]).send(message)
+        self._connections[0].send(message)
 
     # --- leaving ---
 
@@ -407,8 +329,6 @@ class Client:
         if self.end is None and self._connections:
             with contextlib.suppress(ConnectionLost):  # nobody may be there to hear it
                 self._say(protocol.bye(reason))
-        for way in self._ways:
-            way.close()
         for connection in self._connections:
             connection.close(BYE_LINGER_MS)
         if self._own_context:

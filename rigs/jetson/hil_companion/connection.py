@@ -1,4 +1,4 @@
-"""One socket to the bench and the watch over it: connected, handshake failed, connection gone.
+"""One socket to the bench, its keys, and the watch over it: connected, handshake failed, connection gone.
 
 ZeroMQ reconnects silently, but a bench knows a client by its connection: after a loss the client has to say hello
 again. So every loss is reported, and the caller starts afresh.
@@ -6,16 +6,16 @@ again. So every loss is reported, and the caller starts afresh.
 
 from __future__ import annotations
 
-from typing import Any
+import os
+from pathlib import Path
+from typing import Any, Union
 
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
 from hil_companion.errors import ConnectionLost, OptionError, WrongKeys
-from hil_companion.keys import Keys
 
-HEARTBEAT_MS = 1000
-HEARTBEAT_TIMEOUT_MS = 5000
+SILENT_S = 5  # a bench's machine that does not answer the kernel for so long has gone
 RECONNECT_MS = 100
 RECONNECT_MAX_MS = 5000
 HIGH_WATER = 128  # messages; more than the credits that a client can give
@@ -29,6 +29,48 @@ _EVENTS = (
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
     | zmq.EVENT_DISCONNECTED
 )
+
+
+KEY_CHARACTERS = 40
+_Z85 = frozenset("0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#")
+
+PathLike = Union[str, Path]
+
+
+def read_key(path: PathLike, *, secret: bool) -> bytes:
+    """The key in a file as `hil keys` makes them: one key of 40 Z85 characters on a line of its own, comment lines
+    about it. A secret that others can read is refused, as ssh does. OptionError.
+
+    A Z85 key may itself begin with '#', so a line counts as a key by its length and characters.
+    """
+    try:
+        lines = Path(path).read_text(encoding="ascii").splitlines()
+        mode = os.stat(path).st_mode
+    except (OSError, UnicodeDecodeError) as error:
+        raise OptionError(f"{path}: no key can be read there ({getattr(error, 'strerror', None) or error})") from error
+    if secret and os.name == "posix" and mode & 0o077:
+        raise OptionError(f"{path}: a secret key that others can read; chmod 600 {path}")
+    found = [line.strip() for line in lines if len(line.strip()) == KEY_CHARACTERS and _Z85.issuperset(line.strip())]
+    if len(found) != 1:
+        raise OptionError(f"{path}: one key of {KEY_CHARACTERS} characters is needed, {len(found)} found")
+    return found[0].encode("ascii")
+
+
+class Keys:
+    """What a client needs to speak to a bench that asks for keys."""
+
+    def __init__(self, key: PathLike, bench_key: PathLike) -> None:
+        self.secret = read_key(key, secret=True)
+        self.bench_public = read_key(bench_key, secret=False)
+        try:
+            self.public: bytes = zmq.curve_public(self.secret)
+        except (zmq.ZMQError, ValueError) as error:
+            raise OptionError(f"{key}: not a secret key ({error})") from error
+
+    def apply(self, socket: zmq.Socket[Any]) -> None:
+        socket.curve_secretkey = self.secret
+        socket.curve_publickey = self.public
+        socket.curve_serverkey = self.bench_public
 
 
 class Connection:
@@ -47,8 +89,12 @@ class Connection:
                 (zmq.SNDHWM, HIGH_WATER),
                 (zmq.RCVHWM, HIGH_WATER),
                 (zmq.MAXMSGSIZE, max_message_bytes),
-                (zmq.HEARTBEAT_IVL, HEARTBEAT_MS),
-                (zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS),
+                # Not ZeroMQ's own heartbeats: libzmq 4.3 at the far end can be ended by one (its issue 4841).
+                (zmq.TCP_KEEPALIVE, 1),
+                (zmq.TCP_KEEPALIVE_IDLE, 1),
+                (zmq.TCP_KEEPALIVE_INTVL, 1),
+                (zmq.TCP_KEEPALIVE_CNT, SILENT_S - 1),
+                (zmq.TCP_MAXRT, SILENT_S * 1000),
                 (zmq.RECONNECT_IVL, RECONNECT_MS),
                 (zmq.RECONNECT_IVL_MAX, RECONNECT_MAX_MS),
             ):

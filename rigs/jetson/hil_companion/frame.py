@@ -6,22 +6,22 @@ ring (`Frame.in_ring`) are overwritten after the frame has been answered: `Frame
 
 from __future__ import annotations
 
+import mmap
 import re
-from typing import TYPE_CHECKING, Any, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from hil_companion.checks import INT64_MAX, Fields
-from hil_companion.errors import BadMessage
-from hil_companion.protocol import MAX_TOPICS, Header, unpack_any
-
-if TYPE_CHECKING:
-    from hil_companion.ring import RingView
+from hil_companion.errors import BadMessage, CompanionError
+from hil_companion.protocol import MAX_TOPICS, Header, Ring, unpack_any
 
 MAX_DIMENSIONS = 8
 MAX_TOPIC = 200  # characters
 MAX_ARRAYS = 64  # of one sample
 KEPT = 1024  # descriptions of arrays; those of clouds, whose sizes differ from turn to turn, come and go
+FOLDER = Path("/dev/shm")  # noqa: S108 (where Linux keeps POSIX shared memory; nothing is made there)
 _DTYPE = re.compile(r"(?:\|b1|[|<][iu]1|<[iu][248]|<f[248]|<c(?:8|16))\Z")
 
 
@@ -137,6 +137,31 @@ def _copies(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return copies
 
 
+def can_map() -> bool:
+    """Whether this system shows shared memory as files."""
+    return FOLDER.is_dir()
+
+
+class RingView:
+    """The bench's shared memory, mapped read-only: it copies a frame's arrays there once, and they are read in place.
+
+    Mapped by its file and not by multiprocessing.shared_memory: before Python 3.13 that one hands the memory to a
+    resource tracker, which would remove it under the bench when this process ends; and it maps for writing.
+    """
+
+    def __init__(self, ring: Ring) -> None:
+        path = FOLDER / ring.name
+        try:
+            with path.open("rb") as file:
+                self._map = mmap.mmap(file.fileno(), ring.bytes, access=mmap.ACCESS_READ)
+        except (OSError, ValueError) as error:
+            raise CompanionError(
+                f"{path}: the bench's shared memory cannot be mapped ({error}); on another machine, or another user's,"
+                " connect without it (--no-shared-memory)"
+            ) from error
+        self.memory = memoryview(self._map)
+
+
 class SampleReader:
     """Headers and bytes in, samples out. What headers say of arrays seldom changes: it is checked once and kept."""
 
@@ -146,8 +171,8 @@ class SampleReader:
 
     def read(self, header: Header, parts: Sequence[Any]) -> dict[str, Sample]:
         """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
-        if "samples_at" in header:
-            header, memory, base = self._in_ring(header)
+        if self._ring is not None:
+            memory, base = self._ring.memory, Fields(header, "frame").integer("release")
         else:
             memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
         samples: dict[str, Sample] = {}
@@ -186,16 +211,6 @@ class SampleReader:
                 raise BadMessage(f"{topic}: {place.name!r} comes twice")
             arrays[place.name] = place.over(memory, base)
         return Sample(topic, seq, taken_ns, out_ns, values, arrays)
-
-    def _in_ring(self, header: Header) -> tuple[Header, memoryview, int]:
-        """The header that lies in the ring, the ring, and where the arrays are counted from."""
-        if self._ring is None:
-            raise BadMessage("a frame in a ring, where no ring was agreed on")
-        at = Fields(header, "frame")
-        base, place = at.integer("release"), at.sequence("samples_at", 2)
-        if len(place) != 2 or not all(type(n) is int for n in place):
-            raise at.wrong("samples_at", "a place and a number of bytes")
-        return {"samples": unpack_any(self._ring.view(base + place[0], place[1]))}, self._ring.memory, base
 
     def _described(self, described: Any) -> list[ArrayPlace]:
         entries = unpack_any(described)

@@ -1,22 +1,24 @@
-"""The wire, version 2, as the client sees it: headers out, headers in, and checks of all that comes in.
+"""The wire, version 3, as the client sees it: headers out, headers in, and checks of all that comes in.
 
-Every message is multipart. Part 0 is a msgpack map, the header; further parts are the bytes of arrays, C order, little
-endian. In shared memory a frame is a packet that says where its samples' header lies. Nothing of a header is used
-before it has been checked: kinds, ranges, sizes.
+Every message is multipart. Part 0 is a msgpack map, the header; a second part is the bytes of arrays, C order, little
+endian, where they do not lie in shared memory. Nothing of a header is used before it has been checked: kinds, ranges,
+sizes.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Any, Dict, Mapping, Sequence
 
 import msgpack
 
 from hil_companion.checks import Fields
-from hil_companion.errors import BadMessage
+from hil_companion.errors import BadMessage, CutError
 
 MAGIC = "hil-companion"
-VERSION = 2
+VERSION = 3
 MODES = ("lockstep", "realtime", "latency_true")
 REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
 
@@ -24,6 +26,8 @@ MAX_HEADER_BYTES = 1 << 20
 MAX_TOPICS = 1024
 MAX_CREDIT = 64
 MAX_WAYPOINTS = 10_000
+MOST_ENTRIES, LONGEST_TEXT = 32, 200  # of a report
+_REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}\Z")
 
 Header = Dict[str, Any]
 
@@ -64,7 +68,6 @@ def hello(
     control: bool,
     credit: int,
     shared_memory: bool,
-    stream: bool = False,
     session: str | None = None,
 ) -> bytes:
     """The first word on a connection; with the session, on a port: says whose connection that is."""
@@ -79,7 +82,6 @@ def hello(
             "control": control,
             "credit": credit,
             "shared_memory": shared_memory,
-            "stream": stream,
             **({} if session is None else {"session": session}),
         }
     )
@@ -117,6 +119,25 @@ def done(
     )
 
 
+def checked_report(report: Mapping[str, Any]) -> dict[str, Any]:
+    """What a CUT reports of itself, a small flat map, with plain values. CutError for what the bench would refuse."""
+    if len(report) > MOST_ENTRIES:
+        raise CutError(f"a report of {len(report)} entries; the bench takes {MOST_ENTRIES}")
+    made: dict[str, Any] = {}
+    for name, value in report.items():
+        if not isinstance(name, str) or not _REPORT_NAME.match(name):
+            raise CutError(f"report {name!r}: names are 1 to 64 letters, digits and _")
+        if isinstance(value, str):
+            made[name] = value[:LONGEST_TEXT]
+        elif isinstance(value, (bool, int)) and abs(value) < 2**53:
+            made[name] = value
+        elif isinstance(value, float) and math.isfinite(value):
+            made[name] = float(value)
+        else:
+            raise CutError(f"report {name} {value!r}: a text, a boolean or a finite number is needed")
+    return made
+
+
 def view(frame: int, t_ns: int, shown: Mapping[str, Any]) -> bytes:
     """What the CUT shows of itself (`hil_companion.view`), after this frame."""
     return pack({"k": "view", "frame": frame, "t_ns": t_ns, **shown})
@@ -143,16 +164,6 @@ class Ring:
 
     name: str
     bytes: int
-    door: str  # file of the local socket where it is heard
-    word: str  # to say there first
-
-
-@dataclass(frozen=True)
-class Streams:
-    """Plain TCP connections to open: ("", host, port) first, by which everything is said, then those of sensors."""
-
-    word: str  # to say on each first
-    addresses: tuple[tuple[str, str, int], ...]
 
 
 @dataclass(frozen=True)
@@ -169,7 +180,6 @@ class Welcome:
     waypoints_W: tuple[tuple[float, float, float], ...]
     ports: dict[str, str]  # topic -> address; empty: all on the one socket
     ring: Ring | None
-    streams: Streams | None
     control: bool
     views_every_ns: int = 0  # simulated time from one `view` to the next; 0: the bench wants none
 
@@ -221,7 +231,6 @@ def read_welcome(header: Header) -> Welcome:
         waypoints_W=tuple(_point(p, i) for i, p in enumerate(at.sequence("waypoints_W", MAX_WAYPOINTS))),
         ports=ports,
         ring=_ring(at.optional_map("ring")),
-        streams=_streams(at.optional_map("streams")),
         control=at.boolean("control"),
         views_every_ns=at.integer("views_every_ns") if at.entries.get("views_every_ns") is not None else 0,
     )
@@ -242,22 +251,7 @@ def _ring(entries: Header | None) -> Ring | None:
     name = at.text("name", 255).lstrip("/")
     if not name or "/" in name or name.startswith("."):
         raise at.wrong("name", "the plain name of a shared memory")
-    return Ring(name, at.integer("bytes", 1), at.text("door", 107), at.text("word", 64))
-
-
-def _streams(entries: Header | None) -> Streams | None:
-    if entries is None:
-        return None
-    at = Fields(entries, "welcome.streams")
-    addresses = []
-    for group, place in sorted(at.mapping("addresses").items()):
-        if not isinstance(place, list) or len(place) != 2:
-            raise at.wrong("addresses", "a host and a port for each")
-        here = Fields(dict(zip(("host", "port"), place)), f"welcome.streams.addresses.{group}")
-        addresses.append((group, here.text("host", 255), here.integer("port", 1, 65535)))
-    if not 1 <= len(addresses) <= MAX_TOPICS or addresses[0][0] != "":
-        raise at.wrong("addresses", "that of the group '', and of sensors,")
-    return Streams(at.text("word", 64), tuple(addresses))
+    return Ring(name, at.integer("bytes", 1))
 
 
 def read_refusal(header: Header) -> Refusal:

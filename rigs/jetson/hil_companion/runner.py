@@ -7,6 +7,8 @@ frame, `view()`, called now and then behind an answer, and `stop()`, called once
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import math
 import sys
 import time
@@ -14,17 +16,21 @@ import traceback
 from typing import Any, Callable, Mapping, Optional, Sequence
 
 from hil_companion.client import DEFAULT_WAIT_S, Client
+from hil_companion.connection import PathLike
 from hil_companion.desired import Desired
 from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
 from hil_companion.frame import Frame
-from hil_companion.keys import PathLike
-from hil_companion.memory import keep_freed_memory, quiet_collector
 
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
 DROPPED = "dropped"  # an `end` for this client alone, which may come back
 # What can pass by itself after a loss: the bench may not have noticed yet that we were gone.
 _PASSING = ("name", "full", "control")
+
+KEPT_BYTES = 1 << 29  # in all, before anything is given back
+LARGEST_BYTES = 1 << 25  # of one block; glibc takes no more
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
+OBJECTS = 20_000  # made and not freed, before the collector of cycles looks again; a frame is some hundred
 
 Cut = Callable[[Frame], Optional[Desired]]
 
@@ -180,6 +186,30 @@ class Runner:
 
 def _nothing(*_: Any) -> None:
     """What a CUT without `start` or `stop` does there."""
+
+
+def quiet_collector() -> None:
+    """What is there now is left alone, and new objects are looked through more seldom: a frame has no cycles in it, and
+    at the usual setting looking for them every few frames takes a tenth of a frame's way."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
+
+
+def keep_freed_memory() -> bool:
+    """Keep freed blocks for the next frame, in the whole process; False where the C library has no such switch.
+
+    ZeroMQ asks for new memory for every part of a message. Blocks of some hundred kilobytes come straight from the
+    system and go straight back, and every page of them is made anew with every frame: a third of the time of a frame
+    of a megabyte. Told to keep them, glibc serves them from what the frame before has left.
+    """
+    if not sys.platform.startswith("linux"):
+        return False
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError):
+        return False  # musl
+    return bool(mallopt(_M_MMAP_THRESHOLD, LARGEST_BYTES)) and bool(mallopt(_M_TRIM_THRESHOLD, KEPT_BYTES))
 
 
 def to_stderr(text: str) -> None:

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hil_companion.cuts.arrival import Seen, came_within_s
 from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan, without_repeats
 from hil_companion.cuts.snap_path import PathPoint, SnapPath
 from hil_companion.desired import Desired
@@ -33,6 +33,7 @@ SINK_MPS, SINK_MPS2 = 0.7, 0.5  # the descent: gentle, since it meets the ground
 DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: as low as it started, this slow, for this long
 TURN_FROM_MPS = 0.3  # horizontal speed below which the path says nothing of where to look
 TRUTH = "truth"
+HALVINGS = 30  # of the stretch between two frames, where a time within it is looked for
 
 
 class Waypoints:
@@ -230,3 +231,31 @@ def _where(frame: Frame) -> Any:
 def _number(name: str, value: Any, above: float = -math.inf) -> None:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
         raise OptionError(f"waypoints: {name} {value!r}: a number{'' if above < 0 else ' above 0'} is needed")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Where a frame shows the vehicle."""
+
+    t_ns: int
+    p_W: np.ndarray
+    v_W: np.ndarray
+
+
+def came_within_s(before: Seen, now: Seen, place_W: np.ndarray, radius_m: float) -> float:
+    """How long ago it came so near: on the cubic through positions and velocities of both (Hermite's).
+
+    It was farther away before, and is not now. However far the frames lie apart, the answer is nearly the same.
+    """
+    h_s = (now.t_ns - before.t_ns) * 1e-9
+    d, b0, b1 = now.p_W - before.p_W, h_s * before.v_W, h_s * now.v_W
+    c2, c3 = 3.0 * d - 2.0 * b0 - b1, b0 + b1 - 2.0 * d
+    outside, inside = 0.0, 1.0
+    for _ in range(HALVINGS):
+        s = 0.5 * (outside + inside)
+        p_W = before.p_W + (b0 + (c2 + c3 * s) * s) * s
+        if float(np.linalg.norm(p_W - place_W)) < radius_m:
+            inside = s
+        else:
+            outside = s
+    return (1.0 - inside) * h_s

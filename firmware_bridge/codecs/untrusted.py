@@ -1,4 +1,4 @@
-"""Values that came from a stranger over the wire: checked, and named in words when they are wrong. No I/O."""
+"""Checks of values that came over the wire from untrusted clients, with messages that name the place. No I/O."""
 
 from __future__ import annotations
 
