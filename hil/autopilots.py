@@ -24,7 +24,7 @@ from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, BenchConfig
 from hil.signals.errors import PortNotFound
-from sim.scene.geodesy import LocalFrame
+from hil.signals.geodesy import LocalFrame
 
 LOG_NAME = "autopilot.log"
 WORK_FOLDER = "autopilot"  # of firmware that the bench starts: parameters, missions, its own logs

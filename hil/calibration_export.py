@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from hil.signals.errors import RecordingError
+from hil.signals.rotation import matrix_of
 from hil.signals.samples import Quat, Vec3
 from sim.frame.calibration_text import camera_info_yaml, euroc_yaml, opencv_yaml
 from sim.frame.camera_model import CameraModel
-from sim.frame.camera_pose import rotation_of
 
 FOLDER = "calibration"
 
@@ -41,5 +41,5 @@ def write_calibration(out: Path, name: str, sensor: Any, *, rate_hz: float) -> l
 
 def transform(p: Vec3, q: Quat) -> Sequence[float]:
     """4 x 4, row by row."""
-    R = rotation_of(q)
+    R = matrix_of(q)
     return (*R[0:3], p[0], *R[3:6], p[1], *R[6:9], p[2], 0.0, 0.0, 0.0, 1.0)

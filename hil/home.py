@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from firmware_bridge.ground_station.autopilot_frame import GeodeticFromW
 from firmware_bridge.ground_station.projections import Place, ardupilot_sitl_world
-from sim.scene.geodesy import LocalFrame
+from hil.signals.geodesy import LocalFrame
+from hil.signals.rotation import yaw_of
 from sim.scene.scene import Site
 
 State = NDArray[np.float64]  # p_W [m], q_WB (w, x, y, z), and what else of the vehicle
@@ -17,9 +18,9 @@ State = NDArray[np.float64]  # p_W [m], q_WB (w, x, y, z), and what else of the 
 
 def home_of(site: Site, state: State) -> tuple[float, float, float, float]:
     """Latitude and longitude [deg], altitude [m MSL], heading [deg from north] of a vehicle in this state."""
-    x, y, z, qw, qx, qy, qz = state[:7].tolist()
+    x, y, z, *q_WB = state[:7].tolist()
     latitude, longitude, altitude = LocalFrame(site).geodetic_from_enu((x, y, z))
-    yaw_deg = math.degrees(math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)))
+    yaw_deg = math.degrees(yaw_of(q_WB))
     return latitude, longitude, altitude, (90.0 - yaw_deg) % 360.0
 
 

@@ -27,6 +27,7 @@ from typing import NamedTuple
 from firmware_bridge.ground_station.actions import Record
 from hil.config.schema import Limits
 from hil.missions.script import Expectation, Script
+from hil.signals.rotation import norm, upright_of
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from hil.verdict import AIRBORNE_M, Measurements, Row, Verdict, judge
@@ -107,12 +108,7 @@ class _Window:
 
 
 def _tilt_deg(truth: TruthState, origin: Vec3) -> float:  # noqa: ARG001
-    _, x, y, _ = truth.q_WB
-    return math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
-
-
-def _length(v: Vec3) -> float:
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return math.degrees(math.acos(max(-1.0, min(1.0, upright_of(truth.q_WB)))))
 
 
 def _horizontal_m(truth: TruthState, origin: Vec3) -> float:
@@ -121,8 +117,8 @@ def _horizontal_m(truth: TruthState, origin: Vec3) -> float:
 
 _OF_A_TICK: dict[str, Callable[[TruthState, Vec3], float]] = {
     "max_tilt_deg": _tilt_deg,
-    "max_rate_degps": lambda truth, _: math.degrees(_length(truth.w_WB_B)),
-    "max_speed_mps": lambda truth, _: _length(truth.v_WB_W),
+    "max_rate_degps": lambda truth, _: math.degrees(norm(truth.w_WB_B)),
+    "max_speed_mps": lambda truth, _: norm(truth.v_WB_W),
     "max_climb_mps": lambda truth, _: truth.v_WB_W[2],
     "max_sink_mps": lambda truth, _: -truth.v_WB_W[2],
     "min_altitude_m": lambda truth, home: truth.p_WB[2] - home[2],

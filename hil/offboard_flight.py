@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
-from firmware_bridge.ground_station.projections import tangent_ned
 from hil.config import Bench
 from hil.home import State, geodetic_from_W
+from hil.signals._kernel import tangent_ned
 
 # A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5

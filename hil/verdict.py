@@ -34,6 +34,7 @@ from typing import Literal
 from hil.config.schema import Limits
 from hil.missions.path import Leg, LegKind
 from hil.signals.documents.validate import unit_of
+from hil.signals.rotation import upright_of
 from hil.signals.samples import TruthState, Vec3
 
 REACH_MARGIN_M = 1.0
@@ -142,8 +143,7 @@ class FlightMeasurement:
                 self._touched = False
                 self._least_upright = None
         if self._touched:
-            _, x, y, _ = truth.q_WB
-            upright = 1.0 - 2.0 * (x * x + y * y)
+            upright = upright_of(truth.q_WB)
             if self._least_upright is None or not upright >= self._least_upright:
                 self._least_upright = upright
         if self._airborne and self._waypoint < len(self._fly):

@@ -21,10 +21,10 @@ from hil.companion.offline import Change, OfflineFrames
 from hil.companion.started import use_client
 from hil.config.schema import Goal
 from hil.goal.judgement import GoalMeasurement, GoalResult
+from hil.signals.rotation import conjugate, product
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from hil.signals.units import STANDARD_GRAVITY_MPS2
-from sim.frame.camera_pose import product
 from sim.frame.mount import Mount
 from sim.frame.source import FrameSource
 from sim.physics.vehicle import Vehicle
@@ -98,8 +98,7 @@ def attitude(a: np.ndarray, yaw: float) -> Quat:
 
 def _rate(before: Quat, after: Quat, dt_s: float) -> Vec3:
     """In the body: before times exp(w dt / 2) is after."""
-    w0, x0, y0, z0 = before
-    w, x, y, z = product((w0, -x0, -y0, -z0), after)
+    w, x, y, z = product(conjugate(before), after)
     k = (2.0 if w >= 0.0 else -2.0) / dt_s
     return (k * x, k * y, k * z)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.missions.mission import CHANGE_SPEED, LAND, RETURN, TAKEOFF, WAYPOINT
-from sim.scene.geodesy import LocalFrame
+from hil.signals.geodesy import LocalFrame
 from sim.scene.scene import Site
 
 SITE = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)

@@ -31,6 +31,7 @@ from math import atan2, sqrt
 from typing import NamedTuple, NoReturn
 
 from firmware_bridge.codecs.errors import CodecError
+from hil.signals._kernel import rotate_into_body
 from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.units import STANDARD_GRAVITY_MPS2
@@ -199,28 +200,15 @@ def state_from_truth(
 def ideal_imu(truth: TruthState, gravity_mps2: float = STANDARD_GRAVITY_MPS2) -> tuple[Vec3, Vec3]:
     """Specific force [m/s2] and rate [rad/s] in B of an IMU without error at the body origin."""
     a_E, a_N, a_U = truth.a_WB_W
-    return _to_body(truth.q_WB, (a_E, a_N, a_U + gravity_mps2)), truth.w_WB_B
+    return rotate_into_body(truth.q_WB, (a_E, a_N, a_U + gravity_mps2)), truth.w_WB_B
 
 
 def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, float]]:
     """Airspeed [m/s], and the wind that a vane on board feels: from where [rad clockwise from the nose], how fast."""
     v, w = truth.v_WB_W, wind_W_mps
     air_W = (v[0] - w[0], v[1] - w[1], v[2] - w[2])
-    forward, left, _ = _to_body(truth.q_WB, air_W)
+    forward, left, _ = rotate_into_body(truth.q_WB, air_W)
     return sqrt(sum(c * c for c in air_W)), (atan2(-left, forward), sqrt(forward * forward + left * left))
-
-
-def _to_body(q: Quat, v: Vec3) -> Vec3:
-    """R(q)^T v for unit q."""
-    w, x, y, z = q[0], -q[1], -q[2], -q[3]
-    tx = 2.0 * (y * v[2] - z * v[1])
-    ty = 2.0 * (z * v[0] - x * v[2])
-    tz = 2.0 * (x * v[1] - y * v[0])
-    return (
-        v[0] + w * tx + (y * tz - z * ty),
-        v[1] + w * ty + (z * tx - x * tz),
-        v[2] + w * tz + (x * ty - y * tx),
-    )
 
 
 def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:

@@ -21,6 +21,7 @@ from typing import NamedTuple
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
+from hil.signals._kernel import rotate_into_body
 from hil.signals.frames import q_NF_from_q_WB
 from hil.signals.samples import (
     ActuatorFrame,
@@ -28,9 +29,7 @@ from hil.signals.samples import (
     GpsSample,
     ImuSample,
     MagSample,
-    Quat,
     TruthState,
-    Vec3,
 )
 from hil.signals.units import DEG_PER_RAD, STANDARD_GRAVITY_MPS2
 
@@ -281,19 +280,6 @@ def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
     )
 
 
-def _rotate_inverse(q: Quat, v: Vec3) -> Vec3:
-    """R(q)^T v for unit q = (w, x, y, z): v' = v + 2w (u x v)' + 2 u x (u x v) with u = -(x, y, z)."""
-    w, x, y, z = q[0], -q[1], -q[2], -q[3]
-    tx = 2.0 * (y * v[2] - z * v[1])
-    ty = 2.0 * (z * v[0] - x * v[2])
-    tz = 2.0 * (x * v[1] - y * v[0])
-    return (
-        v[0] + w * tx + (y * tz - z * ty),
-        v[1] + w * ty + (z * tx - x * tz),
-        v[2] + w * tz + (x * ty - y * tx),
-    )
-
-
 def hil_state_quaternion_payload(
     truth: TruthState, *, latitude_deg: float, longitude_deg: float, altitude_m: float
 ) -> bytes:
@@ -306,7 +292,7 @@ def hil_state_quaternion_payload(
     name = "HIL_STATE_QUATERNION"
     v_E, v_N, v_U = truth.v_WB_W
     p, q, r = truth.w_WB_B
-    a = _rotate_inverse(truth.q_WB, truth.a_WB_W)
+    a = rotate_into_body(truth.q_WB, truth.a_WB_W)
     airspeed_mps = sqrt(v_E * v_E + v_N * v_N + v_U * v_U)
     airspeed = _integer(f"{name}.true_airspeed", airspeed_mps * _CMPS, 0, UNKNOWN_U16)
     attitude = q_NF_from_q_WB(truth.q_WB)

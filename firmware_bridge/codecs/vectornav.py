@@ -19,12 +19,13 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import asin, atan2, degrees, isfinite, sqrt
+from math import degrees, isfinite, sqrt
 from typing import NamedTuple
 
 from fastcrc.crc16 import xmodem
 
 from firmware_bridge.codecs.errors import CodecError
+from hil.signals._kernel import roll_pitch_yaw
 from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, Quat, Vec3
 
@@ -168,20 +169,14 @@ class Readings:
         _finite("solution.sigma", (attitude_sigma_deg, position_sigma_m, velocity_sigma_mps))
         w, x, y, z = q_NF_from_q_WB(q_WB)
         self.q_NF_xyzw = (x, y, z, w)
-        self.ypr_deg = _yaw_pitch_roll_deg(w, x, y, z)
+        roll, pitch, yaw = roll_pitch_yaw((w, x, y, z))
+        self.ypr_deg = (degrees(yaw), degrees(pitch), degrees(roll))
         self.ypr_sigma_deg = (attitude_sigma_deg,) * 3
         self.ins_lla = lla
         self.ins_v_N_mps = ned_from_enu(v_W)
         self.ins_sigma_m = position_sigma_m
         self.ins_v_sigma_mps = velocity_sigma_mps
         self.ins_status = status
-
-
-def _yaw_pitch_roll_deg(w: float, x: float, y: float, z: float) -> Vec3:
-    yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    pitch = asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
-    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    return (degrees(yaw), degrees(pitch), degrees(roll))
 
 
 class PacketFormat:

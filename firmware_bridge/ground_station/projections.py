@@ -7,7 +7,7 @@ map of the autopilot that it is given to. All three take down as the difference 
     ArduPilot  equirectangular at the mean latitude, on a sphere of 6378.1 km
     tangent    north and east of the exact difference on WGS-84: what the mock does
 
-Elementary functions from `firmware_bridge._native`: the same bits on every machine.
+The last is `hil.signals._kernel.tangent_ned`. Own elementary functions: the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -16,14 +16,12 @@ from collections.abc import Callable
 from math import sqrt
 from typing import NamedTuple
 
-from firmware_bridge._native import det_atan2, det_cos, det_sin
+from hil.signals._kernel import det_atan2, det_cos, det_sin
 from hil.signals.samples import Vec3
 from hil.signals.units import RAD_PER_DEG
 
 _PX4_RADIUS_M = 6371000.0
 _ARDUPILOT_M_PER_DEG = 0.011131884502145034 * 1e7
-_A_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS-84
-_E2 = _FLATTENING * (2.0 - _FLATTENING)
 
 
 class Place(NamedTuple):
@@ -79,21 +77,6 @@ def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
     """
     x0, y0, z0 = home_W
     return lambda p_W: ardupilot_place(home, (p_W[1] - y0, p_W[0] - x0, z0 - p_W[2]))
-
-
-def tangent_ned(origin: Place, place: Place) -> Vec3:
-    """North and east components of the difference of the two points in ECEF."""
-    lat0, lat = origin.lat_deg * RAD_PER_DEG, place.lat_deg * RAD_PER_DEG
-    sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
-    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
-    n0, n = _A_M / sqrt(1.0 - _E2 * sin0 * sin0), _A_M / sqrt(1.0 - _E2 * sin_lat * sin_lat)
-    out0, out = (n0 + origin.alt_m) * cos0, (n + place.alt_m) * cos_lat
-    dz = (n * (1.0 - _E2) + place.alt_m) * sin_lat - (n0 * (1.0 - _E2) + origin.alt_m) * sin0
-    return (
-        cos0 * dz - sin0 * (out * det_cos(dlon) - out0),
-        out * det_sin(dlon),
-        origin.alt_m - place.alt_m,
-    )
 
 
 def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:

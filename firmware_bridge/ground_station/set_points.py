@@ -9,11 +9,11 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from firmware_bridge._native import det_atan2
 from firmware_bridge.codecs.messages import message_class
 from firmware_bridge.ground_station.wire import Wire
 from hil.signals.desired import DesiredState
 from hil.signals.frames import frd_from_flu, q_NF_from_q_WB
+from hil.signals.rotation import yaw_of
 from hil.signals.samples import Vec3
 
 _PositionTarget = message_class("SET_POSITION_TARGET_LOCAL_NED")
@@ -82,8 +82,7 @@ def heading_N(desired: DesiredState) -> float | None:
     if yaw_rad is None:
         if desired.q_WB is None:
             return None
-        w, x, y, z = desired.q_WB
-        yaw_rad = det_atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        yaw_rad = yaw_of(desired.q_WB)
     angle = 0.5 * pi - yaw_rad
     if -pi <= angle <= pi:
         return angle

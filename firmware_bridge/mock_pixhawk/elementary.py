@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from math import floor, pi
 
-from firmware_bridge import _native
+from hil.signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_log, det_sin
 from hil.signals.units import TURN_RAD
 
-sin, cos, asin, atan2 = _native.det_sin, _native.det_cos, _native.det_asin, _native.det_atan2
-exp, log = _native.det_exp, _native.det_log
+sin, cos, asin, atan2, exp, log = det_sin, det_cos, det_asin, det_atan2, det_exp, det_log
 
 
 def wrap_pi(angle_rad: float) -> float:
@@ -20,11 +19,3 @@ def wrap_pi(angle_rad: float) -> float:
     if -pi <= angle_rad <= pi:
         return angle_rad
     return angle_rad - TURN_RAD * floor((angle_rad + pi) / TURN_RAD)
-
-
-def euler_from_quaternion(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Roll, pitch, yaw (z-y'-x'' sequence) of the unit quaternion q_NF: body FRD to NED."""
-    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = asin(min(max(2.0 * (w * y - z * x), -1.0), 1.0))  # rounding may leave the range
-    yaw = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return roll, pitch, yaw

@@ -16,6 +16,7 @@ from firmware_bridge.mock_pixhawk.guidance import ATTITUDE, POSITION, RATE, Sett
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from hil.signals._kernel import roll_pitch_yaw
 
 _FRAME_LOCAL_NED, _FRAME_BODY_NED = 1, 8
 _GLOBAL, _GLOBAL_RELATIVE = (0, 5), (3, 6)
@@ -102,7 +103,7 @@ class Offboard:
             self.rejected += 1
             return
         k = 1.0 / sqrt(square)
-        roll, pitch, yaw = el.euler_from_quaternion(w * k, x * k, y * k, z * k)
+        roll, pitch, yaw = roll_pitch_yaw((w * k, x * k, y * k, z * k))
         self._keep(now_us, ATTITUDE, (roll, pitch, thrust, 0.0, 0.0, 0.0, yaw, 0.0))
 
     # -- as a flight mode ---------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ using hil::flight::FlightCore;
 using hil::flight::Params;
 using hil::flight::Setpoint;
 using hil::flight::SetpointKind;
-using hil::flight::Vec3;
+using hil::Vec3;
 
 namespace {
 

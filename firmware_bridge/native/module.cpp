@@ -1,8 +1,6 @@
 // nanobind entry point of firmware_bridge._native: one bind_* function per kernel file.
 #include <nanobind/nanobind.h>
 
-#include "bind_detmath.hpp"
-
 namespace nb = nanobind;
 
 void bind_flight_core(nb::module_ &m);
@@ -12,7 +10,6 @@ NB_MODULE(_native, m) {
     // A sender may still be in the hands of a thread that nobody waits for when the interpreter ends: that is no leak.
     nb::set_leak_warnings(false);
     m.doc() = "Estimator and control of the mock Pixhawk; the real-time sender for autopilots that do not wait.";
-    hil::bind_detmath(m);
     bind_flight_core(m);
     bind_realtime_sender(m);
 }

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.errors import HilError
+from hil.signals.rotation import matrix_of
 from hil.signals.samples import Vec3
 from sim.physics.effects import Effects
 from sim.physics.quadrotor import QuadrotorPhysics, rigid_body
@@ -355,14 +356,7 @@ def spin_drift(flight: Flight, end: Float64) -> dict[str, float]:
     inertia = np.array(flight.vehicle.inertia_kgm2)
 
     def parts(s: Float64) -> tuple[float, Float64]:
-        w, x, y, z = s[3:7]
-        R = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        R = np.reshape(matrix_of(s[3:7]), (3, 3))
         return 0.5 * float(np.sum(inertia * s[10:13] ** 2)), R @ (inertia * s[10:13])
 
     (e0, l0), (e1, l1) = parts(flight.start), parts(end)

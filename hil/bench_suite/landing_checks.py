@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.bench_suite.flight_cases import Float64
 from hil.bench_suite.result import Check
+from hil.signals.rotation import matrix_of
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
@@ -65,8 +66,7 @@ def drop(
         flying = not truth.in_contact
         if touched_at is not None:
             gain = max(gain, energy(s) - before)
-        w, x, y, z = s[3:7]
-        up_row = np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        up_row = np.array(matrix_of(s[3:7])[6:])
         depth = max(depth, float(np.max(radii - (s[2] + sites @ up_row))))
         if max(abs(value) for value in truth.v_WB_W + truth.w_WB_B) > _STILL:
             rest_at = None

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.bench_suite.raster_cases import world_of
-from sim._kernels import RayCaster, coherent_order, det_cos, det_sin
+from hil.signals._kernel import det_cos, det_sin
+from sim._kernels import RayCaster, coherent_order
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose
 from sim.scene.scene import load_scene

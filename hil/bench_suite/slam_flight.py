@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import quaternion_of_axes
 from hil.signals.samples import TruthState
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -131,35 +132,9 @@ def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> t
     )
     w = np.concatenate([vector[:1], vector]) / dt
     alpha = np.concatenate([np.zeros((1, 3)), np.diff(w, axis=0) / dt])
-    q = _quaternions(R)
-    rows = zip(*(map(tuple, x.tolist()) for x in (p, q, v, w, a, alpha)), strict=True)
+    q = [quaternion_of_axes(*axes) for axes in R.transpose(0, 2, 1).tolist()]
+    rows = zip(*(map(tuple, x.tolist()) for x in (p, v, w, a, alpha)), strict=True)
     return tuple(
         TruthState(k, k * tick_ns, p_k, q_k, v_k, w_k, a_k, alpha_k, (), False)
-        for k, (p_k, q_k, v_k, w_k, a_k, alpha_k) in enumerate(rows)
+        for k, (q_k, (p_k, v_k, w_k, a_k, alpha_k)) in enumerate(zip(q, rows, strict=True))
     )
-
-
-def _quaternions(R: Float64) -> Float64:
-    """w-x-y-z of rotations by less than half a turn about any level axis."""
-    w = 0.5 * np.sqrt(np.maximum(1e-12, 1.0 + R[:, 0, 0] + R[:, 1, 1] + R[:, 2, 2]))
-    big = np.sqrt(np.maximum(1e-12, 1.0 - R[:, 0, 0] - R[:, 1, 1] + R[:, 2, 2])) * 0.5  # z, where w is small
-    by_w = np.stack(
-        [
-            w,
-            (R[:, 2, 1] - R[:, 1, 2]) / (4 * w),
-            (R[:, 0, 2] - R[:, 2, 0]) / (4 * w),
-            (R[:, 1, 0] - R[:, 0, 1]) / (4 * w),
-        ],
-        -1,
-    )
-    by_z = np.stack(
-        [
-            (R[:, 1, 0] - R[:, 0, 1]) / (4 * big),
-            (R[:, 0, 2] + R[:, 2, 0]) / (4 * big),
-            (R[:, 1, 2] + R[:, 2, 1]) / (4 * big),
-            big,
-        ],
-        -1,
-    )
-    q = np.where((w > big)[:, None], by_w, by_z)
-    return q / np.linalg.norm(q, axis=1)[:, None]

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from hil.config.schema import Trajectory
 from hil.missions.mission import CHANGE_SPEED as SPEED
 from hil.missions.mission import FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, JUMP, TAKEOFF, WAYPOINT
-from sim.scene.geodesy import LocalFrame
+from hil.signals.geodesy import LocalFrame
 from sim.scene.scene import Site
 
 _CIRCLE_POINTS, _EIGHT_POINTS, _LANES = 24, 32, 5

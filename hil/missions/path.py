@@ -15,9 +15,9 @@ from hil.missions.mission import (
     WAYPOINT_COMMANDS,
     Mission,
 )
+from hil.signals.geodesy import LocalFrame
 from hil.signals.mission import MissionItem
 from hil.signals.samples import Vec3
-from sim.scene.geodesy import LocalFrame
 from sim.scene.scene import Scene
 
 MAX_LEGS = 5_000  # a mission that jumps back for ever is followed this far

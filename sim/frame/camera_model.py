@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos, det_sin
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt, NotInvertible
 
 Float64 = NDArray[np.float64]

@@ -17,20 +17,18 @@ tick h about j tau h tau / 4 + j tau^3 / 6. Measured on a wobble of 4.3 rad/s an
 
 from __future__ import annotations
 
-import math
-
+from hil.signals._kernel import det_cos, det_sin
+from hil.signals.rotation import NO_TURN, applied, cross, matrix_of, norm, product
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos, det_sin
-from sim.frame.camera_pose import CameraPose, cross, product, rotation_of, turned
+from sim.frame.camera_pose import CameraPose
 
 _FORWARD: Quat = (0.5, -0.5, 0.5, -0.5)  # optical axes to FLU: z to forward, x to right, y to down
-_NO_TURN: Quat = (1.0, 0.0, 0.0, 0.0)
 
 
 def quaternion_of_rpy(rpy_deg: Vec3) -> Quat:
     """Rz(yaw) Ry(pitch) Rx(roll)."""
-    turn = _NO_TURN
+    turn = NO_TURN
     for axis in (2, 1, 0):
         half = 0.5 * rpy_deg[axis] * RAD_PER_DEG
         part = [det_cos(half), 0.0, 0.0, 0.0]
@@ -44,7 +42,7 @@ class Mount:
 
     def __init__(self, mount_m: Vec3, mount_rpy_deg: Vec3, *, optical: bool = True) -> None:
         self.p_BC = mount_m
-        self.q_BC = product(quaternion_of_rpy(mount_rpy_deg), _FORWARD if optical else _NO_TURN)
+        self.q_BC = product(quaternion_of_rpy(mount_rpy_deg), _FORWARD if optical else NO_TURN)
 
     def attitude(self, truth: TruthState) -> Quat:
         """q_WC at the tick."""
@@ -55,13 +53,13 @@ class Mount:
         p, q, v, w_B = truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B
         if tau_s != 0.0:
             p, q, v, w_B = moved(truth, tau_s)
-        R_WB = rotation_of(q)
-        arm_W = turned(R_WB, self.p_BC)
-        w_W = turned(R_WB, w_B)
+        R_WB = matrix_of(q)
+        arm_W = applied(R_WB, self.p_BC)
+        w_W = applied(R_WB, w_B)
         whirl = cross(w_W, arm_W)
         return CameraPose(
             (p[0] + arm_W[0], p[1] + arm_W[1], p[2] + arm_W[2]),
-            rotation_of(product(q, self.q_BC)),
+            matrix_of(product(q, self.q_BC)),
             (v[0] + whirl[0], v[1] + whirl[1], v[2] + whirl[2]),
             w_W,
         )
@@ -73,7 +71,7 @@ def moved(truth: TruthState, tau_s: float) -> tuple[Vec3, Quat, Vec3, Vec3]:
     p, v, a = truth.p_WB, truth.v_WB_W, truth.a_WB_W
     w, alpha = truth.w_WB_B, truth.alpha_WB_B
     x, y, z = w[0] * t + alpha[0] * half, w[1] * t + alpha[1] * half, w[2] * t + alpha[2] * half
-    angle = math.sqrt(x * x + y * y + z * z)
+    angle = norm((x, y, z))
     # sin(angle / 2) / angle; below 1e-4 rad the series is exact to 1e-10 of it
     ratio = det_sin(0.5 * angle) / angle if angle > 1e-4 else 0.5 - angle * angle / 48.0
     turn = (det_cos(0.5 * angle), x * ratio, y * ratio, z * ratio)

@@ -19,6 +19,7 @@
 #include "detmath.hpp"
 #include "free_flight.hpp"
 #include "rigid_body.hpp"
+#include "rotation.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -218,7 +219,7 @@ class RigidBody {
         for (int k = 0; k < 7; ++k) qpos_.data()[k] = s[k];
         for (int k = 0; k < 6; ++k) qvel_.data()[k] = s[7 + k];
         const auto wrench = hil::sim::contact_wrench(params_, contact_decay_[hard], h, command_, wind, s);
-        hil::sim::rotate_into_world(s + 3, wrench.force_B, qfrc_applied_.data());
+        hil::rotate_into_world(s + 3, wrench.force_B, qfrc_applied_.data());
         for (int k = 0; k < 3; ++k) qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
     }
 
@@ -258,7 +259,7 @@ class RigidBody {
         }
         hil::sim::Wrench wrench;
         hil::sim::rotor_and_air_wrench(body.params_, s, rotors, body.wind_.start_W, wrench);
-        hil::sim::rotate_into_world(s + 3, wrench.force_B, body.qfrc_applied_.data());
+        hil::rotate_into_world(s + 3, wrench.force_B, body.qfrc_applied_.data());
         for (int k = 0; k < 3; ++k) body.qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
     }
 
@@ -388,16 +389,6 @@ void bind_rigid_body(nb::module_ &m) {
         .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Address of a MuJoCo control callback.")
         .def("contact_update", &RigidBody::contact_update, "hard"_a, "One contact sub-step with qacc.");
 
-    m.def(
-        "rotate_into_body",
-        [](nb::tuple q_WB, nb::tuple v_W) {
-            double q[4], v[3], out[3];
-            unpack<4>(q_WB, q, "q_WB");
-            unpack<3>(v_W, v, "v_W");
-            hil::sim::rotate_into_body(q, v, out);
-            return nb::make_tuple(out[0], out[1], out[2]);
-        },
-        "q_WB"_a, "v_W"_a, "R(q)^T v: a vector given in W, in B.");
     m.def(
         "ideal_imu",
         [](nb::tuple q_WB, nb::tuple a_WB_W, nb::tuple w_WB_B, nb::tuple alpha_WB_B, double dt_s, double gravity_mps2) {

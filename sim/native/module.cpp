@@ -1,8 +1,6 @@
 // nanobind entry point of sim._kernels: one bind_* function per kernel file.
 #include <nanobind/nanobind.h>
 
-#include "bind_detmath.hpp"
-
 namespace nb = nanobind;
 
 void bind_actors(nb::module_ &m);
@@ -29,7 +27,6 @@ void bind_sweep_rays(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
-    hil::bind_detmath(m);
     bind_actors(m);
     bind_dryden(m);
     bind_extinction(m);

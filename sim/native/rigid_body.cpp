@@ -3,32 +3,11 @@
 #include <cmath>
 
 #include "detmath.hpp"
+#include "rotation.hpp"
 
 namespace hil::sim {
 
 namespace {
-
-// R(q / |q|), row major. RK stages leave the unit sphere by O(h^2); dividing by |q|^2 keeps R a rotation there.
-void rotation(const double *q, double R[9]) {
-    const double w = q[0], x = q[1], y = q[2], z = q[3];
-    const double s = 2.0 / ((w * w + x * x) + (y * y + z * z));
-    R[0] = 1.0 - s * (y * y + z * z);
-    R[1] = s * (x * y - w * z);
-    R[2] = s * (x * z + w * y);
-    R[3] = s * (x * y + w * z);
-    R[4] = 1.0 - s * (x * x + z * z);
-    R[5] = s * (y * z - w * x);
-    R[6] = s * (x * z - w * y);
-    R[7] = s * (y * z + w * x);
-    R[8] = 1.0 - s * (x * x + y * y);
-}
-
-void multiply_quaternion(const double *a, const double *b, double *c) {
-    c[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
-    c[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2];
-    c[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1];
-    c[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0];
-}
 
 void quaternion_rate(const double *q, const double *w, double *dq) {
     dq[0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]);
@@ -142,14 +121,14 @@ double commanded_speed(const RigidBodyParams &params, int i, double control, dou
 void rotor_and_air_wrench(const RigidBodyParams &params, const double *s, const RotorStage &rotors,
                           const double *wind_W, Wrench &out) {
     double R[9];
-    rotation(s + kQ, R);
+    rotation_matrix(s + kQ, R);
     wrench_in(params, R, s, rotors, wind_W, out);
 }
 
 void derivative(const RigidBodyParams &params, const double *s, const RotorStage &rotors, const double *wind_W,
                 double *ds) {
     double R[9];
-    rotation(s + kQ, R);
+    rotation_matrix(s + kQ, R);
     Wrench wrench;
     wrench_in(params, R, s, rotors, wind_W, wrench);
     const double *f = wrench.force_B;
@@ -205,28 +184,17 @@ void contact_update(const RigidBodyParams &params, RotorDecay substep, double su
     }
 }
 
-void rotate_into_body(const double *q_WB, const double *v_W, double *v_B) {
-    double R[9];
-    rotation(q_WB, R);
-    for (int j = 0; j < 3; ++j) v_B[j] = R[j] * v_W[0] + R[3 + j] * v_W[1] + R[6 + j] * v_W[2];
-}
-
-void rotate_into_world(const double *q_WB, const double *v_B, double *v_W) {
-    double R[9];
-    rotation(q_WB, R);
-    for (int j = 0; j < 3; ++j) v_W[j] = R[3 * j] * v_B[0] + R[3 * j + 1] * v_B[1] + R[3 * j + 2] * v_B[2];
-}
-
 void ideal_imu(const double *q_WB, const double *a_WB_W, const double *w_WB_B, const double *alpha_WB_B, double dt_s,
                double gravity_mps2, double *out) {
-    double turn[4] = {1.0, 0.0, 0.0, 0.0}, q_mid[4];
+    double turn[3];
     for (int j = 0; j < 3; ++j) {
         out[3 + j] = w_WB_B[j] - 0.5 * dt_s * alpha_WB_B[j];
         // Mean rate over the second half of the step, times that half, is the turn from mid-step to its end;
         // half of it is the vector part of the quaternion, to third order in the angle.
-        turn[1 + j] = -0.25 * dt_s * (w_WB_B[j] - 0.25 * dt_s * alpha_WB_B[j]);
+        turn[j] = -0.25 * dt_s * (w_WB_B[j] - 0.25 * dt_s * alpha_WB_B[j]);
     }
-    multiply_quaternion(q_WB, turn, q_mid);
+    const Quat mid = Quat{q_WB[0], q_WB[1], q_WB[2], q_WB[3]} * Quat{1.0, turn[0], turn[1], turn[2]};
+    const double q_mid[4] = {mid.w, mid.x, mid.y, mid.z};
     const double f_W[3] = {a_WB_W[0], a_WB_W[1], a_WB_W[2] + gravity_mps2};
     rotate_into_body(q_mid, f_W, out);
 }

@@ -111,10 +111,6 @@ void contact_update(const RigidBodyParams &params, RotorDecay substep, double su
 
 void normalise_quaternion(double *q);
 
-// v_B = R(q)^T v_W and v_W = R(q) v_B for a unit quaternion.
-void rotate_into_body(const double *q_WB, const double *v_W, double *v_B);
-void rotate_into_world(const double *q_WB, const double *v_B, double *v_W);
-
 // Mean specific force [m/s2] and mean angular rate [rad/s] in B over the step of dt_s that just ended.
 //   rate   w(end) - alpha dt/2                      exact mean when w changes linearly
 //   force  R(q_mid)^T (a + g z_W),  q_mid = attitude at mid-step

@@ -33,10 +33,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.errors import ModelRangeError
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_MS, NS_PER_S
-from sim._kernels import RigidBody, det_cos, det_sin
+from sim._kernels import RigidBody
 from sim.physics.actors import Actors
 from sim.physics.battery import BatteryState
 from sim.physics.effects import Effects

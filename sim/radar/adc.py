@@ -22,7 +22,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import RadarReceiver, det_cos, det_exp
+from hil.signals._kernel import det_cos, det_exp
+from sim._kernels import RadarReceiver
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Adc, Impairments, ReceiverNoise
 from sim.sensors.noise_key import noise_key

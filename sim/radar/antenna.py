@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
+from hil.signals._kernel import det_cos, det_log, det_pow
 from hil.signals.documents.validate import StrictModel
 from hil.signals.samples import Vec3
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import cosine_pattern, det_cos, det_log, det_pow
+from sim._kernels import cosine_pattern
 
 Float64 = NDArray[np.float64]
 

@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import det_atan2
+from hil.signals.rotation import matrix_of
 from hil.signals.samples import Vec3
-from sim._kernels import det_atan2
 from sim.frame.camera_model import CameraModel
-from sim.frame.camera_pose import CameraPose, rotation_of
+from sim.frame.camera_pose import CameraPose
 from sim.frame.distortion import KannalaBrandt
 from sim.radar.antenna import Antenna
 from sim.radar.echoes import Echoes
@@ -65,7 +66,7 @@ class CornerEchoes:
         wavelength_m: float,
     ) -> None:
         kept = [corner for corner in corners if mask.classes is None or corner.class_name in mask.classes]
-        self._corners = [(corner, rotation_of(corner.q_WK)) for corner in kept]
+        self._corners = [(corner, matrix_of(corner.q_WK)) for corner in kept]
         self._camera, self._rays_C, self._pixel_sr = camera, rays_C, pixel_sr
         self._antenna, self._mask, self._floor = antenna, mask, pattern_floor
         self._scale = amplitude_scale * sqrt(_FOUR_PI) / wavelength_m

@@ -13,8 +13,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_pow
 from hil.signals.documents.validate import StrictModel
-from sim._kernels import det_pow
 
 _Cutoff = Annotated[float, Field(gt=0.0, le=1e12)]
 

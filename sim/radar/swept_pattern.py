@@ -22,8 +22,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_exp
 from hil.signals.documents.validate import StrictModel
-from sim._kernels import det_exp
 from sim.radar.chirp import Chirp
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]

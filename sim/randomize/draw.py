@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim._kernels import det_pow
+from hil.signals._kernel import det_pow
 from sim.scene.maps.dice import Dice
 
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from hil.signals._kernel import det_atan2, det_cos, det_sin
 from hil.signals.samples import Vec3
 from hil.signals.units import DEG_PER_RAD, TURN_RAD
-from sim._kernels import det_atan2, det_cos, det_sin
 from sim.randomize.draw import between, colour_of, dice
 from sim.randomize.free_ground import Float64, FreeGround
 from sim.randomize.settings import PeopleLimits

@@ -17,8 +17,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos, det_sin
 from sim.randomize.draw import between, between_logarithms, dice
 from sim.randomize.settings import TextureLimits
 

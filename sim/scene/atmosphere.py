@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim._kernels import det_pow
+from hil.signals._kernel import det_pow
 
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_K = 288.15

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim._kernels import det_exp
+from hil.signals._kernel import det_exp
 from sim.scene.light import Light, Rgb
 from sim.scene.weather import HAZE_M
 

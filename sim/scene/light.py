@@ -15,9 +15,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.documents.validate import StrictModel
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos, det_sin
 
 Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
 Rgb = tuple[Intensity, Intensity, Intensity]

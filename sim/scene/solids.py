@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.rotation import matrix_of, product
 from sim._kernels import SolidTree
 from sim.scene.world import World
 
@@ -47,37 +48,14 @@ class PlacedGeoms:
     quaternion: Float64  # (n, 4)
 
 
-def rotation(q: Float64) -> Float64:
+def _matrices(q: Float64) -> Float64:
     """(n, 4) unit quaternions to (n, 3, 3)."""
-    w, x, y, z = q.T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        -2,
-    )
-
-
-def product(a: Float64, b: Float64) -> Float64:
-    """Quaternion products of rows."""
-    aw, ax, ay, az = a.T
-    bw, bx, by, bz = b.T
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        -1,
-    )
+    return np.stack(matrix_of(q.T), -1).reshape(-1, 3, 3)
 
 
 def _turned(q: Float64, v: Float64) -> Float64:
     # Sums written out: a matrix product's order of additions is the machine's own.
-    R = rotation(q)
+    R = _matrices(q)
     return (R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2]) + R[:, :, 2] * v[:, 2:3]
 
 
@@ -105,10 +83,10 @@ def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
             continue
         root[body] = root[p]
         position[body] = position[p] + _turned(quaternion[p : p + 1], model.body_pos[body : body + 1])[0]
-        quaternion[body] = product(quaternion[p : p + 1], model.body_quat[body : body + 1])[0]
+        quaternion[body] = product(quaternion[p].tolist(), model.body_quat[body].tolist())
     body = model.geom_bodyid[geoms].astype(np.int64)
     at = position[body] + _turned(quaternion[body], model.geom_pos[geoms])
-    turned = _unit(product(quaternion[body], model.geom_quat[geoms]))
+    turned = _unit(np.stack(product(quaternion[body].T, model.geom_quat[geoms].T), -1))
     return PlacedGeoms(geoms, root[body], np.round(at, _DIGITS), np.round(turned, _DIGITS))
 
 
@@ -121,7 +99,7 @@ def solid_tree(world: World) -> SolidTree:
     """The solid geoms that stand still, for `RigidBody.clearance_before`."""
     model, placed = world.model, solid_geoms(world)
     still = placed.body == 0
-    geoms, position, turn = placed.geom[still], placed.position[still], rotation(_unit(placed.quaternion[still]))
+    geoms, position, turn = placed.geom[still], placed.position[still], _matrices(_unit(placed.quaternion[still]))
     kinds = model.geom_type[geoms].astype(np.int32)
     shaped = np.isin(kinds, list(_KINDS))
     kind, center = [kinds[shaped]], [position[shaped]]

@@ -22,11 +22,12 @@ from typing import Annotated, Literal, NamedTuple
 import pydantic
 from pydantic import Field
 
+from hil.signals._kernel import det_cos
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import Vec3
 from hil.signals.time import NS_PER_S
-from sim._kernels import Dryden, det_cos
+from sim._kernels import Dryden
 
 Speed = Annotated[float, Field(ge=-50.0, le=50.0)]
 Velocity = tuple[Speed, Speed, Speed]

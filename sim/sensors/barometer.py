@@ -19,11 +19,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals._kernel import det_exp, rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import BaroSample, TruthState
 from hil.signals.time import NS_PER_S
-from sim._kernels import det_exp, rotate_into_body
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotor_load import thrust_ratio

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from hil.signals._kernel import det_exp
 from hil.signals.noise import NoiseStream
-from sim._kernels import det_exp
 
 
 class Drift:

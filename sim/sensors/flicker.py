@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sim._kernels import det_exp
+from hil.signals._kernel import det_exp
 
 # 10^(-2.4 + 5.5 i / 6) s
 TIME_CONSTANTS_S = (0.003981071706, 0.03286061487, 0.2712396143, 2.238872139, 18.47995811, 152.5382069, 1258.925412)

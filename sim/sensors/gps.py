@@ -15,13 +15,13 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import rotate_into_world
 from hil.signals.documents.validate import StrictModel
+from hil.signals.geodesy import LocalFrame
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import GpsSample, TruthState
 from hil.signals.time import NS_PER_S
-from sim.scene.geodesy import LocalFrame
 from sim.sensors.drift import gauss_markov
-from sim.sensors.rotation import rotate_into_world
 from sim.sensors.sensor import Installation, Position
 
 Deviation = Annotated[float, Field(ge=0.0, le=1000.0)]

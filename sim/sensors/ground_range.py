@@ -8,11 +8,11 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
+from hil.signals._kernel import rotate_into_world
 from hil.signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
 from sim.scene.scene import Scene
 from sim.scene.world import World, load_world
-from sim.sensors.rotation import rotate_into_world
 
 
 class Rays(Protocol):

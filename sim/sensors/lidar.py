@@ -23,6 +23,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals._kernel import rotate_into_world
 from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
@@ -30,7 +31,6 @@ from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
-from sim.sensors.rotation import rotate_into_world
 from sim.sensors.sensor import Installation
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
 

@@ -29,10 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.documents.validate import StrictModel
 from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import coherent_order, det_cos, det_sin
+from sim._kernels import coherent_order
 
 _NS_PER_MIN = 60 * NS_PER_S
 MAX_POINTS = 1_000_000  # of one sweep

@@ -13,11 +13,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals._kernel import rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import MagSample, TruthState
 from hil.signals.time import NS_PER_S
-from sim._kernels import rotate_into_body
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio

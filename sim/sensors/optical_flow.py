@@ -17,12 +17,13 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_cos, rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
+from hil.signals.rotation import upright_of
 from hil.signals.samples import FlowSample, TruthState
 from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos, rotate_into_body
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, Position
 
@@ -88,8 +89,7 @@ class OpticalFlow:
         vx, vy, _ = rotate_into_body(truth.q_WB, truth.v_WB_W)
         rx, ry, rz = p.mount_m
         vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
-        _, qx, qy, _ = truth.q_WB
-        upright = 1.0 - 2.0 * (qx * qx + qy * qy)
+        upright = upright_of(truth.q_WB)
         in_range = p.min_distance_m <= true_m <= p.max_distance_m and true_m > 0.0
         # Out of range there is no flow to integrate; the rotation alone keeps the next trapezoid finite.
         fx, fy = (wx + vy / true_m, wy - vx / true_m) if in_range else (wx, wy)

@@ -14,12 +14,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_cos
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream, normal_from_uniform
+from hil.signals.rotation import upright_of
 from hil.signals.samples import RangeSample, TruthState
 from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
-from sim._kernels import det_cos
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, Position
 
@@ -76,8 +77,7 @@ class RangeFinder:
         n, drop = self._white.normal(seq)
         true_m = self._range.distance_m(truth)
         sigma = max(p.noise_m, p.relative_noise * true_m)
-        _, x, y, _ = truth.q_WB
-        upright = 1.0 - 2.0 * (x * x + y * y)  # cosine of the tilt
+        upright = upright_of(truth.q_WB)
         distance = math.floor((true_m * self._scale + sigma * n) / p.resolution_m + 0.5) * p.resolution_m
         seen = (
             true_m >= 0.0

@@ -15,11 +15,10 @@ capture: c2 = a / 2, f2 = alpha / 2, f3 = w x alpha / 12; error: jerk times s^3 
 
 from __future__ import annotations
 
-import math
-
+from hil.signals._kernel import det_atan2
+from hil.signals.rotation import conjugate, cross, norm, product
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from sim._kernels import det_atan2
 
 _MOST_TURN_RAD = 1.0
 Motion = tuple[Vec3, Vec3, Vec3, Vec3, Quat, Vec3, Vec3, Vec3]  # p, c1, c2, c3 in W; q_WB; f1, f2, f3 in B
@@ -29,14 +28,14 @@ def sweep_motion(now: TruthState, before: TruthState | None) -> Motion:
     """Coefficients of position and attitude over the time up to `now`."""
     if before is not None and before.t_ns < now.t_ns:
         turn = _rotation_vector(now.q_WB, before.q_WB)
-        if _norm(turn) <= _MOST_TURN_RAD:
+        if norm(turn) <= _MOST_TURN_RAD:
             h = (now.t_ns - before.t_ns) / NS_PER_S
             step: Vec3 = _difference(before.p_WB, now.p_WB)
             c2, c3 = _hermite(step, now.v_WB_W, before.v_WB_W, h)
             f2, f3 = _hermite(turn, now.w_WB_B, _rotation_rate(turn, before.w_WB_B), h)
             return now.p_WB, now.v_WB_W, c2, c3, now.q_WB, now.w_WB_B, f2, f3
     c2, f2 = _scaled(0.5, now.a_WB_W), _scaled(0.5, now.alpha_WB_B)
-    f3 = _scaled(1.0 / 12.0, _cross(now.w_WB_B, now.alpha_WB_B))
+    f3 = _scaled(1.0 / 12.0, cross(now.w_WB_B, now.alpha_WB_B))
     return now.p_WB, now.v_WB_W, c2, (0.0, 0.0, 0.0), now.q_WB, now.w_WB_B, f2, f3
 
 
@@ -59,20 +58,18 @@ def _hermite(step: Vec3, rate: Vec3, rate_before: Vec3, h: float) -> tuple[Vec3,
 
 def _rotation_vector(q: Quat, r: Quat) -> Vec3:
     """log(q^-1 r): the turn from q to r, in the frame of q."""
-    a, b, c, d = q
-    e, f, g, k = r
-    w = a * e + b * f + c * g + d * k
-    v = (a * f - b * e - c * k + d * g, a * g + b * k - c * e - d * f, a * k - b * g + c * f - d * e)
+    w, *vector = product(conjugate(q), r)
+    v: Vec3 = (vector[0], vector[1], vector[2])
     if w < 0.0:  # the other quaternion of the same attitude is nearer
         w, v = -w, _scaled(-1.0, v)
-    s = _norm(v)
+    s = norm(v)
     return _scaled(2.0 * det_atan2(s, w) / s, v) if s > 1e-12 else _scaled(2.0, v)
 
 
 def _rotation_rate(f: Vec3, w_B: Vec3) -> Vec3:
     """Rate of the rotation vector f at body rates w_B."""
-    once = _cross(f, w_B)
-    twice = _cross(f, once)
+    once = cross(f, w_B)
+    twice = cross(f, once)
     return (
         w_B[0] + (0.5 * once[0] + twice[0] / 12.0),
         w_B[1] + (0.5 * once[1] + twice[1] / 12.0),
@@ -86,11 +83,3 @@ def _difference(a: Vec3, b: Vec3) -> Vec3:
 
 def _scaled(k: float, a: Vec3) -> Vec3:
     return k * a[0], k * a[1], k * a[2]
-
-
-def _cross(a: Vec3, b: Vec3) -> Vec3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _norm(a: Vec3) -> float:
-    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

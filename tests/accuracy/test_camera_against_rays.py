@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from hil.signals.rotation import applied, matrix_of
 from hil.signals.samples import ImageSample, TruthState
-from sim.frame.camera_pose import rotation_of, turned
 from sim.frame.mount import Mount, moved
 from sim.frame.source import SharedFrames
 from sim.scene.scene import Box, load_scene
@@ -53,7 +53,7 @@ def ray_ranges(frames: SharedFrames, p_WC: Any, R_WC: Any, rays_C: np.ndarray) -
     ranges, geoms = [], []
     found = np.zeros(1, np.int32)
     for ray in rays_C:
-        direction = np.array(turned(R_WC, tuple(ray)))
+        direction = np.array(applied(R_WC, tuple(ray)))
         distance = mujoco.mj_ray(model, data, np.array(p_WC), direction, None, 1, -1, found)
         ranges.append(distance if distance >= 0.0 else math.inf)
         geoms.append(int(found[0]))
@@ -85,10 +85,10 @@ def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: st
     for row in rng.choice(72, 24, replace=False):
         late_s = readout_s * ((row // 4 * 4 + 2) / 72 - 0.5)
         p_WB, q_WB, v_WB_W, w_WB_B = moved(state, late_s)
-        R_WB = rotation_of(q_WB)
-        p_WC = np.add(p_WB, turned(R_WB, MOUNT["mount_m"]))  # type: ignore[arg-type]
+        R_WB = matrix_of(q_WB)
+        p_WC = np.add(p_WB, applied(R_WB, MOUNT["mount_m"]))  # type: ignore[arg-type]
         mount = Mount((0.0, 0.0, 0.0), MOUNT["mount_rpy_deg"])  # type: ignore[arg-type]
-        R_WC = rotation_of(mount.attitude(state._replace(q_WB=q_WB)))
+        R_WC = matrix_of(mount.attitude(state._replace(q_WB=q_WB)))
         columns = rng.choice(96, 12, replace=False)
         ranges, geoms = ray_ranges(frames, p_WC, R_WC, rays_C[row, columns])
         seen = sample.channels["geom"][row, columns]
@@ -96,7 +96,7 @@ def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: st
         agreed += int(((seen == geoms) | (ranges > 250.0)).sum())
         assert np.abs(sample.channels["range"][row, columns][same] - ranges[same]).max(initial=0.0) < 1e-3
         # Nothing moves but the camera: the radial velocity is what it loses of its own.
-        v_WC = np.add(v_WB_W, np.cross(turned(R_WB, w_WB_B), turned(R_WB, MOUNT["mount_m"])))  # type: ignore[arg-type]
-        own = [-float(np.dot(v_WC, turned(R_WC, tuple(ray)))) for ray in rays_C[row, columns]]
+        v_WC = np.add(v_WB_W, np.cross(applied(R_WB, w_WB_B), applied(R_WB, MOUNT["mount_m"])))  # type: ignore[arg-type]
+        own = [-float(np.dot(v_WC, applied(R_WC, tuple(ray)))) for ray in rays_C[row, columns]]
         assert np.abs(sample.channels["radial_velocity"][row, columns] - own)[same].max(initial=0.0) < 1e-4
     assert agreed >= 0.99 * 24 * 12

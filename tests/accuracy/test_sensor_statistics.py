@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from sim.scene.atmosphere import pressure_pa
-from sim.scene.geodesy import LocalFrame
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor

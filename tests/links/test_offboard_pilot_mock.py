@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot, PilotPhase
-from firmware_bridge.ground_station.projections import tangent_ned
 from firmware_bridge.links.registry import make_link
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.recorder.recorder import Recorder
 from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
+from hil.signals._kernel import tangent_ned
 from hil.signals.desired import DesiredState
 from hil.signals.errors import HandshakeError
+from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from hil.signals.time import RateAccumulator
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
-from sim.scene.geodesy import LocalFrame
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import make_sensor
 from tests.unit.mock_pixhawk_world import TICK_HZ, TICK_NS, World, texts

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.rotation import Rotation
 from sim.frame.camera_model import CameraModel
-from sim.frame.camera_pose import CameraPose, Rotation
+from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.radar.antenna import Antenna, Pattern

@@ -11,7 +11,7 @@ import pytest
 from firmware_bridge.ground_station.projections import Place, ardupilot_ned
 from hil.config import load_bench
 from hil.home import geodetic_from_W
-from sim.scene.geodesy import LocalFrame
+from hil.signals.geodesy import LocalFrame
 
 START_W = (3.0, -4.0, 0.25)
 FAR_W = (903.0, 1196.0, 20.25)  # 1.5 km away

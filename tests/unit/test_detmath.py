@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim import _kernels as k
+from hil.signals import _kernel as k
 
 Float64 = NDArray[np.float64]
 pytestmark = pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="needs an 80-bit long double as reference")

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from hil.signals.rotation import matrix_of
 from hil.signals.samples import TruthState
-from sim.frame.camera_pose import rotation_of
 from sim.frame.mount import Mount, moved
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
@@ -56,7 +56,7 @@ def test_pose_and_velocity_are_those_of_the_place_on_the_vehicle() -> None:
     assert pose.p_WC == pytest.approx((1.0, 2.2, 3.1), abs=1e-12)  # facing north
     assert pose.w_WC_W == pytest.approx((0.0, 0.0, 2.0), abs=1e-12)
     assert pose.v_WC_W == pytest.approx((0.5 - 0.4, 0.0, 0.0), abs=1e-12)
-    assert np.allclose(pose.R_WC, rotation_of(mount.attitude(state)), atol=1e-15)
+    assert np.allclose(pose.R_WC, matrix_of(mount.attitude(state)), atol=1e-15)
     # The velocity is the derivative of the place.
     step = 1e-6
     ahead, behind = np.array(mount.pose(state, step).p_WC), np.array(mount.pose(state, -step).p_WC)

@@ -219,7 +219,7 @@ def frame(t_ns: int, **topics: Any) -> Any:
 
 
 def test_own_pose_follows_gps_and_says_when_it_is_lost() -> None:
-    from sim.scene.geodesy import LocalFrame
+    from hil.signals.geodesy import LocalFrame
     from sim.scene.scene import Site
 
     local = LocalFrame(Site(latitude_deg=47.0, longitude_deg=8.0, altitude_m=400.0))

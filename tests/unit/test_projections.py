@@ -15,9 +15,9 @@ from firmware_bridge.ground_station.projections import (
     ardupilot_sitl_world,
     origin_of,
     px4_ned,
-    tangent_ned,
 )
-from sim.scene.geodesy import LocalFrame
+from hil.signals._kernel import tangent_ned
+from hil.signals.geodesy import LocalFrame
 from sim.scene.scene import load_scene
 from tests.unit.mock_pixhawk_world import World
 

@@ -11,9 +11,9 @@ import pymap3d
 import pytest
 
 from hil.signals.errors import ConfigError
+from hil.signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
-from sim.scene.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.mjcf import build_model
 from sim.scene.scene import Box, Site, load_scene, scene_names

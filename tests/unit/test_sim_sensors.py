@@ -9,12 +9,12 @@ import numpy as np
 import pydantic
 import pytest
 
+from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from sim._kernels import ideal_imu
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.atmosphere import pressure_pa
-from sim.scene.geodesy import LocalFrame
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor

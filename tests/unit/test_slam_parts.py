@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from hil.view_command import load_frames
-from sim.scene.geodesy import LocalFrame
 from sim.scene.scene import Site
 from sim.sensors.catalog import make_sensor
 from tests.unit.slam_yard import HEIGHT_M, IMU_NS, RINGS_DEG, Circle, wall_distance_m

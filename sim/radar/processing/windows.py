@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from sim._kernels import det_cos, det_log
+from hil.signals._kernel import det_cos, det_log
 from sim.radar.processing.parameters import WindowName
 
 _TAYLOR_DB, _TAYLOR_LOBES = 40.0, 5

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from sim._kernels import det_atan2
+from hil.signals._kernel import det_atan2
+from hil.signals.rotation import product
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
-from sim.scene.maps.map_builder import Body, MapBuilder, multiply, pitch_quat, yaw_quat
+from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz, gabled
 
 BAY_M = 3.0  # one window wide, one storey high: the tile of every facade
@@ -86,9 +87,9 @@ def add_house(
         cx = side * 0.5 * (hx + eaves * hx / slope)
         cz = wall + 0.5 * (rise - eaves * rise / slope) + 0.08
         tilt = pitch_quat(pitch)
-        quat = tilt if side > 0 else multiply(yaw_quat(pi), tilt)
+        quat = tilt if side > 0 else product(yaw_quat(pi), tilt)
         # Quarter turn about the slab's own z: texture rows run along the eaves.
-        quat = multiply(quat, yaw_quat(1.5707963267948966))
+        quat = product(quat, yaw_quat(1.5707963267948966))
         body.geom("box", (hy + 0.3, reach, 0.07), pos=(cx, 0.0, cz), quat=quat, material=roof, part=part)
     stack_y = hy * dice.between(-0.5, 0.5)
     body.geom(

@@ -16,13 +16,12 @@ import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from hil.signals.samples import Vec3
-from sim._kernels import det_cos, det_sin
+from hil.signals._kernel import det_cos, det_sin
+from hil.signals.rotation import NO_TURN
+from hil.signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 
-Quat = tuple[float, float, float, float]
-IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 # Edge of the view that the lights and MuJoCo's clip planes refer to [m]; near 0.05 m and far 1200 m follow from it.
 _EXTENT_M = 50.0
 # MuJoCo's own defaults, and those that this builder sets; exactly this grey means the colour of the material.
@@ -47,15 +46,6 @@ def roll_quat(angle_rad: float) -> Quat:
     return (det_cos(0.5 * angle_rad), det_sin(0.5 * angle_rad), 0.0, 0.0)
 
 
-def multiply(a: Quat, b: Quat) -> Quat:
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
-
-
 class Body:
     """A body under construction: geoms are added to it in its own frame."""
 
@@ -72,7 +62,7 @@ class Body:
         *,
         material: str,
         pos: Vec3 = (0.0, 0.0, 0.0),
-        quat: Quat = IDENTITY,
+        quat: Quat = NO_TURN,
         solid: bool = True,
         mesh: str = "",
         part: str = "",
@@ -96,7 +86,7 @@ class Body:
         else:
             if pos != (0.0, 0.0, 0.0):
                 attributes["pos"] = numbers(pos)
-            if quat != IDENTITY:
+            if quat != NO_TURN:
                 attributes["quat"] = numbers(quat)
         if not solid:
             attributes |= {"contype": "0", "conaffinity": "0"}
@@ -204,7 +194,7 @@ class MapBuilder:
         attributes |= {key: numbers(value) for key, value in more.items()}
         ET.SubElement(self._world, "geom", attributes)
 
-    def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = IDENTITY) -> Body:
+    def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN) -> Body:
         """A thing of class `kind`, numbered in the order of making."""
         self.classify(kind, f"{kind}_*")
         return self._add_body(self.next_name(kind), pos, quat)
@@ -229,7 +219,7 @@ class MapBuilder:
         attributes = {"name": name}
         if pos != (0.0, 0.0, 0.0):
             attributes["pos"] = numbers(pos)
-        if quat != IDENTITY:
+        if quat != NO_TURN:
             attributes["quat"] = numbers(quat)
         if mocap:
             attributes["mocap"] = "true"

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.samples import Vec3
 from hil.signals.units import TURN_RAD
-from sim._kernels import det_cos, det_sin
 
 Vec2 = tuple[float, float]
 

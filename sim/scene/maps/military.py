@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from hil.signals.rotation import product
 from hil.signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
-from sim.scene.maps.map_builder import MapBuilder, multiply, roll_quat, yaw_quat
+from sim.scene.maps.map_builder import MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz
 from sim.scene.maps.walls import Openings, add_shell
 
@@ -182,5 +183,5 @@ def add_yard_wall(
     body = builder.body("wall", (x, y, 0.0), yaw_quat(heading_rad))
     size = (half_length_m, height_m / 2, 0.1)
     body.geom(
-        "box", size, pos=(0.0, 0.0, height_m / 2), quat=multiply((1.0, 0.0, 0.0, 0.0), _UPRIGHT), material="blockwork"
+        "box", size, pos=(0.0, 0.0, height_m / 2), quat=product((1.0, 0.0, 0.0, 0.0), _UPRIGHT), material="blockwork"
     )

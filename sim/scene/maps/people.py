@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hil.signals.samples import Vec3
+from hil.signals.rotation import NO_TURN, product
+from hil.signals.samples import Quat, Vec3
 from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces
 from sim.scene.maps.dice import Dice
 from sim.scene.maps.figure import LIMBS, Figure, LimbShape
-from sim.scene.maps.map_builder import IDENTITY, Body, MapBuilder, Quat, multiply, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Walker
@@ -58,8 +59,8 @@ def _look(builder: MapBuilder, dice: Dice, *, soldier: bool) -> dict[str, str]:
 
 
 def _shape_geom(body: Body, shape: LimbShape, material: str, pos: Vec3, quat: Quat, part: str) -> None:
-    turn = _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else IDENTITY
-    body.geom(shape.kind, shape.size, material=material, pos=pos, quat=multiply(quat, turn), part=part)
+    turn = _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else NO_TURN
+    body.geom(shape.kind, shape.size, material=material, pos=pos, quat=product(quat, turn), part=part)
 
 
 def _next_name(builder: MapBuilder) -> str:
@@ -88,7 +89,7 @@ def add_walker(
         body = builder.limb(walker.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
         for shape in figure.shapes():
             if shape.limb == limb:
-                _shape_geom(body, shape, look[shape.material], shape.pos, IDENTITY, shape.part)
+                _shape_geom(body, shape, look[shape.material], shape.pos, NO_TURN, shape.part)
     builder.classify("person", "person_*")
     builder.actor(walker)
     return walker

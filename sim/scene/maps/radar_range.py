@@ -12,12 +12,13 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.documents.validate import StrictModel
+from hil.signals.samples import Quat
 from hil.signals.units import TURN_RAD
-from sim._kernels import det_cos, det_sin
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.dice import Dice
-from sim.scene.maps.map_builder import MapBuilder, Quat
+from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import add_walker
 from sim.scene.maps.scene_map import CornerReflector, SceneMap
 from sim.scene.maps.walk_path import there_and_back

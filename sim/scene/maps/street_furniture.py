@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from hil.signals.rotation import product
 from sim.scene.maps import surfaces, textures
-from sim.scene.maps.map_builder import MapBuilder, multiply, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
 
 SEAT_M = 0.45  # height of a bench's seat
 _QUARTER_RAD = 1.5707963267948966
@@ -89,7 +90,7 @@ def add_slide(builder: MapBuilder, x: float, y: float, heading_rad: float) -> No
             material="paint_yellow",
             part=f"rail_{i}",
         )
-    roof = multiply(yaw_quat(0.0), pitch_quat(0.0))
+    roof = product(yaw_quat(0.0), pitch_quat(0.0))
     body.geom("box", (0.7, 0.7, 0.03), pos=(0.0, 0.0, 2.55), quat=roof, material="paint_blue", part="roof")
 
 

@@ -13,9 +13,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from hil.signals._kernel import det_cos, det_sin
 from hil.signals.documents.validate import StrictModel
 from hil.signals.units import TURN_RAD
-from sim._kernels import det_cos, det_sin
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, add_house, building_materials
 from sim.scene.maps.cars import add_car

@@ -15,8 +15,8 @@ from math import pi, sqrt
 
 import numpy as np
 
+from hil.signals._kernel import det_atan2, det_cos, det_sin
 from sim import _kernels
-from sim._kernels import det_atan2, det_cos, det_sin
 
 _KNOTS = 16  # pieces of a corner; position off the true integral by < 1e-7 of the corner's length
 _SUBSTEPS = 8  # Simpson panels within a piece

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sim._kernels import det_cos, det_sin
-from sim.scene.maps.map_builder import Body, multiply, roll_quat, yaw_quat
+from hil.signals._kernel import det_cos, det_sin
+from hil.signals.rotation import product
+from sim.scene.maps.map_builder import Body, roll_quat, yaw_quat
 
 _UPRIGHT = roll_quat(1.5707963267948966)
 
@@ -39,7 +40,7 @@ def add_wall(
     part: str,
 ) -> None:
     """A wall from `start` along `heading`, its middle plane on that line."""
-    quat = multiply(yaw_quat(heading_rad), _UPRIGHT)
+    quat = product(yaw_quat(heading_rad), _UPRIGHT)
     c, s = det_cos(heading_rad), det_sin(heading_rad)
     serial = 0
 

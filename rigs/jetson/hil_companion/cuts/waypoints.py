@@ -23,6 +23,7 @@ from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan, without_repe
 from hil_companion.cuts.snap_path import PathPoint, SnapPath
 from hil_companion.desired import Desired
 from hil_companion.errors import CutError, OptionError
+from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
 
@@ -174,8 +175,7 @@ class Waypoints:
         if self._yaw != "forward":
             self._yaw_rad = float(self._yaw)
         elif q_WB is not None:
-            w, x, y, z = np.asarray(q_WB, float).reshape(-1, 4)[-1]
-            self._yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            self._yaw_rad = roll_pitch_yaw(matrix_of(np.asarray(q_WB, float).reshape(-1, 4)[-1]))[2]
 
     def _over_since(self, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> float | None:
         """For how long its time has passed and the vehicle has been at its end, which is not waited for for ever."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Sequence, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 
-def matrix_of(q: Sequence[float]) -> np.ndarray:
-    """Of a unit quaternion."""
+def matrix_of(q: Any) -> np.ndarray:
+    """Of a unit quaternion; (3, 3, n) of components (4, n)."""
     w, x, y, z = q
     return np.array(
         [

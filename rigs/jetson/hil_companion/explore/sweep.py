@@ -189,11 +189,7 @@ def _motion(inertial: InertialFilter, t_ns: int) -> tuple[np.ndarray, np.ndarray
         v = np.array(moments[-1].v)
         q, p = np.repeat(q, len(steps), axis=0), p + steps[:, None] * v
     q /= np.linalg.norm(q, axis=1)[:, None]
-    w, x, y, z = q.T
-    R = np.empty((len(steps), 3, 3))
-    R[:, 0, 0], R[:, 0, 1], R[:, 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    R[:, 1, 0], R[:, 1, 1], R[:, 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    R[:, 2, 0], R[:, 2, 1], R[:, 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    R = np.ascontiguousarray(matrix_of(q.T).transpose(2, 0, 1))
     back = R[0].T
     return np.matmul(back, R), (p - p[0]) @ back.T
 

@@ -1,6 +1,6 @@
-// 3-vectors and quaternions (w-x-y-z), the little that estimator and controller need.
+// 3-vectors, quaternions (w-x-y-z) and rotation matrices: for the vehicle, its sensors, estimator and controller.
 //
-// Frames: NED world N, FRD body F. q_NF turns body vectors into NED: v_N = rotate(q_NF, v_F).
+// q_WB turns vectors of B into W: v_W = rotate(q_WB, v_B). Heading, roll, pitch and yaw are those of a body FRD in NED.
 // Pure functions of their arguments, + - * / sqrt and detmath only: same bits on every machine.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 #include "detmath.hpp"
 
-namespace hil::flight {
+namespace hil {
 
 struct Vec3 {
     double x = 0.0, y = 0.0, z = 0.0;
@@ -45,6 +45,33 @@ inline Vec3 rotate(Quat q, Vec3 v) {
     const Vec3 u{q.x, q.y, q.z};
     const Vec3 t = 2.0 * cross(u, v);
     return v + q.w * t + cross(u, t);
+}
+
+// R(q / |q|), row by row. Stages of an integrator leave the unit sphere by O(h^2); dividing by |q|^2 keeps R a rotation.
+inline void rotation_matrix(const double *q, double R[9]) {
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    const double s = 2.0 / ((w * w + x * x) + (y * y + z * z));
+    R[0] = 1.0 - s * (y * y + z * z);
+    R[1] = s * (x * y - w * z);
+    R[2] = s * (x * z + w * y);
+    R[3] = s * (x * y + w * z);
+    R[4] = 1.0 - s * (x * x + z * z);
+    R[5] = s * (y * z - w * x);
+    R[6] = s * (x * z - w * y);
+    R[7] = s * (y * z + w * x);
+    R[8] = 1.0 - s * (x * x + y * y);
+}
+
+// v_B = R(q)^T v_W and v_W = R(q) v_B by the matrix.
+inline void rotate_into_body(const double *q_WB, const double *v_W, double *v_B) {
+    double R[9];
+    rotation_matrix(q_WB, R);
+    for (int j = 0; j < 3; ++j) v_B[j] = R[j] * v_W[0] + R[3 + j] * v_W[1] + R[6 + j] * v_W[2];
+}
+inline void rotate_into_world(const double *q_WB, const double *v_B, double *v_W) {
+    double R[9];
+    rotation_matrix(q_WB, R);
+    for (int j = 0; j < 3; ++j) v_W[j] = R[3 * j] * v_B[0] + R[3 * j + 1] * v_B[1] + R[3 * j + 2] * v_B[2];
 }
 
 // Heading of the body x axis, rad in (-pi, pi], clockwise from north.
@@ -93,4 +120,4 @@ inline double wrap_pi(double a) {
     return a - kTwoPi * std::floor((a + det::kPi) / kTwoPi);
 }
 
-}  // namespace hil::flight
+}  // namespace hil

@@ -8,17 +8,17 @@ Exact ellipsoidal maps, no flat-Earth approximation:
 
 The inverse starts with Bowring's latitude (Survey Review 23, 1976) and refines it by a fixed number of steps of his
 iteration, so the result never depends on a stopping rule; below 1e-11 rad from the exact value for heights within
-50 km. All functions from `sim._kernels.det_*`: the same bits on every machine.
+50 km. Own elementary functions: the same bits on every machine.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
+from hil.signals._kernel import det_atan2, det_cos, det_sin
 from hil.signals.samples import Vec3
 from hil.signals.units import DEG_PER_RAD, RAD_PER_DEG
-from sim._kernels import det_atan2, det_cos, det_sin
-from sim.scene.scene import Site
 
 # WGS-84 (NGA.STND.0036): semi-major axis and flattening define it, the rest follows.
 SEMI_MAJOR_M = 6378137.0
@@ -60,11 +60,21 @@ def geodetic_from_ecef(p: Vec3) -> tuple[float, float, float]:
     return (det_atan2(sin_phi, cos_phi) * DEG_PER_RAD, det_atan2(y, x) * DEG_PER_RAD, altitude_m)
 
 
+class Site(Protocol):
+    """A place on Earth; altitude above the ellipsoid."""
+
+    @property
+    def latitude_deg(self) -> float: ...
+    @property
+    def longitude_deg(self) -> float: ...
+    @property
+    def altitude_m(self) -> float: ...
+
+
 class LocalFrame:
     """The tangent frame W at a site: x east, y north, z up, origin at the site."""
 
     def __init__(self, site: Site) -> None:
-        self.site = site
         phi, lam = site.latitude_deg * RAD_PER_DEG, site.longitude_deg * RAD_PER_DEG
         self._sin_phi, self._cos_phi = det_sin(phi), det_cos(phi)
         self._sin_lam, self._cos_lam = det_sin(lam), det_cos(lam)

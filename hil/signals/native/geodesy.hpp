@@ -11,7 +11,7 @@
 
 #include "rotation.hpp"
 
-namespace hil::flight {
+namespace hil {
 
 struct Geodetic {
     double lat_deg = 0.0, lon_deg = 0.0, alt_m = 0.0;
@@ -70,4 +70,4 @@ class LocalTangentPlane {
     double origin_meridional_ = 0.0;
 };
 
-}  // namespace hil::flight
+}  // namespace hil

@@ -1,0 +1,65 @@
+// nanobind entry point of hil.signals._kernel: the functions of this folder's headers, for Python code that feeds state.
+#include <nanobind/nanobind.h>
+
+#include <tuple>
+
+#include <nanobind/stl/tuple.h>
+
+#include "detmath.hpp"
+#include "geodesy.hpp"
+#include "rotation.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Three = std::tuple<double, double, double>;
+using Four = std::tuple<double, double, double, double>;
+
+template <void (*kRotate)(const double *, const double *, double *)>
+Three rotated(const Four &q, const Three &v) {
+    const double quaternion[4] = {std::get<0>(q), std::get<1>(q), std::get<2>(q), std::get<3>(q)};
+    const double vector[3] = {std::get<0>(v), std::get<1>(v), std::get<2>(v)};
+    double out[3];
+    kRotate(quaternion, vector, out);
+    return {out[0], out[1], out[2]};
+}
+
+Three euler(const Four &q) {
+    const hil::Vec3 angles = hil::euler_of({std::get<0>(q), std::get<1>(q), std::get<2>(q), std::get<3>(q)});
+    return {angles.x, angles.y, angles.z};
+}
+
+Four quaternion_of_axes(const Three &x, const Three &y, const Three &z) {
+    const auto vector = [](const Three &v) { return hil::Vec3{std::get<0>(v), std::get<1>(v), std::get<2>(v)}; };
+    const hil::Quat q = hil::from_axes(vector(x), vector(y), vector(z));
+    return {q.w, q.x, q.y, q.z};
+}
+
+Three tangent_ned(const Three &origin, const Three &place) {
+    hil::LocalTangentPlane plane;
+    plane.set_origin({std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
+    const hil::Vec3 p_N = plane.to_ned({std::get<0>(place), std::get<1>(place), std::get<2>(place)});
+    return {p_N.x, p_N.y, p_N.z};
+}
+
+}  // namespace
+
+NB_MODULE(_kernel, m) {
+    m.doc() = "Elementary functions, rotations and geodesy: the same bits on every machine.";
+    m.def("det_sin", &hil::det::sin, "x_rad"_a);
+    m.def("det_cos", &hil::det::cos, "x_rad"_a);
+    m.def("det_exp", &hil::det::exp, "x"_a);
+    m.def("det_log", &hil::det::log, "x"_a);
+    m.def("det_pow", &hil::det::pow, "x"_a, "y"_a);
+    m.def("det_atan2", &hil::det::atan2, "y"_a, "x"_a);
+    m.def("det_asin", &hil::det::asin, "x"_a);
+    m.def("rotate_into_body", &rotated<hil::rotate_into_body>, "q_WB"_a, "v_W"_a, "R(q)^T v: a vector given in W, in B.");
+    m.def("rotate_into_world", &rotated<hil::rotate_into_world>, "q_WB"_a, "v_B"_a, "R(q) v: a vector given in B, in W.");
+    m.def("roll_pitch_yaw", &euler, "q"_a, "Of a unit quaternion [rad]: yaw first, then pitch, then roll.");
+    m.def("quaternion_of_axes", &quaternion_of_axes, "x"_a, "y"_a, "z"_a, "Of the turned frame's orthonormal axes.");
+    m.def("tangent_ned", &tangent_ned, "origin"_a, "place"_a,
+          "NED [m] of a place about an origin, both latitude, longitude [deg] and altitude [m]: north and east of the "
+          "exact difference on WGS-84, down the difference of altitudes.");
+}
