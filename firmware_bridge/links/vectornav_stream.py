@@ -28,6 +28,7 @@ from firmware_bridge.codecs.vectornav import (
     VectorNavDevice,
 )
 from hil.signals.noise import NoiseStream
+from hil.signals.rotation import product
 from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, Quat, TruthState, Vec3
 from hil.signals.time import NS_PER_S, RateAccumulator
 
@@ -83,9 +84,7 @@ class InsSolution:
 
 def _turned(q: Quat, half_B: Vec3) -> Quat:
     """q (1, half_B), normalised: turned further in B by a small angle."""
-    w, x, y, z = q
-    a, b, c = half_B
-    raw = (w - x * a - y * b - z * c, x + w * a + y * c - z * b, y + w * b + z * a - x * c, z + w * c + x * b - y * a)
+    raw = product(q, (1.0, *half_B))
     norm = sqrt(sum(r * r for r in raw))
     return (raw[0] / norm, raw[1] / norm, raw[2] / norm, raw[3] / norm)
 

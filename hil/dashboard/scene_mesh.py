@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.rotation import yaw_of
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import rgb_texture, texels_of
 
@@ -35,8 +36,7 @@ class Actors:
         for actor, arrays in zip(self._actors, self._arrays, strict=True):
             actor.pose(t_ns, *arrays)
             x, y, z = arrays[0][0].tolist()
-            qw, qx, qy, qz = arrays[1][0].tolist()
-            yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+            yaw = yaw_of(arrays[1][0].tolist())
             found.append((round(x, 3), round(y, 3), round(z, 3), round(yaw, 4)))
         return found
 
