@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.mavlink_frame import Frame, split_frames
 from firmware_bridge.codecs.signing import (
     ACCEPTED_UNSIGNED,
     Check,
@@ -25,7 +25,6 @@ from firmware_bridge.codecs.signing import (
     matches,
     strip_signature,
 )
-from firmware_bridge.links.ground_channel import frame_size
 from hil.signals.errors import ConfigError, Problem
 
 # Link ids count up from 0 at clients and autopilots; these are unlikely to be anybody else's.
@@ -97,12 +96,7 @@ class AutopilotSide:
 
     def sign_all(self, data: bytes) -> bytes:
         """Whole frames one behind the other, each signed."""
-        signed, at = b"", 0
-        while at < len(data):
-            end = at + frame_size(data, at)
-            signed += self._signer.sign(data[at:end])
-            at = end
-        return signed
+        return b"".join(self._signer.sign(frame) for _, frame in split_frames(data))
 
 
 class Commands(Protocol):

@@ -70,20 +70,6 @@ def decode_servos(datagram: bytes) -> ServoPacket:
     return ServoPacket(values[1], values[2], values[3:])
 
 
-def encode_servos(packet: ServoPacket) -> bytes:
-    """What SITL sends: for tests and tools. CodecError unless there are 16 or 32 channels that fit."""
-    channels = len(packet.pwm_us)
-    if channels not in (16, 32):
-        raise CodecError(f"ArduPilot servo packet: {channels} channels; there are 16 or 32")
-    magic = MAGIC_16 if channels == 16 else MAGIC_32
-    try:
-        return struct.pack(
-            f"<HHI{channels}H", magic, packet.frame_rate_hz, packet.frame_count & 0xFFFFFFFF, *packet.pwm_us
-        )
-    except struct.error as error:
-        raise CodecError(f"ArduPilot servo packet: a value does not fit its field: {packet}") from error
-
-
 @dataclass(frozen=True)
 class PwmRange:
     """Pulse widths of motor off and motor full: the parameters MOT_PWM_MIN and MOT_PWM_MAX."""

@@ -8,8 +8,8 @@ frame; the packers take their factors from it and a test compares its units with
 
 Integers are rounded to nearest and saturate at their range, as a receiver that meets a value out of range
 should see the nearest one it can express. A number that is not finite is refused with `CodecError`, naming
-the field: an autopilot fed NaN answers nothing or nonsense, far from the cause. Only + - * / and
-comparisons are used.
+the field: an autopilot fed NaN answers nothing or nonsense, far from the cause. Only + - * /,
+comparisons and functions that are the same on every machine are used.
 """
 
 from __future__ import annotations
@@ -21,17 +21,15 @@ from typing import NamedTuple
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals._kernel import rotate_into_body
-from hil.signals.frames import q_NF_from_q_WB
+from hil.signals._kernel import atan2
 from hil.signals.samples import (
     ActuatorFrame,
     BaroSample,
     GpsSample,
     ImuSample,
     MagSample,
-    TruthState,
 )
-from hil.signals.units import DEG_PER_RAD, STANDARD_GRAVITY_MPS2
+from hil.signals.units import DEG_PER_RAD
 
 
 class FieldUnit(NamedTuple):
@@ -48,7 +46,6 @@ _MAG = FieldUnit("gauss", 1e4, "F")
 _DEGREES = FieldUnit("degE7", 1e7, "WGS-84")
 _ALTITUDE = FieldUnit("mm", 1e3, "MSL")
 _SPEED_N = FieldUnit("cm/s", 1e2, "N")
-_MILLI_G = FieldUnit("mG", 1e3 / STANDARD_GRAVITY_MPS2, "F")
 _MICROSECONDS = FieldUnit("us", 1e-3, "-")
 
 UNITS: dict[str, dict[str, FieldUnit]] = {
@@ -80,23 +77,6 @@ UNITS: dict[str, dict[str, FieldUnit]] = {
         "vd": _SPEED_N,
         "cog": FieldUnit("cdeg", 1e2, "N"),
     },
-    "HIL_STATE_QUATERNION": {
-        "time_usec": _MICROSECONDS,
-        "rollspeed": _GYRO,
-        "pitchspeed": _GYRO,
-        "yawspeed": _GYRO,
-        "lat": _DEGREES,
-        "lon": _DEGREES,
-        "alt": _ALTITUDE,
-        "vx": _SPEED_N,
-        "vy": _SPEED_N,
-        "vz": _SPEED_N,
-        "ind_airspeed": FieldUnit("cm/s", 1e2, "-"),
-        "true_airspeed": FieldUnit("cm/s", 1e2, "-"),
-        "xacc": _MILLI_G,
-        "yacc": _MILLI_G,
-        "zacc": _MILLI_G,
-    },
 }
 
 # HIL_SENSOR.fields_updated: PX4 takes a group whole or not at all.
@@ -111,12 +91,10 @@ _MODE_ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
 
 HIL_SENSOR = MSGID["HIL_SENSOR"]
 HIL_GPS = MSGID["HIL_GPS"]
-HIL_STATE_QUATERNION = MSGID["HIL_STATE_QUATERNION"]
 HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 _pack_sensor = struct.Struct("<Q13fIB").pack
 _pack_gps = struct.Struct("<QiiiHHHhhhHBBBH").pack
-_pack_state = struct.Struct("<Q4f3fiiihhhHHhhh").pack
 _unpack_actuators = struct.Struct("<QQ16fB").unpack
 
 _GAUSS = UNITS["HIL_SENSOR"]["xmag"].scale
@@ -126,7 +104,6 @@ _MM = UNITS["HIL_GPS"]["alt"].scale
 _CM = UNITS["HIL_GPS"]["eph"].scale
 _CMPS = UNITS["HIL_GPS"]["vn"].scale
 _CDEG = UNITS["HIL_GPS"]["cog"].scale
-_MG = UNITS["HIL_STATE_QUATERNION"]["xacc"].scale
 
 
 def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> bytes:
@@ -223,33 +200,6 @@ def _accuracy_cm(accuracy_m: float) -> int:
 _COURSE_MIN_SPEED_MPS = 0.1
 
 
-def _course_deg(north: float, east: float) -> float:
-    """atan2(east, north) in degrees, 0 <= course < 360, to about 1e-9 degrees, from + - * / only.
-
-    With t = min/max <= 1: atan t = 2 atan(t / (1 + sqrt(1 + t t))), twice over, leaves |u| <= tan(pi/16),
-    where the arctangent's series to u^15 is good to 3e-13.
-    """
-    x, y = abs(north), abs(east)
-    big, small = (x, y) if x >= y else (y, x)
-    u = small / big
-    for _ in range(2):
-        u = u / (1.0 + sqrt(1.0 + u * u))
-    z = u * u
-    series = 1.0
-    power = 1.0
-    for k in range(1, 8):
-        power = power * -z
-        series = series + power / (2 * k + 1)
-    angle = 4.0 * u * series * DEG_PER_RAD
-    if y > x:
-        angle = 90.0 - angle
-    if north < 0.0:
-        angle = 180.0 - angle
-    if east < 0.0:
-        angle = 360.0 - angle
-    return angle - 360.0 if angle >= 360.0 else angle
-
-
 def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
     """Payload of HIL_GPS, id 0. Position deg -> degE7, altitude and velocity m -> mm, cm/s, ENU -> NED.
 
@@ -258,7 +208,7 @@ def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
     v_E, v_N, v_U = gps.v_W
     speed = sqrt(v_N * v_N + v_E * v_E)
     if speed - speed == 0.0 and speed >= _COURSE_MIN_SPEED_MPS:
-        course = round(_course_deg(v_N, v_E) * _CDEG) % 36000
+        course = round(atan2(v_E, v_N) * DEG_PER_RAD * _CDEG) % 36000
     else:
         course = UNKNOWN_U16
     return _pack_gps(
@@ -278,49 +228,6 @@ def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
         0,
         0,
     )
-
-
-def hil_state_quaternion_payload(
-    truth: TruthState, *, latitude_deg: float, longitude_deg: float, altitude_m: float
-) -> bytes:
-    """Payload of HIL_STATE_QUATERNION: the truth, for the autopilot's log only.
-
-    Never to be sent to PX4 on hardware (HITL): there it overwrites the estimator's inputs. The geodetic
-    position is the caller's, who knows the scene's origin. Acceleration is that of the body origin (no
-    gravity in it), in F, in mG; airspeeds are the speed over ground, for want of wind.
-    """
-    name = "HIL_STATE_QUATERNION"
-    v_E, v_N, v_U = truth.v_WB_W
-    p, q, r = truth.w_WB_B
-    a = rotate_into_body(truth.q_WB, truth.a_WB_W)
-    airspeed_mps = sqrt(v_E * v_E + v_N * v_N + v_U * v_U)
-    airspeed = _integer(f"{name}.true_airspeed", airspeed_mps * _CMPS, 0, UNKNOWN_U16)
-    attitude = q_NF_from_q_WB(truth.q_WB)
-    if not all(map(isfinite, (*attitude, p, q, r))):
-        raise CodecError(f"{name}: attitude {attitude} or rates {truth.w_WB_B} are not finite, so not sent")
-    return _pack_state(
-        truth.t_ns // 1000,
-        *attitude,
-        p,
-        -q,
-        -r,
-        _i32(f"{name}.lat", latitude_deg * _DEGE7),
-        _i32(f"{name}.lon", longitude_deg * _DEGE7),
-        _i32(f"{name}.alt", altitude_m * _MM),
-        _i16(f"{name}.vx", v_N * _CMPS),
-        _i16(f"{name}.vy", v_E * _CMPS),
-        _i16(f"{name}.vz", -v_U * _CMPS),
-        airspeed,
-        airspeed,
-        _i16(f"{name}.xacc", a[0] * _MG),
-        _i16(f"{name}.yacc", -a[1] * _MG),
-        _i16(f"{name}.zacc", -a[2] * _MG),
-    )
-
-
-def actuator_time_us(frame: Frame) -> int:
-    """`time_usec` of a HIL_ACTUATOR_CONTROLS frame."""
-    return int.from_bytes(frame[4][:8], "little")
 
 
 def actuator_frame(tick: int, frame: Frame) -> ActuatorFrame:

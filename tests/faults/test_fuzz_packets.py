@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from fastcrc.crc16 import mcrf4xx
 
-from firmware_bridge.codecs.ardupilot_json import PwmRange, ServoPacket, decode_servos, encode_servos
+from firmware_bridge.codecs.ardupilot_json import PwmRange, ServoPacket, decode_servos
 from firmware_bridge.codecs.dialect import SHAPES
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
@@ -32,6 +32,7 @@ from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.config import load_bench
 from hil.signals.errors import HandshakeError, LockstepLost
 from hil.signals.samples import ImuSample
+from tests.links.ardupilot_packets import encode_servos
 
 BATCH = 20_000
 WIDTH = 320  # longest packet; a signed frame with 255 bytes of payload has 280

@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from firmware_bridge.codecs.ardupilot_json import ServoPacket, encode_servos, hover_throttle
+from firmware_bridge.codecs.ardupilot_json import ServoPacket, hover_throttle
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
@@ -31,6 +31,7 @@ from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox, UdpTransport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortBusy, PortNotFound
 from hil.signals.samples import ImuSample, RangeSample, TruthState
+from tests.links.ardupilot_packets import encode_servos
 
 TICK_NS = 2_500_000
 LOOPBACK = "127.0.0.1"

@@ -16,7 +16,6 @@ from firmware_bridge.codecs.ardupilot_json import (
     VehicleState,
     air_data,
     decode_servos,
-    encode_servos,
     encode_state,
     hover_throttle,
     ideal_imu,
@@ -25,6 +24,7 @@ from firmware_bridge.codecs.ardupilot_json import (
 )
 from firmware_bridge.codecs.errors import CodecError
 from hil.signals.samples import TruthState
+from tests.links.ardupilot_packets import encode_servos
 
 # Section, key and number of values that SITL looks for, in its order; the last two are of newer firmware.
 KEYS = [
