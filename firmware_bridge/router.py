@@ -21,13 +21,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.codecs.messages import MSGID, target
 from firmware_bridge.codecs.signing import SETUP_SIGNING, Check
-from firmware_bridge.codecs.targets import target
-from firmware_bridge.router_client import Client
 from firmware_bridge.router_endpoint import PX4_ENDPOINTS, Address, Endpoint
 from firmware_bridge.router_hold import Hold
-from firmware_bridge.router_ports import Port, TcpPort, UdpPort, Watch
+from firmware_bridge.router_ports import Client, Port, TcpPort, UdpPort, Watch
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, copy_for_autopilot, for_autopilot
 
 __all__ = ["HIL_FAMILY", "PX4_ENDPOINTS", "Endpoint", "Router", "RouterStats"]
@@ -353,6 +351,35 @@ class Router:
         if self._said < _EVENTS_LIMIT:
             self._said += 1
             self._events.append((kind, text))
+
+
+class RouterSource:
+    """The router as a source of commands: hands the autopilot's words on, brings the clients' in.
+
+    What is collected goes to the autopilot and is recorded with everything else that does; what clients say only to
+    each other is taken by `on_overheard`.
+    """
+
+    def __init__(
+        self,
+        router: Router,
+        on_event: Callable[[int, str, str], None] = lambda _t_ns, _kind, _text: None,
+        on_overheard: Callable[[int, Sequence[Frame]], None] = lambda _t_ns, _frames: None,
+    ) -> None:
+        self._router = router
+        self._on_event, self._on_overheard = on_event, on_overheard
+
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
+        router = self._router
+        if frames:
+            router.forward(frames)
+        data = router.collect(t_ns)
+        for kind, text in router.take_events():
+            self._on_event(t_ns, kind, text)
+        overheard = router.take_overheard()
+        if overheard:
+            self._on_overheard(t_ns, overheard)
+        return data
 
 
 def _where(endpoint: Endpoint) -> str:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.router_client import Client
+from firmware_bridge.router_ports import Client
 from hil.signals.time import NS_PER_S
 
 HEARTBEAT = MSGID["HEARTBEAT"]

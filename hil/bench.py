@@ -29,9 +29,8 @@ from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.links.realtime_producer import RealtimeProducer
 from firmware_bridge.links.shared_processor import SharedProcessor
 from firmware_bridge.manual.manual_control import ManualControlSource
-from firmware_bridge.router import Router
+from firmware_bridge.router import Router, RouterSource
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
-from firmware_bridge.router_source import RouterSource
 from firmware_bridge.transports.transport import Transport
 from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
 from hil.companion.answer_sinks import AnswerSinks

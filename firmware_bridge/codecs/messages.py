@@ -14,6 +14,7 @@ from __future__ import annotations
 import struct
 from collections import namedtuple
 from collections.abc import Callable
+from functools import cache
 from operator import itemgetter
 from typing import Any
 
@@ -174,3 +175,26 @@ def _blame(codec: _Codec, msg: tuple[Any, ...]) -> str | None:
         except (struct.error, OverflowError, TypeError, AttributeError) as error:
             return f"{where} = {value!r}: {error}"
     return None
+
+
+@cache
+def _target_offsets(msgid: int) -> tuple[int | None, int | None]:
+    """Bytes of the payload at which `target_system` and `target_component` stand; None where there is no such field."""
+    message = MAVLINK_MAP.get(msgid)
+
+    def offset(field: str) -> int | None:
+        if message is None or field not in message.fieldnames:
+            return None
+        before = wire_tokens(msgid)[: message.orders[message.fieldnames.index(field)]]
+        return struct.calcsize("<" + "".join(f"{count or 1}{kind}" for count, kind in before))
+
+    return offset("target_system"), offset("target_component")
+
+
+def target(frame: Frame) -> tuple[int, int]:
+    """(system, component) that `frame` is addressed to. A zero is everybody, and so is a message without targets."""
+    system, component = _target_offsets(frame[0])
+    if system is None:
+        return (0, 0)
+    payload = frame[4]
+    return payload[system], 0 if component is None else payload[component]

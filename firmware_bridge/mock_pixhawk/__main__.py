@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 import serial
 
 from firmware_bridge.mock_pixhawk.autopilot import DEFAULT_BAUD, MockPixhawk
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
 from firmware_bridge.mock_pixhawk.faults import EXIT_STATUS_DIED, Died, parse_fault
+from firmware_bridge.mock_pixhawk.hitl import BoardClock
 from firmware_bridge.mock_pixhawk.line import serve
 from firmware_bridge.mock_pixhawk.params import airframes
 from hil.signals.errors import ConfigError

@@ -15,11 +15,10 @@ from typing import Literal
 
 from firmware_bridge import _native
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
 from firmware_bridge.mock_pixhawk.commander import Commander
 from firmware_bridge.mock_pixhawk.faults import Fault, Misbehaviour
 from firmware_bridge.mock_pixhawk.firmware import Firmware
-from firmware_bridge.mock_pixhawk.hitl import Hitl
+from firmware_bridge.mock_pixhawk.hitl import BoardClock, Hitl
 from firmware_bridge.mock_pixhawk.ids import COMPONENT_AUTOPILOT
 from firmware_bridge.mock_pixhawk.lockstep import Lockstep
 from firmware_bridge.mock_pixhawk.navigator import Navigator

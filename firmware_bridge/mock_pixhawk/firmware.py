@@ -17,8 +17,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.mock_pixhawk.commander import Commander
 from firmware_bridge.mock_pixhawk.commands import Commands
-from firmware_bridge.mock_pixhawk.declination import declination_deg
-from firmware_bridge.mock_pixhawk.estimate import Estimate
+from firmware_bridge.mock_pixhawk.estimate import Estimate, declination_deg
 from firmware_bridge.mock_pixhawk.failsafe import Failsafe
 from firmware_bridge.mock_pixhawk.guidance import PERIOD_US, Guidance
 from firmware_bridge.mock_pixhawk.ids import MissionState, Severity
@@ -30,16 +29,70 @@ from firmware_bridge.mock_pixhawk.params import ParamService, ParamTable
 from firmware_bridge.mock_pixhawk.preflight import Preflight
 from firmware_bridge.mock_pixhawk.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
 from firmware_bridge.mock_pixhawk.services import Services
-from firmware_bridge.mock_pixhawk.streams import Timer, Timers
-from firmware_bridge.mock_pixhawk.telemetry import Telemetry
+from firmware_bridge.mock_pixhawk.telemetry import Telemetry, autopilot_version
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
-from firmware_bridge.mock_pixhawk.version import autopilot_version
 from hil.signals.errors import ConfigError, Problem
 from hil.signals.mission import MissionItem
 
 HEARTBEAT, AUTOPILOT_VERSION = MSGID["HEARTBEAT"], MSGID["AUTOPILOT_VERSION"]
+CHANNELS = 16  # control slots of HIL_ACTUATOR_CONTROLS
 _PARAM_PERIOD_US, _MISSION_PERIOD_US = 8_000, 50_000
 _Reached = message_class("MISSION_ITEM_REACHED")
+
+
+NEVER_US = 1 << 62
+
+
+class Timer:
+    """One callback and when it is due next. `period_us` 0 = off."""
+
+    __slots__ = ("action", "due_us", "period_us")
+
+    def __init__(self, action: Callable[[int], None]) -> None:
+        self.action = action
+        self.period_us = 0
+        self.due_us = NEVER_US
+
+
+class Timers:
+    """Every timer of one autopilot, in simulated time, served in the order in which they were made.
+
+    A timer of period P fires on the first step at or after each multiple of P (integer microseconds): the rate is exact
+    on average and missed instants are not made up for. Between due times a step costs one comparison, `now_us >=
+    timers.next_due_us`.
+    """
+
+    __slots__ = ("_timers", "next_due_us")
+
+    def __init__(self) -> None:
+        self._timers: list[Timer] = []
+        self.next_due_us = NEVER_US
+
+    def add(self, action: Callable[[int], None]) -> Timer:
+        """A new timer, off. `action(now_us)` may start and stop timers, itself included."""
+        timer = Timer(action)
+        self._timers.append(timer)
+        return timer
+
+    def start(self, timer: Timer, period_us: int, now_us: int) -> None:
+        """Run `timer` every `period_us` > 0, first at the next multiple of the period after `now_us`."""
+        timer.period_us = period_us
+        timer.due_us = now_us - now_us % period_us + period_us
+        self.next_due_us = min(self.next_due_us, timer.due_us)
+
+    def stop(self, timer: Timer) -> None:
+        """Silence `timer`."""
+        timer.period_us = 0
+        timer.due_us = NEVER_US
+
+    def run(self, now_us: int) -> None:
+        """Fire what is due at `now_us`."""
+        for timer in self._timers:
+            if timer.due_us <= now_us:
+                period = timer.period_us
+                timer.due_us = now_us - now_us % period + period
+                timer.action(now_us)
+        self.next_due_us = min(timer.due_us for timer in self._timers)
 
 
 class Host(Protocol):

@@ -11,15 +11,18 @@ invalid from then on.
 from __future__ import annotations
 
 import struct
+import time
+from collections.abc import Callable
+from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
-from firmware_bridge.mock_pixhawk.actuators import HitlOutputs
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
-from firmware_bridge.mock_pixhawk.firmware import Firmware
+from firmware_bridge.mock_pixhawk.firmware import CHANNELS, Firmware
 from firmware_bridge.mock_pixhawk.outbox import Outbox
+from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.sensors import IMU_BITS
+from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
 HIL_STATE_QUATERNION = MSGID["HIL_STATE_QUATERNION"]
@@ -31,6 +34,9 @@ _MODE_DISARMED, _MODE_ARMED = 53, 181  # measured on PX4; 32 is the HIL bit
 _LEAST_RATE_BPS = 5000  # bytes/s
 _BAUD_PER_RATE = 20  # PX4 takes a twentieth of the baud rate as the link's data rate, where none is configured
 _MS2_PER_MG = 9.80665e-3
+_FIRST_MOTOR = 101  # HIL_ACT_FUNCn: 101 is motor 1
+_CONSTANT_MAX = 2
+_PPB = 1_000_000_000
 
 _unpack_sensor = struct.Struct("<Q13fIB").unpack
 _pack_actuators = struct.Struct("<QQ16fB").pack
@@ -39,6 +45,69 @@ _pack_actuators = struct.Struct("<QQ16fB").pack
 def fast_enough(baud: int) -> bool:
     """PX4 takes HIL on a link of that baud rate."""
     return baud / _BAUD_PER_RATE > _LEAST_RATE_BPS
+
+
+class BoardClock:
+    """The board's own clock: microseconds since power-on.
+
+    It runs from any source of nanoseconds: the monotonic wall clock in the process, simulated time in tests.
+    `offset_us` is what it shows at power-on, `drift_ppm` how much too fast it runs: so that time synchronisation has
+    something to find.
+    """
+
+    def __init__(
+        self, source_ns: Callable[[], int] = time.monotonic_ns, *, offset_us: int = 0, drift_ppm: float = 0.0
+    ) -> None:
+        self._source_ns = source_ns
+        self.offset_us = offset_us
+        self._drift_ppb = round(drift_ppm * 1000.0)
+        self._zero_ns = source_ns()
+
+    def restart(self) -> None:
+        """Power-on again."""
+        self._zero_ns = self._source_ns()
+
+    def now_us(self) -> int:
+        """What it shows. Integer arithmetic: the same source gives the same microseconds on every machine."""
+        elapsed_ns = self._source_ns() - self._zero_ns
+        return self.offset_us + (elapsed_ns + elapsed_ns * self._drift_ppb // _PPB) // 1000
+
+    def source_ns(self, t_us: int) -> int:
+        """The first nanosecond of the source at which it shows `t_us`."""
+        own_ns = (t_us - self.offset_us) * 1000
+        # Rounded up, so that whoever sleeps until then does not wake a microsecond early.
+        elapsed_ns = -(-own_ns * _PPB // (_PPB + self._drift_ppb)) + (1 if self._drift_ppb else 0)
+        return self._zero_ns + elapsed_ns
+
+    def until_s(self, t_us: int) -> float:
+        """Seconds of the source until it shows `t_us`; 0 if it does already."""
+        return max(0.0, (self.source_ns(t_us) - self._source_ns()) * 1e-9)
+
+
+class HitlOutputs:
+    """HIL_ACT_FUNC1..16: which function each slot carries. As in PX4 a change takes effect while disarmed."""
+
+    def __init__(self, params: ParamTable, vehicle: Vehicle, core: Any, rotors: int) -> None:
+        self._params, self._vehicle = params, vehicle
+        self._core, self._rotors = core, rotors
+        self._functions = [0] * CHANNELS
+
+    def controls(self) -> list[float]:
+        """The 16 values of this instant, 0..1. Disarmed and terminated: all zero."""
+        vehicle = self._vehicle
+        if not vehicle.armed:
+            self._functions = [int(self._params[f"HIL_ACT_FUNC{slot}"]) for slot in range(1, CHANNELS + 1)]
+            return [0.0] * CHANNELS
+        if vehicle.terminated:
+            return [0.0] * CHANNELS
+        motors = self._core.motor_commands(self._rotors)
+        return [self._value(function, motors) for function in self._functions]
+
+    def _value(self, function: int, motors: list[float]) -> float:
+        motor = function - _FIRST_MOTOR
+        if 0 <= motor < self._rotors:
+            return motors[motor]
+        return 1.0 if function == _CONSTANT_MAX else 0.0
 
 
 class Hitl:

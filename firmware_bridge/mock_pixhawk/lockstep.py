@@ -18,9 +18,8 @@ import struct
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
-from firmware_bridge.mock_pixhawk.actuators import CHANNELS
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
-from firmware_bridge.mock_pixhawk.firmware import Firmware
+from firmware_bridge.mock_pixhawk.firmware import CHANNELS, Firmware
 from firmware_bridge.mock_pixhawk.ids import Cmd
 from firmware_bridge.mock_pixhawk.outbox import Outbox
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
-from firmware_bridge.codecs.messages import NAME
-from firmware_bridge.codecs.targets import target
+from firmware_bridge.codecs.messages import NAME, target
 from firmware_bridge.router import Endpoint, Router
 from tests.links.router_client import TcpClient, UdpClient, command, framed, heartbeat, raw, until
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
+from firmware_bridge.mock_pixhawk.hitl import BoardClock
 from tests.unit.mock_pixhawk_world import TICK_NS, World
 
 OUTPUT = MSGID["HIL_ACTUATOR_CONTROLS"]

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as dialect
 
-from firmware_bridge.codecs.dialect import SHAPES
+from firmware_bridge.codecs.dialect import FRAMING_ONLY, SHAPES
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.framing_only import FRAMING_ONLY
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, NAME, _codec, message_class, pack, unpack
 

@@ -7,8 +7,8 @@ import random
 import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
-from firmware_bridge.mock_pixhawk.arrivals import Arrivals
 from firmware_bridge.mock_pixhawk.modes import Mode
+from firmware_bridge.mock_pixhawk.sensors import Arrivals
 from tests.unit.mock_hitl_world import hitl_world
 from tests.unit.mock_pixhawk_world import messages, texts
 from tests.unit.test_mock_hitl_output import take_off

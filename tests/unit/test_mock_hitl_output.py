@@ -9,7 +9,7 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
+from firmware_bridge.mock_pixhawk.hitl import BoardClock
 from tests.unit.mock_hitl_world import OUTPUT, SimulatedTime, hitl_world
 from tests.unit.mock_pixhawk_world import messages, results, texts
 

@@ -8,7 +8,7 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.mock_pixhawk.board_clock import BoardClock
+from firmware_bridge.mock_pixhawk.hitl import BoardClock
 from tests.unit.mock_hitl_world import SimulatedTime, hitl_world
 from tests.unit.mock_pixhawk_world import World, messages, texts
 from tests.unit.test_mock_hitl_output import lone_board, take_off

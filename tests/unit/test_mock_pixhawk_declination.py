@@ -3,7 +3,7 @@
 import pygeomag
 import pytest
 
-from firmware_bridge.mock_pixhawk.declination import declination_deg
+from firmware_bridge.mock_pixhawk.estimate import declination_deg
 from tests.unit.mock_pixhawk_world import World, messages
 
 
