@@ -21,7 +21,7 @@ from typing import NamedTuple
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals._kernel import atan2
+from hil.signals._kernel import det_atan2
 from hil.signals.samples import (
     ActuatorFrame,
     BaroSample,
@@ -208,7 +208,7 @@ def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
     v_E, v_N, v_U = gps.v_W
     speed = sqrt(v_N * v_N + v_E * v_E)
     if speed - speed == 0.0 and speed >= _COURSE_MIN_SPEED_MPS:
-        course = round(atan2(v_E, v_N) * DEG_PER_RAD * _CDEG) % 36000
+        course = round(det_atan2(v_E, v_N) * DEG_PER_RAD * _CDEG) % 36000
     else:
         course = UNKNOWN_U16
     return _pack_gps(
