@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import quaternion_of_axes
 from hil.signals.samples import TruthState
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -122,19 +121,17 @@ def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> t
     dt = tick_ns * 1e-9
     up = a + _DRAG_PER_S * v + np.array([0.0, 0.0, STANDARD_GRAVITY_MPS2])
     up /= np.linalg.norm(up, axis=1)[:, None]
-    ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))], axis=-1)
-    left = np.cross(up, ahead)
-    left /= np.linalg.norm(left, axis=1)[:, None]
-    R = np.stack([np.cross(left, up), left, up], axis=-1)
-    turn = np.einsum("nji,njk->nik", R[:-1], R[1:])  # from each tick's frame to the next
-    vector = 0.5 * np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
-    )
-    w = np.concatenate([vector[:1], vector]) / dt
-    alpha = np.concatenate([np.zeros((1, 3)), np.diff(w, axis=0) / dt])
-    q = [quaternion_of_axes(*axes) for axes in R.transpose(0, 2, 1).tolist()]
-    rows = zip(*(map(tuple, x.tolist()) for x in (p, v, w, a, alpha)), strict=True)
+    # The shortest turn from world up to `up`, after one by yaw.
+    w, x, y = 1.0 + up[:, 2], -up[:, 1], up[:, 0]
+    c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    q = np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=-1)
+    q /= np.linalg.norm(q, axis=1)[:, None]
+    # From each tick's attitude to the next: twice the vector of conj(q) q'.
+    turn = q[:-1, :1] * q[1:, 1:] - q[1:, :1] * q[:-1, 1:] - np.cross(q[:-1, 1:], q[1:, 1:])
+    rates = 2.0 * np.concatenate([turn[:1], turn]) / dt
+    alpha = np.concatenate([np.zeros((1, 3)), np.diff(rates, axis=0) / dt])
+    rows = zip(*(map(tuple, values.tolist()) for values in (p, q, v, rates, a, alpha)), strict=True)
     return tuple(
         TruthState(k, k * tick_ns, p_k, q_k, v_k, w_k, a_k, alpha_k, (), False)
-        for k, (q_k, (p_k, v_k, w_k, a_k, alpha_k)) in enumerate(zip(q, rows, strict=True))
+        for k, (p_k, q_k, v_k, w_k, a_k, alpha_k) in enumerate(rows)
     )

@@ -1,6 +1,6 @@
 """What a companion would get of a flight: frames of IMU, GPS and barometer rows and the newest LiDAR sweep.
 
-The sensors are the bench's own, with their noise, and so is what a frame holds (`hil.companion.offline`).
+The sensors are the bench's own, with their noise, and so is what a frame holds (`hil.companion.bundle`).
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from hil.bench_suite.slam_flight import Flight
 from hil.bench_suite.slam_village import Village
-from hil.companion.offline import OfflineFrames
+from hil.companion.bundle import Collector
+from hil.companion.started import use_client
+from hil.signals.samples import Sample, TruthState
 from hil.signals.time import NS_PER_S
 from sim.sensors.catalog import make_sensor
+from sim.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from hil_companion.frame import Frame
@@ -35,6 +38,50 @@ class Noise:
     seed: int = 1
 
 
+class _Frames:
+    """Frames as a client gets them: sensors sampled along a true motion, released when they are available.
+
+    `add` every tick of `tick_ns`, in order; `take` when a frame is due.
+    """
+
+    def __init__(self, sensors: Mapping[str, Sensor], tick_ns: int) -> None:
+        self._sensors, self._tick_ns = sensors, tick_ns
+        self._topics = tuple(sensors)
+        self._collector = Collector(self._topics)
+        self._seq = dict.fromkeys(sensors, 0)
+        self._waiting: list[tuple[int, str, Sample]] = []
+        self._number = 0
+
+    def add(self, truth: TruthState) -> None:
+        """Sample what is due; release what has left its sensor."""
+        for name, sensor in self._sensors.items():
+            period_ns = sensor.period_ns
+            if truth.t_ns // period_ns == (truth.t_ns - self._tick_ns) // period_ns:
+                continue
+            sample = sensor.sample(truth, self._seq[name])
+            self._seq[name] += 1
+            self._waiting.append((sample.t_available_ns, name, sample))
+        due = sorted((w for w in self._waiting if w[0] <= truth.t_ns), key=lambda w: w[:2])
+        if due:
+            self._waiting = [w for w in self._waiting if w[0] > truth.t_ns]
+            self._collector.add([(name, sample) for _, name, sample in due])
+
+    def take(self, truth: TruthState) -> Frame:
+        """What came since the frame before, as the client's library makes it of what comes over the wire."""
+        use_client()
+        from hil_companion.frame import Frame as ClientFrame
+        from hil_companion.frame import Sample as ClientSample
+
+        bundle = self._collector.take(self._number, truth)
+        self._number += 1
+        samples = {
+            s.topic: ClientSample(s.topic, s.seq, s.t_capture_ns, s.t_available_ns, dict(s.values), dict(s.arrays))
+            for s in bundle.frame(self._topics).samples
+        }
+        header = {"frame": bundle.number, "tick": bundle.tick, "t_ns": bundle.t_ns, "t_sent_ns": 0, "dropped": 0}
+        return ClientFrame(header, samples, in_ring=False, t_received_ns=0)
+
+
 def record(place: Village, flight: Flight, noise: Noise) -> list[Frame]:
     """The frames of a flight, without the topic truth."""
     common: dict[str, Any] = {"seed": noise.seed, "scene": place.scene, "step_ns": flight.tick_ns}
@@ -52,7 +99,7 @@ def record(place: Village, flight: Flight, noise: Noise) -> list[Frame]:
             overrides={"range_noise_m": noise.range_m, "mount_m": (0.0, 0.0, 0.12)} | dict(noise.lidar), **common,
         ),
     }  # fmt: skip
-    offline = OfflineFrames(sensors, tick_ns=flight.tick_ns, truth=False)
+    offline = _Frames(sensors, flight.tick_ns)
     every = NS_PER_S // _FRAME_HZ
     frames = []
     for truth in flight.truths:

@@ -41,20 +41,16 @@ class RawFrame(Protocol):
 _HEAD = struct.Struct("<cI")
 _FRAME = struct.Struct("<3q7d")
 _HASH_BYTES = 32
-_TICK_BYTES = 8  # of the running digest kept per tick: enough to find where two runs part
 
 
 class Digest:
-    """Running hash. `keep_ticks` also keeps eight bytes per tick (`ticks`), to find the first tick that differs."""
+    """Running hash."""
 
-    def __init__(self, *, keep_ticks: bool = False) -> None:
+    def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=_HASH_BYTES)
         self._parts: list[bytes] = []
         self._layout = self._layout_for(0)
         self._rotors = 0
-        self._keep_ticks = keep_ticks
-        self._started = False
-        self.ticks = bytearray()
 
     @staticmethod
     def _layout_for(rotors: int) -> struct.Struct:
@@ -62,10 +58,7 @@ class Digest:
         return struct.Struct("<cI" + body)
 
     def truth(self, truth: TruthState) -> None:
-        """Begin a tick: hash what the last one left, then take in the truth."""
-        if self._keep_ticks and self._started:
-            self.ticks += self.running()
-        self._started = True
+        """Begin a tick."""
         rotors = truth.rotor_speed_radps
         n = len(rotors)
         if n != self._rotors:
@@ -118,31 +111,12 @@ class Digest:
             self._hash.update(head)
             self._hash.update(np.ascontiguousarray(array).data)
 
-    def running(self) -> bytes:
-        """First eight bytes of the digest of everything so far. Does not disturb the hash."""
-        self._drain()
-        return self._hash.copy().digest()[:_TICK_BYTES]
-
     def hexdigest(self) -> str:
         """The digest of everything so far, 64 hexadecimal digits."""
         self._drain()
         return self._hash.hexdigest()
 
-    def finish(self) -> None:
-        """Keep the last tick's running digest, once nothing more will come."""
-        if self._keep_ticks and self._started:
-            self.ticks += self.running()
-            self._started = False
-
     def _drain(self) -> None:
         if self._parts:
             self._hash.update(b"".join(self._parts))
             self._parts.clear()
-
-
-def first_differing_tick(a: bytes | bytearray, b: bytes | bytearray) -> int | None:
-    """First tick at which two `Digest.ticks` part, None if neither does. A run that ended earlier differs there."""
-    for i in range(0, min(len(a), len(b)), _TICK_BYTES):
-        if a[i : i + _TICK_BYTES] != b[i : i + _TICK_BYTES]:
-            return i // _TICK_BYTES
-    return None if len(a) == len(b) else min(len(a), len(b)) // _TICK_BYTES

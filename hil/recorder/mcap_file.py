@@ -45,6 +45,7 @@ from hil.signals.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "hil-bench"
+_ZSTD_LEVEL = 1
 _CHUNK_HEAD = struct.Struct("<BQQQQI")  # opcode, length, first and last log time, uncompressed size, CRC
 _INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of pairs
 
@@ -193,13 +194,11 @@ class SafeFile:
 
 
 class McapFile:
-    """Chunked MCAP writer. `compression` is "zstd" or "none"."""
+    """Chunked MCAP writer; chunks are compressed with zstd."""
 
-    def __init__(self, file: SafeFile, *, compression: str = "zstd", level: int = 1) -> None:
-        if compression not in ("zstd", "none"):
-            raise ValueError(f"compression must be 'zstd' or 'none', not {compression!r}")
+    def __init__(self, file: SafeFile) -> None:
         self._file = file
-        self._compressor = zstandard.ZstdCompressor(level=level) if compression == "zstd" else None
+        self._compressor = zstandard.ZstdCompressor(level=_ZSTD_LEVEL)
         self._schemas: dict[str, Schema] = {}
         self._channels: list[Channel] = []
         self._news = RecordBuilder()  # schemas and channels that the next chunk must carry

@@ -200,12 +200,11 @@ class McapSink:
         file: SafeFile,
         *,
         tick_ns: int,
-        compression: str = "zstd",
         metadata: Mapping[str, str] | None = None,
         attachments: Mapping[str, bytes] | None = None,
     ) -> None:
         self._file = file
-        self._mcap = McapFile(file, compression=compression)
+        self._mcap = McapFile(file)
         self._tick_ns = tick_ns
         self._now_ns = 0
         self._truth = Series(TruthState, TRUTH_TOPICS, "")

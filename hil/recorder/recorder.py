@@ -104,15 +104,13 @@ class Recorder:
         mcap: bool,
         tlog: bool,
         tick_ns: int,
-        compression: str = "zstd",
         metadata: Mapping[str, str] | None = None,
         attachments: Mapping[str, bytes] | None = None,
-        keep_tick_digests: bool = False,
         open_file: Callable[[Path], BinaryIO] = open_unbuffered,
         watch: Watch | None = None,
     ) -> None:
         """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
-        self._digest = Digest(keep_ticks=keep_tick_digests)
+        self._digest = Digest()
         self.track = Track(tick_ns)
         self.album = Album()
         self.events: list[Event] = []
@@ -127,7 +125,6 @@ class Recorder:
             self._mcap = McapSink(
                 SafeFile(out_dir / MCAP_NAME, open_file),
                 tick_ns=tick_ns,
-                compression=compression,
                 metadata=metadata,
                 attachments=attachments,
             )
@@ -141,11 +138,6 @@ class Recorder:
     def digest(self) -> str:
         """Digest of everything so far, hexadecimal."""
         return self._digest.hexdigest()
-
-    @property
-    def tick_digests(self) -> bytes:
-        """Running digest after each finished tick, eight bytes each; empty unless asked for."""
-        return bytes(self._digest.ticks)
 
     def truth(self, truth: TruthState) -> None:
         """Begin a tick. Where writing out the ticks before it fails, this one is still taken in, then it raises."""
@@ -250,7 +242,6 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        self._digest.finish()
         failure: RecordingError | None = None
         if self._mcap:
             try:

@@ -28,15 +28,14 @@ def flight() -> list[Tick]:
     return make_flight(TICKS)
 
 
-@pytest.fixture(scope="module", params=["zstd", "none"])
-def path(request: pytest.FixtureRequest, flight: list[Tick], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp(request.param)
+@pytest.fixture(scope="module")
+def path(flight: list[Tick], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("recorded")
     recorder = Recorder(
         out,
         mcap=True,
         tlog=False,
         tick_ns=TICK_NS,
-        compression=request.param,
         metadata={"seed": "1"},
         attachments={"config.yaml": b"seed: 1\n"},
     )

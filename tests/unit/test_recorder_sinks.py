@@ -21,7 +21,7 @@ from pymavlink.dialects.v10 import common as common_v1
 
 from firmware_bridge.codecs.mavlink_frame import NO_FRAME, split_frames
 from firmware_bridge.codecs.signing import Signer, SigningKey
-from hil.recorder.digest import Digest, first_differing_tick
+from hil.recorder.digest import Digest
 from hil.recorder.reading import read_messages
 from hil.recorder.recorder import Recorder
 from hil.recorder.tlog_sink import EPOCH_US
@@ -47,10 +47,8 @@ def digest_of(flight: list[Tick]) -> str:
 
 def test_digest_does_not_depend_on_what_is_recorded(flight: list[Tick], tmp_path: Path) -> None:
     digests = set()
-    for i, (mcap, tlog, keep) in enumerate(
-        [(False, False, False), (True, False, False), (False, True, True), (True, True, True)]
-    ):
-        recorder = Recorder(tmp_path / str(i), mcap=mcap, tlog=tlog, tick_ns=TICK_NS, keep_tick_digests=keep)
+    for i, (mcap, tlog) in enumerate([(False, False), (True, False), (False, True), (True, True)]):
+        recorder = Recorder(tmp_path / str(i), mcap=mcap, tlog=tlog, tick_ns=TICK_NS)
         fly(recorder, flight)
         recorder.close("PASS")
         digests.add(recorder.digest)
@@ -112,23 +110,6 @@ def test_digest_sees_messages_their_order_and_their_borders(flight: list[Tick]) 
         )
     }
     assert len(seen) == 6
-
-
-def test_running_digest_finds_the_first_differing_tick(flight: list[Tick], tmp_path: Path) -> None:
-    def ticks(flown: list[Tick]) -> bytes:
-        recorder = Recorder(tmp_path, mcap=False, tlog=False, tick_ns=TICK_NS, keep_tick_digests=True)
-        fly(recorder, flown)
-        recorder.close("PASS")
-        return recorder.tick_digests
-
-    reference = ticks(flight)
-    assert len(reference) == 8 * len(flight)
-    assert first_differing_tick(reference, ticks(flight)) is None
-    for k in (0, 123, len(flight) - 1):
-        changed = list(flight)
-        changed[k] = flight[k]._replace(sent=b"other")
-        assert first_differing_tick(reference, ticks(changed)) == k
-    assert first_differing_tick(reference, ticks(flight[:200])) == 200
 
 
 def test_split_frames_keeps_every_byte(flight: list[Tick]) -> None:
@@ -199,7 +180,7 @@ def test_full_disk_is_one_error_and_leaves_a_readable_file(tmp_path: Path, room:
 
     flight = make_flight(800)
     errors = []
-    recorder = Recorder(tmp_path, mcap=True, tlog=True, tick_ns=TICK_NS, compression="none", open_file=open_file)
+    recorder = Recorder(tmp_path, mcap=True, tlog=True, tick_ns=TICK_NS, open_file=open_file)
     for tick in flight:
         try:
             fly(recorder, [tick])
