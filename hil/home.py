@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_bridge.ground_station.autopilot_frame import GeodeticFromW
-from firmware_bridge.ground_station.projections import Place, ardupilot_sitl_world
+from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from hil.signals.geodesy import LocalFrame
 from hil.signals.rotation import yaw_of
 from sim.scene.scene import Site

@@ -15,16 +15,15 @@ vehicle's first heartbeat, which tells whose modes and parameters these are.
 from __future__ import annotations
 
 import heapq
-import struct
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
+from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
-from firmware_bridge.ground_station.wire import GCS_SYSID, Wire, enum_name
+from firmware_bridge.ground_station.wire import Wire, enum_name, param_as_held, param_as_read, param_as_sent
 from hil.signals.errors import HandshakeError
 from hil.signals.time import NS_PER_S
 
@@ -36,7 +35,6 @@ _DO_SET_MODE = 176
 _SAFETY_ARMED = 0x80
 _LANDED_ON_GROUND = 1
 _LANDED_IN_AIR = (2, 3, 4)  # in the air, taking off, landing
-_REAL32 = 9  # MAV_PARAM_TYPE; below it the integers
 
 _TRIES = 5
 _RETRY_NS = NS_PER_S
@@ -129,7 +127,7 @@ class ActionSource:
         on_event: Callable[[int, str, str], None] | None = None,
     ) -> None:
         self._actions = tuple(actions)
-        self._wire = _ScriptWire(target_sysid=target_sysid or 0, target_compid=target_compid)
+        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid, compid=SCRIPT_COMPID)
         self._commands = Commands(self._wire)
         self._first_item = first_item
         self._on_event = on_event
@@ -285,17 +283,6 @@ class ActionSource:
             self._job.on_value(self._t_ns, message)
 
 
-class _ScriptWire(Wire):
-    """The wire of the script's own component."""
-
-    def __init__(self, *, target_sysid: int, target_compid: int) -> None:
-        super().__init__(target_sysid=target_sysid, target_compid=target_compid)
-        self._encoder = FrameEncoder(GCS_SYSID, SCRIPT_COMPID)
-
-    def for_us(self, message: Any) -> bool:
-        return message.target_system in (0, GCS_SYSID) and message.target_component in (0, SCRIPT_COMPID)
-
-
 class _CommandJob:
     """Asks until it is accepted."""
 
@@ -365,7 +352,7 @@ class _ParamJob:
         if self._kind is None:
             wire.say(_ParamRequestRead(wire.target_sysid, wire.target_compid, name, -1))
         else:
-            bits = _as_sent(self._value, self._kind, bytewise=self._bytewise)
+            bits = param_as_sent(self._value, self._kind, bytewise=self._bytewise)
             wire.say(_ParamSet(wire.target_sysid, wire.target_compid, name, bits, self._kind))
         return False
 
@@ -373,36 +360,13 @@ class _ParamJob:
         if message.param_id != self._wanted.name:
             return
         if self._kind is None:
-            self._kind = message.param_type
-            try:
-                self._value = _as_held(self._wanted, message.param_type)
-            except HandshakeError as error:
-                self._unfit = error  # raised in `step`, where it is this action's
+            wanted, self._kind = self._wanted, message.param_type
+            held = param_as_held(wanted.value, message.param_type)
+            if held is None:  # raised in `step`, where it is this action's
+                text = f"{wanted.name} takes a whole number of 32 bits, not {wanted.value:g}"
+                self._unfit = HandshakeError("mission script", text)
+            self._value = held or 0.0
             self._tries = 0
             self.due_ns = t_ns
-        elif _as_read(message.param_value, self._kind, bytewise=self._bytewise) == self._value:
+        elif param_as_read(message.param_value, self._kind, bytewise=self._bytewise) == self._value:
             self._done = True
-
-
-def _as_held(wanted: SetParam, kind: int) -> float:
-    """The value as a parameter of this type can hold it. HandshakeError where it cannot."""
-    if kind >= _REAL32:
-        held: float = struct.unpack("<f", struct.pack("<f", wanted.value))[0]
-        return held
-    if wanted.value != int(wanted.value) or abs(wanted.value) >= 2**31:
-        raise HandshakeError("mission script", f"{wanted.name} takes a whole number of 32 bits, not {wanted.value:g}")
-    return float(int(wanted.value))
-
-
-def _as_sent(value: float, kind: int, *, bytewise: bool) -> float:
-    """The float that carries a value: PX4 puts an integer's own bits there, ArduPilot its nearest float."""
-    if kind >= _REAL32 or not bytewise:
-        return value
-    carried: float = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-    return carried
-
-
-def _as_read(carried: float, kind: int, *, bytewise: bool) -> float:
-    if kind >= _REAL32 or not bytewise:
-        return carried
-    return float(struct.unpack("<i", struct.pack("<f", carried))[0])

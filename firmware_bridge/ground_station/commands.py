@@ -17,14 +17,14 @@ FAILED = 4
 IN_PROGRESS = 5
 
 _ANSWER_LIMIT_NS = NS_PER_S
-_TRIES = 5
 
 
 class Commands:
-    """One COMMAND_LONG at a time. `result` is None while it runs, then its MAV_RESULT."""
+    """One COMMAND_LONG at a time, asked `tries` times. `result` is None while it runs, then its MAV_RESULT."""
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: Wire, *, tries: int = 5) -> None:
         self._wire = wire
+        self._most_tries = tries
         self._command = 0
         self._params: tuple[float, ...] = ()
         self._tries = 0
@@ -42,6 +42,10 @@ class Commands:
         self._tries = 0
         self.result = None
         self._send(t_ns)
+
+    def drop(self) -> None:
+        """Wait for no answer any more."""
+        self.due_ns = self.result = None
 
     def _send(self, t_ns: int) -> None:
         wire = self._wire
@@ -62,9 +66,9 @@ class Commands:
         """Ask again if the answer is overdue. HandshakeError when asking has not helped."""
         if self.due_ns is None or t_ns < self.due_ns:
             return
-        if self._tries >= _TRIES:
+        if self._tries >= self._most_tries:
             raise refused(
-                f"{enum_name('MAV_CMD', self._command)} was asked {_TRIES} times and never answered; "
+                f"{enum_name('MAV_CMD', self._command)} was asked {self._most_tries} times and never answered; "
                 "is the autopilot's MAVLink command service running?"
             )
         self._send(t_ns)

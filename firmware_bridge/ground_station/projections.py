@@ -5,17 +5,21 @@ map of the autopilot that it is given to. All three take down as the difference 
 
     PX4        azimuthal equidistant on a sphere of 6371 km (Snyder, Map Projections, USGS 1987, eq. 22-4, 22-5)
     ArduPilot  equirectangular at the mean latitude, on a sphere of 6378.1 km
-    tangent    north and east of the exact difference on WGS-84: what the mock does
+    tangent    north and east of the exact difference on WGS-84: what the mock does (`hil.signals._kernel.tangent_ned`)
 
-The last is `hil.signals._kernel.tangent_ned`. Own elementary functions: the same bits on every machine.
+Own elementary functions: the same bits on every machine.
+
+Autopilots put the origin of LOCAL_POSITION_NED where their estimator started, and tell it in GPS_GLOBAL_ORIGIN (to
+1e-7 degrees: 6 mm). Where they do not, it follows from LOCAL_POSITION_NED and GLOBAL_POSITION_INT of a vehicle at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from firmware_bridge.ground_station.modes import ARDUPILOT
 from hil.signals._kernel import det_atan2, det_cos, det_sin
 from hil.signals.samples import Vec3
 from hil.signals.units import RAD_PER_DEG
@@ -31,6 +35,9 @@ class Place(NamedTuple):
     lon_deg: float
     alt_m: float
 
+
+GeodeticFromW = Callable[[Vec3], tuple[float, float, float]]
+"""A point in W [m] to latitude and longitude [deg] and altitude [m]."""
 
 Projection = Callable[[Place, Place], Vec3]
 """(origin, place) to the place's NED about the origin [m]."""
@@ -95,3 +102,49 @@ def _turn_deg(angle_deg: float) -> float:
     if angle_deg > 180.0:
         return angle_deg - 360.0
     return angle_deg + 360.0 if angle_deg < -180.0 else angle_deg
+
+
+class AutopilotFrame:
+    """The autopilot's local frame: where its origin is, where the vehicle is in it, and how to get there from W.
+
+    `project`: the autopilot's map; None: by the kind of autopilot, see `settle`.
+    """
+
+    def __init__(self, geodetic_from_W: GeodeticFromW, project: Projection | None) -> None:
+        self._geodetic_from_W = geodetic_from_W
+        self._project = project
+        self.origin: Place | None = None
+        self.p_N: Vec3 | None = None  # of the vehicle, as last told
+        self._place: Place | None = None
+
+    def settle(self, autopilot: int) -> None:
+        """The autopilot (MAV_AUTOPILOT) is known now, and with it its map."""
+        if self._project is None:
+            self._project = ardupilot_ned if autopilot == ARDUPILOT else px4_ned
+
+    @property
+    def known(self) -> bool:
+        """Points can be converted, and the vehicle has told where it is."""
+        return self.origin is not None and self.p_N is not None
+
+    def infer_origin(self) -> bool:
+        """Without being told: from where the vehicle says that it is, both ways. False if it has not said so."""
+        if self._place is None or self.p_N is None or self._project is None:
+            return False
+        self.origin = origin_of(self._place, self.p_N, self._project)
+        return True
+
+    def ned_from_W(self, p_W: Vec3) -> Vec3:
+        """A point in W as the autopilot wants it. Only once `known`."""
+        assert self.origin is not None
+        assert self._project is not None
+        return self._project(self.origin, Place(*self._geodetic_from_W(p_W)))
+
+    def on_origin(self, message: Any) -> None:
+        self.origin = Place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+
+    def on_local_position(self, message: Any) -> None:
+        self.p_N = (message.x, message.y, message.z)
+
+    def on_global_position(self, message: Any) -> None:
+        self._place = Place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -15,12 +16,16 @@ _HEARTBEAT = MSGID["HEARTBEAT"]
 
 
 class Wire:
-    """The ground station's outgoing half: addresses, sequence numbers, and the bytes of this tick."""
+    """The ground station's outgoing half: addresses, sequence numbers, and the bytes of this tick.
 
-    def __init__(self, *, target_sysid: int, target_compid: int) -> None:
+    `compid`: which component of the ground station speaks here. Answers to two are never confused.
+    """
+
+    def __init__(self, *, target_sysid: int, target_compid: int, compid: int = GCS_COMPID) -> None:
         self.target_sysid = target_sysid
         self.target_compid = target_compid
-        self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
+        self._compid = compid
+        self._encoder = FrameEncoder(GCS_SYSID, compid)
         self._out: list[bytes] = []
 
     def say(self, message: Any) -> None:
@@ -28,11 +33,11 @@ class Wire:
         self._out.append(self._encoder.frame(message.MSGID, pack(message)))
 
     def for_us(self, message: Any) -> bool:
-        """Is an answer meant for this ground station, and not for an SDK on the same vehicle?
+        """Is an answer meant for us, and not for another component or an SDK on the same vehicle?
 
         A zero is an autopilot that does not say whom it answers.
         """
-        return message.target_system in (0, GCS_SYSID) and message.target_component in (0, GCS_COMPID)
+        return message.target_system in (0, GCS_SYSID) and message.target_component in (0, self._compid)
 
     def hand_on(self, frames: Sequence[Frame], handlers: Mapping[int, Callable[[Any], None]]) -> bool:
         """Give the vehicle's messages to the handlers of their ids; whether there was any.
@@ -76,3 +81,26 @@ def enum_name(enum: str, value: int) -> str:
 
     entry = common.enums[enum].get(value)
     return f"{enum} {value}" if entry is None else entry.name
+
+
+_REAL32 = 9  # MAV_PARAM_TYPE; below it the integers
+
+
+def param_as_held(value: float, kind: int) -> float | None:
+    """The value as a parameter of MAV_PARAM_TYPE `kind` holds it, 32 bits wide; None where it cannot."""
+    if kind >= _REAL32:
+        return float(struct.unpack("<f", struct.pack("<f", value))[0])
+    return float(value) if value == int(value) and abs(value) < 2**31 else None
+
+
+def param_as_sent(value: float, kind: int, *, bytewise: bool = True) -> float:
+    """The float that carries a value: PX4 puts an integer's bits there (`bytewise`), ArduPilot its nearest float."""
+    if kind >= _REAL32 or not bytewise:
+        return value
+    return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])
+
+
+def param_as_read(carried: float, kind: int, *, bytewise: bool = True) -> float:
+    if kind >= _REAL32 or not bytewise:
+        return carried
+    return float(struct.unpack("<i", struct.pack("<f", carried))[0])

@@ -7,7 +7,6 @@ data rate        above 5000 bytes/s, or PX4 ignores all HIL messages: HIL_ACTUAT
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.wire import GCS_COMPID, GCS_SYSID, param_as_held, param_as_read, param_as_sent
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import HandshakeError
 
@@ -26,10 +26,8 @@ _ParamSet = message_class("PARAM_SET")
 _CommandLong = message_class("COMMAND_LONG")
 _Heartbeat = message_class("HEARTBEAT")
 
-_INT32 = 6  # MAV_PARAM_TYPE; PX4 sends such a value's bits in the float field
 _TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
 _REBOOT = 246
-_GCS = (255, 190)
 _TRIES, _TRY_S = 5, 1.0
 _TRIES_OF_A_TALKER = 3  # one that answers for other parameters: it does not have this one, or an answer was lost
 _LISTEN_S = 3.0
@@ -56,7 +54,7 @@ class HitlSetup:
     def __init__(self, transport: Transport, parser: FrameParser, *, motors: int, sysid: int = 1) -> None:
         self._transport = transport
         self._parser = parser
-        self._encoder = FrameEncoder(*_GCS)
+        self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
         self._sysid = sysid
         self.wanted = {"SYS_HITL": 1.0} | {f"HIL_ACT_FUNC{n}": 100.0 + n for n in range(1, motors + 1)}
         self.heard: list[Frame] = []
@@ -96,7 +94,7 @@ class HitlSetup:
             # PX4 takes a value only in the parameter's own type, which is known from reading it.
             if name not in self._types and self._read(name) is None:
                 raise HandshakeError(self._transport.name, f"does not answer for the parameter {name}: has it one?")
-            if self._set(name, value) != _carried(value, self._types[name]):
+            if self._set(name, value) != param_as_held(value, self._types[name]):
                 raise HandshakeError(self._transport.name, f"does not take {name} = {value:g}")
 
     def reboot(self) -> None:
@@ -143,7 +141,7 @@ class HitlSetup:
 
     def _set(self, name: str, value: float) -> float | None:
         kind = self._types[name]
-        carried = struct.unpack("<f", struct.pack("<i", int(value)))[0] if kind == _INT32 else value
+        carried = param_as_sent(value, kind)
         for _ in range(_TRIES):
             self._say(_ParamSet(self._sysid, 1, name, carried, kind))
             answer = self._await_value(name)
@@ -159,7 +157,7 @@ class HitlSetup:
                     message = unpack(frame)
                     if message.param_id == name:
                         self._types[name] = message.param_type
-                        return _value(frame, message)
+                        return param_as_read(message.param_value, message.param_type)
         return None
 
     def _listen(self, for_s: float) -> list[Frame]:
@@ -171,14 +169,3 @@ class HitlSetup:
         beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
         encoder = self._encoder
         self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))
-
-
-def _carried(value: float, kind: int) -> float:
-    """`value` as a parameter of that type holds it: PX4's are 32 bits wide."""
-    return float(int(value)) if kind == _INT32 else float(struct.unpack("<f", struct.pack("<f", value))[0])
-
-
-def _value(frame: Frame, message: Any) -> float:
-    if message.param_type == _INT32:
-        return float(struct.unpack("<i", frame.payload[:4])[0])
-    return float(message.param_value)

@@ -17,13 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
-from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.ground_station.wire import GCS_SYSID, enum_name, first_autopilot
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.messages import MSGID, message_class
+from firmware_bridge.ground_station.commands import ACCEPTED, Commands
+from firmware_bridge.ground_station.wire import Wire, enum_name
 from firmware_bridge.manual.axes import StickMapping, manual_control_axes
 from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickDevice, StickLost, StickState
+from hil.signals.errors import HandshakeError
 from hil.signals.time import NS_PER_S
 
 # ArduPilot takes sticks from its ground station's system id only. Another component than the bench's ground station:
@@ -31,12 +33,9 @@ from hil.signals.time import NS_PER_S
 _COMPID = 25  # MAV_COMP_ID_USER1
 
 _ManualControl = message_class("MANUAL_CONTROL")
-_CommandLong = message_class("COMMAND_LONG")
 _COMMAND_ACK = MSGID["COMMAND_ACK"]
 _DO_SET_MODE = 176
 _COMPONENT_ARM_DISARM = 400
-_ACCEPTED, _IN_PROGRESS = 0, 5
-_ANSWER_NS = NS_PER_S
 _TRIES = 3
 _CUSTOM_MODE = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 
@@ -125,15 +124,15 @@ class ManualControlSource:
         self._buttons, self._modes = buttons, modes
         self._rate_mhz = round(rate_hz * 1000)
         self._neutral_ns, self._retry_ns = round(neutral_s * NS_PER_S), round(retry_s * NS_PER_S)
-        self._target = (target_sysid or 0, target_compid)  # 0: the first autopilot heard
-        self._encoder = FrameEncoder(GCS_SYSID, _COMPID)
+        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid, compid=_COMPID)
+        self._commands = Commands(self._wire, tries=_TRIES)
+        self._asked = ""  # what the command under way is called
         self._next = 0  # number of the next poll
         self._released_at_ns = 0
         self._retry_at_ns = 0
         self._must_let_go = False
         self._unusable = ""
         self._pressed: frozenset[int] = frozenset()
-        self._asked: _Asked | None = None
         self._events: list[ManualEvent] = []
 
     def take_events(self) -> list[ManualEvent]:
@@ -143,15 +142,15 @@ class ManualControlSource:
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """One tick: bytes for the autopilot."""
-        if not self._target[0]:
-            self._target = (first_autopilot(frames, self._target[1]), self._target[1])
-        for frame in frames:
-            if frame.msgid == _COMMAND_ACK:
-                self._on_ack(t_ns, unpack(frame))
-        out = self._ask_again(t_ns)
+        self._wire.hand_on(frames, {_COMMAND_ACK: lambda ack: self._commands.on_ack(t_ns, ack)})
+        self._follow_up(t_ns)
+        self._poll_when_due(t_ns)
+        return self._wire.take()
+
+    def _poll_when_due(self, t_ns: int) -> None:
         # Poll n is due at n / rate, in whole nanoseconds from the start: no drift whatever the tick.
         if t_ns * self._rate_mhz < self._next * 1000 * NS_PER_S:
-            return out
+            return
         self._next = t_ns * self._rate_mhz // (1000 * NS_PER_S) + 1
         state = self._poll(t_ns)
         held = state is not None and state.held
@@ -164,9 +163,9 @@ class ManualControlSource:
             self.control = Control.FLYING
             self._say(t_ns, "flying", f"{self._name}: the sticks count")
         if self.control is Control.FLYING and state is not None:
-            out += self._on_buttons(t_ns, state.pressed - self._pressed)
+            self._on_buttons(t_ns, state.pressed - self._pressed)
         self._pressed = frozenset() if state is None else state.pressed
-        return out + self._sticks(t_ns, state)
+        self._say_sticks(t_ns, state)
 
     def close(self) -> None:
         """Let the device go. May be called any number of times."""
@@ -184,16 +183,16 @@ class ManualControlSource:
 
     # -- sticks -------------------------------------------------------------------------------------------------
 
-    def _sticks(self, t_ns: int, state: StickState | None) -> bytes:
+    def _say_sticks(self, t_ns: int, state: StickState | None) -> None:
         if self.control is Control.RELEASED and t_ns - self._released_at_ns >= self._neutral_ns:
             self.control = Control.SILENT
             self._say(t_ns, "silent", "no more sticks are sent: the autopilot's failsafe decides")
         if self.control is Control.SILENT:
-            return b""
+            return
         sticks = state.sticks if self.control is Control.FLYING and state is not None else NEUTRAL
         self.sent += 1
         x, y, z, r = manual_control_axes(sticks)
-        return self._frame(_ManualControl(target=self._target[0], x=x, y=y, z=z, r=r, buttons=0))
+        self._wire.say(_ManualControl(target=self._wire.target_sysid, x=x, y=y, z=z, r=r, buttons=0))
 
     def _poll(self, t_ns: int) -> StickState | None:
         if self._device is None:
@@ -233,64 +232,38 @@ class ManualControlSource:
     def _let_go(self, t_ns: int, kind: str, text: str) -> None:
         self.control = Control.RELEASED
         self._released_at_ns = t_ns
-        self._asked = None  # nobody arms for a pilot who is no longer there
+        self._commands.drop()  # nobody arms for a pilot who is no longer there
         self._say(t_ns, kind, text)
 
     # -- buttons ------------------------------------------------------------------------------------------------
 
-    def _on_buttons(self, t_ns: int, new: frozenset[int]) -> bytes:
+    def _on_buttons(self, t_ns: int, new: frozenset[int]) -> None:
         """One command for the buttons newly pressed: disarm before mode before arm."""
         buttons = self._buttons
         if buttons.disarm in new:
-            return self._ask(t_ns, "disarm", _COMPONENT_ARM_DISARM, (0.0,))
+            self._ask(t_ns, "disarm", _COMPONENT_ARM_DISARM, (0.0,))
+            return
         for button, name in sorted(buttons.modes.items()):
             if button in new:
-                return self._ask(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+                self._ask(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+                return
         if buttons.arm in new:
-            return self._ask(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
-        return b""
+            self._ask(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
 
-    def _ask(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> bytes:
+    def _ask(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> None:
         self._say(t_ns, "button", f"{what} asked for")
-        self._asked = _Asked(what, command, params, 1, t_ns + _ANSWER_NS)
-        return self._command(self._asked)
+        self._asked = what
+        self._commands.ask(t_ns, command, params)
 
-    def _ask_again(self, t_ns: int) -> bytes:
-        asked = self._asked
-        if asked is None or t_ns < asked.due_ns:
-            return b""
-        if asked.tries >= _TRIES:
-            self._asked = None
-            self._say(t_ns, "refused", f"{asked.what}: asked {_TRIES} times and never answered")
-            return b""
-        self._asked = asked._replace(tries=asked.tries + 1, due_ns=t_ns + _ANSWER_NS)
-        return self._command(self._asked)
-
-    def _on_ack(self, t_ns: int, ack: Any) -> None:
-        asked = self._asked
-        mine = ack.target_system in (0, GCS_SYSID) and ack.target_component in (0, _COMPID)
-        if asked is None or not mine or ack.command != asked.command:
-            return
-        if ack.result == _IN_PROGRESS:
-            self._asked = asked._replace(due_ns=t_ns + 10 * _ANSWER_NS)
-            return
-        self._asked = None
-        kind = "done" if ack.result == _ACCEPTED else "refused"
-        self._say(t_ns, kind, f"{asked.what}: {enum_name('MAV_RESULT', ack.result)}")
-
-    def _command(self, asked: _Asked) -> bytes:
-        params = (*asked.params, *(0.0,) * (7 - len(asked.params)))
-        return self._frame(_CommandLong(*self._target, asked.command, asked.tries - 1, *params))
-
-    def _frame(self, message: Any) -> bytes:
-        return self._encoder.frame(message.MSGID, pack(message))
-
-
-class _Asked(NamedTuple):
-    """A command that waits for its answer."""
-
-    what: str
-    command: int
-    params: tuple[float, ...]
-    tries: int
-    due_ns: int
+    def _follow_up(self, t_ns: int) -> None:
+        """Tell the answer to the command under way, or ask again."""
+        commands = self._commands
+        if commands.result is not None:
+            kind = "done" if commands.result == ACCEPTED else "refused"
+            self._say(t_ns, kind, f"{self._asked}: {enum_name('MAV_RESULT', commands.result)}")
+            commands.drop()
+        try:
+            commands.step(t_ns)
+        except HandshakeError:
+            commands.drop()
+            self._say(t_ns, "refused", f"{self._asked}: asked {_TRIES} times and never answered")

@@ -11,7 +11,8 @@ import pytest
 
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.phased_flight import Phase
+from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink

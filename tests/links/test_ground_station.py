@@ -6,8 +6,9 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.progress import is_waypoint
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.station import GroundStation
 from hil.signals.errors import HandshakeError
 from hil.signals.mission import MissionItem
 
@@ -277,10 +278,6 @@ def test_a_mission_without_landing_is_landed_at_its_end():
     run(station, vehicle)
     assert station.phase is Phase.DONE
     assert [m.param3 for m in sent(vehicle, "COMMAND_LONG") if m.command == 176] == [4.0, 6.0]
-    left = GroundStation(RECTANGLE[:-1], land_at_end=False)
-    run(left, Vehicle(), limit_s=30.0)
-    assert left.phase is Phase.FLYING
-    assert left.mission_completed
 
 
 def test_watching_only():

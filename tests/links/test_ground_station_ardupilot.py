@@ -9,7 +9,8 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack, unpack
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.phased_flight import Phase
+from firmware_bridge.ground_station.station import GroundStation
 from hil.signals.errors import HandshakeError
 from hil.signals.mission import MissionItem
 

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.phased_flight import Phase
+from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.registry import make_link
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import Fault

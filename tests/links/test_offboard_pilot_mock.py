@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from firmware_bridge.ground_station.offboard_pilot import OffboardPilot, PilotPhase
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.links.registry import make_link
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.recorder.recorder import Recorder
@@ -75,7 +76,7 @@ class Flight:
     def land(self) -> None:
         for _ in range(60):
             self.fly(0.5, DesiredState(land=True))
-            if self.pilot.phase is PilotPhase.DONE:
+            if self.pilot.phase is Phase.DONE:
                 return
         raise AssertionError(f"still {self.pilot.phase}")
 
@@ -192,7 +193,7 @@ def flown_by_the_scheduler(out: Path) -> tuple[str, Scheduler, OffboardPilot]:
             recorder=recorder,
         )
         for until_s, wanted in ((14, UP), (20, DesiredState(p_W=(4.0, -3.0, 4.0))), (40, DesiredState(land=True))):
-            while scheduler.tick < until_s * TICK_HZ and pilot.phase is not PilotPhase.DONE:
+            while scheduler.tick < until_s * TICK_HZ and pilot.phase is not Phase.DONE:
                 if scheduler.tick % WANTED_EVERY == 0:
                     pilot.set_desired(wanted, scheduler.t_ns)
                 scheduler.step()
@@ -205,7 +206,7 @@ def flown_by_the_scheduler(out: Path) -> tuple[str, Scheduler, OffboardPilot]:
 
 def test_the_scheduler_flies_it_bit_by_bit_the_same(tmp_path: Path) -> None:
     digest, scheduler, pilot = flown_by_the_scheduler(tmp_path / "a")
-    assert pilot.phase is PilotPhase.DONE
+    assert pilot.phase is Phase.DONE
     assert scheduler.truth is not None
     assert math.dist(scheduler.truth.p_WB[:2], (4.0, -3.0)) < 0.4
     assert int(digest, 16) != 0

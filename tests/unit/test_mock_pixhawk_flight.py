@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmware_bridge.ground_station.station import GroundStation, Phase
+from firmware_bridge.ground_station.phased_flight import Phase
+from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.mock_pixhawk.modes import Mode
 from hil.missions import load_mission
 from hil.signals.mission import MissionItem

@@ -12,7 +12,8 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_number
-from firmware_bridge.ground_station.offboard_pilot import OffboardPilot, PilotPhase
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from firmware_bridge.ground_station.phased_flight import Phase
 from hil.signals.desired import DesiredState
 from hil.signals.errors import HandshakeError
 
@@ -136,7 +137,7 @@ class Flight:
         self.vehicle.landed_state = 2
         self.vehicle.p_N = (0.0, 0.0, -3.0)
         self.run(0.4, desired)
-        assert self.pilot.phase is PilotPhase.FLYING
+        assert self.pilot.phase is Phase.FLYING
 
     def last(self) -> Any:
         return self.vehicle.set_points()[-1][1]
@@ -149,19 +150,19 @@ def test_px4_gets_set_points_first_and_lands_by_its_own_mode() -> None:
     vehicle = Vehicle()
     flight = Flight(vehicle)
     flight.run(3.0)
-    assert flight.pilot.phase is PilotPhase.PREFLIGHT  # nobody wants anything yet
+    assert flight.pilot.phase is Phase.PREFLIGHT  # nobody wants anything yet
     assert vehicle.commands() == []
     hold = flight.last()
     assert (hold.x, hold.y, hold.z, hold.type_mask) == (0.0, 0.0, 0.0, 0xDF8)
     flight.fly(UP)
     assert vehicle.commands() == [(SET_MODE, 1.0, 6.0), (ARM, 1.0, 0.0)]
     flight.run(0.1, DesiredState(land=True))
-    assert flight.pilot.phase is PilotPhase.LANDING
+    assert flight.pilot.phase is Phase.LANDING
     assert vehicle.custom_mode == mode_number(PX4, "LAND").custom_mode
     count = len(vehicle.set_points())
     vehicle.landed_state, vehicle.armed = 1, False
     flight.run(3.0, UP)  # there is no way back
-    assert flight.pilot.phase is PilotPhase.DONE
+    assert flight.pilot.phase is Phase.DONE
     assert len(vehicle.set_points()) == count
     assert vehicle.commands()[2:] == [(SET_MODE, 1.0, 4.0)]
 
@@ -183,7 +184,7 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
     assert vehicle.commands() == [(SET_MODE, 1.0, 4.0), (ARM, 1.0, 0.0), (TAKEOFF, 0.0, 0.0)]
     takeoff = next(m for _, m in vehicle.heard if getattr(m, "command", 0) == TAKEOFF)
     assert takeoff.param7 == 2.5
-    assert flight.pilot.phase is PilotPhase.FLYING
+    assert flight.pilot.phase is Phase.FLYING
     vehicle.landed_state, vehicle.p_N = 3, (0.0, 0.0, -2.2)
     flight.run(0.2, UP)
     assert vehicle.set_points() == []
@@ -198,7 +199,7 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
 def test_a_state_that_leads_nowhere_does_not_arm(desired: DesiredState) -> None:
     flight = Flight(Vehicle())
     flight.run(4.0, desired)
-    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.pilot.phase is Phase.PREFLIGHT
     assert flight.vehicle.commands() == []
 
 
@@ -206,7 +207,7 @@ def test_an_old_wish_does_not_arm() -> None:
     flight = Flight(Vehicle())
     flight.pilot.set_desired(UP, 0)  # set-points have to come for a second before PX4 can be armed
     flight.run(4.0)
-    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.pilot.phase is Phase.PREFLIGHT
     assert flight.vehicle.commands() == []
 
 
@@ -382,7 +383,7 @@ def test_a_vehicle_that_leaves_the_mode_is_told_of_and_its_landing_ends_the_flig
     assert [(kind, "RTL" in text) for _, kind, text in flight.events] == [("warning", True)]
     flight.vehicle.landed_state, flight.vehicle.armed = 1, False
     flight.run(3.0, UP)
-    assert flight.pilot.phase is PilotPhase.DONE
+    assert flight.pilot.phase is Phase.DONE
 
 
 def test_what_is_declined_for_now_is_asked_again() -> None:
@@ -424,14 +425,14 @@ def test_a_vehicle_that_never_gets_ready_is_refused_with_its_reason() -> None:
 def test_a_companion_may_take_its_time_and_land_on_the_ground_is_no_flight() -> None:
     flight = Flight(Vehicle(), preflight_limit_s=5.0)
     flight.run(20.0, DesiredState(land=True))
-    assert flight.pilot.phase is PilotPhase.PREFLIGHT
+    assert flight.pilot.phase is Phase.PREFLIGHT
     assert flight.vehicle.commands() == []
 
 
 def test_disarming_on_the_ground_is_refused() -> None:
     flight = Flight(Vehicle())
     flight.run(4.0, UP)
-    assert flight.pilot.phase is PilotPhase.FLYING
+    assert flight.pilot.phase is Phase.FLYING
     flight.vehicle.armed = False
     with pytest.raises(HandshakeError, match="disarmed before it took off"):
         flight.run(2.0, UP)

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from firmware_bridge.ground_station.autopilot_frame import AutopilotFrame
 from firmware_bridge.ground_station.modes import ARDUPILOT, PX4
 from firmware_bridge.ground_station.projections import (
+    AutopilotFrame,
     Place,
     Projection,
     ardupilot_ned,

@@ -1,0 +1,338 @@
+"""What a flight has in common whoever leads it, a mission or a companion: it connects, asks, decides, ends.
+
+A pure function of (simulated time, frames received): no I/O and no clock of its own, so that a run with it is as
+repeatable as one without. It costs about a microsecond a tick when there is nothing to do. The phases it shares:
+
+    CONNECTING  until the vehicle's first heartbeat; then asks for the telemetry needed
+    LANDED      on the ground and disarmed; one more second, for what the vehicle still has to say
+    DONE        only heartbeats
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum
+from typing import Any, ClassVar
+
+from firmware_bridge.codecs.messages import MSGID, message_class
+from firmware_bridge.ground_station.commands import ACCEPTED, Commands
+from firmware_bridge.ground_station.procedure import Step, declined_for_now
+from firmware_bridge.ground_station.progress import Progress
+from firmware_bridge.ground_station.wire import Wire, enum_name, refused
+from hil.signals.mission import MissionItem
+from hil.signals.time import NS_PER_S
+
+_Heartbeat = message_class("HEARTBEAT")
+_TYPE_GCS = 6
+_AUTOPILOT_INVALID = 8
+_STATE_ACTIVE = 4
+_MAVLINK_VERSION = 3
+_SAFETY_ARMED = 0x80
+
+_PREARM_CHECK = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+# A vehicle that does not report its pre-arm check is asked to arm after this long, and again until it agrees.
+_UNREPORTED_NS = 5 * NS_PER_S
+
+_SET_MESSAGE_INTERVAL = 511
+_SETTLE_NS = NS_PER_S
+_RETRY_NS = NS_PER_S
+_ARMINGS_LIMIT = 5
+_TEXTS_LIMIT = 1000  # a vehicle that complains without end must not fill the memory
+
+
+class Phase(Enum):
+    """Where a flight stands. The order is that of a flight; none has all of them."""
+
+    CONNECTING = "connecting"
+    UPLOADING = "uploading"
+    PREFLIGHT = "preflight"
+    ARMING = "arming"
+    FLYING = "flying"
+    LANDING = "landing"
+    LANDED = "landed"
+    DONE = "done"
+
+
+class Heartbeats:
+    """Says once a simulated second that a ground station is there, and keeps the vehicle's latest heartbeat.
+
+    PX4 starts its data-link failsafe when the ground station's heartbeats stop.
+    """
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire = wire
+        self.due_ns = 0
+        self.connected = False
+        self.armed = False
+        self.autopilot = 0  # MAV_AUTOPILOT
+        self.custom_mode = 0
+
+    def on_heartbeat(self, message: Any) -> None:
+        self.connected = True
+        self.armed = bool(message.base_mode & _SAFETY_ARMED)
+        self.autopilot = message.autopilot
+        self.custom_mode = message.custom_mode
+
+    def step(self, t_ns: int) -> None:
+        if t_ns >= self.due_ns:
+            # From the previous due time, not from now: no drift if a tick does not fall on the second.
+            self.due_ns += NS_PER_S * ((t_ns - self.due_ns) // NS_PER_S + 1)
+            self._wire.say(_Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, _MAVLINK_VERSION))
+
+
+class Health:
+    """The pre-arm bit of SYS_STATUS: PX4 sets it when every arming check passes."""
+
+    def __init__(self) -> None:
+        self._reported = False
+        self._healthy = False
+        self._sensors_bad = 0
+        self._since_ns: int | None = None
+
+    def on_sys_status(self, message: Any) -> None:
+        self._reported = bool(message.onboard_control_sensors_present & _PREARM_CHECK)
+        self._healthy = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
+        self._sensors_bad = (
+            message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & ~_PREARM_CHECK
+        )
+
+    def ready(self, t_ns: int) -> bool:
+        """Worth asking to arm at `t_ns`?"""
+        if self._since_ns is None:
+            self._since_ns = t_ns
+        if self._reported:
+            return self._healthy
+        return t_ns - self._since_ns >= _UNREPORTED_NS
+
+    def complaint(self) -> str:
+        """What is missing, in words."""
+        if not self._reported:
+            return "it does not report its pre-arm check (SYS_STATUS)"
+        return f"its pre-arm check does not pass (unhealthy sensors: {self._sensors_bad:#x} in SYS_STATUS)"
+
+
+class StatusTexts:
+    """STATUSTEXT messages as (t_ns, severity, text), long ones joined from their chunks."""
+
+    def __init__(self) -> None:
+        self.texts: list[tuple[int, int, str]] = []
+        self._chunk_id = 0
+        self._chunk_next = 0
+
+    def on_statustext(self, t_ns: int, message: Any) -> None:
+        if message.chunk_seq and message.id == self._chunk_id and message.chunk_seq == self._chunk_next and self.texts:
+            first_ns, severity, text = self.texts[-1]
+            self.texts[-1] = (first_ns, severity, text + message.text)
+        elif len(self.texts) < _TEXTS_LIMIT:
+            self.texts.append((t_ns, message.severity, message.text))
+        self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
+
+    def last(self, count: int = 3) -> str:
+        """The latest texts that differ, for an error message; "" if there are none."""
+        latest = list(dict.fromkeys(text.strip() for _, _, text in reversed(self.texts)))[:count]
+        return f"; it last said: {' | '.join(reversed(latest))}" if latest else ""
+
+
+class Asking:
+    """Steps asked of the vehicle one after the other, each again while the vehicle declines it for now.
+
+    `begin` with steps, then `step` until it says True. HandshakeError where the vehicle refuses one for good.
+    """
+
+    def __init__(self, commands: Commands, heartbeats: Heartbeats, texts: StatusTexts) -> None:
+        self._commands, self._heartbeats, self._texts = commands, heartbeats, texts
+        self._steps: tuple[Step, ...] = ()
+        self._asked: Step | None = None
+        self._since_ns = self._limit_ns = 0
+        self._armings = 0
+        self.retry_ns: int | None = None  # when to ask again
+
+    def begin(self, t_ns: int, steps: Sequence[Step], limit_ns: int) -> None:
+        """`limit_ns`: how long a step may be declined for now, from `t_ns` on, which may be past."""
+        self._steps = tuple(steps)
+        self._asked = self.retry_ns = None
+        self._since_ns, self._limit_ns = t_ns, limit_ns
+        self._commands.result = None  # an answer to an earlier question answers none of these
+
+    def step(self, t_ns: int) -> bool:
+        """Ask what is to be asked at `t_ns`; whether all has been done."""
+        while True:
+            while self._steps and self._steps[0].arms and self._heartbeats.armed:
+                self._next()
+            if not self._steps:
+                return True
+            if self._commands.busy or (self.retry_ns is not None and t_ns < self.retry_ns):
+                return False
+            result, self._commands.result = self._commands.result, None
+            asked, self._asked = self._asked, None
+            if asked is not None and result == ACCEPTED and not asked.arms:
+                self._next()
+                continue
+            if asked is not None and result is not None:
+                self._wait(t_ns, asked, result)
+                return False
+            self.retry_ns = None
+            self._asked = self._steps[0]
+            self._commands.ask(t_ns, self._asked.command, self._asked.params)
+            return False
+
+    def _next(self) -> None:
+        self._steps = self._steps[1:]
+        self._asked = self.retry_ns = None
+
+    def _wait(self, t_ns: int, asked: Step, result: int) -> None:
+        """The step is not done, but may be a second later."""
+        self.retry_ns = t_ns + _RETRY_NS
+        if result == ACCEPTED:  # arming: the heartbeat will say so
+            self._armings += 1
+            if self._armings > _ARMINGS_LIMIT:
+                raise refused(
+                    f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
+                    f"it is armed{self._texts.last()}"
+                )
+            return
+        waited_ns = t_ns - self._since_ns
+        if result not in declined_for_now(self._heartbeats.autopilot) or waited_ns >= self._limit_ns:
+            raise refused(
+                f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
+                f"{waited_ns / NS_PER_S:.1f} s after the first request{self._texts.last()}"
+            )
+
+
+class PhasedFlight:
+    """A flight of vehicle `target_sysid`, None being the first autopilot heard. All limits are simulated time.
+
+    HandshakeError says what was asked, what was answered, and what to do. With `grid_ns`, decisions fall on multiples
+    of it only, whenever what they rest on was heard.
+    """
+
+    # (message, interval [us]): what the phases wait for, often enough that they never wait long.
+    _streams: ClassVar[Sequence[tuple[int, float]]]
+
+    def __init__(
+        self,
+        mission: Sequence[MissionItem],
+        *,
+        target_sysid: int | None = 1,
+        target_compid: int = 1,
+        heartbeat_limit_s: float = 30.0,
+        preflight_limit_s: float = 60.0,
+        takeoff_limit_s: float = 60.0,
+        grid_ns: int = 0,
+    ) -> None:
+        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid)
+        self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
+        self._preflight_limit_ns = round(preflight_limit_s * NS_PER_S)
+        self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
+        self._heartbeats = Heartbeats(self._wire)
+        self._commands = Commands(self._wire)
+        self._health = Health()
+        self._progress = Progress(mission)
+        self._texts = StatusTexts()
+        self._asking = Asking(self._commands, self._heartbeats, self._texts)
+        self._grid_ns = grid_ns
+        self._grid_cell = -1  # in which it last decided
+        self.phase = Phase.CONNECTING
+        self._phase_since_ns = 0
+        self._retry_ns: int | None = None  # when the phase has something to do again
+        self._streams_asked = 0
+        self._t_ns = 0
+        self._started = False
+        self._due_ns = 0
+        self._phases: Mapping[Phase, Callable[[int], None]] = {}
+        self._handlers: dict[int, Callable[[Any], None]] = {
+            MSGID["HEARTBEAT"]: self._heartbeats.on_heartbeat,
+            MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
+            MSGID["SYS_STATUS"]: self._health.on_sys_status,
+            MSGID["EXTENDED_SYS_STATE"]: self._progress.on_extended_sys_state,
+            MSGID["STATUSTEXT"]: lambda m: self._texts.on_statustext(self._t_ns, m),
+        }
+
+    @property
+    def statustexts(self) -> list[tuple[int, int, str]]:
+        """(t_ns, MAV_SEVERITY, text) of everything the vehicle has said in words."""
+        return self._texts.texts
+
+    @property
+    def armed(self) -> bool:
+        return self._heartbeats.armed
+
+    def _decide(self, t_ns: int) -> None:
+        """Go through the phases as far as they go now."""
+        if not self._started:
+            self._started = True
+            self._heartbeats.due_ns = self._phase_since_ns = t_ns
+        self._heartbeats.step(t_ns)
+        cell = t_ns // self._grid_ns if self._grid_ns else -1
+        decides = cell < 0 or cell != self._grid_cell
+        self._grid_cell = cell
+        before = None
+        while decides and before is not self.phase:
+            before = self.phase
+            self._phases[before](t_ns)
+        self._commands.step(t_ns)
+        dues = (
+            self._heartbeats.due_ns,
+            self._commands.due_ns,
+            self._asking.retry_ns,
+            self._retry_ns,
+            (cell + 1) * self._grid_ns if self._grid_ns else None,
+        )
+        self._due_ns = min(due for due in dues if due is not None)
+
+    def _decide_by(self, t_ns: int | None) -> None:
+        """Decide again at `t_ns` at the latest."""
+        if t_ns is not None:
+            self._due_ns = min(self._due_ns, t_ns)
+
+    def _enter(self, phase: Phase, t_ns: int) -> None:
+        self.phase = phase
+        self._phase_since_ns = t_ns
+        self._retry_ns = None
+        self._commands.result = None  # an answer to the last phase's question answers none of this one's
+
+    def _connected(self, t_ns: int) -> bool:
+        """Whether the vehicle has been heard, and has answered to what telemetry is wanted of it."""
+        if not self._heartbeats.connected:
+            if t_ns - self._phase_since_ns >= self._heartbeat_limit_ns:
+                sysid = self._wire.target_sysid
+                raise refused(
+                    f"no heartbeat of {f'vehicle {sysid}' if sysid else 'any autopilot'} within "
+                    f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; has it another system id?"
+                )
+            return False
+        if self._commands.busy:
+            return False
+        # Whether a stream was granted does not matter here: the phases that need it say so if it never comes.
+        if self._streams_asked < len(self._streams):
+            msgid, interval_us = self._streams[self._streams_asked]
+            self._streams_asked += 1
+            self._commands.ask(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
+            return False
+        return True
+
+    def _check_preflight(self, t_ns: int, since_ns: int, complaint: str) -> None:
+        """Refused if that was too long ago."""
+        if t_ns - since_ns >= self._preflight_limit_ns:
+            raise refused(
+                f"the vehicle is not ready to arm after {self._preflight_limit_ns / NS_PER_S:g} s of simulated time: "
+                f"{complaint}{self._texts.last()}"
+            )
+
+    def _check_takeoff(self, t_ns: int, hint: str = "") -> None:
+        if t_ns - self._phase_since_ns >= self._takeoff_limit_ns:
+            raise refused(
+                f"armed, but not in the air after {self._takeoff_limit_ns / NS_PER_S:g} s of simulated time"
+                f"{hint}{self._texts.last()}"
+            )
+
+    def _land_reached(self, t_ns: int) -> None:
+        self._enter(Phase.LANDED, t_ns)
+        self._retry_ns = t_ns + _SETTLE_NS
+
+    def _landed(self, t_ns: int) -> None:
+        if self._retry_ns is not None and t_ns >= self._retry_ns:
+            self._enter(Phase.DONE, t_ns)
+
+    def _done(self, t_ns: int) -> None:
+        pass
