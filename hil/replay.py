@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from mcap.records import Chunk
+from rich.console import Console
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
@@ -253,3 +254,19 @@ def _differing_mavlink(a: bytes, b: bytes) -> tuple[str, Any, Any] | None:
 
 def _unequal(x: Any, y: Any) -> bool:
     return x != y and not (x != x and y != y)  # here NaN equals NaN
+
+
+def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayResult:
+    """Fly the recorded configuration of a run again and compare. Raises HilError."""
+    from hil.bench import run_bench
+    from hil.config import load_bench
+
+    def again(config: Path, folder: Path) -> None:
+        # Companions are not asked again: what they answered is in the trace.
+        trace = run_dir / TRACE_NAME
+        settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
+        fresh = run_bench(load_bench(config, settings=settings), folder)
+        if fresh.status == "ERROR":
+            errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
+
+    return replay(run_dir, again, out_dir=out)

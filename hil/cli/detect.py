@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-_out = Console(highlight=False, soft_wrap=True)
+from hil.cli.options import QuietOption, console, told
 
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the result.")]
 DataSets = Annotated[list[Path], typer.Argument(help="Folders that `hil dataset` has written.", metavar="DATASET...")]
 
 detect_app = typer.Typer(
@@ -44,7 +42,6 @@ def train(
     quiet: QuietOption = False,
 ) -> None:
     """Train a detector on data sets, judge it and export it for the companion. Needs PyTorch."""
-    from hil.cli import told
     from hil.detect.command import train_detector
 
     options = {
@@ -60,7 +57,7 @@ def train(
     with told():
         path = train_detector(
             data_sets,
-            _out,
+            console,
             out=out,
             options=options,
             part=part,
@@ -70,7 +67,7 @@ def train(
             resume=resume,
             quiet=quiet,
         )
-    _out.print(f"weights  {path}  (and curves.png, training.json)", markup=False)
+    console.print(f"weights  {path}  (and curves.png, training.json)", markup=False)
 
 
 @detect_app.command()
@@ -84,13 +81,12 @@ def evaluate(
     quiet: QuietOption = False,
 ) -> None:
     """Average precision of a detector, class by class, and its false boxes."""
-    from hil.cli import told
     from hil.detect.command import evaluate_detector
 
     with told():
         evaluate_detector(
             data_sets,
-            _out,
+            console,
             weights=weights,
             part=part,
             backend=backend,
@@ -116,13 +112,12 @@ def data(
     quiet: QuietOption = False,
 ) -> None:
     """Make the data sets that the shipped detector is trained on and judged by."""
-    from hil.cli import told
     from hil.detect.data_sets import SCENES, make_data_sets
 
     with told():
         folders = make_data_sets(
             out,
-            _out,
+            console,
             sets=sets,
             frames=frames,
             first_seed=first_seed,
@@ -131,4 +126,4 @@ def data(
             people=people,
             quiet=quiet,
         )
-    _out.print(f"{len(folders)} data sets in {out}", markup=False)
+    console.print(f"{len(folders)} data sets in {out}", markup=False)

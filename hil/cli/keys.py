@@ -1,0 +1,24 @@
+"""`hil keys`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.options import console, told
+
+
+def keys(
+    folder: Annotated[Path, typer.Argument(help="Where they are kept; made if it is not there.", metavar="DIR")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Clients to make a pair for; the bench's own is made once.", metavar="NAME"),
+    ] = None,
+) -> None:
+    """Key pairs for the companion link: of the bench and of its clients. Overwrites nothing."""
+    from hil.keys_command import make_key_pairs
+
+    with told():
+        make_key_pairs(folder, names or (), console)
