@@ -169,7 +169,7 @@ def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample |
     return f"HIL_SENSOR: {', '.join(bad) or 'the values overflow'}: not a finite number, so not sent"
 
 
-def _integer(field: str, value: float, low: int, high: int) -> int:
+def integer(field: str, value: float, low: int, high: int) -> int:
     """`value` rounded to nearest and held within [low, high]. CodecError if it is not finite."""
     if value - value != 0.0:
         raise CodecError(f"{field} = {value!r}: not a finite number, so not sent")
@@ -177,16 +177,16 @@ def _integer(field: str, value: float, low: int, high: int) -> int:
 
 
 def _i32(field: str, value: float) -> int:
-    return _integer(field, value, -(2**31), 2**31 - 1)
+    return integer(field, value, -(2**31), 2**31 - 1)
 
 
 def _i16(field: str, value: float) -> int:
-    return _integer(field, value, -(2**15), 2**15 - 1)
+    return integer(field, value, -(2**15), 2**15 - 1)
 
 
 def _u16_known(field: str, value: float) -> int:
     """Unsigned 16-bit value below the one that means "not known"."""
-    return _integer(field, value, 0, UNKNOWN_U16 - 1)
+    return integer(field, value, 0, UNKNOWN_U16 - 1)
 
 
 def _accuracy_cm(accuracy_m: float) -> int:

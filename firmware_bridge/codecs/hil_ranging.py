@@ -9,34 +9,9 @@ from __future__ import annotations
 import struct
 
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.hil import FieldUnit
+from firmware_bridge.codecs.hil import integer
 from firmware_bridge.codecs.messages import MSGID
 from hil.signals.samples import FlowSample, RangeSample, Sample
-
-_CM = FieldUnit("cm", 1e2, "-")
-_RAD = FieldUnit("rad", 1.0, "F")
-
-RANGING_UNITS: dict[str, dict[str, FieldUnit]] = {
-    "HIL_OPTICAL_FLOW": {
-        "time_usec": FieldUnit("us", 1e-3, "-"),
-        "integration_time_us": FieldUnit("us", 1e-3, "-"),
-        "integrated_x": _RAD,
-        "integrated_y": _RAD,
-        "integrated_xgyro": _RAD,
-        "integrated_ygyro": _RAD,
-        "integrated_zgyro": _RAD,
-        "temperature": FieldUnit("cdegC", 1e2, "-"),
-        "time_delta_distance_us": FieldUnit("us", 1e-3, "-"),
-        "distance": FieldUnit("m", 1.0, "-"),
-    },
-    "DISTANCE_SENSOR": {
-        "time_boot_ms": FieldUnit("ms", 1e-6, "-"),
-        "min_distance": _CM,
-        "max_distance": _CM,
-        "current_distance": _CM,
-        "covariance": FieldUnit("cm^2", 1e4, "-"),
-    },
-}
 
 HIL_OPTICAL_FLOW = MSGID["HIL_OPTICAL_FLOW"]
 DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
@@ -51,12 +26,6 @@ _pack_flow = struct.Struct("<QI5fIfhBB").pack
 _pack_distance = struct.Struct("<IHHHBBBB2f4fB").pack
 
 
-def _word(field: str, value: float, low: int, high: int) -> int:
-    if value - value != 0.0:
-        raise CodecError(f"{field} = {value!r}: not a finite number, so not sent")
-    return low if value < low else high if value > high else round(value)
-
-
 def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 0, sensor_type: int = _LASER) -> bytes:
     """Payload of DISTANCE_SENSOR for a sensor that points down. `sensor_type` is a MAV_DISTANCE_SENSOR.
 
@@ -67,12 +36,12 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
     sigma_cm = sample.sigma_m * 1e2
     variance = _UNKNOWN_VARIANCE
     if sample.quality > 0:
-        variance = _word(f"{name}.covariance", sigma_cm * sigma_cm, 0, _UNKNOWN_VARIANCE - 1)
+        variance = integer(f"{name}.covariance", sigma_cm * sigma_cm, 0, _UNKNOWN_VARIANCE - 1)
     return _pack_distance(
         t_ns // 1_000_000,
-        _word(f"{name}.min_distance", sample.min_distance_m * 1e2, 0, 65535),
-        _word(f"{name}.max_distance", sample.max_distance_m * 1e2, 0, 65535),
-        _word(f"{name}.current_distance", sample.distance_m * 1e2, 0, 65535),
+        integer(f"{name}.min_distance", sample.min_distance_m * 1e2, 0, 65535),
+        integer(f"{name}.max_distance", sample.max_distance_m * 1e2, 0, 65535),
+        integer(f"{name}.current_distance", sample.distance_m * 1e2, 0, 65535),
         sensor_type,
         sensor_id,
         _DOWN,
@@ -105,9 +74,9 @@ def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 
             -gz,
             0,  # the distance belongs to the same instant
             distance,
-            _word("HIL_OPTICAL_FLOW.temperature", sample.temperature_degc * 1e2, -32768, 32767),
+            integer("HIL_OPTICAL_FLOW.temperature", sample.temperature_degc * 1e2, -32768, 32767),
             sensor_id,
-            _word("HIL_OPTICAL_FLOW.quality", sample.quality, 0, 255),
+            integer("HIL_OPTICAL_FLOW.quality", sample.quality, 0, 255),
         )
     except (OverflowError, struct.error) as error:
         raise CodecError(f"HIL_OPTICAL_FLOW: a value does not fit its field: {sample}") from error

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from math import floor
 from pathlib import Path
-from typing import Any
 
 from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
@@ -31,7 +30,7 @@ _YAW = _F["euler"][0] + 2
 class Estimate:
     """A copy of the estimator's state: NED/FRD, SI. Call `refresh` before reading."""
 
-    def __init__(self, core: Any, vehicle: Vehicle) -> None:
+    def __init__(self, core: _native.FlightCore, vehicle: Vehicle) -> None:
         self._core = core
         self._view = core.state
         self._vehicle = vehicle

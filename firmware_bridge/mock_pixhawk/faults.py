@@ -2,11 +2,12 @@
 
 `KIND@SECONDS`: die (the process ends, exit status 70), stall (no output any more), wrong_time (replies answer another
 step), garbage (random bytes in place of each reply), noise (random bytes between the frames; the frames survive).
-The bytes come from a counter-based generator: the same run has the same garbage.
+The same run has the same garbage.
 """
 
 from __future__ import annotations
 
+import random
 from typing import NamedTuple
 
 from hil.signals.errors import ConfigError, Problem
@@ -14,7 +15,6 @@ from hil.signals.errors import ConfigError, Problem
 KINDS = ("die", "stall", "wrong_time", "garbage", "noise")
 EXIT_STATUS_DIED = 70
 
-_MASK = (1 << 64) - 1
 _FRAME_STARTS = bytes((0xFD, 0xFE))
 _LENGTH = 40
 
@@ -44,18 +44,9 @@ def parse_fault(text: str) -> Fault:
     return Fault(kind, t_us)
 
 
-def random_bytes(counter: int, length: int = _LENGTH) -> bytes:
-    """Bytes that look random and are a pure function of `counter` (SplitMix64), without MAVLink start bytes."""
-    found = b""
-    block = 0
-    while len(found) < length:
-        z = (counter * 0x9E3779B97F4A7C15 + block * 0xD1342543DE82EF95 + 0x9E3779B97F4A7C15) & _MASK
-        z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & _MASK
-        z = ((z ^ z >> 27) * 0x94D049BB133111EB) & _MASK
-        found += (z ^ z >> 31).to_bytes(8, "little")
-        block += 1
-    # A start byte would make the receiver wait for a frame's worth of bytes.
-    return found[:length].translate(None, _FRAME_STARTS)
+def random_bytes(counter: int) -> bytes:
+    """Random bytes, a pure function of `counter`, without MAVLink start bytes: such would make the receiver wait."""
+    return random.Random(counter).randbytes(_LENGTH).translate(None, _FRAME_STARTS)
 
 
 class Misbehaviour:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import nan, sqrt
-from typing import Protocol
 
+from firmware_bridge._native import FlightCore
 from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.trajectory import Limits, Point, Trajectory
@@ -29,30 +29,10 @@ _LAG_FREE_M, _HOLD_SPEED_MPS = 0.6, 0.3
 _YAW_GAIN = 2.0  # 1/s
 
 
-class Setter(Protocol):
-    """The part of `FlightCore` that guidance needs."""
-
-    def set_setpoint(
-        self,
-        kind: int,
-        x: float = ...,
-        y: float = ...,
-        z: float = ...,
-        vx: float = ...,
-        vy: float = ...,
-        vz: float = ...,
-        yaw: float = ...,
-        yawspeed: float = ...,
-        ax: float = ...,
-        ay: float = ...,
-        az: float = ...,
-    ) -> bool: ...
-
-
 class Guidance:
     """The moving setpoint of one vehicle."""
 
-    def __init__(self, core: Setter, vehicle: Vehicle, params: ParamTable) -> None:
+    def __init__(self, core: FlightCore, vehicle: Vehicle, params: ParamTable) -> None:
         self._core = core
         self._vehicle = vehicle
         self._params = params

@@ -13,8 +13,8 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
-from typing import Any
 
+from firmware_bridge._native import FlightCore
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
@@ -87,7 +87,7 @@ class BoardClock:
 class HitlOutputs:
     """HIL_ACT_FUNC1..16: which function each slot carries. As in PX4 a change takes effect while disarmed."""
 
-    def __init__(self, params: ParamTable, vehicle: Vehicle, core: Any, rotors: int) -> None:
+    def __init__(self, params: ParamTable, vehicle: Vehicle, core: FlightCore, rotors: int) -> None:
         self._params, self._vehicle = params, vehicle
         self._core, self._rotors = core, rotors
         self._functions = [0] * CHANNELS

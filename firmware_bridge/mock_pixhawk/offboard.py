@@ -11,8 +11,9 @@ from collections.abc import Callable
 from math import nan, sqrt
 from typing import Any
 
+from firmware_bridge._native import FlightCore
 from firmware_bridge.mock_pixhawk import elementary as el
-from firmware_bridge.mock_pixhawk.guidance import ATTITUDE, POSITION, RATE, Setter
+from firmware_bridge.mock_pixhawk.guidance import ATTITUDE, POSITION, RATE
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.trajectory import Point
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
@@ -32,7 +33,7 @@ _IGNORE_ATTITUDE = 0x80
 class Offboard:
     """The latest setpoint and when it came. Lengths in m NED."""
 
-    def __init__(self, core: Setter, vehicle: Vehicle, project: Callable[[float, float, float], Point]) -> None:
+    def __init__(self, core: FlightCore, vehicle: Vehicle, project: Callable[[float, float, float], Point]) -> None:
         self._core, self._vehicle, self._project = core, vehicle, project
         self._setpoint: tuple[int, tuple[float, ...]] | None = None
         self._yaw = 0.0

@@ -10,8 +10,9 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
+from firmware_bridge._native import FlightCore
 from firmware_bridge.mock_pixhawk import elementary as el
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -84,26 +85,6 @@ class Arrivals:
         self.bad = self.late_samples >= (_GOOD if self.bad else _BAD)
 
 
-class Estimator(Protocol):
-    """The part of `FlightCore` that sensors feed."""
-
-    def step_fifo(self, t_us: int, gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool: ...
-    def update_gps(
-        self,
-        t_us: int,
-        lat_deg: float,
-        lon_deg: float,
-        alt_m: float,
-        vn: float,
-        ve: float,
-        vd: float,
-        eph_m: float,
-        epv_m: float,
-    ) -> None: ...
-    def update_baro(self, t_us: int, alt_m: float) -> None: ...
-    def update_mag(self, t_us: int, mx: float, my: float, mz: float) -> None: ...
-
-
 class GpsFix:
     """The last HIL_GPS, in MAVLink's own units (degE7, mm, cm, cm/s)."""
 
@@ -133,7 +114,7 @@ def pressure_altitude_m(pressure_hpa: float) -> float:
 class SensorIntake:
     """Feeds the estimator and keeps one health record per sensor."""
 
-    def __init__(self, estimator: Estimator, timeout_us: Sequence[int] = TIMEOUT_US) -> None:
+    def __init__(self, estimator: FlightCore, timeout_us: Sequence[int] = TIMEOUT_US) -> None:
         self._estimator = estimator
         self._timeout_us = timeout_us
         self.arrivals = Arrivals()  # of IMU samples; followed in HITL only

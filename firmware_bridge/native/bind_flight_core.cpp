@@ -78,8 +78,6 @@ void bind_flight_core(nb::module_ &m) {
     m.attr("PARAM_DEFAULTS") = table([](const auto &p) { return nb::float_(p.value); });
     m.attr("PARAM_MIN") = table([](const auto &p) { return nb::float_(p.minimum); });
     m.attr("PARAM_MAX") = table([](const auto &p) { return nb::float_(p.maximum); });
-    m.attr("PARAM_UNITS") = table([](const auto &p) { return nb::str(p.unit); });
-    m.attr("PARAM_MEANINGS") = table([](const auto &p) { return nb::str(p.meaning); });
     nb::dict fields;
     for (const auto &f : hil::flight::kStateFields) fields[f.name] = nb::make_tuple(f.offset, f.size);
     m.attr("STATE_FIELDS") = fields;

@@ -79,9 +79,7 @@ class FlightCore {
     double *state() { return state_; }
     double *controls() { return controls_; }
     bool landed() const { return land_.landed(); }
-    bool mixer_ok() const { return mixer_ok_; }
     const Ekf &ekf() const { return ekf_; }
-    const Mixer &mixer() const { return mixer_; }
     const LocalTangentPlane &plane() const { return ekf_.plane(); }
 
    private:
