@@ -1,23 +1,18 @@
 // sim._kernels.Dryden: turbulence at the vehicle, one sample per call. See dryden.hpp.
-#include <nanobind/nanobind.h>
 
-#include <stdexcept>
-
+#include "bind_arrays.hpp"
 #include "dryden.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace {
 
 class Dryden {
   public:
-    Dryden(nb::tuple normals, double wind_20ft_mps, double dt_s) : wind_20ft_mps_(wind_20ft_mps), dt_s_(dt_s) {
+    Dryden(const nb::tuple &normals, double wind_20ft_mps, double dt_s) : wind_20ft_mps_(wind_20ft_mps), dt_s_(dt_s) {
         if (!(wind_20ft_mps >= 0.0) || !(dt_s > 0.0)) {
             throw std::invalid_argument("wind_20ft_mps must be 0 or more and dt_s above 0");
         }
         double n[hil::sim::kDrydenLanes];
-        read(normals, n);
+        unpack(normals, n, "normals");
         state_ = hil::sim::dryden_start(n);
     }
 
@@ -27,19 +22,14 @@ class Dryden {
         return nb::make_tuple(out[0], out[1], out[2]);
     }
 
-    nb::tuple step(double height_m, double airspeed_mps, nb::tuple normals) {
+    nb::tuple step(double height_m, double airspeed_mps, const nb::tuple &normals) {
         double n[hil::sim::kDrydenLanes], out[3];
-        read(normals, n);
+        unpack(normals, n, "normals");
         hil::sim::dryden_step(state_, hil::sim::dryden_scale(height_m, wind_20ft_mps_), airspeed_mps, dt_s_, n, out);
         return nb::make_tuple(out[0], out[1], out[2]);
     }
 
   private:
-    static void read(const nb::tuple &source, double *out) {
-        if (source.size() != hil::sim::kDrydenLanes) throw std::invalid_argument("a sample takes 5 normals");
-        for (int i = 0; i < hil::sim::kDrydenLanes; ++i) out[i] = nb::cast<double>(source[i]);
-    }
-
     hil::sim::DrydenState state_{};
     double wind_20ft_mps_, dt_s_;
 };
@@ -55,7 +45,7 @@ void bind_dryden(nb::module_ &m) {
         },
         "height_m"_a, "wind_20ft_mps"_a, "(sigma_u, sigma_w [m/s], L_u, L_w [m]) of MIL-F-8785C at that height.");
     nb::class_<Dryden>(m, "Dryden", "Dryden turbulence at the vehicle, MIL-F-8785C. See sim/native/dryden.hpp.")
-        .def(nb::init<nb::tuple, double, double>(), nb::kw_only(), "normals"_a, "wind_20ft_mps"_a, "dt_s"_a)
+        .def(nb::init<const nb::tuple &, double, double>(), nb::kw_only(), "normals"_a, "wind_20ft_mps"_a, "dt_s"_a)
         .def("sample", &Dryden::sample, "height_m"_a, "Velocity along, left of and up from the wind now [m/s].")
         .def("step", &Dryden::step, "height_m"_a, "airspeed_mps"_a, "normals"_a,
              "One dt on, with 5 standard normals. Velocity along, left of and up from the wind [m/s].");

@@ -1,25 +1,12 @@
 // sim._kernels.extinguish: what haze leaves of light. Contract: extinction.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
-#include <stdexcept>
-
+#include "bind_arrays.hpp"
 #include "extinction.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
-
-namespace {
-
-using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Out = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-}  // namespace
 
 void bind_extinction(nb::module_ &m) {
     m.def(
         "extinguish",
-        [](In range_m, double extinction_per_m, Out strength) {
+        [](In<double, -1> range_m, double extinction_per_m, const Out<double, -1> &strength) {
             if (range_m.shape(0) != strength.shape(0)) throw std::invalid_argument("ranges and strengths must be as many");
             nb::gil_scoped_release release;
             hil::sim::extinguish(range_m.data(), extinction_per_m, range_m.shape(0), strength.data());

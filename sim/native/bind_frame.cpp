@@ -1,30 +1,18 @@
 // sim._kernels.Geometry, Scenery, SunShadows, Picture: the frame kernels for Python. Contracts: frame/*.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
 #include <cmath>
 #include <memory>
-#include <string>
 
+#include "bind_arrays.hpp"
 #include "frame/picture.hpp"
 #include "frame/supersample.hpp"
 #include "srgb.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 namespace fr = hil::sim::frame;
 
 namespace {
 
-template <class T, int... N>
-using Array = nb::ndarray<const T, nb::shape<N...>, nb::c_contig, nb::device::cpu>;
-using Vec3 = std::array<double, 3>;
-using Mat3 = std::array<double, 9>;
 using Rgb = std::array<float, 3>;
 
 fr::RasterCamera camera_of(const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W) {
@@ -55,7 +43,7 @@ T *channel(const nb::dict &out, const char *name, int height, int width, int dep
     return array.data();
 }
 
-int add_texture(fr::Scenery &scenery, const std::vector<Array<std::uint8_t, -1, -1, 3>> &levels, bool cube) {
+int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1, 3>> &levels, bool cube) {
     fr::Texture t;
     t.cube = cube;
     std::int32_t code[256];  // sRGB (IEC 61966-2-1) to ten bits of the square root of linear light
@@ -100,7 +88,7 @@ void bind_frame(nb::module_ &m) {
 
     m.def(
         "mean_of_four",
-        [](const Array<std::uint8_t, -1, -1, 3> &fine, const nb::ndarray<std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu> &out) {
+        [](const In<std::uint8_t, -1, -1, 3> &fine, const Out<std::uint8_t, -1, -1, 3> &out) {
             if (fine.shape(0) != 2 * out.shape(0) || fine.shape(1) != 2 * out.shape(1)) {
                 throw std::invalid_argument("the picture to average must be twice as wide and twice as high");
             }
@@ -112,8 +100,8 @@ void bind_frame(nb::module_ &m) {
         .def(nb::init<>())
         .def(
             "add_mesh",
-            [](fr::Geometry &g, const Array<float, -1, 3> &vertex, const Array<std::int32_t, -1, 3> &triangle,
-               const std::optional<Array<float, -1, 3, 2>> &uv, const std::optional<Array<float, -1, 3, 3>> &normal) {
+            [](fr::Geometry &g, const In<float, -1, 3> &vertex, const In<std::int32_t, -1, 3> &triangle,
+               const std::optional<In<float, -1, 3, 2>> &uv, const std::optional<In<float, -1, 3, 3>> &normal) {
                 if ((uv && uv->shape(0) != triangle.shape(0)) || (normal && normal->shape(0) != triangle.shape(0))) {
                     throw std::invalid_argument("uv and corner_normal need a row for each triangle");
                 }
@@ -145,8 +133,8 @@ void bind_frame(nb::module_ &m) {
         .def("finish", &fr::Geometry::finish, "Builds the tree over what does not move. Call once, after the last geom.")
         .def(
             "move",
-            [](fr::Geometry &g, const Array<std::int32_t, -1> &geoms, const Array<double, -1, 3> &p,
-               const Array<double, -1, 3, 3> &R, const Array<double, -1, 3> &v, const Array<double, -1, 3> &w) {
+            [](fr::Geometry &g, const In<std::int32_t, -1> &geoms, const In<double, -1, 3> &p,
+               const In<double, -1, 3, 3> &R, const In<double, -1, 3> &v, const In<double, -1, 3> &w) {
                 const std::size_t n = geoms.shape(0);
                 if (p.shape(0) != n || R.shape(0) != n || v.shape(0) != n || w.shape(0) != n) {
                     throw std::invalid_argument("geoms, poses and velocities must be as many");
@@ -230,7 +218,7 @@ void bind_frame(nb::module_ &m) {
         .def(
             "__init__",
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery,
-               const Array<double, -1, -1, 3> &directions_C, const std::string &isa) {
+               const In<double, -1, -1, 3> &directions_C, const std::string &isa) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
                     throw std::invalid_argument("the scenery must tell the look of every geom");
                 }

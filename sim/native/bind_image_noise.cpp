@@ -1,31 +1,12 @@
 // sim._kernels: a camera sensor's errors, on whole pictures. Contract: image_noise.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 
-#include <array>
 #include <optional>
-#include <stdexcept>
-#include <string>
 
+#include "bind_arrays.hpp"
 #include "image_noise.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
-
 namespace {
-
-using Key = std::array<std::uint64_t, 2>;
-using Rgb = nb::ndarray<std::uint8_t, nb::numpy, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using ConstRgb = nb::ndarray<const std::uint8_t, nb::numpy, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using Linear = nb::ndarray<float, nb::numpy, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using ConstLinear = nb::ndarray<const float, nb::numpy, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-using Plane = nb::ndarray<float, nb::numpy, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using ConstPlane = nb::ndarray<const float, nb::numpy, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Row = nb::ndarray<float, nb::numpy, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Angles = nb::ndarray<const double, nb::numpy, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Values = nb::ndarray<double, nb::numpy, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 
 hil::sim::ImageKey key_of(const Key &key) { return {{key[0], key[1]}}; }
 
@@ -41,7 +22,7 @@ void same_size(const A &a, const B &b, const char *what) {
 void bind_image_noise(nb::module_ &m) {
     m.def(
         "accumulate_linear",
-        [](ConstRgb rgb, float weight, Linear out) {
+        [](In<std::uint8_t, -1, -1, 3> rgb, float weight, Out<float, -1, -1, 3> out) {
             same_size(rgb, out, "the sum");
             nb::gil_scoped_release unlocked;
             hil::sim::accumulate_linear(rgb.data(), weight, out.data(), rgb.size());
@@ -49,8 +30,8 @@ void bind_image_noise(nb::module_ &m) {
         "rgb"_a.noconvert(), "weight"_a, "out"_a.noconvert());
     m.def(
         "expose",
-        [](ConstLinear linear, std::optional<ConstPlane> vignette, float gain, float electrons_at_white,
-           float read_noise_electrons, bool noisy, Key key, std::uint64_t index, Rgb rgb) {
+        [](In<float, -1, -1, 3> linear, std::optional<In<float, -1, -1>> vignette, float gain, float electrons_at_white,
+           float read_noise_electrons, bool noisy, Key key, std::uint64_t index, Out<std::uint8_t, -1, -1, 3> rgb) {
             same_size(linear, rgb, "the light");
             if (vignette) same_size(*vignette, rgb, "the vignette");
             if (!(gain > 0.0f && electrons_at_white > 0.0f && read_noise_electrons >= 0.0f)) {
@@ -65,7 +46,7 @@ void bind_image_noise(nb::module_ &m) {
         "read_noise_electrons"_a, "noisy"_a, "key"_a, "index"_a, "rgb"_a.noconvert());
     m.def(
         "blur_depth",
-        [](Plane depth_m, float sigma_m, float sigma_per_m, float step_m, float disparity_scale_m, float min_m,
+        [](Out<float, -1, -1> depth_m, float sigma_m, float sigma_per_m, float step_m, float disparity_scale_m, float min_m,
            float max_m, Key key, std::uint64_t index) {
             nb::gil_scoped_release unlocked;
             hil::sim::blur_depth(depth_m.data(), {sigma_m, sigma_per_m, step_m, disparity_scale_m, min_m, max_m},
@@ -75,13 +56,13 @@ void bind_image_noise(nb::module_ &m) {
         "min_m"_a, "max_m"_a, "key"_a, "index"_a);
     m.def(
         "image_normals",
-        [](Key key, std::uint64_t index, Row out) {
+        [](Key key, std::uint64_t index, Out<float, -1> out) {
             hil::sim::image_normals(key_of(key), index, out.data(), out.size());
         },
         "key"_a, "index"_a, "out"_a.noconvert());
     m.def(
         "sin_cos",
-        [](Angles angle_rad, Values sine, Values cosine) {
+        [](In<double, -1> angle_rad, Out<double, -1> sine, Out<double, -1> cosine) {
             if (sine.size() != angle_rad.size() || cosine.size() != angle_rad.size()) {
                 throw std::invalid_argument("angles, sines and cosines must be equally many");
             }

@@ -1,42 +1,15 @@
 // sim._kernels.Imu, sim._kernels.NativeNoise: inertial errors and their noise. Contract: imu.hpp, noise_stream.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
+#include "bind_arrays.hpp"
 #include "imu.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using hil::sim::kImuChannels;
 
 namespace {
 
 using Values = std::vector<double>;
-using Key = std::array<std::uint64_t, 2>;
-using Rows = nb::ndarray<double, nb::numpy, nb::shape<-1, kImuChannels + 1>, nb::c_contig, nb::device::cpu>;
 
 constexpr int kMostRotors = 16;
-
-double as_double(PyObject *item) {
-    const double value = PyFloat_AsDouble(item);
-    if (value == -1.0 && PyErr_Occurred()) throw nb::python_error();
-    return value;
-}
-
-template <std::size_t N>
-void unpack(const nb::tuple &source, double (&out)[N], const char *what) {
-    if (source.size() != N) {
-        throw std::invalid_argument(std::string(what) + " needs " + std::to_string(N) + " values, not " +
-                                    std::to_string(source.size()));
-    }
-    for (std::size_t i = 0; i < N; ++i) out[i] = as_double(PyTuple_GET_ITEM(source.ptr(), static_cast<Py_ssize_t>(i)));
-}
 
 template <std::size_t N>
 void copy(const Values &source, double (&out)[N], const char *what) {
@@ -85,7 +58,7 @@ class Imu {
         return nb::make_tuple(nb::make_tuple(out[0], out[1], out[2]), nb::make_tuple(out[3], out[4], out[5]), out[6]);
     }
 
-    void noise(std::uint64_t first, Rows out) {
+    void noise(std::uint64_t first, Out<double, -1, kImuChannels + 1> out) {
         nb::gil_scoped_release release;
         imu_.noise(first, out.shape(0), out.data());
     }

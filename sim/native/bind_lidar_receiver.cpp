@@ -1,40 +1,15 @@
 // sim._kernels.LidarReceiver, lambert_strength: what a LiDAR reports. Contract: frame/lidar_receiver.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 
-#include <array>
-#include <cstdint>
 #include <limits>
 #include <optional>
-#include <stdexcept>
-#include <string>
 
+#include "bind_arrays.hpp"
 #include "frame/lidar_receiver.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace hil::sim::frame;
 
 namespace {
-
-using Key = std::array<std::uint64_t, 2>;
-template <class T>
-using In = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-template <class T>
-using Out = nb::ndarray<T, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using In3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using OutPoints = nb::ndarray<float, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-
-template <class Array>
-void expect(const Array &array, std::size_t count, const char *what) {
-    if (array.shape(0) != count) {
-        throw std::invalid_argument(std::string(what) + " has " + std::to_string(array.shape(0)) + " rows for " +
-                                    std::to_string(count) + " rays");
-    }
-}
 
 LidarReceiver make(Key noise_key, Key loss_key, double noise_m, double resolution_m, double min_range_m,
                    double max_range_m, std::optional<double> range_at_10_percent_m, double dropout,
@@ -52,17 +27,17 @@ LidarReceiver make(Key noise_key, Key loss_key, double noise_m, double resolutio
             intensity_falloff_m.value_or(kNone)};
 }
 
-std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::int32_t> place, In<double> range,
-                    In<double> strength, In<std::int32_t> geom, In3 direction, In<double> origin_z,
-                    In<std::uint16_t> ring, In<std::int32_t> offset, In<std::uint8_t> geom_class, OutPoints points,
-                    Out<float> range_out, Out<float> intensity, Out<std::uint16_t> ring_out, Out<std::int32_t> offset_out,
-                    Out<std::uint8_t> class_out, const std::string &isa) {
+std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::int32_t, -1> place, In<double, -1> range,
+                    In<double, -1> strength, In<std::int32_t, -1> geom, In<double, -1, 3> direction, In<double, -1> origin_z,
+                    In<std::uint16_t, -1> ring, In<std::int32_t, -1> offset, In<std::uint8_t, -1> geom_class, Out<float, -1, 3> points,
+                    Out<float, -1> range_out, Out<float, -1> intensity, Out<std::uint16_t, -1> ring_out, Out<std::int32_t, -1> offset_out,
+                    Out<std::uint8_t, -1> class_out, const std::string &isa) {
     const std::size_t n = place.shape(0);
-    expect(range, n, "range_m"), expect(strength, n, "strength"), expect(geom, n, "geom");
-    expect(direction, n, "directions_L"), expect(origin_z, n, "origin_z_m"), expect(ring, n, "ring");
-    expect(offset, n, "time_offset_ns"), expect(points, n, "points_L"), expect(range_out, n, "out range_m");
-    expect(intensity, n, "intensity"), expect(ring_out, n, "out ring"), expect(offset_out, n, "out time_offset_ns");
-    expect(class_out, n, "out segmentation");
+    expect_rows(range, n, "range_m"), expect_rows(strength, n, "strength"), expect_rows(geom, n, "geom");
+    expect_rows(direction, n, "directions_L"), expect_rows(origin_z, n, "origin_z_m"), expect_rows(ring, n, "ring");
+    expect_rows(offset, n, "time_offset_ns"), expect_rows(points, n, "points_L"), expect_rows(range_out, n, "out range_m");
+    expect_rows(intensity, n, "intensity"), expect_rows(ring_out, n, "out ring"), expect_rows(offset_out, n, "out time_offset_ns");
+    expect_rows(class_out, n, "out segmentation");
     for (std::size_t i = 0; i < n; ++i) {
         const std::int32_t at = place.data()[i];
         if (at < 0 || static_cast<std::size_t>(at) >= n) throw std::invalid_argument("place is out of range");
@@ -101,9 +76,9 @@ void bind_lidar_receiver(nb::module_ &m) {
              "Writes the points that are reported to the front of the outputs; returns how many.");
     m.def(
         "lambert_strength",
-        [](In<std::int32_t> geom, In3 normal, In3 direction, In<double> reflectivity, Out<double> strength) {
+        [](In<std::int32_t, -1> geom, In<double, -1, 3> normal, In<double, -1, 3> direction, In<double, -1> reflectivity, Out<double, -1> strength) {
             const std::size_t n = geom.shape(0);
-            expect(normal, n, "normal_W"), expect(direction, n, "directions_W"), expect(strength, n, "strength");
+            expect_rows(normal, n, "normal_W"), expect_rows(direction, n, "directions_W"), expect_rows(strength, n, "strength");
             for (std::size_t i = 0; i < n; ++i) {
                 if (geom.data()[i] >= 0 && static_cast<std::size_t>(geom.data()[i]) >= reflectivity.shape(0)) {
                     throw std::invalid_argument("a geom without a reflectivity");

@@ -1,27 +1,12 @@
 // sim._kernels.uniform_block, normal_block: consecutive draws of a named noise stream. Contract: noise_block.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 
-#include <array>
-#include <cstdint>
-
+#include "bind_arrays.hpp"
 #include "noise_block.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
-
-namespace {
-
-using Key = std::array<std::uint64_t, 2>;
-using Out = nb::ndarray<double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-}  // namespace
 
 void bind_noise_block(nb::module_ &m) {
     m.def(
         "uniform_block",
-        [](Key key, std::uint64_t first_index, Out out) {
+        [](Key key, std::uint64_t first_index, const Out<double, -1> &out) {
             nb::gil_scoped_release release;
             hil::sim::uniform_block(key.data(), first_index, out.shape(0), out.data());
         },
@@ -29,7 +14,7 @@ void bind_noise_block(nb::module_ &m) {
         "Uniforms of indices first_index, first_index + 1, ... of the one-lane stream with this key.");
     m.def(
         "normal_block",
-        [](Key key, std::uint64_t first_index, Out out) {
+        [](Key key, std::uint64_t first_index, const Out<double, -1> &out) {
             nb::gil_scoped_release release;
             hil::sim::normal_block(key.data(), first_index, out.shape(0), out.data());
         },

@@ -1,33 +1,14 @@
 // sim._kernels: the radar's processing chain. Contracts: radar/processing_map.hpp, cfar.hpp, processing_points.hpp,
 // processing_angles.hpp, processing_tracker.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
-#include <stdexcept>
-#include <string>
-
+#include "bind_arrays.hpp"
 #include "radar/processing_tracker.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace hil::sim::radar;
 using hil::sim::frame::isa_by_name;
 
 namespace {
-
-using Raw = nb::ndarray<const std::uint16_t, nb::shape<-1, -1, -1>, nb::c_contig, nb::device::cpu>;
-using Power = nb::ndarray<float, nb::numpy, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using ConstPower = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Mask = nb::ndarray<std::uint8_t, nb::numpy, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Values = nb::ndarray<double, nb::numpy, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Points = nb::ndarray<float, nb::numpy, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
-using ConstPoints = nb::ndarray<const float, nb::shape<-1, 8>, nb::c_contig, nb::device::cpu>;
-using Tracks = nb::ndarray<std::uint8_t, nb::numpy, nb::shape<-1, 64>, nb::c_contig, nb::device::cpu>;
-using Row = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 
 Clutter clutter_by_name(const std::string &name) {
     if (name == "none") return Clutter::kNone;
@@ -69,7 +50,7 @@ void bind_radar_processing(nb::module_ &m) {
                      [](const ProcessingMap &map) { return std::make_pair(map.shape().rows, map.shape().columns); })
         .def(
             "compute",
-            [](ProcessingMap &map, Raw raw, double background_gain, Power power) {
+            [](ProcessingMap &map, In<std::uint16_t, -1, -1, -1> raw, double background_gain, Out<float, -1, -1> power) {
                 const MapShape &s = map.shape();
                 if ((int)raw.shape(0) != s.receivers || (int)raw.shape(1) != s.chirps || (int)raw.shape(2) != s.samples) {
                     throw std::invalid_argument("raw samples have another shape than (receivers, chirps, samples)");
@@ -81,7 +62,7 @@ void bind_radar_processing(nb::module_ &m) {
             "raw"_a.noconvert(), "background_gain"_a, "power"_a.noconvert())
         .def(
             "spectrum",
-            [](const ProcessingMap &map, int receiver, Values re, Values im) {
+            [](const ProcessingMap &map, int receiver, Out<double, -1, -1> re, Out<double, -1, -1> im) {
                 const MapShape &s = map.shape();
                 fits(re, s.rows, s.columns);
                 fits(im, s.rows, s.columns);
@@ -108,7 +89,7 @@ void bind_radar_processing(nb::module_ &m) {
              "receivers"_a, "likeness"_a, "quiet_rows"_a, "quiet_columns"_a)
         .def(
             "detect",
-            [](Cfar &cfar, ConstPower power, Mask mask, Values noise) {
+            [](Cfar &cfar, In<float, -1, -1> power, Out<std::uint8_t, -1, -1> mask, Out<double, -1, -1> noise) {
                 fits(power, cfar.rows(), cfar.columns());
                 fits(mask, cfar.rows(), cfar.columns());
                 fits(noise, cfar.rows(), cfar.columns());
@@ -128,7 +109,7 @@ void bind_radar_processing(nb::module_ &m) {
 
     m.def(
         "radar_direction",
-        [](std::vector<std::array<double, 3>> positions_m, double wavelength_m, Row re, Row im) {
+        [](std::vector<Vec3> positions_m, double wavelength_m, In<double, -1> re, In<double, -1> im) {
             const Direction direction(positions_m, wavelength_m);
             if (re.size() != positions_m.size() || im.size() != positions_m.size()) {
                 throw std::invalid_argument("one value a receiver");
@@ -138,7 +119,7 @@ void bind_radar_processing(nb::module_ &m) {
         "positions_m"_a, "wavelength_m"_a, "re"_a.noconvert(), "im"_a.noconvert());
 
     nb::class_<PeakFinder>(m, "RadarPeaks")
-        .def(nb::new_([](const Cfar &cfar, std::vector<std::array<double, 3>> positions_m, double wavelength_m,
+        .def(nb::new_([](const Cfar &cfar, std::vector<Vec3> positions_m, double wavelength_m,
                          double range_step_m, double speed_step_mps, double coupling_s, int first_column,
                          std::vector<double> range_ratio, std::vector<double> speed_ratio,
                          std::vector<double> range_lobes, std::vector<double> speed_lobes,
@@ -153,7 +134,7 @@ void bind_radar_processing(nb::module_ &m) {
              "speed_lobes"_a, "nulls"_a)
         .def(
             "find",
-            [](PeakFinder &peaks, const ProcessingMap &map, ConstPower power, Points out) {
+            [](PeakFinder &peaks, const ProcessingMap &map, In<float, -1, -1> power, Out<float, -1, 8> out) {
                 fits(power, map.shape().rows, map.shape().columns);
                 nb::gil_scoped_release unlocked;
                 return peaks.find(map, power.data(), reinterpret_cast<RadarPoint *>(out.data()), (int)out.shape(0));
@@ -161,8 +142,8 @@ void bind_radar_processing(nb::module_ &m) {
             "map"_a, "power"_a.noconvert(), "out"_a.noconvert());
 
     nb::class_<Tracker>(m, "RadarTracker")
-        .def(nb::new_([](double whole_speed_mps, std::array<double, 3> cluster, std::array<double, 3> gate,
-                         double birth_speed_mps, double birth_snr_db, std::array<double, 3> sigma,
+        .def(nb::new_([](double whole_speed_mps, Vec3 cluster, Vec3 gate,
+                         double birth_speed_mps, double birth_snr_db, Vec3 sigma,
                          std::array<double, 2> acceleration, std::pair<int, int> confirm, double coast_s,
                          double pause_s) {
                  return new Tracker({whole_speed_mps, cluster[0], cluster[1], cluster[2], gate[0], gate[1], gate[2],
@@ -173,7 +154,7 @@ void bind_radar_processing(nb::module_ &m) {
              "sigma"_a, "acceleration"_a, "confirm"_a, "coast_s"_a, "pause_s"_a)
         .def(
             "step",
-            [](Tracker &tracker, double dt_s, ConstPoints points, Tracks out) {
+            [](Tracker &tracker, double dt_s, In<float, -1, 8> points, Out<std::uint8_t, -1, 64> out) {
                 nb::gil_scoped_release unlocked;
                 return tracker.step(dt_s, reinterpret_cast<const RadarPoint *>(points.data()), (int)points.shape(0),
                                     reinterpret_cast<RadarTrack *>(out.data()), (int)out.shape(0));

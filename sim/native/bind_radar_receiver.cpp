@@ -1,26 +1,11 @@
 // sim._kernels: what a radar's receivers and ADC add. Contract: radar/receiver_noise.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
+#include "bind_arrays.hpp"
 #include "radar/receiver_noise.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace {
 
-using Key = std::array<std::uint64_t, 2>;
 using Rows = std::vector<std::vector<double>>;
-using Signal = nb::ndarray<const double, nb::numpy, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Codes = nb::ndarray<std::uint16_t, nb::numpy, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 using hil::sim::radar::Converter;
 using hil::sim::radar::ReceiverChain;
@@ -73,7 +58,7 @@ void bind_radar_receiver(nb::module_ &m) {
             "colour_key"_a, "wander"_a, "wander_key"_a, "odd_width"_a, "bits"_a, "isa"_a = "")
         .def(
             "digitise",
-            [](ReceiverChain &self, Signal signal, std::uint64_t seq, Codes out) {
+            [](ReceiverChain &self, In<double, -1, -1, -1> signal, std::uint64_t seq, Out<std::uint16_t, -1, -1, -1> out) {
                 fits(self, signal, "the signal");
                 fits(self, out, "the output");
                 std::size_t bad;

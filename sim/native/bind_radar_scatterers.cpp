@@ -1,39 +1,19 @@
 // sim._kernels: pictures to radar echoes, and what is prepared for that. Contracts: sim/native/radar/scatterers.hpp,
 // reflection.hpp and directions.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
 #include <optional>
-#include <stdexcept>
-#include <string>
 #include <tuple>
 
+#include "bind_arrays.hpp"
 #include "radar/directions.hpp"
 #include "radar/reflection.hpp"
 #include "radar/scatterers.hpp"
 
-namespace nb = nanobind;
 namespace rd = hil::sim::radar;
-using namespace nb::literals;
 
 namespace {
-
-template <class T, class... Shape>
-using In = nb::ndarray<const T, nb::c_contig, nb::device::cpu, Shape...>;
-template <class T, class... Shape>
-using Out = nb::ndarray<T, nb::numpy, nb::c_contig, nb::device::cpu, Shape...>;
-
-using Flat = nb::ndim<1>;
-using Plane = nb::ndim<2>;
-using Triples = nb::shape<-1, 3>;
-using Rays = nb::shape<-1, -1, 3>;
-using Blocks = nb::shape<-1, 4, rd::kLanes>;
-using Curves = nb::shape<-1, rd::kCurveSteps + 1>;
-using Classes = nb::shape<256>;
-using Counts = std::tuple<long, long, long, long, long, long, long, long>;
 
 void need(bool holds, const char *message) {
     if (!holds) throw std::invalid_argument(message);
@@ -55,8 +35,8 @@ void bind_radar_scatterers(nb::module_ &m) {
     m.attr("RADAR_CURVE_STEPS") = rd::kCurveSteps;
     m.def(
         "radar_backscatter",
-        [](double eps_r, double eps_i, double phase_height, double facet_slope, In<double, Flat> cosine,
-           Out<double, Flat> sigma0) {
+        [](double eps_r, double eps_i, double phase_height, double facet_slope, In<double, -1> cosine,
+           Out<double, -1> sigma0) {
             need(cosine.shape(0) == sigma0.shape(0), "cosine and sigma0 differ in length");
             const auto surface = surface_of(eps_r, eps_i, phase_height, facet_slope);
             for (std::size_t i = 0; i < cosine.shape(0); ++i) {
@@ -72,14 +52,14 @@ void bind_radar_scatterers(nb::module_ &m) {
         "eps_r"_a, "eps_i"_a, "cosine"_a);
     m.def(
         "radar_amplitude_curve",
-        [](double eps_r, double eps_i, double phase_height, double facet_slope, Out<float, Flat> out) {
+        [](double eps_r, double eps_i, double phase_height, double facet_slope, Out<float, -1> out) {
             need(out.shape(0) == rd::kCurveSteps + 1, "a curve has RADAR_CURVE_STEPS + 1 nodes");
             rd::amplitude_curve(surface_of(eps_r, eps_i, phase_height, facet_slope), out.data(), out.shape(0));
         },
         "eps_r"_a, "eps_i"_a, "phase_height"_a, "facet_slope"_a, "out"_a.noconvert());
     m.def(
         "pixel_solid_angles",
-        [](In<double, Rays> corners, Out<double, Plane> out) {
+        [](In<double, -1, -1, 3> corners, Out<double, -1, -1> out) {
             need(corners.shape(0) >= 1 && corners.shape(1) >= 1 &&
                      has_shape(out, corners.shape(0) - 1, corners.shape(1) - 1),
                  "corners needs one row and one column more than out");
@@ -89,7 +69,7 @@ void bind_radar_scatterers(nb::module_ &m) {
         "corners"_a.noconvert(), "out"_a.noconvert());
     m.def(
         "azimuth_elevation",
-        [](In<double, Triples> direction_R, Out<double, Flat> azimuth, Out<double, Flat> elevation) {
+        [](In<double, -1, 3> direction_R, Out<double, -1> azimuth, Out<double, -1> elevation) {
             const std::size_t n = direction_R.shape(0);
             need(azimuth.shape(0) == n && elevation.shape(0) == n, "all arrays need one row a direction");
             nb::gil_scoped_release release;
@@ -98,7 +78,7 @@ void bind_radar_scatterers(nb::module_ &m) {
         "direction_R"_a.noconvert(), "azimuth_rad"_a.noconvert(), "elevation_rad"_a.noconvert());
     m.def(
         "cosine_pattern",
-        [](In<double, Triples> direction_R, double azimuth_exponent, double elevation_exponent, Out<double, Flat> out) {
+        [](In<double, -1, 3> direction_R, double azimuth_exponent, double elevation_exponent, Out<double, -1> out) {
             need(out.shape(0) == direction_R.shape(0), "all arrays need one row a direction");
             nb::gil_scoped_release release;
             rd::cosine_pattern(direction_R.data(), out.shape(0), azimuth_exponent, elevation_exponent, out.data());
@@ -106,11 +86,11 @@ void bind_radar_scatterers(nb::module_ &m) {
         "direction_R"_a.noconvert(), "azimuth_exponent"_a, "elevation_exponent"_a, "out"_a.noconvert());
     m.def(
         "collect_scatterers",
-        [](In<float, Blocks> blocks, In<double, Triples> direction_R, In<float, Curves> curves,
-           std::optional<In<std::uint8_t, Classes>> class_kept, float max_range_m, In<float, Plane> range,
-           In<float, Rays> normal, In<std::uint8_t, Plane> material, In<float, Plane> radial_velocity,
-           std::optional<In<std::uint8_t, Plane>> segmentation, Out<double, Flat> range_m, Out<double, Flat> speed_mps,
-           Out<double, Triples> echo_direction_R, Out<double, Flat> amplitude, const std::string &isa) -> Counts {
+        [](In<float, -1, 4, rd::kLanes> blocks, In<double, -1, 3> direction_R, In<float, -1, rd::kCurveSteps + 1> curves,
+           std::optional<In<std::uint8_t, 256>> class_kept, float max_range_m, In<float, -1, -1> range,
+           In<float, -1, -1, 3> normal, In<std::uint8_t, -1, -1> material, In<float, -1, -1> radial_velocity,
+           std::optional<In<std::uint8_t, -1, -1>> segmentation, Out<double, -1> range_m, Out<double, -1> speed_mps,
+           Out<double, -1, 3> echo_direction_R, Out<double, -1> amplitude, const std::string &isa) -> std::tuple<long, long, long, long, long, long, long, long> {
             const std::size_t height = range.shape(0), width = range.shape(1), pixels = height * width;
             need(has_shape(normal, height, width) && has_shape(material, height, width) &&
                      has_shape(radial_velocity, height, width) &&

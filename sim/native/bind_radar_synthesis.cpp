@@ -1,28 +1,13 @@
 // sim._kernels.EchoSynthesis: raw radar samples from echoes. Contract: radar/synthesis.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
+#include "bind_arrays.hpp"
 #include "radar/synthesis.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace hil::sim::radar;
 
 namespace {
 
-using In = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using In3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Out = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-
-SynthesisReport synthesize(Synthesis &synthesis, In range, In speed, In3 direction, In amplitude, Out out) {
+SynthesisReport synthesize(Synthesis &synthesis, In<double, -1> range, In<double, -1> speed, In<double, -1, 3> direction, In<double, -1> amplitude, Out<double, -1, -1, -1> out) {
     const std::size_t count = range.shape(0);
     if (speed.shape(0) != count || direction.shape(0) != count || amplitude.shape(0) != count) {
         throw std::invalid_argument("the arrays of the echoes differ in length");
@@ -55,7 +40,7 @@ void bind_radar_synthesis(nb::module_ &m) {
         .def(
             "__init__",
             [](Synthesis *self, double center_frequency_hz, double bandwidth_hz, double sample_rate_hz, double repetition_s,
-               int samples, int chirps, const std::vector<std::array<double, 3>> &rx_positions_m, double hp_cutoff_hz,
+               int samples, int chirps, const std::vector<Vec3> &rx_positions_m, double hp_cutoff_hz,
                double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, const std::string &isa) {
                 if (rx_positions_m.empty() || rx_positions_m.size() > static_cast<std::size_t>(kMaxReceivers)) {
                     throw std::invalid_argument("there must be 1 to 16 receivers");

@@ -1,15 +1,7 @@
 // sim._kernels.BoxScene: boxes handed over once, then one call per ray. Contract: ray.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
-#include <vector>
-
+#include "bind_arrays.hpp"
 #include "ray.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace {
 
@@ -18,7 +10,7 @@ class BoxScene {
     explicit BoxScene(const std::vector<std::array<double, 6>> &boxes) {
         for (const auto &box : boxes) boxes_.insert(boxes_.end(), box.begin(), box.end());
     }
-    double ray_distance(const std::array<double, 3> &origin_W, const std::array<double, 3> &direction_W) const {
+    double ray_distance(const Vec3 &origin_W, const Vec3 &direction_W) const {
         return hil::sim::ray_distance(origin_W.data(), direction_W.data(), boxes_.data(), boxes_.size() / 6);
     }
 

@@ -1,48 +1,28 @@
 // sim._kernels.RayCaster: many rays against a Geometry at once. Contract: frame/ray_cast.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 
 #include <optional>
-#include <stdexcept>
-#include <string>
-#include <vector>
 
+#include "bind_arrays.hpp"
 #include "frame/ray_cast.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using namespace hil::sim::frame;
 
 namespace {
 
-using In3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using OutDouble = nb::ndarray<double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using OutInt = nb::ndarray<std::int32_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Order = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Out3 = nb::ndarray<double, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-
-void expect(std::size_t got, std::size_t count, const char *what) {
-    if (got != count) {
-        throw std::invalid_argument(std::string(what) + " has " + std::to_string(got) + " rows for " +
-                                    std::to_string(count) + " rays");
-    }
-}
-
-void cast(RayCaster &caster, In3 origins, In3 directions, double t_min, double t_max, OutDouble range, OutInt geom,
-          std::optional<Out3> normal, std::optional<OutDouble> radial_velocity, std::optional<Order> order, int threads,
+void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> directions, double t_min, double t_max, Out<double, -1> range, Out<std::int32_t, -1> geom,
+          std::optional<Out<double, -1, 3>> normal, std::optional<Out<double, -1>> radial_velocity, std::optional<In<std::int32_t, -1>> order, int threads,
           bool tree, bool max_range,
           const std::string &isa) {
     const std::size_t count = directions.shape(0);
     const bool one_origin = origins.shape(0) == 1;
-    if (!one_origin) expect(origins.shape(0), count, "origins");
-    expect(range.shape(0), count, "range_m");
-    expect(geom.shape(0), count, "geom");
-    if (normal) expect(normal->shape(0), count, "normal");
-    if (radial_velocity) expect(radial_velocity->shape(0), count, "radial_velocity_mps");
+    if (!one_origin) expect_rows(origins, count, "origins");
+    expect_rows(range, count, "range_m");
+    expect_rows(geom, count, "geom");
+    if (normal) expect_rows(*normal, count, "normal");
+    if (radial_velocity) expect_rows(*radial_velocity, count, "radial_velocity_mps");
     if (order) {
-        expect(order->shape(0), count, "order");
+        expect_rows(*order, count, "order");
         std::vector<std::uint8_t> seen(count, 0);
         for (std::size_t i = 0; i < count; ++i) {
             const auto ray = static_cast<std::size_t>(order->data()[i]);
@@ -74,8 +54,8 @@ void bind_ray_cast(nb::module_ &m) {
              "(zeros) and the surface point's speed along the ray (NaN). Outputs are the caller's.");
     m.def(
         "coherent_order",
-        [](In3 directions, OutInt out) {
-            expect(out.shape(0), directions.shape(0), "out");
+        [](In<double, -1, 3> directions, Out<std::int32_t, -1> out) {
+            expect_rows(out, directions.shape(0), "out");
             nb::gil_scoped_release release;
             coherent_order(directions.data(), directions.shape(0), out.data());
         },

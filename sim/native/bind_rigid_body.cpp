@@ -2,58 +2,27 @@
 //
 // The arrays are handed over once, at construction, and kept alive; a tick then costs one call without array
 // arguments. Calls last about a microsecond, so the GIL is kept.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/vector.h>
 
-#include <array>
 #include <cmath>
-#include <cstdint>
-#include <stdexcept>
-#include <string>
 #include <utility>
-#include <vector>
 
+#include "bind_arrays.hpp"
 #include "clearance.hpp"
 #include "detmath.hpp"
 #include "free_flight.hpp"
 #include "rigid_body.hpp"
 #include "rotation.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using hil::sim::kMaxRotors;
 using hil::sim::kPoseVelocity;
 
 namespace {
 
-using Vector = nb::ndarray<double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Rows12 = nb::ndarray<const double, nb::numpy, nb::shape<-1, 12>, nb::c_contig, nb::device::cpu>;
-using Rows3 = nb::ndarray<const double, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Kinds = nb::ndarray<const std::int32_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Vec3 = std::array<double, 3>;
-
-double as_double(PyObject *item) {
-    const double value = PyFloat_AsDouble(item);
-    if (value == -1.0 && PyErr_Occurred()) throw nb::python_error();
-    return value;
-}
-
-template <int N>
-void unpack(nb::tuple source, double *out, const char *what) {
-    if (source.size() != N) {
-        throw std::invalid_argument(std::string(what) + " needs " + std::to_string(N) + " values, not " +
-                                    std::to_string(source.size()));
-    }
-    for (int i = 0; i < N; ++i) out[i] = as_double(PyTuple_GET_ITEM(source.ptr(), i));
-}
-
 constexpr int kContactKinds = 2;  // ordinary, hard landing
 
 class RigidBody {
   public:
-    RigidBody(Vector truth, double mass_kg, Vec3 inertia_kgm2, std::vector<Vec3> rotor_position_m,
+    RigidBody(Out<double, -1> truth, double mass_kg, Vec3 inertia_kgm2, std::vector<Vec3> rotor_position_m,
               std::vector<double> rotor_spin, double thrust_coefficient_n_per_radps2, double moment_ratio_m,
               double max_speed_radps, double time_constant_up_s, double time_constant_down_s,
               double rotor_inertia_kgm2, double rotor_drag_kg_per_rad, Vec3 body_drag_linear_n_per_mps,
@@ -108,7 +77,7 @@ class RigidBody {
         remember();
     }
 
-    void fit_battery(Vector battery, double cells, double capacity_c, double resistance_ohm, double efficiency,
+    void fit_battery(Out<double, -1> battery, double cells, double capacity_c, double resistance_ohm, double efficiency,
                      double auxiliary_w, double nominal_voltage_v) {
         if (battery.shape(0) != 3) throw std::invalid_argument("battery must hold 3 values");
         battery_ = battery;
@@ -185,7 +154,7 @@ class RigidBody {
 
     nb::tuple position_before() const { return nb::make_tuple(before_[0], before_[1], before_[2]); }
 
-    void attach(Vector qpos, Vector qvel, Vector qfrc_applied, Vector qacc) {
+    void attach(Out<double, -1> qpos, Out<double, -1> qvel, Out<double, -1> qfrc_applied, Out<double, -1> qacc) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 || qacc.shape(0) != 6) {
             throw std::invalid_argument("the MuJoCo model must have one free joint and nothing else that moves");
         }
@@ -230,7 +199,7 @@ class RigidBody {
 
     // For comparison only: rotor and air forces of this vehicle as MuJoCo's control callback, with the rotors' speeds as
     // MuJoCo's activations. One vehicle at a time in a process.
-    void serve_mujoco(Vector qpos, Vector qvel, Vector act, Vector qfrc_applied) {
+    void serve_mujoco(Out<double, -1> qpos, Out<double, -1> qvel, Out<double, -1> act, Out<double, -1> qfrc_applied) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 ||
             act.shape(0) != static_cast<std::size_t>(params_.rotor_count)) {
             throw std::invalid_argument("the MuJoCo model must have one free joint and an activation for each rotor");
@@ -304,7 +273,7 @@ class RigidBody {
     }
 
     inline static RigidBody *served_ = nullptr;
-    Vector truth_, battery_, qpos_, qvel_, act_, qfrc_applied_, qacc_;
+    Out<double, -1> truth_, battery_, qpos_, qvel_, act_, qfrc_applied_, qacc_;
     std::vector<double> path_, before_;
     double command_[kMaxRotors] = {}, phase_[kMaxRotors] = {};
     hil::sim::RigidBodyParams params_{};
@@ -325,7 +294,7 @@ void bind_rigid_body(nb::module_ &m) {
                           "size [n][3] as in MJCF. See clearance.hpp.")
         .def(
             "__init__",
-            [](SolidTree *self, Kinds kind, Rows12 pose, Rows3 size) {
+            [](SolidTree *self, In<std::int32_t, -1> kind, In<double, -1, 12> pose, In<double, -1, 3> size) {
                 const std::size_t n = kind.shape(0);
                 if (pose.shape(0) != n || size.shape(0) != n) {
                     throw std::invalid_argument("kind, pose and size must be of one length");
@@ -349,7 +318,7 @@ void bind_rigid_body(nb::module_ &m) {
                           "Multirotor rigid body on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
                           "v_WB_W[3], w_WB_B[3], rotor speed[n], then mean acceleration in W[3] and mean angular "
                           "acceleration in B[3] over the last tick. SI, ENU/FLU. See rigid_body.hpp.")
-        .def(nb::init<Vector, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
+        .def(nb::init<Out<double, -1>, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
                       double, double, double, Vec3, Vec3, double, Vec3, double, int, int, int, double, double, double,
                       double, double, double, bool>(),
              nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "rotor_position_m"_a, "rotor_spin"_a,
@@ -393,10 +362,10 @@ void bind_rigid_body(nb::module_ &m) {
         "ideal_imu",
         [](nb::tuple q_WB, nb::tuple a_WB_W, nb::tuple w_WB_B, nb::tuple alpha_WB_B, double dt_s, double gravity_mps2) {
             double q[4], a[3], w[3], alpha[3], out[6];
-            unpack<4>(q_WB, q, "q_WB");
-            unpack<3>(a_WB_W, a, "a_WB_W");
-            unpack<3>(w_WB_B, w, "w_WB_B");
-            unpack<3>(alpha_WB_B, alpha, "alpha_WB_B");
+            unpack(q_WB, q, "q_WB");
+            unpack(a_WB_W, a, "a_WB_W");
+            unpack(w_WB_B, w, "w_WB_B");
+            unpack(alpha_WB_B, alpha, "alpha_WB_B");
             hil::sim::ideal_imu(q, a, w, alpha, dt_s, gravity_mps2, out);
             return nb::make_tuple(out[0], out[1], out[2], out[3], out[4], out[5]);
         },

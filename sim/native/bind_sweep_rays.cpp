@@ -1,36 +1,23 @@
 // sim._kernels.sweep_rays: rays of a sweep from a moving carrier. Contract: frame/sweep_rays.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
-#include <array>
-#include <stdexcept>
-#include <string>
 #include <tuple>
 
+#include "bind_arrays.hpp"
 #include "frame/sweep_rays.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace {
 
-using V3 = std::array<double, 3>;
-using Motion = std::tuple<V3, V3, V3, V3, std::array<double, 4>, V3, V3, V3>;
-using Offsets = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using In3 = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Out3 = nb::ndarray<double, nb::numpy, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Motion = std::tuple<Vec3, Vec3, Vec3, Vec3, std::array<double, 4>, Vec3, Vec3, Vec3>;
 
 }  // namespace
 
 void bind_sweep_rays(nb::module_ &m) {
     m.def(
         "sweep_rays",
-        [](const Motion &motion, Offsets time_offset_ns, In3 origins_B, In3 directions_B, Out3 origins_W,
-           Out3 directions_W, const std::string &isa) {
+        [](const Motion &motion, In<std::int32_t, -1> time_offset_ns, In<double, -1, 3> origins_B, In<double, -1, 3> directions_B, Out<double, -1, 3> origins_W,
+           Out<double, -1, 3> directions_W, const std::string &isa) {
             const std::size_t n = time_offset_ns.shape(0);
             if (origins_B.shape(0) != n || directions_B.shape(0) != n || origins_W.shape(0) != n ||
                 directions_W.shape(0) != n) {
@@ -48,7 +35,7 @@ void bind_sweep_rays(nb::module_ &m) {
                 kernel(c, time_offset_ns.data(), origins_B.data(), directions_B.data(), origins_W.data(),
                        directions_W.data(), n, box);
             }
-            return std::make_tuple(V3{box.lo[0], box.lo[1], box.lo[2]}, V3{box.hi[0], box.hi[1], box.hi[2]});
+            return std::make_tuple(Vec3{box.lo[0], box.lo[1], box.lo[2]}, Vec3{box.hi[0], box.hi[1], box.hi[2]});
         },
         "motion"_a, "time_offset_ns"_a, "origins_B"_a, "directions_B"_a, "origins_W"_a.noconvert(),
         "directions_W"_a.noconvert(), nb::kw_only(), "isa"_a = "",

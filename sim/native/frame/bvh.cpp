@@ -20,11 +20,6 @@ void grow(Aabb &box, const Aabb &other) {
     }
 }
 
-float half_area(const Aabb &box) {
-    const float x = box.hi[0] - box.lo[0], y = box.hi[1] - box.lo[1], z = box.hi[2] - box.lo[2];
-    return x < 0.0f ? 0.0f : x * y + y * z + z * x;
-}
-
 float centre(const Aabb &box, int axis) { return 0.5f * box.lo[axis] + 0.5f * box.hi[axis]; }
 
 struct Builder {

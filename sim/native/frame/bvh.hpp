@@ -13,6 +13,12 @@ struct Aabb {
     float lo[3], hi[3];
 };
 
+// Half the surface of a box; 0 for an empty one.
+inline float half_area(const Aabb &box) {
+    const float x = box.hi[0] - box.lo[0], y = box.hi[1] - box.lo[1], z = box.hi[2] - box.lo[2];
+    return x < 0.0f ? 0.0f : x * y + y * z + z * x;
+}
+
 // Outward: the float box holds the double one.
 Aabb outward(const double *lo, const double *hi);
 

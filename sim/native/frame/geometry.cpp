@@ -15,13 +15,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr int kTrianglesPerLeaf = 8;
 constexpr int kGeomsPerLeaf = 2;
-constexpr double kFarthest = 1e7;  // beyond it (and for NaN) a pose is taken for none
-
-bool finite(const double *x, int n) {
-    for (int i = 0; i < n; ++i)
-        if (!(std::fabs(x[i]) < kFarthest)) return false;
-    return true;
-}
+constexpr double kFarthest = 1e7;  // [m]
 
 void local_box(Geom &g, const std::vector<Mesh> &meshes) {
     const double *s = g.size;
@@ -155,17 +149,23 @@ bool usable_size(const Geom &g) {
     const double *s = g.size;
     switch (g.shape) {
         case Shape::kPlane: return !std::isnan(s[0]) && !std::isnan(s[1]);
-        case Shape::kSphere: return finite(s, 1) && s[0] > 0.0;
+        case Shape::kSphere: return within_world(s, 1) && s[0] > 0.0;
         case Shape::kCapsule:
-        case Shape::kCylinder: return finite(s, 2) && s[0] > 0.0 && s[1] >= 0.0;
+        case Shape::kCylinder: return within_world(s, 2) && s[0] > 0.0 && s[1] >= 0.0;
         case Shape::kEllipsoid:
-        case Shape::kBox: return finite(s, 3) && s[0] > 0.0 && s[1] > 0.0 && s[2] > 0.0;
+        case Shape::kBox: return within_world(s, 3) && s[0] > 0.0 && s[1] > 0.0 && s[2] > 0.0;
         case Shape::kMesh: return true;
     }
     return false;
 }
 
 }  // namespace
+
+bool within_world(const double *x, int n) {
+    for (int i = 0; i < n; ++i)
+        if (!(std::fabs(x[i]) < kFarthest)) return false;
+    return true;
+}
 
 int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle,
                        std::size_t triangles, const float *uv, const float *corner_normal) {
@@ -283,7 +283,7 @@ void Geometry::hide(int index) {
 void Geometry::place(int index) {
     const auto i = static_cast<std::size_t>(index);
     const Geom &g = geoms_[i];
-    shown_[i] = g.visible && finite(g.p_WG, 3) && finite(g.R_WG, 9) && finite(g.v_W, 3) && finite(g.w_W, 3);
+    shown_[i] = g.visible && within_world(g.p_WG, 3) && within_world(g.R_WG, 9) && within_world(g.v_W, 3) && within_world(g.w_W, 3);
     if (!shown_[i] || std::isinf(g.half[0]) || std::isinf(g.half[1])) return;
     double lo[3], hi[3];
     for (int r = 0; r < 3; ++r) {

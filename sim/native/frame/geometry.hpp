@@ -13,6 +13,9 @@
 
 namespace hil::sim::frame {
 
+// Whether all are less than 1e7 from zero, and none NaN: a pose with others is taken for none.
+bool within_world(const double *x, int n);
+
 enum class Shape : std::uint8_t { kPlane = 0, kSphere = 2, kCapsule = 3, kEllipsoid = 4, kCylinder = 5, kBox = 6, kMesh = 7 };
 
 // Triangles in the frame of the geoms that use them, with a tree over them.

@@ -20,6 +20,7 @@
 #endif
 
 #define HIL_INLINE inline __attribute__((always_inline))
+#define HIL_NOINLINE __attribute__((noinline))
 // A pack is at most four registers: always all of them at once.
 #define HIL_UNROLL _Pragma("GCC unroll 4")
 
@@ -75,6 +76,7 @@ using F = Pack<float>;
 using D = Pack<double>;
 using I = Pack<std::int32_t>;
 using L = Pack<std::int64_t>;
+constexpr int kLanes = D::kCount;  // of what is done in double
 
 template <class V>
 struct ScalarIn;

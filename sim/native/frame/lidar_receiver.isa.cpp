@@ -8,7 +8,6 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-constexpr int kLanes = D::kCount;
 constexpr double kInf = __builtin_inf();
 constexpr double kSure = 0.9, kNever = 1.1;  // of the limit
 constexpr double kReference = 0.1;           // reflectivity that the limit is stated for

@@ -23,12 +23,6 @@ constexpr double kPixelMargin = 0.25;
 
 int ceil_div(int a, int b) { return (a + b - 1) / b; }
 
-bool finite(const double *x, int n) {
-    for (int i = 0; i < n; ++i)
-        if (!(std::fabs(x[i]) < 1e7)) return false;
-    return true;
-}
-
 void halves(const Aabb &box, double *centre, double *half) {
     for (int i = 0; i < 3; ++i) {
         centre[i] = 0.5 * (static_cast<double>(box.lo[i]) + box.hi[i]);
@@ -85,7 +79,7 @@ void Raster::allocate(int width, int height) {
 Raster::Raster(const Geometry &geometry, int width, int height, Projection projection, double fx, double fy, double cx,
                double cy, Isa isa)
     : geometry_(geometry), isa_(isa), fx_(fx), fy_(fy), cx_(cx), cy_(cy) {
-    if (!(fx > 0.0) || !(fy > 0.0) || !finite(&fx, 1) || !finite(&fy, 1) || !finite(&cx, 1) || !finite(&cy, 1)) {
+    if (!(fx > 0.0) || !(fy > 0.0) || !within_world(&fx, 1) || !within_world(&fy, 1) || !within_world(&cx, 1) || !within_world(&cy, 1)) {
         throw std::invalid_argument("focal lengths must be finite and above 0, the principal point finite");
     }
     if (projection == Projection::kTable) throw std::invalid_argument("a table of rays needs directions");
@@ -145,7 +139,7 @@ Raster::Raster(const Geometry &geometry, int width, int height, const double *di
             for (int lane = 0; lane < 16; ++lane) {
                 double d[3];
                 at(kBlock * column + lane % 4, kBlock * row + lane / 4, d);
-                if (!finite(d, 3)) throw std::invalid_argument("a ray direction of the camera is not finite");
+                if (!within_world(d, 3)) throw std::invalid_argument("a ray direction of the camera is not finite");
                 for (std::size_t i = 0; i < 3; ++i) {
                     rays_.xyz[48 * block + 16 * i + static_cast<std::size_t>(lane)] = static_cast<float>(d[i]);
                 }
@@ -455,7 +449,7 @@ void Raster::draw_band(Band &band, const RasterCamera &camera, const RasterOptio
     band.drawn.clear();
     band.drawn_of_geom.resize(geometry_.geoms().size());
     band.counts = {};
-    if (!finite(camera.p_WC, 3) || !finite(camera.R_WC, 9) || !finite(camera.v_W, 3)) return;
+    if (!within_world(camera.p_WC, 3) || !within_world(camera.R_WC, 9) || !within_world(camera.v_W, 3)) return;
     const View view = make_view(camera, rays_.projection, fx_, fy_, cx_, cy_, b.width, kBlock * band.row0,
                                 std::min(kBlock * band.row1, b.height), rays_.cone, options);
     Pass(geometry_, camera, options, view, b, rays_, raster_kernels(isa_), band).run();

@@ -8,7 +8,6 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-constexpr int kLanes = D::kCount;
 constexpr double kInf = __builtin_inf();
 constexpr double kBeyond = 1e30;     // far end of a walk without limit: finite, so that times zero is zero
 constexpr double kFarthest = 1e7;    // as geometry.cpp has it
@@ -269,7 +268,7 @@ HIL_INLINE bool enter_block(const TriangleBlock &block, double index, const Vec<
     return met;
 }
 
-__attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
+HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
                                          bool tree, StackEntry *stack, Packet &p, double t_min) {
     const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
     const Interval<D> box = within(o, inverse, mesh.lo, mesh.hi);
@@ -308,7 +307,7 @@ __attribute__((noinline)) void meet_mesh(const CastMesh &mesh, double index, con
     p.far = smaller(largest(p.t), kBeyond);
 }
 
-HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
+HIL_NOINLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
                           double t_min) {
     const CastGeom &g = scene.geoms[index];
     const Vec<D> from{p.o.x - g.p_WG[0], p.o.y - g.p_WG[1], p.o.z - g.p_WG[2]};

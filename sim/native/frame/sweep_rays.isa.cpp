@@ -7,7 +7,6 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-constexpr int kLanes = D::kCount;
 
 // (-1)^k / (2k)! and (-1)^k / (2k + 1)!, highest power first: up to |x| = 1 the first term left out is 1 / 20!.
 constexpr double kCos[10] = {-1.0 / 6402373705728000.0, 1.0 / 20922789888000.0, -1.0 / 87178291200.0,

@@ -20,11 +20,6 @@ struct Child {
     std::int32_t item = -1;
 };
 
-float half_area(const Aabb &b) {
-    const float x = b.hi[0] - b.lo[0], y = b.hi[1] - b.lo[1], z = b.hi[2] - b.lo[2];
-    return x * y + y * z + z * x;
-}
-
 void put(WideNode &node, int at, const Aabb &box, std::int32_t child) {
     node.child[at] = child;
     for (int a = 0; a < 3; ++a) {

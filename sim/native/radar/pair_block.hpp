@@ -15,7 +15,7 @@ struct alignas(64) PairBlock {
     float gain_re[kBlock], gain_im[kBlock];  // A H, times the grid's scale
     float speed[kBlock];                   // [-1, 1] over the panel
     float offset[2][kBlock];               // across chirps, across samples: [-1, 1] between two points of the grid
-    float tap[2][kMaxWidth][kBlock];
+    float tap[2][kMaxSingleWidth][kBlock];
     float term[kMaxNodes + 1][kBlock];     // L_k of each echo's speed; a last one of zeros fills up a cell
     float weight[kBlock][2 * kGroup];      // real parts of the receivers, imaginary ones
     std::int32_t start[2][kBlock];         // first row, first column

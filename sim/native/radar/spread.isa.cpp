@@ -50,7 +50,7 @@ HIL_INLINE void place(const SpreadKernel &kernel, const double *frequency, int s
     }
 }
 
-HIL_INLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count, double (*term)[kBlock]) {
+HIL_NOINLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count, double (*term)[kBlock]) {
     const double shrink = nodes.half_span > 0.0 ? 1.0 / nodes.half_span : 0.0;
     for (int first = 0; first < count; first += D::kCount) {
         const D s = (load<D>(speed + first) - nodes.middle) * shrink;
@@ -68,7 +68,7 @@ HIL_INLINE void lagrange(const SpeedNodes &nodes, const double *speed, int count
 }
 
 // Each echo's weight in the cells of a term's plane.
-HIL_INLINE void weigh_term(const EchoBlock &block, int receivers, int term, int count, BlockPlaces &places) {
+HIL_NOINLINE void weigh_term(const EchoBlock &block, int receivers, int term, int count, BlockPlaces &places) {
     for (int k = 0; k < receivers; ++k) {
         for (int first = 0; first < count; first += D::kCount) {
             const D share = load<D>(places.term[term] + first);
@@ -108,6 +108,14 @@ HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &p
     }
 }
 
+// Not inlined, as all that does not depend on the width: each would be compiled for every width.
+HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
+                                          int count, int first_receiver, const SpeedNodes &nodes, EchoBlock &block,
+                                          BlockPlaces &places) {
+    fill_block(model, echoes, index, count, first_receiver, block);
+    if (nodes.count > 1) lagrange(nodes, block.speed, count, places.term);
+}
+
 template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
                   int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
@@ -120,10 +128,9 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
     for (int e = 0; e < kBlock; ++e) places.term[0][e] = 1.0;
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
-        fill_block(model, echoes, index + from, now, first_receiver, block);
+        make_ready(model, echoes, index + from, now, first_receiver, nodes, block, places);
         place<kWidth>(kernel, block.alpha, grid.rows, now, places.start[0], places.tap[0]);
         place<kWidth>(kernel, block.beta, grid.columns, now, places.start[1], places.tap[1]);
-        if (nodes.count > 1) lagrange(nodes, block.speed, now, places.term);
         for (int j = 0; j < planes; ++j) {
             weigh_term(block, receivers, first_term + j, now, places);
             double *plane = grid.cells + j * grid.plane;
@@ -149,8 +156,8 @@ void spread(const EchoModel &model, const EchoView &echoes, const std::int32_t *
     case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, planes, grid); \
         break;
     switch (kernel.width) {
-        HIL_WIDTH(2) HIL_WIDTH(3) HIL_WIDTH(4) HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7) HIL_WIDTH(8) HIL_WIDTH(9)
-        HIL_WIDTH(10) HIL_WIDTH(11) HIL_WIDTH(12) HIL_WIDTH(13) HIL_WIDTH(14) HIL_WIDTH(15) HIL_WIDTH(16)
+        HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7) HIL_WIDTH(8) HIL_WIDTH(9) HIL_WIDTH(10)
+        HIL_WIDTH(11) HIL_WIDTH(12) HIL_WIDTH(13) HIL_WIDTH(14) HIL_WIDTH(15) HIL_WIDTH(16)
     }
 #undef HIL_WIDTH
 }

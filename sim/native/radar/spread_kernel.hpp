@@ -9,6 +9,9 @@
 namespace hil::sim::radar {
 
 constexpr int kMinWidth = 2, kMaxWidth = 16;
+// What the grids are compiled for. A grid in single precision serves errors of 4e-5 and more: width 6 does at the least
+// oversampling, and one wider is tried. One in double serves the smaller errors, for which widths below 5 are too narrow.
+constexpr int kMaxSingleWidth = 7, kMinDoubleWidth = 5;
 
 // Tap i at offset x in [0, 1] is the kernel at z = i + x - w/2. With t = 2 x - 1 it is even_i(t^2) + t odd_i(t^2); tap
 // w - 1 - i has the same polynomials and - t. Degree w.

@@ -69,7 +69,7 @@ int find_runs(const Grid<float> &grid, int planes, int count, const PairBlock &b
 }
 
 // Each echo's weights in the cells of the plane whose first term is `first_term`.
-HIL_INLINE void weigh_terms(const PairBlock &block, int first_term, int count, float (*weight)[kCell<float>]) {
+HIL_NOINLINE void weigh_terms(const PairBlock &block, int first_term, int count, float (*weight)[kCell<float>]) {
     for (int e = 0; e < count; ++e) {
         for (int half = 0; half < 2; ++half) {
             Four w;
@@ -157,6 +157,17 @@ HIL_INLINE void add_run(const PairBlock &block, const Run &run, const float (*we
     }
 }
 
+// Not inlined, as all that does not depend on the width: each would be compiled for every width.
+HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
+                                          int count, int first_receiver, const SpeedNodes &nodes, int width,
+                                          const Grid<float> &grid, PairBlock &block) {
+    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
+    fill_phases(model, echoes, index, count, first_receiver, receivers, nodes, grid.scale, width, grid.rows, grid.columns,
+                block);
+    fill_weights(count, receivers, block);
+    fill_terms(nodes, count, block);
+}
+
 template <int kWidth>
 void spread_width(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, std::size_t count,
                   int first_receiver, const SpreadKernel &kernel, const SpeedNodes &nodes, int first_term, int planes,
@@ -165,15 +176,11 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
     alignas(64) float weight[kBlock][kCell<float>];
     Run run[kBlock];
     __builtin_memset(&block, 0, sizeof block);  // whole packs are read, also where the last echoes fill half of one
-    const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
-        fill_phases(model, echoes, index + from, now, first_receiver, receivers, nodes, grid.scale, kWidth, grid.rows,
-                    grid.columns, block);
-        fill_weights(now, receivers, block);
+        make_ready(model, echoes, index + from, now, first_receiver, nodes, kWidth, grid, block);
         fill_taps<kWidth>(kernel, block.offset[0], now, block.tap[0]);
         fill_taps<kWidth>(kernel, block.offset[1], now, block.tap[1]);
-        fill_terms(nodes, now, block);
         const int runs = find_runs<kWidth>(grid, planes, now, block, run);
         for (int j = 0; j < planes; ++j) {
             weigh_terms(block, first_term + j * kPair, now, weight);
@@ -191,8 +198,7 @@ void spread_pairs(const EchoModel &model, const EchoView &echoes, const std::int
     case w: spread_width<w>(model, echoes, index, count, first_receiver, kernel, nodes, first_term, planes, grid); \
         break;
     switch (kernel.width) {
-        HIL_WIDTH(2) HIL_WIDTH(3) HIL_WIDTH(4) HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7) HIL_WIDTH(8) HIL_WIDTH(9)
-        HIL_WIDTH(10) HIL_WIDTH(11) HIL_WIDTH(12) HIL_WIDTH(13) HIL_WIDTH(14) HIL_WIDTH(15) HIL_WIDTH(16)
+        HIL_WIDTH(2) HIL_WIDTH(3) HIL_WIDTH(4) HIL_WIDTH(5) HIL_WIDTH(6) HIL_WIDTH(7)
     }
 #undef HIL_WIDTH
 }

@@ -185,11 +185,12 @@ void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &
     plan.single = error >= kSingleFrom;
     const double rounding = plan.single ? kSingleRounding : kRounding;
     error -= rounding;
-    int width = kMinWidth;
-    while (width < kMaxWidth && kernel_error_[width] > 0.9 * error) ++width;
+    const int widest = plan.single ? kMaxSingleWidth : kMaxWidth;
+    int width = plan.single ? kMinWidth : kMinDoubleWidth;
+    while (width < widest && kernel_error_[width] > 0.9 * error) ++width;
     const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
     // A wider kernel leaves more of the error to the interpolation: it may need fewer terms.
-    for (int w = width; w <= std::min(width + 1, kMaxWidth); ++w) {
+    for (int w = width; w <= std::min(width + 1, widest); ++w) {
         // The interpolation's error is that of the speeds, and need not cancel where the echoes do.
         const double rest = std::max(error - kernel_error_[w], 0.0) * (again ? kAgain : 1.0);
         PanelPlan &tried = other_plan_.panels;
