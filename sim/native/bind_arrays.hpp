@@ -32,6 +32,14 @@ void expect_rows(const Array &array, std::size_t rays, const char *what) {
                                 std::to_string(rays) + " rays");
 }
 
+// Throws std::invalid_argument unless an array is as high and as wide as a picture.
+template <class A, class B>
+void same_size(const A &a, const B &b, const char *what) {
+    if (a.shape(0) != b.shape(0) || a.shape(1) != b.shape(1)) {
+        throw std::invalid_argument(std::string(what) + " and the picture differ in size");
+    }
+}
+
 inline double as_double(PyObject *item) {
     const double value = PyFloat_AsDouble(item);
     if (value == -1.0 && PyErr_Occurred()) throw nb::python_error();

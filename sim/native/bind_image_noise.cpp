@@ -10,13 +10,6 @@ namespace {
 
 hil::sim::ImageKey key_of(const Key &key) { return {{key[0], key[1]}}; }
 
-template <typename A, typename B>
-void same_size(const A &a, const B &b, const char *what) {
-    if (a.shape(0) != b.shape(0) || a.shape(1) != b.shape(1)) {
-        throw std::invalid_argument(std::string(what) + " and the picture differ in size");
-    }
-}
-
 }  // namespace
 
 void bind_image_noise(nb::module_ &m) {
