@@ -38,10 +38,8 @@ class ClientStats:
     t1: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sends to client has it
     t2: LatencyHistogram = field(default_factory=LatencyHistogram)  # the client's function
     t3: LatencyHistogram = field(default_factory=LatencyHistogram)  # client sends to bench has it
-    round_trip: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sends to bench has the answer
     overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sets about sending to answer, less t2
     clock_offset_ns: int = 0  # client's clock minus the bench's, the last reading
-    clock_delay_ns: int | None = None  # its uncertainty is half of this; None before the first
 
 
 class Client:
@@ -61,7 +59,6 @@ class Client:
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
         self.in_ring = False
-        self.address = ""
         self.user = ""  # public key, where there is one
 
     @property
@@ -102,11 +99,9 @@ class Client:
         stats.skipped += len(answered) - 1
         stats.answered += 1
         stats.clock_offset_ns = offset_ns
-        stats.clock_delay_ns = None if reading is None else reading.delay_ns
         stats.t1.add(done.t_received_ns - offset_ns - sent.t_sent_ns)
         stats.t2.add(done.t2_ns)
         stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
-        stats.round_trip.add(t_ns - sent.t_sent_ns)
         stats.overhead.add(t_ns - sent.t_begun_ns - done.t2_ns)
         reply = Reply(
             self.name,
@@ -125,7 +120,7 @@ class Client:
         return reply, [one.slot for one in answered]
 
     def info(self) -> ClientInfo:
-        return ClientInfo(self.name, self.topics, self.control, self.credit, self.address, self.stats.returned)
+        return ClientInfo(self.name, self.topics, self.control, self.credit, self.stats.returned)
 
 
 class Clients:

@@ -77,5 +77,4 @@ class ClientInfo:
     topics: frozenset[str]
     control: bool
     credit: int
-    address: str  # "" where the wire has none
     returned: int  # how often it came back after it was lost

@@ -35,6 +35,7 @@ _NAP_NS = 100_000
 _ROUND_MS = 50  # the caller's own checks go on while nothing is heard
 _LINGER_MS = 300  # for the last words to leave
 _REFUSALS_KEPT = 20
+_MALFORMED_IN_A_ROW = 10  # so many end a client's place
 
 
 def _unseen(client: str, view: View) -> None:
@@ -360,9 +361,8 @@ class CompanionServer:
         topics = self._admission.check(hello, message.identity)
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
-        client.credit = min(client.credit, self.settings.max_credit)
         client.in_ring = self._ring is not None and hello.shared_memory
-        client.user, client.address = user, message.property("Peer-Address")
+        client.user = user
         self._clients.add(client)
         self._tell(client.identity, wire.encode_welcome(self._welcome_of(client)))
         if client.ready:
@@ -409,14 +409,13 @@ class CompanionServer:
         """Told to the sender; one of many in a row loses its place, and is told no more."""
         self.malformed += 1
         in_a_row = self._clients.strike(identity) if client is None else client.malformed_in_a_row + 1
-        limit = self.settings.malformed_in_a_row
-        if in_a_row <= limit:
+        if in_a_row <= _MALFORMED_IN_A_ROW:
             self._tell(identity, wire.encode_refused("malformed", why), group)
             self._on_event("malformed", f"{client.name if client else 'an unknown sender'}: {why}")
         if client is not None:
             client.malformed_in_a_row = in_a_row
             client.stats.malformed += 1
-            if in_a_row >= limit:
+            if in_a_row >= _MALFORMED_IN_A_ROW:
                 self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:

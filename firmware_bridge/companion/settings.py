@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from firmware_bridge.codecs.companion import MAX_CREDIT
 from firmware_bridge.loopback_host import is_loopback
 from hil.signals.errors import ConfigError, Problem
 
@@ -27,11 +26,8 @@ class CompanionSettings:
     keys: Path | None = None  # folder made by `hil keys`; needed off the loopback
     first_port: int | None = None
     max_clients: int = _MAX_CLIENTS
-    max_credit: int = MAX_CREDIT  # frames under way to one client
     max_message_bytes: int = 128 << 10  # of one part that a client sends; more ends its connection
     ring_bytes: int = 64 << 20
-    vanished_s: int = 2  # a machine that is silent for so long has gone; a process that only stalls has not
-    malformed_in_a_row: int = 10  # more than this many end the client's place
 
     def __post_init__(self) -> None:
         problems = []
@@ -49,11 +45,8 @@ class CompanionSettings:
             )
         for name, low, high in (
             ("max_clients", 1, _MAX_CLIENTS),
-            ("max_credit", 1, MAX_CREDIT),
             ("max_message_bytes", 4096, 1 << 30),
             ("ring_bytes", 4096, 1 << 36),
-            ("vanished_s", 1, 3600),
-            ("malformed_in_a_row", 1, 1_000_000),
         ):
             if not low <= getattr(self, name) <= high:
                 problems.append(self._problem(f"{name} {getattr(self, name)!r}", f"within {low}..{high}"))

@@ -78,14 +78,12 @@ class SharedRing:
         np.frombuffer(view, np.uint8)[::4096] = 0  # pages are made now, not under the first frames
         self._view: memoryview | None = view
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
-        self.full = 0  # frames for which there was no room
 
     def put(self, block: Block, holders: Iterable[str]) -> int | None:
         """Copy a block in; where it begins. None if there is no room."""
         size = max(block.size, ALIGN)
         place = self._gap(size)
         if place is None or self._view is None:
-            self.full += 1
             return None
         index, start = place
         block.copy_to(self._view[start:])

@@ -34,6 +34,7 @@ CONTROL = ""  # the group of the first socket, to which clients say hello; the o
 RECEIVE_HWM = 256  # messages of one connection that wait here unread
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
 _HANDSHAKE_MS = 3000
+_VANISHED_S = 2  # a machine that is silent for so long has gone; a process that only stalls has not
 _EVENTS = (
     zmq.EVENT_DISCONNECTED
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
@@ -160,8 +161,8 @@ class BenchSocket:
             (zmq.TCP_KEEPALIVE, 1),
             (zmq.TCP_KEEPALIVE_IDLE, 1),
             (zmq.TCP_KEEPALIVE_INTVL, 1),
-            (zmq.TCP_KEEPALIVE_CNT, settings.vanished_s),
-            (zmq.TCP_MAXRT, settings.vanished_s * 1000),
+            (zmq.TCP_KEEPALIVE_CNT, _VANISHED_S),
+            (zmq.TCP_MAXRT, _VANISHED_S * 1000),
             (zmq.IPV6, int(address.startswith("tcp://["))),
         ):
             s.setsockopt(option, value)

@@ -1,8 +1,7 @@
 """`hil bench link`: how punctual samples leave in real time, what messages cost, and real firmware where it is named.
 
-Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebody reads, by the native real-time thread
-           and by a Python loop of normal priority that sleeps and writes. Error: the lateness that one write in a
-           thousand exceeds.
+Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebody reads, by the native real-time
+           thread. Error: the lateness that one write in a thousand exceeds.
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
@@ -20,7 +19,6 @@ import threading
 import time
 import tty
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -52,17 +50,13 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     """Raises HilError if a flight ends as ERROR."""
     result = BenchmarkResult(time_label="time of one [s] (pacing: CPU per second)")
     seconds = 10 if quick else 60
-    for method, pace in (("native thread", _native), ("Python loop", _python)):
-        say(f"pacing, {method}, {seconds} s")
-        lateness, cpu_s, how = pace(seconds)
-        p999_ms = lateness.quantile_ns(0.999) / NS_PER_MS
-        figures = {
-            q: lateness.quantile_ns(v) / 1000 for q, v in (("p50_us", 0.5), ("p99_us", 0.99), ("p999_us", 0.999))
-        }
-        details = {**figures, "max_us": lateness.max_ns / 1000, "scheduling": how}
-        result.rows.append(Row("samples at 250 Hz", method, p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
-        if method == "native thread":
-            result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms"))
+    say(f"pacing, {seconds} s")
+    lateness, cpu_s, how = _pace(seconds)
+    p999_ms = lateness.quantile_ns(0.999) / NS_PER_MS
+    figures = {q: lateness.quantile_ns(v) / 1000 for q, v in (("p50_us", 0.5), ("p99_us", 0.99), ("p999_us", 0.999))}
+    details = {**figures, "max_us": lateness.max_ns / 1000, "scheduling": how}
+    result.rows.append(Row("samples at 250 Hz", "native thread", p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
+    result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms"))
     say("messages")
     _messages(result)
     with tempfile.TemporaryDirectory() as folder:
@@ -83,43 +77,32 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     return result
 
 
-def _drained(near: int, stop: threading.Event) -> threading.Thread:
-    """A thread that reads the far end of the line, as a board does."""
+def _pace(seconds: float) -> tuple[LatencyHistogram, float, str]:
+    """A frame prepared and handed over each period: lateness, CPU seconds of this process, how it was scheduled."""
+    near, far = os.openpty()
+    tty.setraw(far)
+    stop = threading.Event()
 
     def drain() -> None:
         while not stop.is_set():
             try:
-                os.read(near, 65536)
+                os.read(near, 65536)  # as a board does
             except OSError:
                 return
 
-    thread = threading.Thread(target=drain, daemon=True)
-    thread.start()
-    return thread
-
-
-def _paced(seconds: float, write: Callable[[int], object], *, realtime: bool) -> float:
-    """Prepare and hand over a frame per period; CPU seconds that this process used."""
+    threading.Thread(target=drain, daemon=True).start()
+    sender = RealtimeSender(far, period_ns=_PERIOD_NS, slots=16, stale_ns=20 * NS_PER_MS)
     schedule = DeadlineSchedule(period_ns=_PERIOD_NS, lead_ns=1_500_000)
     began = time.process_time()
-    with RealtimeProducer() if realtime else nullcontext():
-        for tick in range(int(seconds * 1e9) // _PERIOD_NS):
-            deadline_ns = schedule.wait_until_due(tick)
-            busy_until = time.monotonic_ns() + _WORK_NS
-            while time.monotonic_ns() < busy_until:
-                pass
-            write(deadline_ns)
-    return time.process_time() - began
-
-
-def _native(seconds: float) -> tuple[LatencyHistogram, float, str]:
-    near, far = os.openpty()
-    tty.setraw(far)
-    stop = threading.Event()
-    _drained(near, stop)
-    sender = RealtimeSender(far, period_ns=_PERIOD_NS, slots=16, stale_ns=20 * NS_PER_MS)
     try:
-        cpu_s = _paced(seconds, lambda deadline_ns: sender.push(deadline_ns, _FRAME), realtime=True)
+        with RealtimeProducer():
+            for tick in range(int(seconds * 1e9) // _PERIOD_NS):
+                deadline_ns = schedule.wait_until_due(tick)
+                busy_until = time.monotonic_ns() + _WORK_NS
+                while time.monotonic_ns() < busy_until:
+                    pass
+                sender.push(deadline_ns, _FRAME)
+        cpu_s = time.process_time() - began
         time.sleep(0.05)
         sender.stop()
         lateness = LatencyHistogram()
@@ -131,30 +114,6 @@ def _native(seconds: float) -> tuple[LatencyHistogram, float, str]:
         os.close(far)
         os.close(near)
     return lateness, cpu_s, sender.scheduling
-
-
-def _python(seconds: float) -> tuple[LatencyHistogram, float, str]:
-    near, far = os.openpty()
-    tty.setraw(far)
-    stop = threading.Event()
-    _drained(near, stop)
-    lateness = LatencyHistogram()
-
-    def write(deadline_ns: int) -> None:
-        left_ns = deadline_ns - time.monotonic_ns()
-        if left_ns > 0:
-            time.sleep(left_ns / 1e9)
-        lateness.add(time.monotonic_ns() - deadline_ns)
-        os.write(far, _FRAME)
-
-    try:
-        cpu_s = _paced(seconds, write, realtime=False)
-    finally:
-        stop.set()
-        os.write(far, b"\0")
-        os.close(far)
-        os.close(near)
-    return lateness, cpu_s, "normal scheduling"
 
 
 def _messages(result: BenchmarkResult) -> None:

@@ -35,7 +35,6 @@ from hil.bench_suite.link_companion_frame import (
     frame_arrays,
     size_of,
 )
-from hil.companion.collector import QuietCollector
 from hil.companion.started import CLIENT_PATH
 from hil.signals.errors import LinkClosed
 from hil.signals.samples import GpsSample, ImageSample, ImuSample, PointCloudSample, TruthState
@@ -95,7 +94,6 @@ def far_end(wire: Wire, arrangement: Arrangement, arrays: Arrays) -> Iterator[Tr
     server = CompanionServer(CompanionSettings(f"tcp://{wire.near}:*", arrangement, wire.keys), _FACTS)
     server.open()
     peer: subprocess.Popen[str] | None = None
-    collector = QuietCollector()
     try:
         with socket.create_server((wire.near, 0)) as listening:
             listening.settimeout(LIMIT_S)
@@ -115,10 +113,8 @@ def far_end(wire: Wire, arrangement: Arrangement, arrays: Arrays) -> Iterator[Tr
         with bare:
             bare.settimeout(LIMIT_S)
             bare.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            collector.begin()  # as in a flight
             yield Transfer(server, bare, peer, arrays)
     finally:
-        collector.end()
         server.close("over", "the measurement is over")
         if peer is not None:
             _end(peer)

@@ -18,7 +18,7 @@ def keys(
     ] = None,
 ) -> None:
     """Key pairs for the companion link: of the bench and of its clients. Overwrites nothing."""
-    from hil.keys_command import make_key_pairs
+    from hil.companion_command import make_key_pairs
 
     with told():
         make_key_pairs(folder, names or (), console)

@@ -15,7 +15,6 @@ from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.companion.answers import Answers, LiveAnswers
 from hil.companion.calibrations import calibrations
-from hil.companion.collector import QuietCollector
 from hil.companion.link_faults import CompanionFault, CompanionFaults
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
@@ -59,7 +58,6 @@ class CompanionLink:
         self._timing: TimingLog | None = None
         self._stage: CompanionStage | None = None
         self._told: Counter[str] = Counter()  # events, by kind
-        self._collector = QuietCollector()
         self.views = ViewLog(out)
         self._faults = CompanionFaults(config.seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
@@ -98,7 +96,6 @@ class CompanionLink:
         self.topics = server.topics
         server.limit_topics(self.topics)
         timing = self._timing = TimingLog(self._out, begun_ns=self._begun_ns)
-        self._collector.begin()
         self._answers = LiveAnswers(server, on_sending=timing.handing, on_reply=timing.replied, ended=self._ended)
 
     def stage(
@@ -156,7 +153,6 @@ class CompanionLink:
         if self._server is not None:
             with suppress(OSError):
                 self._server.close(status, "the run is over")
-        self._collector.end()
         started, self._started = self._started, []
         close_all(started)
         if self._trace is not None:

@@ -28,9 +28,9 @@ def test_points_of_a_radar_go_as_columns_also_when_there_are_none() -> None:
         assert tuple(sample.arrays) == POINT_DTYPE.names
         assert sample.arrays["range_m"].tolist() == list(range(count))
         out = Outgoing(frame, Packing())
-        out.together(out.topics)  # refuses records
+        out.body(out.topics)  # refuses records
         ring = SharedRing(4096)
         try:
-            assert ring.put(out.for_ring([out.topics]), ["cut"]) is not None
+            assert ring.put(out.block(out.topics), ["cut"]) is not None
         finally:
             ring.close()

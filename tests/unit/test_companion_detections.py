@@ -17,7 +17,7 @@ from firmware_bridge.codecs.errors import CodecError
 from hil.companion.answers import Answer, Client
 from hil.companion.stage import CompanionStage, Waiting
 from hil.companion.trace import TracedAnswers, TraceWriter
-from hil.dashboard.boxes import boxes_of
+from hil.dashboard.client_views import boxes_of
 from hil.recorder.recorder import Recorder
 from hil.signals.detections import Detection, Detections, FoundObject
 from hil.signals.samples import TruthState

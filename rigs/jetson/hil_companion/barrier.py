@@ -22,11 +22,6 @@ class Barrier:
         self.incomplete = 0  # frames dropped because a newer one was complete first
         self.late = 0  # parts of frames that had been dropped or delivered
 
-    @property
-    def waits(self) -> bool:
-        """Whether parts of a frame are here, and others are not."""
-        return bool(self._waiting)
-
     def add(self, part: Frame, topics: list[str] | None) -> tuple[Frame | None, int]:
         """The frame that this part completes, if it does; and how many older ones are thereby lost. BadMessage."""
         if part.frame <= self._newest:

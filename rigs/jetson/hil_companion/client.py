@@ -22,7 +22,6 @@ import zmq
 
 from hil_companion import protocol
 from hil_companion.barrier import Barrier
-from hil_companion.clock import BenchClock
 from hil_companion.connection import BYE_LINGER_MS, Connection, Keys, PathLike
 from hil_companion.desired import Desired
 from hil_companion.detections import Detections
@@ -41,6 +40,7 @@ from hil_companion.protocol import End, Welcome, checked_report
 from hil_companion.view import View
 
 PING_EVERY_S = 1.0
+PONGS_KEPT = 16
 MAX_BAD_IN_A_ROW = 10
 MAX_MESSAGE_BYTES = 256 << 20
 DEFAULT_WAIT_S = 30.0
@@ -343,6 +343,33 @@ class Client:
     @property
     def _address(self) -> str:
         return self._connections[0].address
+
+
+class BenchClock:
+    """The bench's clock as seen from here, from pings: offset and round trip, None before the first answer.
+
+    With client times t0 (ping sent) and t3 (pong received) and bench times t1, t2 in between, the round trip is
+    (t3 - t0) - (t2 - t1), and the offset bench - client is ((t1 - t0) + (t2 - t3)) / 2, wrong by at most half the round
+    trip. The shortest of the last few round trips is believed.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int]] = deque(maxlen=PONGS_KEPT)  # round trip, offset
+
+    def add(self, pong: protocol.Pong, t_received_ns: int) -> None:
+        round_trip_ns = (t_received_ns - pong.t_client_ns) - (pong.t_bench_sent_ns - pong.t_bench_received_ns)
+        there_ns = pong.t_bench_received_ns - pong.t_client_ns
+        back_ns = pong.t_bench_sent_ns - t_received_ns
+        if round_trip_ns >= 0:  # below 0: an answer that no clock can have given
+            self._seen.append((round_trip_ns, (there_ns + back_ns) // 2))
+
+    @property
+    def round_trip_ns(self) -> int | None:
+        return min(self._seen)[0] if self._seen else None
+
+    @property
+    def bench_minus_client_ns(self) -> int | None:
+        return min(self._seen)[1] if self._seen else None
 
 
 def reachable(port: str, address: str) -> str:
