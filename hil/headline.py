@@ -28,7 +28,7 @@ def print_result(console: Console, error_console: Console, run: dict[str, object
     )
     companion: dict[str, object] | None = run.get("companion")  # type: ignore[assignment]
     if companion:
-        from hil.report.companion_table import console_rows
+        from hil.report.page import console_rows
 
         for label, text in console_rows(companion):
             table.add_row(label, text)

@@ -12,7 +12,6 @@ from typing import Any
 from hil.companion.timing_file import FrameTimes
 from hil.recorder.recorder import Event
 from hil.recorder.track import TrackArrays
-from hil.report.companion_table import HEAD, companion_line, companion_rows
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FrameSample, RadarSample, Vec3
@@ -24,6 +23,8 @@ FLIGHT_NAME = "flight.png"
 _EVENTS_SHOWN = 300
 _LARGEST_PICTURE_BYTES = 8 << 20
 _HARMFUL_MS = 20.0  # samples this late were seen to hurt PX4's estimator: firmware_bridge.links.realtime_health
+HEAD = ("client", "frames", "dropped", "t1 [ms]", "engine to SUT", "SUT to CUT", "t2 [ms]", "t3 [ms]")
+_TIMES = ("t1_ms", "render_ms", "link_ms", "t2_ms", "t3_ms")
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,11 @@ def _left_by_clients(out_dir: Path) -> list[Path]:
 def _draw_companion(out_dir: Path, timing: Mapping[str, FrameTimes]) -> list[tuple[str, Path]]:
     if not timing:
         return []
-    from hil.report import companion_pictures, figures
+    from hil.report import figures
 
     path = out_dir / "companion.png"
     with figures.style():
-        figures.save(companion_pictures.companion_figure(timing), path)
+        figures.save(figures.companion_figure(timing), path)
     return [("Times of every frame to the companions and back", path)]
 
 
@@ -311,3 +312,40 @@ td,th{text-align:left;padding:.25rem .6rem .25rem 0;border-bottom:1px solid var(
 th{color:var(--soft);font-weight:600}
 footer{margin-top:1.5rem;color:var(--soft);font-size:.85rem;overflow-wrap:anywhere}
 """
+
+
+def companion_rows(companion: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """One row per client under `HEAD`; times as p50 / p99 / max. `companion` is that of run.json."""
+    return [
+        (
+            name + (" (in control)" if client.get("control") else ""),
+            str(client.get("frames", 0)),
+            str(client.get("dropped", 0)),
+            *(_three(client.get(key)) for key in _TIMES),
+        )
+        for name, client in companion["clients"].items()
+    ]
+
+
+def companion_line(companion: Mapping[str, Any]) -> str:
+    """How the clients were connected, in a line."""
+    words = f"{companion['frames']} frames at {companion['rate_hz']:g} Hz, {companion['time']}"
+    return f"{words}, {companion['arrangement'].replace('_', ' ')}"
+
+
+def console_rows(companion: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Label and text, for the summary at the end of a run."""
+    rows = [("companions", companion_line(companion))]
+    for name, client in companion["clients"].items():
+        rows.append((f"  {name}", f"{client.get('frames', 0)} frames, {client.get('dropped', 0)} dropped"))
+        times = [(key[:2], client.get(key) or {}) for key in ("t1_ms", "t2_ms", "t3_ms")]
+        texts = [f"{key} {ms['p50']:.2f} (p99 {ms['p99']:.2f})" for key, ms in times if ms.get("p50") is not None]
+        if texts:
+            rows.append(("", ", ".join(texts) + " ms"))
+    return rows
+
+
+def _three(times_ms: Mapping[str, float | None] | None) -> str:
+    if not times_ms or times_ms["p50"] is None:
+        return "\N{EN DASH}"
+    return " / ".join(f"{times_ms[key]:.2f}" for key in ("p50", "p99", "max"))

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.radar_offline.track_spectra import SpectraOfTracks, rows_over_frames
-from hil.report.radar_pictures import radar_figure
-from hil.report.radar_waterfall import micro_doppler_figure
+from hil.radar_offline.results import SpectraOfTracks, rows_over_frames
+from hil.report.radar_pictures import micro_doppler_figure, radar_figure
 from sim.radar.chirp import Chirp
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.processor import Processed

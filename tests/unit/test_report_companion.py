@@ -8,8 +8,7 @@ import numpy as np
 
 from hil.companion.timing_file import FrameTimes
 from hil.recorder.track import Track
-from hil.report.companion_table import companion_rows, console_rows
-from hil.report.page import write_report
+from hil.report.page import companion_rows, console_rows, write_report
 from tests.unit.recorded_flight import TICK_NS
 from tests.unit.test_report import RUN
 

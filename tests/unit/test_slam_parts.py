@@ -24,7 +24,7 @@ from hil_companion.explore.scan import Scan, make_scan  # isort: skip
 from hil_companion.explore.search import search  # isort: skip
 from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
 from hil_companion.explore.sweep import Sweep, make_sweep  # isort: skip
-from hil_companion.explore.tiles import CELLS, Tiles  # isort: skip
+from hil_companion.explore.maps import CELLS, Tiles  # isort: skip
 from hil_companion.frame import Sample as ClientSample  # isort: skip
 
 T_NS = 3_500_000_000

@@ -7,20 +7,22 @@ bench with every answer (`report`), pictures to `pictures`, or to where the benc
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any, Mapping, Sequence
 
+import numpy as np
+
 from hil_companion.desired import Desired
 from hil_companion.errors import OptionError
 from hil_companion.explore.explorer import Explorer
-from hil_companion.explore.overview import overview
 from hil_companion.explore.pictures import Pictures
 from hil_companion.explore.settings import FlightSettings, number
 from hil_companion.explore.true_pose import TruePose
 from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
-from hil_companion.view import View
+from hil_companion.view import FREE, NEAR, OCCUPIED, UNKNOWN, Grid, View
 
 GOAL_W = (70.0, 60.0, 10.0)
 OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wants to leave; the bench sets it
@@ -146,3 +148,31 @@ def _made(kind: Any, name: str, values: Mapping[str, Any]) -> Any:
         known = ", ".join(kind.__dataclass_fields__)
         raise OptionError(f"explore: {name} has no setting {', '.join(map(str, strange))}; it has {known}")
     return kind(**values)
+
+
+def overview(explorer: Explorer) -> View | None:
+    """Of the moment; None before there is a position to show."""
+    estimate = explorer.estimate
+    if estimate is None or not all(math.isfinite(float(v)) for v in (*estimate.p_W, estimate.yaw_rad)):
+        return None
+    particles = getattr(estimate, "particles_xy", None)
+    return View(
+        p_W=[float(v) for v in estimate.p_W],
+        yaw_rad=float(estimate.yaw_rad),
+        goal_W=explorer.goal_W,
+        plan_W=np.asarray(explorer.route.points_W, float).reshape(-1, 2) if explorer.route.found else None,
+        particles_W=None if particles is None else particles[np.isfinite(particles).all(axis=1)],
+        grid=_grid(explorer),
+    )
+
+
+def _grid(explorer: Explorer) -> Grid | None:
+    around = explorer.map
+    if around is None:
+        return None
+    settings = explorer.settings
+    cells = np.full(around.distance_m.shape, FREE, np.uint8)
+    cells[around.distance_m < settings.vehicle_radius_m + settings.clearance_m] = NEAR
+    cells[around.unknown] = UNKNOWN
+    cells[around.distance_m <= 0.0] = OCCUPIED
+    return Grid(cells, around.origin_W, around.cell_m)

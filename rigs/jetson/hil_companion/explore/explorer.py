@@ -3,7 +3,7 @@
     climb     straight up to the flight's height, over where it started
     fly       every frame: where am I, what is near, which way, how fast
     outcome   goal: it is there, and the bench may land it. Anything else: brake, hover over bare ground, say so, be
-              finished `hover_s` later (landing.py)
+              finished `hover_s` later (ground.py)
 
     goal               within goal_radius_m of it by its own estimate, and slow
     goal_in_obstacle   the goal lies in something, or in something closed
@@ -25,10 +25,9 @@ from typing import Any, Callable, Mapping
 import numpy as np
 
 from hil_companion.desired import Desired
-from hil_companion.explore.face import Estimate, Localiser
-from hil_companion.explore.ground import GROUND, UNKNOWN, Ground
+from hil_companion.explore.grid import Estimate, Localiser
+from hil_companion.explore.ground import GROUND, UNKNOWN, Ground, Landing
 from hil_companion.explore.inflation import Berth, berth, sigma_m
-from hil_companion.explore.landing import Landing
 from hil_companion.explore.moving import Moving
 from hil_companion.explore.nearby import Nearby
 from hil_companion.explore.outcome import (
@@ -40,11 +39,10 @@ from hil_companion.explore.outcome import (
     FlightReport,
 )
 from hil_companion.explore.plan_map import PlanMap, TooFar, make_map
-from hil_companion.explore.retreat import RetreatRule
 from hil_companion.explore.route import NO_WAY, Route, Router
 from hil_companion.explore.senses import Senses
 from hil_companion.explore.settings import FlightSettings
-from hil_companion.explore.steering import Steering
+from hil_companion.explore.steering import RetreatRule, Steering
 from hil_companion.frame import Frame
 
 _AT_HEIGHT_M = 0.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -43,3 +43,24 @@ class GridView:
         rows, columns = np.nonzero(mask)
         xy: Any = np.stack([columns, rows], axis=-1)
         return (xy + 0.5) * self.cell_m + np.array(self.origin_W)
+
+
+class Estimate(Protocol):
+    """Pose, velocity and map at one frame."""
+
+    t_ns: int
+    p_W: np.ndarray  # (3,) [m]
+    v_W: np.ndarray  # (3,) [m/s]
+    yaw_rad: float
+    roll: float
+    pitch: float
+    covariance_xy: np.ndarray  # (2, 2) [m2]
+    lidar_ok: bool
+    imu_ok: bool  # roll and pitch are known
+    grid: GridView
+
+
+class Localiser(Protocol):
+    """Called once with every frame, in order."""
+
+    def update(self, frame: Any) -> Estimate: ...

@@ -3,6 +3,10 @@
 The LiDAR of a vehicle sees little straight below it, but what lies there was seen from afar on the way. A cell holds
 the highest that was met in it; what later sweeps show lower sinks by `_SINK_M` each time, so that people who walked on
 are forgotten in a second. Ground is what lies within `_BARE_M` of the start's height: roofs and cars are not.
+
+After an outcome other than the goal: over bare ground it hovers `hover_s`. Over a roof, a car, people or what nobody
+has seen it goes to the nearest bare ground that it can get to, as long as it sees its way; where there is none it
+hovers `unsafe_hover_s` and says what is below.
 """
 
 from __future__ import annotations
@@ -12,12 +16,18 @@ import math
 import cv2
 import numpy as np
 
+from hil_companion.explore.inflation import Berth
+from hil_companion.explore.outcome import GOAL
+from hil_companion.explore.plan_map import PlanMap
+from hil_companion.explore.settings import FlightSettings
+
 GROUND, OBSTACLE, UNKNOWN = "ground", "obstacle", "unknown"
 _CELL_M = 0.5
 _BARE_M = 0.5
 _SINK_M = 0.15
 _KNOWN_SHARE = 0.4  # of the cells of a place, between the rings of the sweeps
 _NOTHING = -1e3
+_WITHIN_M = 30.0
 
 
 class Ground:
@@ -72,3 +82,38 @@ class Ground:
         away_m = np.hypot(xy[:, 0] - x_m, xy[:, 1] - y_m)
         order = np.argsort(away_m, kind="stable")
         return np.asarray(xy[order[away_m[order] <= within_m]])
+
+
+class Landing:
+    """Of one flight: when the bench may land the vehicle, and where it had better hover until then."""
+
+    def __init__(self, settings: FlightSettings, ground: Ground) -> None:
+        self._settings, self._ground = settings, ground
+        self._spot: tuple[float, float] | None = None
+
+    def due(self, outcome: str, below: str, since_s: float) -> bool:
+        """Whether it may be landed, so long after the outcome."""
+        if outcome == GOAL:
+            return True  # whoever set the goal chose what lies below
+        return since_s >= (self._settings.hover_s if below == GROUND else self._settings.unsafe_hover_s)
+
+    def spot(self, p_W: np.ndarray, around: PlanMap, berth: Berth) -> tuple[float, float] | None:
+        """Where to go; the same again while it is good."""
+        places = self._ground.places(float(p_W[0]), float(p_W[1]), _WITHIN_M)
+        if self._spot is not None and self._ground.below(*self._spot) == GROUND:
+            places = np.vstack([self._spot, places])
+        places = places[around.holds(places)]
+        rows, columns = around.fine(places)
+        reachable = _reachable(around, p_W)[rows // around.blocks, columns // around.blocks]
+        good = np.flatnonzero(reachable & (around.distance_m[rows, columns] >= berth.hard_m))
+        self._spot = (float(places[good[0], 0]), float(places[good[0], 1])) if len(good) else None
+        return self._spot
+
+
+def _reachable(around: PlanMap, p_W: np.ndarray) -> np.ndarray:
+    """Cells of the plan's grid that there is a way to."""
+    here = around.plan_cell(float(p_W[0]), float(p_W[1]))
+    passable = np.isfinite(around.price).astype(np.uint8)
+    passable[here] = 1
+    _, label = cv2.connectedComponents(passable, connectivity=4)
+    return np.asarray(label == label[here])

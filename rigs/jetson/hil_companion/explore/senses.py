@@ -9,8 +9,8 @@ from typing import Any, Mapping
 
 import numpy as np
 
-from hil_companion.explore.face import Estimate
 from hil_companion.explore.fresh import FreshSweeps
+from hil_companion.explore.grid import Estimate
 from hil_companion.explore.nearby import Nearby, Sweeps
 from hil_companion.explore.outcome import IMU_LOST, LIDAR_LOST
 from hil_companion.explore.settings import FlightSettings

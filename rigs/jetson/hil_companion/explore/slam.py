@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from hil_companion.explore.fresh import FreshSweeps
-from hil_companion.explore.geodesy import LocalPlane
+from hil_companion.explore.geodesy import BaroHeights, GpsFixes
 from hil_companion.explore.grid import GridView
 from hil_companion.explore.inertial import InertialFilter
 from hil_companion.explore.maps import Maps
@@ -44,6 +44,7 @@ _STEP_M, _STEP_RAD, _TURN_SHARE = 0.01, 0.0005, 0.003  # what the IMU adds from 
 _WINDOW_M, _WINDOW_RAD = (1.0, 12.0), (0.06, 0.3)  # least and most of a search, to each side
 _LEAST_SHARE = 0.5  # of the points on the map, for a search to have found
 _GROUND_SIGMA_M = 0.15  # of the ground's height as a sweep has it: things on it, tilt
+_BARO_SIGMA_M = 0.25
 _GPS_GATE = 5.0
 _GPS_LOST_S = 0.6
 _SURE_M = 0.5  # of a position, that may begin a new part of the map
@@ -85,9 +86,7 @@ class Slam:
         self._inertial = InertialFilter((x, y, z, yaw))
         self.particles = Particles(s.particles, (x, y, yaw), seed)
         self.maps = Maps(s.particles, s.cell_m, s.area_m, s.map_range_m, (x, y))
-        self._start = np.array([x, y, z])
-        self._plane: LocalPlane | None = None
-        self._baro_zero: list[float] = []
+        self._gps, self._baro = GpsFixes(np.array([x, y, z])), BaroHeights(z)
         self._fresh = FreshSweeps()
         self._sweep_ns: int | None = None
         self._last_fix_ns: int | None = None
@@ -129,38 +128,22 @@ class Slam:
         topic = self.settings.gps_topic
         if topic not in frame:
             return
-        gps = frame[topic]
-        for k, t_ns in enumerate(gps["t_capture_ns"]):
-            place = (gps["latitude_deg"][k], gps["longitude_deg"][k], gps["altitude_m"][k])
-            sigma_m, speed = gps["horizontal_accuracy_m"][k], gps["v_W"][k]
-            if gps["fix_type"][k] < 3 or not np.isfinite((*place, sigma_m, *speed)).all() or not 0.0 <= sigma_m < 50.0:
-                continue
+        for t_ns, p_W, v_W, sigma_m in self._gps.of(frame[topic]):
             sigma_m = max(0.2, sigma_m if self.settings.gps_sigma_m is None else self.settings.gps_sigma_m)
-            if self._plane is None:
-                self._plane = LocalPlane(*place)
+            if p_W is None:
                 self.particles.first_fix(sigma_m * sigma_m)
-                self._last_fix_ns = int(t_ns)
+                self._last_fix_ns = t_ns
                 continue
-            position = self._start + np.array(self._plane.enu(*place))
-            self._fixes.append((int(t_ns), position, sigma_m))
-            self._speeds.append((int(t_ns), np.array(speed, float)))
+            self._fixes.append((t_ns, p_W, sigma_m))
+            self._speeds.append((t_ns, v_W))
         del self._fixes[:-64], self._speeds[:-64]
 
     def _take_baro(self, frame: Any) -> None:
         topic = self.settings.baro_topic
-        if topic not in frame:
-            return
-        baro = frame[topic]
-        heights = [h for h in baro["pressure_altitude_m"] if math.isfinite(h)]
-        if not heights:
-            return
-        mean = sum(heights) / len(heights)
-        if len(self._baro_zero) < 10:
-            self._baro_zero.append(mean)  # the first second, on the ground
-        zero = sum(self._baro_zero) / len(self._baro_zero)
-        t_ns = int(baro["t_capture_ns"][len(heights) // 2])
-        self._heights.append((t_ns, self._start[2] + mean - zero, 0.25**2))
-        del self._heights[:-64]
+        height = self._baro.of(frame[topic]) if topic in frame else None
+        if height is not None:
+            self._heights.append((*height, _BARO_SIGMA_M**2))
+            del self._heights[:-64]
 
     def _new_sweep(self, frame: Any) -> int | None:
         """Its time, if there is a new one."""

@@ -17,7 +17,6 @@ from typing import NamedTuple, Sequence
 import numpy as np
 
 from hil_companion.explore.inertial import InertialFilter
-from hil_companion.explore.rings import on_ring
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
 
 AZIMUTHS = 720
@@ -27,6 +26,7 @@ _ALIVE = 4  # neighbours to each side among which a return must be for a beam to
 _BAD, _EMPTY = -1.0, 0.0
 _MOST_RINGS = 256
 _STRANGE = 0.01  # share of returns beside their ring that may be errors of the wire
+_OFF_M, _OFF_RAD = 0.05, 0.015  # of a return from its ring, since beams do not begin in one point
 
 
 class Sweep(NamedTuple):
@@ -221,3 +221,14 @@ def _turned(R: np.ndarray, p: np.ndarray) -> np.ndarray:
     for i in range(3):
         out[..., i] = R[:, i, 0] * p[..., 0] + R[:, i, 1] * p[..., 1] + R[:, i, 2] * p[..., 2]
     return out
+
+
+def on_ring(points_L: np.ndarray, ring: np.ndarray, elevation_deg: Sequence[float]) -> np.ndarray:
+    """Which returns (n, 3) lie where their ring looks; of rings that are not told, and points that are none: none."""
+    slopes = np.tan(np.radians(np.asarray(elevation_deg, float)))
+    known = (ring >= 0) & (ring < len(slopes))
+    slope = slopes[np.where(known, ring, 0)] if len(slopes) else np.zeros(len(ring))
+    with np.errstate(invalid="ignore", over="ignore"):
+        level_m = np.hypot(points_L[:, 0], points_L[:, 1])
+        off_m = np.abs(points_L[:, 2] - slope * level_m)
+        return np.asarray(known & (off_m <= _OFF_M + _OFF_RAD * (level_m + np.abs(points_L[:, 2]))))
