@@ -11,12 +11,11 @@ from contextlib import suppress
 from functools import partial
 from typing import Protocol
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser, datagrams
 from firmware_bridge.router_endpoint import Address, Endpoint
 from hil.signals.errors import PortBusy, PortNotFound
 from hil.signals.time import NS_PER_S
 
-_DATAGRAM_LIMIT = 1400  # of whole frames, below any MTU
 _DATAGRAMS_PER_TICK = 32
 _DATAGRAM_SIZE = 65536
 _BYTES_PER_TICK = 65536  # read from one socket
@@ -163,7 +162,7 @@ class UdpPort:
 
     def _send(self, address: Address, raws: Sequence[bytes]) -> int:
         lost = 0
-        for datagram, count in _datagrams(raws):
+        for datagram, count in datagrams(raws):
             try:
                 self._socket.sendto(datagram, address)
             except OSError:
@@ -344,16 +343,3 @@ def _resolved(address: Address) -> Address:
         return (socket.gethostbyname(address[0]), address[1])
     except OSError as error:
         raise PortNotFound(f"udp {address[0]}:{address[1]}", f"no such machine ({error})") from error
-
-
-def _datagrams(raws: Sequence[bytes]) -> Iterable[tuple[bytes, int]]:
-    """Frames packed into datagrams: (bytes, number of frames)."""
-    batch: list[bytes] = []
-    size = 0
-    for raw in raws:
-        if batch and size + len(raw) > _DATAGRAM_LIMIT:
-            yield b"".join(batch), len(batch)
-            batch, size = [], 0
-        batch.append(raw)
-        size += len(raw)
-    yield b"".join(batch), len(batch)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
@@ -23,6 +24,7 @@ _HEADER_LENGTH = {_V2: 10, _V1: 6}
 _SIGNED = 0x01  # incompatibility flag
 _CRC_LENGTH, _SIGNATURE_LENGTH = 2, 13
 MAX_FRAME_LENGTH = 10 + 255 + _CRC_LENGTH + _SIGNATURE_LENGTH
+_DATAGRAM_LIMIT = 1400  # bytes; PX4 reads datagrams of at most 1600
 NO_FRAME = 0xFFFFFFFF  # stands for the message id of bytes that are no frame
 
 _LATE_GAP = 240  # a sequence number this far ahead is one that is up to 16 behind
@@ -269,6 +271,20 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
         else:
             pieces.append((msgid, unit))
     return pieces
+
+
+def datagrams(frames: Iterable[bytes]) -> Iterator[tuple[bytes, int]]:
+    """Whole frames packed into datagrams below any MTU: (bytes, number of frames)."""
+    batch: list[bytes] = []
+    size = 0
+    for raw in frames:
+        if batch and size + len(raw) > _DATAGRAM_LIMIT:
+            yield b"".join(batch), len(batch)
+            batch, size = [], 0
+        batch.append(raw)
+        size += len(raw)
+    if batch:
+        yield b"".join(batch), len(batch)
 
 
 def with_checksum(body: bytes, msgid: int) -> bytes:

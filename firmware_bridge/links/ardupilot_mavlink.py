@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import time
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
-from firmware_bridge.links.ground_channel import datagrams
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser, datagrams, split_frames
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpTransport
 from hil.signals.errors import LinkClosed, PortNotFound
@@ -78,7 +77,7 @@ class MavlinkSide:
                     raise LinkClosed(self.name, "not connected yet")
                 self._transport.write(data)
             else:
-                for datagram in datagrams(data):
+                for datagram, _ in datagrams(frame for _, frame in split_frames(data)):
                     self._transport.write(datagram)
         except LinkClosed:
             self._hang_up()

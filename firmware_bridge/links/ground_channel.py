@@ -8,15 +8,13 @@ is held back until PX4 has read them: simulated time stands still meanwhile.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser, datagrams, split_frames
 from firmware_bridge.transports.udp import UdpInbox
 from hil.signals.errors import LinkError
 
-_DATAGRAM_LIMIT = 1400  # PX4 reads datagrams of at most 1600 bytes
 _TAKEN_LIMIT_S = 0.05
 # Allowance, not measured, for PX4's receiver thread from "read from the socket" to "acted upon".
 _ACT_S = 0.0003
@@ -45,7 +43,7 @@ class GroundChannel:
 
     def write(self, data: bytes) -> None:
         """Send whole frames, and wait until the far side has read them (at most 50 ms: it may not be up yet)."""
-        for datagram in datagrams(data):
+        for datagram, _ in datagrams(frame for _, frame in split_frames(data)):
             with suppress(LinkError):  # MAVLink's services ask again
                 self._socket.send(datagram, self._peer)
         self._wait_until_taken()
@@ -83,23 +81,3 @@ class GroundChannel:
             if fields[1].endswith(self._far_port):
                 return fields
         return None
-
-
-def datagrams(data: bytes) -> Iterable[bytes]:
-    """`data`, whole frames, cut into datagrams at their borders."""
-    start = pos = 0
-    while pos < len(data):
-        size = frame_size(data, pos)
-        if pos + size - start > _DATAGRAM_LIMIT and pos > start:
-            yield data[start:pos]
-            start = pos
-        pos += size
-    if start < pos:
-        yield data[start:pos]
-
-
-def frame_size(data: bytes, pos: int) -> int:
-    """Bytes of the frame that begins at `pos`: MAVLink 1, MAVLink 2, signed or not."""
-    if data[pos] == 0xFD and pos + 2 < len(data):
-        return 12 + data[pos + 1] + (13 if data[pos + 2] & 1 else 0)
-    return 8 + data[pos + 1] if pos + 1 < len(data) else 1
