@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
-from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, Frame, FrameEncoder, FrameParser
+from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, Frame, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.faults.hit_log import describe
+from tests.unit.faulty_wire import frames, signed
 
 ATTITUDE = message_class("ATTITUDE")(1000, 0.1, -0.2, 0.3, 0.01, 0.02, -0.03)
 HEARTBEAT = message_class("HEARTBEAT")(2, 12, 0, 0, 0, 3)
@@ -226,3 +228,39 @@ def test_what_is_no_message_is_refused():
 def test_ids_of_a_sender_are_checked():
     with pytest.raises(ValueError, match="sysid and compid"):
         FrameEncoder(0, 1)
+
+
+PIECES = st.lists(
+    st.one_of(
+        st.binary(max_size=40),
+        st.sampled_from([*frames(3), signed(frames(1)[0]), b"\xfd", b"\xfe\xff", b"\xfd\xff\x00\x00\x00\x01\x01"]),
+    ),
+    max_size=20,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(pieces=PIECES)
+def test_the_units_put_together_are_the_stream(pieces: list[bytes]) -> None:
+    splitter = FrameSplitter()
+    units = []
+    for piece in pieces:
+        units += splitter.feed(piece)
+        assert splitter.pending < 280
+    units += splitter.flush()
+    assert b"".join(units) == b"".join(pieces)
+    whole = FrameSplitter()
+    assert whole.feed(b"".join(pieces)) + whole.flush() == units
+
+
+def test_units_are_frames_of_both_versions_signed_or_not_and_of_other_dialects() -> None:
+    v2 = frames(1)[0]
+    v1 = b"\xfe\x09\x00\x01\x01\x00" + bytes(9)
+    v1 += common.x25crc(v1[1:] + b"\x32").crc.to_bytes(2, "little")  # HEARTBEAT's crc_extra is 50
+    foreign = b"\xfd\x03\x00\x00\x05\x01\x01\x11\x00\x01abc!!"
+    damaged = v2[:15] + b"\x00" + v2[16:]
+    units = FrameSplitter().feed(b"x" + v2 + signed(v2) + v1 + foreign + damaged + v2)
+    assert units[:5] == [b"x", v2, signed(v2), v1, foreign]
+    assert units[-1] == v2
+    assert all(len(unit) == 1 for unit in units[5:-1])
+    assert [describe(unit) for unit in units[:5]] == ["byte 0x78", "ATTITUDE", "ATTITUDE", "HEARTBEAT", "message 65553"]

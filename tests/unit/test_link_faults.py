@@ -4,135 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cache
 from itertools import pairwise
 
 import pytest
-from fastcrc.crc16 import mcrf4xx
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import TypeAdapter, ValidationError
 
-from firmware_bridge.codecs.dialect import SHAPES
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser, FrameSplitter
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.faults.faulty_transport import FaultyTransport
-from firmware_bridge.faults.hit_log import LISTED_PER_FAULT, describe
+from firmware_bridge.faults.hit_log import LISTED_PER_FAULT
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.signals.errors import LinkClosed, PortNotFound
-
-MS = 1_000_000
-SECOND = 1000 * MS
-Attitude = message_class("ATTITUDE")
-
-
-@cache
-def _frames(count: int) -> tuple[bytes, ...]:
-    encoder = FrameEncoder(1, 1)
-    return tuple(
-        encoder.frame(MSGID["ATTITUDE"], pack(Attitude(k, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6))) for k in range(count)
-    )
-
-
-def frames(count: int) -> list[bytes]:
-    """Numbered ATTITUDE frames."""
-    return list(_frames(count))
-
-
-def numbers(data: bytes) -> list[int]:
-    """Which of them are in `data`, in order."""
-    return [int.from_bytes(frame.payload[:4], "little") for frame in FrameParser().feed(data)]
-
-
-def signed(frame: bytes) -> bytes:
-    """An ATTITUDE as a signed frame: the flag set, a checksum to match, 13 bytes behind it."""
-    body = frame[:2] + b"\x01" + frame[3:-2]
-    crc = mcrf4xx(body[1:] + bytes((SHAPES[MSGID["ATTITUDE"]].crc_extra,)))
-    return body + crc.to_bytes(2, "little") + bytes(range(13))
-
-
-class Clock:
-    """Both times, set by the test."""
-
-    def __init__(self) -> None:
-        self.sim_ns = 0
-        self.wall_ns = 50 * SECOND
-
-    def pass_s(self, seconds: float) -> None:
-        self.wall_ns += round(seconds * 1e9)
-
-
-class Wire:
-    """A transport whose far side is this test. Waiting makes the wall clock pass."""
-
-    name = "wire"
-
-    def __init__(self, clock: Clock) -> None:
-        self.clock = clock
-        self.sent = b""
-        self.inbox: list[bytes] = []
-        self.opened = 0
-        self.is_open = False
-        self.hung_up = False
-
-    def open(self) -> None:
-        self.opened += 1
-        self.is_open = True
-
-    def close(self) -> None:
-        self.is_open = False
-
-    def write(self, data: bytes) -> None:
-        assert self.is_open
-        assert data
-        self.sent += data
-
-    def read(self, timeout_s: float) -> bytes:
-        assert self.is_open
-        assert timeout_s >= 0.0
-        if self.inbox:
-            return self.inbox.pop(0)
-        if self.hung_up:
-            raise LinkClosed(self.name, "hung up")
-        self.clock.pass_s(timeout_s)
-        return b""
-
-    def fileno(self) -> int | None:
-        return 99
-
-
-class Rig:
-    """A FaultyTransport over a Wire."""
-
-    def __init__(self, *faults: LinkFault, seed: int = 1) -> None:
-        self.clock = Clock()
-        self.wire = Wire(self.clock)
-        self.events: list[tuple[int, str, str]] = []
-        self.line = FaultyTransport(
-            self.wire,
-            faults,
-            seed,
-            lambda: self.clock.sim_ns,
-            lambda *event: self.events.append(event),
-            wall_ns=lambda: self.clock.wall_ns,
-            sleep=self.clock.pass_s,
-        )
-        self.line.open()
-
-    def through(self, units: Sequence[bytes], direction: str) -> bytes:
-        """What comes out, in the end, of `units` sent one after the other."""
-        if direction == "to_autopilot":
-            for unit in units:
-                self.line.write(unit)
-            self.line.read(5.0)  # time for what is held back
-            return self.wire.sent
-        self.wire.inbox += units
-        out = b""
-        while data := self.line.read(5.0):
-            out += data
-        return out
-
+from tests.unit.faulty_wire import MS, SECOND, Clock, Rig, Wire, frames, numbers, signed
 
 DIRECTIONS = pytest.mark.parametrize("direction", ["to_autopilot", "from_autopilot"])
 UNITS = pytest.mark.parametrize("unit", ["message", "byte"])
@@ -438,33 +323,6 @@ def test_a_fault_that_never_hits_changes_no_byte(kind: str, unit: str, direction
     assert rig.events == []
 
 
-@settings(max_examples=200, deadline=None)
-@given(pieces=PIECES)
-def test_the_units_put_together_are_the_stream(pieces: list[bytes]) -> None:
-    splitter = FrameSplitter()
-    units = []
-    for piece in pieces:
-        units += splitter.feed(piece)
-        assert splitter.pending < 280
-    units += splitter.flush()
-    assert b"".join(units) == b"".join(pieces)
-    whole = FrameSplitter()
-    assert whole.feed(b"".join(pieces)) + whole.flush() == units
-
-
-def test_units_are_frames_of_both_versions_signed_or_not_and_of_other_dialects() -> None:
-    v2 = frames(1)[0]
-    v1 = b"\xfe\x09\x00\x01\x01\x00" + bytes(9)
-    v1 += mcrf4xx(v1[1:] + b"\x32").to_bytes(2, "little")  # HEARTBEAT's crc_extra is 50
-    foreign = b"\xfd\x03\x00\x00\x05\x01\x01\x11\x00\x01abc!!"
-    damaged = v2[:15] + b"\x00" + v2[16:]
-    units = FrameSplitter().feed(b"x" + v2 + signed(v2) + v1 + foreign + damaged + v2)
-    assert units[:5] == [b"x", v2, signed(v2), v1, foreign]
-    assert units[-1] == v2
-    assert all(len(unit) == 1 for unit in units[5:-1])
-    assert [describe(unit) for unit in units[:5]] == ["byte 0x78", "ATTITUDE", "ATTITUDE", "HEARTBEAT", "message 65553"]
-
-
 # -- counts and events -----------------------------------------------------------------------------------------------
 
 
@@ -512,43 +370,7 @@ def test_in_memory_nothing_waits_but_for_what_is_held_back() -> None:
     line.close()
 
 
-# -- declared wrongly ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ('{"kind": "drop", "at_s": 1}', "needs rate"),
-        ('{"kind": "drop", "at_s": 1, "rate": 1.5}', "less than or equal to 1"),
-        ('{"kind": "drop", "at_s": 1, "rate": "0.1"}', "valid number"),
-        ('{"kind": "drop", "at_s": -1, "rate": 0.1}', "greater than or equal to 0"),
-        ('{"kind": "drop", "rate": 0.1}', "at_s"),
-        ('{"kind": "drop", "at_s": 1, "for_s": 0, "rate": 0.1}', "greater than 0"),
-        ('{"kind": "drop", "at_s": 1, "rate": 0.1, "delay_s": 1}', "delay_s has no meaning for the kind 'drop'"),
-        ('{"kind": "delay", "at_s": 1, "rate": 0.1}', "needs delay_s"),
-        ('{"kind": "stall", "at_s": 1, "rate": 0.1}', "rate has no meaning for the kind 'stall'"),
-        ('{"kind": "stall", "at_s": 1, "unit": "byte"}', "unit has no meaning"),
-        ('{"kind": "unplug", "at_s": 1, "direction": "to_autopilot"}', "direction has no meaning"),
-        ('{"kind": "unplug", "at_s": 1, "burst": 2}', "burst has no meaning"),
-        ('{"kind": "drop", "at_s": 1, "rate": 0.1, "messages": ["HIL_GSP"]}', "did you mean 'HIL_GPS'"),
-        ('{"kind": "drop", "at_s": 1, "rate": 0.1, "messages": ["HIL_GPS"], "unit": "byte"}', "messages has no"),
-        ('{"kind": "drop", "at_s": 1, "rate": 0.1, "rates": 1}', "rates"),
-        ('{"kind": "burn", "at_s": 1}', "burn"),
-    ],
-)
-def test_a_wrong_declaration_is_refused_in_words(fault: str, words: str) -> None:
-    with pytest.raises(ValidationError) as refusal:
-        TypeAdapter(tuple[LinkFault, ...]).validate_json(f"[{fault}]", strict=True)
-    assert words in str(refusal.value)
-
-
-def test_a_declaration_as_a_bench_file_has_it() -> None:
-    text = '[{"kind": "delay", "at_s": 2, "for_s": 1, "rate": 1, "delay_s": 0.02, "messages": ["HIL_GPS"]}]'
-    (fault,) = TypeAdapter(tuple[LinkFault, ...]).validate_json(text, strict=True)
-    assert (fault.begin_ns, fault.length_ns, fault.hold_ns) == (2 * SECOND, SECOND, 20 * MS)
-    assert fault.acts_on("to_autopilot")
-    with pytest.raises(ValidationError):
-        fault.kind = "drop"  # type: ignore[misc]
+# -- put in later ----------------------------------------------------------------------------------------------------
 
 
 def test_a_fault_put_in_later_is_one_declared_from_then_on() -> None:
