@@ -11,12 +11,21 @@ from typing import Any
 from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.devices.inventory import find_devices
 from firmware_bridge.links.ardupilot_eahrs import HeldPty, arducopter_on_ptys, sitl_parameters
-from firmware_bridge.links.ardupilot_sitl import TCP_PORT, copter_parameters
+from firmware_bridge.links.ardupilot_sitl import TCP_PORT, ardupilot_sitl, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
+from firmware_bridge.links.makers import (
+    MOCK_BOOT_SENSORS,
+    Wrap,
+    hitl,
+    mock_command,
+    mock_in_memory,
+    mock_over_pty,
+    mock_over_serial,
+    px4_sitl,
+)
 from firmware_bridge.links.px4_process import px4_sitl_process
-from firmware_bridge.links.registry import MOCK_BOOT_SENSORS, Wrap, make_link, mock_command
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import parse_fault
 from firmware_bridge.transports.pty import PtyTransport
@@ -58,7 +67,7 @@ def _mock(bench: Bench, around: Surroundings) -> AutopilotLink:
         "wrap": around.wrap,
     }
     if autopilot.port is not None:
-        return make_link("mock_serial", port=autopilot.port, baud=autopilot.baud, **common)
+        return mock_over_serial(port=autopilot.port, baud=autopilot.baud, **common)
     if autopilot.transport == "loopback":
         peer = MockPixhawk(
             airframe=autopilot.airframe,
@@ -66,8 +75,8 @@ def _mock(bench: Bench, around: Surroundings) -> AutopilotLink:
             params=_param_texts(config),
             faults=[parse_fault(text) for text in autopilot.faults.texts()],
         )
-        return make_link("mock_memory", peer=peer, **common)
-    return make_link("mock_pty", arguments=_mock_arguments(config), stderr_path=out / LOG_NAME, **common)
+        return mock_in_memory(peer=peer, **common)
+    return mock_over_pty(arguments=_mock_arguments(config), stderr_path=out / LOG_NAME, **common)
 
 
 def _param_texts(config: BenchConfig) -> list[str]:
@@ -99,13 +108,12 @@ def _hitl(bench: Bench, around: Surroundings) -> AutopilotLink:
             return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
     else:
         transport = SerialTransport(autopilot.port or _only_board(), baud=autopilot.baud, follow=True)
-    return make_link(
-        "hitl",
+    return hitl(
         kind=autopilot.kind,
         transport=around.wrap(transport),
         period_ns=config.tick_ns,
         motors=len(bench.vehicle.rotors),
-        start=start,
+        start_process=start,
         params=None if autopilot.is_mock else autopilot.params,
         on_event=around.on_event,
         native_sender=not config.faults.links,
@@ -144,10 +152,9 @@ def _px4_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
             arguments=autopilot.arguments,
             instance=autopilot.instance,
         )
-    return make_link(
-        "px4_sitl",
+    return px4_sitl(
         instance=autopilot.instance,
-        start=None if process is None else lambda: process,
+        start_process=None if process is None else lambda: process,
         reply_limit_s=autopilot.reply_timeout_s,
         heartbeat_limit_s=autopilot.connect_timeout_s,
         wrap=around.wrap,
@@ -172,11 +179,8 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         "boot_limit_s": autopilot.connect_timeout_s,
     }
     if not autopilot.start:
-        return make_link(
-            "ardupilot_sitl", mavlink=autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}", **settings
-        )
-    return make_link(
-        "ardupilot_sitl",
+        return ardupilot_sitl(mavlink=autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}", **settings)
+    return ardupilot_sitl(
         binary=Path(str(autopilot.binary)),
         folder=around.out / WORK_FOLDER,
         home=around.home,

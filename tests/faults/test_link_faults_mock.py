@@ -16,7 +16,7 @@ from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink
-from firmware_bridge.links.registry import mock_command
+from firmware_bridge.links.makers import mock_command
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport

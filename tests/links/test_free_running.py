@@ -21,7 +21,7 @@ from firmware_bridge.links import hitl_setup
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.hitl_setup import HitlSetup
-from firmware_bridge.links.registry import make_link
+from firmware_bridge.links.makers import hitl
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.bench import RunResult, run_bench
@@ -62,7 +62,7 @@ class Drive:
         self.encoder = FrameEncoder(255, 190)
         settings = {"silence_limit_s": 30.0, "on_event": lambda kind, text: self.events.append((kind, text))} | settings
         if checked:
-            self.link = make_link("hitl", kind="px4_hitl", transport=transport, period_ns=TICK_NS, motors=4, **settings)
+            self.link = hitl(kind="px4_hitl", transport=transport, period_ns=TICK_NS, motors=4, **settings)
         else:
             self.link = FreeRunningLink(transport, CAPS, period_ns=TICK_NS, **settings)
 

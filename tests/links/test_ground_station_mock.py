@@ -6,7 +6,7 @@ import pytest
 
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.links.registry import make_link
+from firmware_bridge.links.makers import mock_in_memory, mock_over_pty
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import Fault
 from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
@@ -58,7 +58,7 @@ def in_memory():
     links = []
 
     def make(*faults):
-        link = make_link("mock_memory", peer=MockPixhawk(faults=faults), reply_limit_s=0.2)
+        link = mock_in_memory(peer=MockPixhawk(faults=faults), reply_limit_s=0.2)
         links.append(link)
         link.open()
         return link
@@ -106,7 +106,7 @@ def test_noise_between_frames_ends_nothing(in_memory):
 
 def test_process_on_a_pty_and_object_in_memory_say_the_same(in_memory):
     expected = fly(in_memory(), GroundStation(MISSION), 6.0)
-    link = make_link("mock_pty")
+    link = mock_over_pty()
     link.open()
     try:
         assert fly(link, GroundStation(MISSION), 6.0) == expected

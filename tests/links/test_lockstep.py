@@ -13,11 +13,10 @@ from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink
-from firmware_bridge.links.registry import LINKS, make_link, mock_command
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.tcp import TcpClient, TcpServer
-from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
 from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample
 
 FAKE_PATH = Path(__file__).with_name("fake_autopilot.py")
@@ -265,18 +264,3 @@ def test_fifty_thousand_packets_of_rubbish_between_answers(fake):
     assert link._parser.pending < MAX_FRAME_LENGTH
     assert link._held == []
     link.close()
-
-
-def test_registry_makes_every_kind_and_names_them_when_asked_for_another(fake):
-    settings = {
-        "mock_memory": {"peer": fake.FakeAutopilot()},
-        "mock_serial": {"port": "/dev/ttyX"},
-        "hitl": {"kind": "mock_hitl", "transport": PtyTransport(), "period_ns": 4_000_000, "motors": 4},
-    }
-    for kind in LINKS:
-        link = make_link(kind, **settings.get(kind, {}))
-        assert link.caps.lockstep is (kind != "hitl")
-        link.close()
-    with pytest.raises(LinkError, match="mock_pty"):
-        make_link("carrier_pigeon")
-    assert mock_command("/dev/pts/9", boot_sensors=4)[-2:] == ["--boot-sensors", "4"]

@@ -12,7 +12,7 @@ import pytest
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
-from firmware_bridge.links.registry import make_link
+from firmware_bridge.links.makers import mock_in_memory
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.recorder.recorder import Recorder
 from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
@@ -174,7 +174,7 @@ def flown_by_the_scheduler(out: Path) -> tuple[str, Scheduler, OffboardPilot]:
         return SensorSlot(sensor, RateAccumulator(event_mhz=rate_hz * 1000, tick_mhz=TICK_HZ * 1000))
 
     pilot = OffboardPilot(LocalFrame(scene.site).geodetic_from_enu, tick_ns=TICK_NS, projection=tangent_ned)
-    link = make_link("mock_memory", peer=MockPixhawk())
+    link = mock_in_memory(peer=MockPixhawk())
     link.open()
     recorder = Recorder(out, mcap=False, tlog=False, tick_ns=TICK_NS)
     try:

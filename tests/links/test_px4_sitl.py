@@ -20,8 +20,8 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import message_class, pack
 from firmware_bridge.links import child_process, ground_channel, lockstep
 from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.makers import px4_sitl
 from firmware_bridge.links.px4_process import px4_sitl_process
-from firmware_bridge.links.registry import make_link
 from hil.bench import RunResult, run_bench
 from hil.config import load_bench
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
@@ -236,8 +236,8 @@ class Drive:
         if start is None:
             self.px4 = FakePx4(instance, script=script)
             threading.Thread(target=self.px4.serve, daemon=True).start()
-        self.link: AutopilotLink = make_link(
-            "px4_sitl", instance=instance, start=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=60.0
+        self.link: AutopilotLink = px4_sitl(
+            instance=instance, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=60.0
         )
         self.encoder = FrameEncoder(255, 190)
         self.tick = 0
@@ -397,7 +397,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
     other = FakePx4(instance)
     threading.Thread(target=other.serve, daemon=True).start()
     ended = child_process.ChildProcess(["/bin/sh", "-c", "echo port is taken >&2; exit 3"])
-    link = make_link("px4_sitl", instance=instance, start=lambda: ended, reply_limit_s=30.0)
+    link = px4_sitl(instance=instance, start_process=lambda: ended, reply_limit_s=30.0)
 
     def fly() -> None:
         link.open()
@@ -417,11 +417,11 @@ def test_a_px4_that_has_lost_its_simulator_before(instance: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as left_over:
         left_over.bind(("127.0.0.1", 18570 + instance))
         with pytest.raises(HandshakeError, match="never connects again; start PX4 anew"):
-            make_link("px4_sitl", instance=instance, heartbeat_limit_s=0.2).open()
+            px4_sitl(instance=instance, heartbeat_limit_s=0.2).open()
 
 
 def test_nobody_connects(instance: int) -> None:
-    link = make_link("px4_sitl", instance=instance, heartbeat_limit_s=0.2)
+    link = px4_sitl(instance=instance, heartbeat_limit_s=0.2)
     with pytest.raises(HandshakeError, match="nobody connected; start PX4 with PX4_SIM_MODEL=none_iris"):
         link.open()
     # The port is free again.

@@ -1,7 +1,4 @@
-"""The kinds of autopilot link there are, by name. A rig names a kind; `make_link` gives the link.
-
-Each maker is a short function: transport + capabilities + what to start. A new link is a new function here.
-"""
+"""Makes the links to autopilots: transport + capabilities + what to start. A new link is a new function here."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
-from firmware_bridge.links.ardupilot_sitl import ardupilot_sitl
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.free_running import FreeRunningLink
@@ -24,7 +20,6 @@ from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
 from firmware_bridge.transports.tcp import TcpServer
 from firmware_bridge.transports.transport import Transport
-from hil.signals.errors import LinkError
 
 # PX4 answers one to one up to here with IMU_INTEG_RATE raised (see `px4_process`); the mock has no limit of its own.
 _PX4_MAX_RATE_HZ = 1000.0
@@ -56,46 +51,37 @@ def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ())
     ]
 
 
+def _mock(transport: Transport, boot_sensors: int, wrap: Wrap, settings: dict[str, Any]) -> AutopilotLink:
+    return LockstepLink(
+        wrap(transport),
+        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
+        **settings,
+    )
+
+
 def mock_over_pty(
     *,
     boot_sensors: int = MOCK_BOOT_SENSORS,
     arguments: Sequence[str] = (),
     stderr_path: Path | None = None,
-    reply_limit_s: float = 10.0,
-    heartbeat_limit_s: float = 20.0,
     wrap: Wrap = _plain,
+    **settings: Any,
 ) -> AutopilotLink:
-    """The mock in its own process on a real serial device."""
+    """The mock in its own process on a real serial device. Other settings as `LockstepLink`."""
     transport = PtyTransport()
 
     def start() -> ChildProcess:
         argv = mock_command(transport.far_path, boot_sensors=boot_sensors, arguments=arguments)
         return ChildProcess(argv, stderr_path=stderr_path)
 
-    return LockstepLink(
-        wrap(transport),
-        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
-        start_process=start,
-        reply_limit_s=reply_limit_s,
-        heartbeat_limit_s=heartbeat_limit_s,
-    )
+    return _mock(transport, boot_sensors, wrap, {"start_process": start, **settings})
 
 
 def mock_in_memory(
-    *,
-    peer: Peer,
-    boot_sensors: int = MOCK_BOOT_SENSORS,
-    reply_limit_s: float = 10.0,
-    heartbeat_limit_s: float = 20.0,
-    wrap: Wrap = _plain,
+    *, peer: Peer, boot_sensors: int = MOCK_BOOT_SENSORS, wrap: Wrap = _plain, **settings: Any
 ) -> AutopilotLink:
     """The mock (`peer`) in this process: the same bytes without a kernel between."""
-    return LockstepLink(
-        wrap(LoopbackTransport(peer, deaths=(Died,))),
-        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
-        reply_limit_s=reply_limit_s,
-        heartbeat_limit_s=heartbeat_limit_s,
-    )
+    return _mock(LoopbackTransport(peer, deaths=(Died,)), boot_sensors, wrap, settings)
 
 
 def mock_over_serial(
@@ -103,34 +89,26 @@ def mock_over_serial(
     port: str,
     baud: int = DEFAULT_BAUD,
     boot_sensors: int = MOCK_BOOT_SENSORS,
-    reply_limit_s: float = 10.0,
-    heartbeat_limit_s: float = 20.0,
     wrap: Wrap = _plain,
+    **settings: Any,
 ) -> AutopilotLink:
     """A mock, or another lockstep autopilot of known boot, that somebody else started on serial port `port`."""
-    return LockstepLink(
-        wrap(SerialTransport(port, baud=baud)),
-        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
-        reply_limit_s=reply_limit_s,
-        heartbeat_limit_s=heartbeat_limit_s,
-    )
+    return _mock(SerialTransport(port, baud=baud), boot_sensors, wrap, settings)
 
 
 def px4_sitl(
     *,
     instance: int = 0,
-    port: int | None = None,
-    start: Callable[[], ChildProcess] | None = None,
-    reply_limit_s: float = 10.0,
     heartbeat_limit_s: float = 60.0,
     wrap: Wrap = _plain,
+    **settings: Any,
 ) -> AutopilotLink:
-    """PX4 SITL, which connects to us: started by `start`, or by somebody else.
+    """PX4 SITL, which connects to us: started by `start_process`, or by somebody else.
 
     Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit.
     """
     return LockstepLink(
-        wrap(TcpServer(PX4_SITL_PORT + instance if port is None else port)),
+        wrap(TcpServer(PX4_SITL_PORT + instance)),
         LinkCaps(
             "px4_sitl",
             lockstep=True,
@@ -139,10 +117,9 @@ def px4_sitl(
             boot_sensors=None,
             busy_processors=2,
         ),
-        start_process=start,
         ground=GroundChannel(PX4_GROUND_PORT + instance),
-        reply_limit_s=reply_limit_s,
         heartbeat_limit_s=heartbeat_limit_s,
+        **settings,
     )
 
 
@@ -150,9 +127,7 @@ def hitl(
     *,
     kind: str,
     transport: Transport,
-    period_ns: int,
     motors: int,
-    start: Callable[[], ChildProcess] | None = None,
     params: Mapping[str, float] | None = None,
     **settings: Any,
 ) -> AutopilotLink:
@@ -170,26 +145,6 @@ def hitl(
     return FreeRunningLink(
         transport,
         LinkCaps(kind, lockstep=False, deterministic=False, max_rate_hz=_HITL_MAX_RATE_HZ, boot_sensors=0),
-        period_ns=period_ns,
-        start_process=start,
         prepare=prepare,
         **settings,
     )
-
-
-LINKS: dict[str, Callable[..., AutopilotLink]] = {
-    "mock_pty": mock_over_pty,
-    "mock_memory": mock_in_memory,
-    "mock_serial": mock_over_serial,
-    "px4_sitl": px4_sitl,
-    "hitl": hitl,
-    "ardupilot_sitl": ardupilot_sitl,
-}
-
-
-def make_link(link: str, /, **settings: Any) -> AutopilotLink:
-    """The link of that kind, not yet open. LinkError lists the kinds there are; settings as in the maker."""
-    maker = LINKS.get(link)
-    if maker is None:
-        raise LinkError(link, f"no such kind of autopilot link; there are {', '.join(sorted(LINKS))}")
-    return maker(**settings)
