@@ -43,11 +43,10 @@ from firmware_bridge.codecs.ardupilot_json import (
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.links.ardupilot_mavlink import MavlinkSide
-from firmware_bridge.links.autopilot_link import LinkCaps, LinkStats
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.servo_outputs import motor_command
 from firmware_bridge.links.silence import VehicleWatch, process_is_stopped
-from firmware_bridge.links.wired_link import WiredLink
 from firmware_bridge.transports.udp import Address, UdpInbox
 from hil.signals.errors import HandshakeError, HilError, LinkClosed, LockstepLost
 from hil.signals.samples import (
@@ -93,7 +92,7 @@ class ArduPilotStats(LinkStats):
     restarts: int = 0
 
 
-class ArduPilotJsonLink(WiredLink):
+class ArduPilotJsonLink(AutopilotLink):
     """Lockstep with ArduPilot SITL (`--model JSON`), whose servo packets come to `inbox`.
 
     Home is where the vehicle is at the first `observe`. SITL adds noise of its own to the IMU's samples (SIM_ACC*,

@@ -35,12 +35,11 @@ from firmware_bridge.codecs.hil import (
 from firmware_bridge.codecs.hil_ranging import ranging_message
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkStats
+from firmware_bridge.links.autopilot_link import AutopilotLink, InvalidControls, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.ground_channel import GroundChannel
 from firmware_bridge.links.silence import VehicleWatch, Verdict, process_is_stopped
 from firmware_bridge.links.timesync import TIMESYNC
-from firmware_bridge.links.wired_link import WiredLink
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
@@ -106,7 +105,7 @@ def tick_messages(
     return data
 
 
-class LockstepLink(WiredLink):
+class LockstepLink(AutopilotLink):
     """Lockstep over `transport`; `ground` is a second wire, for commands. Limits are wall-clock."""
 
     def __init__(

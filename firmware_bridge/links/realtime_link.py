@@ -18,14 +18,13 @@ import time
 from collections.abc import Callable, Sequence
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
-from firmware_bridge.links.autopilot_link import LinkCaps, LinkStats
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps, LinkStats
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.lockstep import SIMULATOR_COMPID, SIMULATOR_SYSID
 from firmware_bridge.links.paced_line import PacedLine, SendStats
 from firmware_bridge.links.realtime_health import GAP_NS, ActuatorAge, Finding, judge_actuators, judge_sending
 from firmware_bridge.links.timesync import TIMESYNC, TimeSync
-from firmware_bridge.links.wired_link import WiredLink
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import LinkClosed, LinkError
 from hil.signals.samples import ActuatorFrame
@@ -36,7 +35,7 @@ _REOPEN_S = 0.1
 _SLIPS_TOLD = 256
 
 
-class RealtimeLink(WiredLink):
+class RealtimeLink(AutopilotLink):
     """One tick each `period_ns` of wall clock; samples go out on the first of `wires`.
 
     `on_event(kind, text)` hears of unplugging, replugging and slips. `reconnect_s`: how long a wire may be away.
