@@ -84,11 +84,8 @@ class _OpenHid:
             raise OSError(str(error)) from error
 
     def report_descriptor(self) -> bytes:
-        get = getattr(self._device, "get_report_descriptor", None)
-        if get is None:
-            raise OSError("this hidapi cannot read report descriptors; `pip install -U hidapi`")
         try:
-            return bytes(get())
+            return bytes(self._device.get_report_descriptor())
         except ValueError as error:
             raise OSError(str(error)) from error
 

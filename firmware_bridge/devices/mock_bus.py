@@ -192,7 +192,7 @@ class MockDesk:
         descriptor: bytes | None = None,
         accessible: bool = True,
     ) -> MockPad:
-        """Plug a gamepad in. Without `descriptor` it cannot be asked for one, as with an old hidapi."""
+        """Plug a gamepad in. Without `descriptor` it cannot be asked for one."""
         self._sockets += 1
         interface = HidInterface(
             f"/dev/hidraw{self._sockets}".encode(),

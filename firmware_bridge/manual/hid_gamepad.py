@@ -1,4 +1,7 @@
-"""A HID gamepad, joystick or radio, read without ever waiting."""
+"""A HID gamepad, joystick or radio, read without ever waiting, and how the common ones are held.
+
+Sticks are in "mode 2": throttle and yaw left, pitch and roll right. A gamepad's y axes read low when pushed forward.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,15 @@ from dataclasses import replace
 from firmware_bridge.devices.buses import HidBus, HidDevice
 from firmware_bridge.devices.gamepads import HidApi
 from firmware_bridge.devices.inventory import Gamepad, find_devices
-from firmware_bridge.manual.axes import StickMapping
-from firmware_bridge.manual.known_devices import LAYOUTS, default_mapping
+from firmware_bridge.manual.axes import Axis, StickMapping
 from firmware_bridge.manual.report_layout import HidState, ReportLayout, parse_report_descriptor
 from firmware_bridge.manual.sticks import ManualControlError, StickLost, StickState
 
 _REPORT_BYTES = 4096
 _READS_LIMIT = 256  # reports taken in one poll: a device that never stops must not stop the bench
 _BAD_LIMIT = 25  # unreadable reports in a row after which the device counts as lost
-_USAGES = {"joystick": 0x04, "gamepad": 0x05}
+_USAGE_JOYSTICK = 0x04
+_USAGES = {"joystick": _USAGE_JOYSTICK, "gamepad": 0x05}
 
 
 class HidGamepad:
@@ -103,7 +106,7 @@ def open_gamepad(
     except OSError as error:
         raise StickLost("; ".join((f"{pad.name}: cannot be opened ({error})", *pad.notes))) from error
     try:
-        layout = layout_of(pad, device)
+        layout = layout_of(device)
         usage = _USAGES.get(pad.kind, 0)
         chosen = mapping
         if chosen is None:
@@ -116,21 +119,57 @@ def open_gamepad(
         raise ManualControlError(f"{pad.name}: {error}") from error
 
 
-def layout_of(pad: Gamepad, device: HidDevice) -> ReportLayout:
-    """From the device's own descriptor; else the layout known for its ids. ManualControlError with neither."""
-    known = LAYOUTS.get((pad.vendor_id, pad.product_id))
+def layout_of(device: HidDevice) -> ReportLayout:
+    """From the device's own descriptor. ManualControlError where there is none to fly with."""
     try:
         return parse_report_descriptor(device.report_descriptor())
     except OSError as error:
-        if known is None:
-            raise ManualControlError(
-                f"its reports are unknown: no report descriptor ({error}). "
-                "hidapi 0.14 or newer reads it: `pip install -U hidapi`"
-            ) from error
-    except ManualControlError:
-        if known is None:
-            raise
-    return known
+        raise ManualControlError(f"its reports are unknown: no report descriptor ({error})") from error
+
+
+_RADIOS = frozenset({(0x1209, 0x4F54), (0x0483, 0x5710)})
+_XBOX = frozenset({(0x045E, 0x02E0), (0x045E, 0x02FD), (0x045E, 0x0B13)})
+
+
+def default_mapping(vendor_id: int, product_id: int, usage: int, layout: ReportLayout) -> StickMapping:
+    """A mapping for this device as it is usually held.
+
+    Dead-man switch: left shoulder button of a gamepad, trigger of a joystick, channel 9 (button 1) of a radio.
+    """
+    ids = (vendor_id, product_id)
+    if ids in _RADIOS:
+        # A radio has done its own dead zones, expo and reversing: take channels 1 to 4 (AETR) as they come.
+        return StickMapping(
+            roll=Axis("x", dead_zone=0.0),
+            pitch=Axis("y", dead_zone=0.0),
+            throttle=Axis("z", dead_zone=0.02),
+            yaw=Axis("rx", dead_zone=0.0),
+            dead_man=1,
+        )
+    if usage == _USAGE_JOYSTICK and layout.range_of("slider") is not None:
+        twist = "rz" if layout.range_of("rz") is not None else "z"
+        return StickMapping(
+            roll=Axis("x", expo=0.3),
+            pitch=Axis("y", inverted=True, expo=0.3),
+            throttle=Axis("slider", inverted=True),
+            yaw=Axis(twist, expo=0.3, dead_zone=0.1),
+            dead_man=1,
+        )
+    right = ("z", "rz") if layout.range_of("rz") is not None and layout.range_of("z") is not None else ("rx", "ry")
+    if layout.range_of("rx") is not None and layout.range_of("ry") is not None and ids in _XBOX:
+        right = ("rx", "ry")  # older Xbox firmware: z and rz are the triggers
+    return StickMapping(
+        yaw=Axis("x", expo=0.3, dead_zone=0.1),
+        throttle=Axis("y", inverted=True, dead_zone=0.1),
+        roll=Axis(right[0], expo=0.3, dead_zone=0.1),
+        pitch=Axis(right[1], inverted=True, expo=0.3, dead_zone=0.1),
+        dead_man=_left_shoulder(ids, layout),
+    )
+
+
+def _left_shoulder(ids: tuple[int, int], layout: ReportLayout) -> int:
+    # Newer Xbox pads leave gaps in the numbers (A 1, B 2, X 4, Y 5, LB 7) and have 15 of them; older have ten.
+    return 7 if ids in _XBOX and len(layout.buttons) > 12 else 5
 
 
 class _Nothing:

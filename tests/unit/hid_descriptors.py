@@ -48,6 +48,9 @@ SIMPLE = gamepad(
 )
 
 
+EDGETX = gamepad(buttons(24), axes(0x30, 0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x36, low=0, high=2047, bits=16))
+
+
 def simple_report(x: int = 128, y: int = 128, z: int = 128, rz: int = 128, *pressed: int, hat: int = 8) -> bytes:
     """A report that fits SIMPLE."""
     bits = hat | sum(1 << 3 + button for button in pressed)

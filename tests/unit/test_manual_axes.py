@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_bridge.manual.axes import Axis, Calibration, StickMapping, manual_control_axes, shape
-from firmware_bridge.manual.known_devices import LAYOUTS, default_mapping
-from firmware_bridge.manual.report_layout import AxisField, ButtonField, HidState, ReportLayout
+from firmware_bridge.manual.hid_gamepad import default_mapping
+from firmware_bridge.manual.report_layout import AxisField, ButtonField, HidState, ReportLayout, parse_report_descriptor
 from firmware_bridge.manual.sticks import ManualControlError, Sticks
+from tests.unit import hid_descriptors as hid
 
 DEAD = st.floats(0.0, 0.9)
 EXPO = st.floats(0.0, 1.0)
@@ -101,7 +102,7 @@ def pushed(ids, usage, device, **raw):
 
 
 def test_a_gamepad_flies_in_mode_2():
-    pad, ids = LAYOUTS[0x054C, 0x05C4], (0x054C, 0x05C4)
+    pad, ids = layout("x", "y", "z", "rz", buttons=14), (0x054C, 0x05C4)
     assert pushed(ids, 5, pad) == (0, 0, 0, 0)
     assert pushed(ids, 5, pad, y=0) == Sticks(0, 0, 1, 0)  # left stick forward: climb
     assert pushed(ids, 5, pad, x=255) == Sticks(0, 0, 0, 1)  # left stick right: nose right
@@ -110,7 +111,7 @@ def test_a_gamepad_flies_in_mode_2():
 
 
 def test_a_radio_flies_by_its_channels_in_the_order_aetr():
-    radio, ids = LAYOUTS[0x1209, 0x4F54], (0x1209, 0x4F54)
+    radio, ids = parse_report_descriptor(hid.EDGETX), (0x1209, 0x4F54)
     assert pushed(ids, 4, radio, x=2047).roll == 1.0
     assert pushed(ids, 4, radio, y=2047).pitch == 1.0
     assert pushed(ids, 4, radio, z=0).throttle == -1.0
@@ -132,13 +133,3 @@ def test_xbox_pads_of_both_firmwares_keep_their_triggers_out_of_the_flying():
     assert default_mapping(0x045E, 0x0B13, 5, newer).roll.source == "z"
     assert default_mapping(0x045E, 0x0B13, 5, newer).dead_man == 7
     assert default_mapping(0x054C, 0x0CE6, 5, older).roll.source == "z"  # DualSense: rx, ry are the triggers
-
-
-@pytest.mark.parametrize("ids", sorted(LAYOUTS))
-def test_every_known_layout_fits_its_default_mapping_and_its_own_length(ids):
-    known = LAYOUTS[ids]
-    default_mapping(*ids, 5, known).check(known)
-    bits = [range(a.at, a.at + a.bits) for a in known.axes] + [range(b.at, b.at + 1) for b in known.buttons]
-    taken = [bit for r in bits for bit in r]
-    assert len(taken) == len(set(taken))
-    assert max(taken) < 8 * known.size_bytes

@@ -92,26 +92,11 @@ def test_a_device_that_never_stops_talking_does_not_stop_the_bench():
     assert pad.read(64)  # some are left for the next poll
 
 
-def test_known_devices_need_no_descriptor_and_others_do():
+@pytest.mark.parametrize(("descriptor", "says"), [(None, "Strange.*no report descriptor"), (b"\xb4", "cannot be used")])
+def test_a_device_without_a_description_or_with_a_damaged_one_is_refused_and_closed(descriptor, says):
     desk = MockDesk()
-    desk.plug_pad(0x1209, 0x4F54)
-    gamepad = open_gamepad(hid=desk.hid)
-    desk.hid.plugged[0].report(b"\x01\x00\x00" + (1024).to_bytes(2, "little") * 8)
-    assert gamepad.poll().held
-    desk = MockDesk()
-    pad = desk.plug_pad(0x1234, 1, product="Strange")
-    with pytest.raises(ManualControlError, match=r"Strange.*pip install -U hidapi"):
-        open_gamepad(hid=desk.hid)
-    assert pad.opened == 0
-
-
-def test_a_damaged_descriptor_of_a_known_device_falls_back_and_of_another_is_refused():
-    desk = MockDesk()
-    desk.plug_pad(0x046D, 0xC216, descriptor=b"\xb4")
-    open_gamepad(hid=desk.hid)
-    desk = MockDesk()
-    pad = desk.plug_pad(0x1234, 1, descriptor=b"\xb4")
-    with pytest.raises(ManualControlError, match="report descriptor"):
+    pad = desk.plug_pad(0x1234, 1, product="Strange", descriptor=descriptor)
+    with pytest.raises(ManualControlError, match=says):
         open_gamepad(hid=desk.hid)
     assert pad.opened == 0
 

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.manual.known_devices import LAYOUTS
 from firmware_bridge.manual.report_layout import parse_report_descriptor
 from firmware_bridge.manual.sticks import ManualControlError
 from tests.unit import hid_descriptors as hid
@@ -19,14 +18,13 @@ def test_axes_hat_and_buttons_of_a_plain_gamepad():
     assert state.pressed == {1, 12}
 
 
-def test_the_edgetx_report_is_as_the_fallback_has_it():
-    """24 buttons, then eight 16-bit channels of 0..2047: the descriptor and the built-in layout agree."""
-    described = parse_report_descriptor(
-        hid.gamepad(
-            hid.buttons(24), hid.axes(0x30, 0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x36, low=0, high=2047, bits=16)
-        )
-    )
-    assert described == LAYOUTS[0x1209, 0x4F54]
+def test_the_edgetx_report():
+    """24 buttons, then eight 16-bit channels of 0..2047."""
+    layout = parse_report_descriptor(hid.EDGETX)
+    assert (layout.report_id, layout.size_bytes) == (None, 19)
+    assert [a.name for a in layout.axes] == ["x", "y", "z", "rx", "ry", "rz", "slider", "slider2"]
+    assert [(a.at, a.bits, a.low, a.high) for a in layout.axes] == [(24 + 16 * i, 16, 0, 2047) for i in range(8)]
+    assert [(b.button, b.at) for b in layout.buttons] == [(i + 1, i) for i in range(24)]
 
 
 def test_signed_axes_of_ten_bits_across_bytes():
