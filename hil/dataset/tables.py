@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import repeat
 from pathlib import Path
 
 from hil.dataset.flight import FlightPart
@@ -18,7 +19,6 @@ from hil.dataset.tree import Written, make_folder, unwritable
 from hil.recorder.topics import Columns
 from hil.signals.errors import RecordingError
 from hil.signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample
-from sim._kernels import number_rows
 
 TABLE = "data.csv"
 TRUTH = "state_groundtruth_estimate0"
@@ -46,7 +46,7 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
 }
 
 
-class _Table:
+class Table:
     """One data.csv."""
 
     def __init__(self, path: str, header: str) -> None:
@@ -66,15 +66,15 @@ class _Table:
 
     def add_samples(self, columns: Columns, names: euroc.TableColumns) -> None:
         """Rows of samples as `columns_of` gives them."""
-        t_ns = columns["stamp_ns"]
-        try:
-            self.waiting.append(
-                number_rows(t_ns, [columns[x] if isinstance(x, str) else x for x in names], self._last_ns)
-            )
-        except ValueError as error:
-            raise RecordingError(f"{self.path}: {error}") from error
-        self._last_ns = int(t_ns[-1])
-        self.rows += len(t_ns)
+        texts: list[Iterable[str]] = []
+        for name in names:
+            if isinstance(name, str):
+                array = columns[name]
+                texts += [map(repr, column.tolist()) for column in (array.T if array.ndim == 2 else [array])]
+            else:
+                texts.append(repeat(",".join(map(repr, name))))
+        for t_ns, row in zip(columns["stamp_ns"].tolist(), zip(*texts, strict=False), strict=False):
+            self.add(t_ns, f"{t_ns},{','.join(row)}\n")
 
 
 class Tables:
@@ -84,7 +84,7 @@ class Tables:
         """`headers`: by folder in mav0; `flight_folders`: of the sensors sampled in the flight."""
         self._root = root
         self._flight_folders = flight_folders
-        self._tables = {folder: _Table(f"{euroc.ROOT}/{folder}/{TABLE}", text) for folder, text in headers.items()}
+        self._tables = {folder: Table(f"{euroc.ROOT}/{folder}/{TABLE}", text) for folder, text in headers.items()}
         for table in self._tables.values():
             path = root / table.path
             make_folder(path.parent)

@@ -25,7 +25,6 @@ from hil.signals.samples import (
     TruthState,
 )
 from hil.signals.time import NS_PER_S
-from sim._kernels import sample_columns
 
 Columns = dict[str, NDArray[Any]]
 
@@ -166,7 +165,7 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
     `later_ns` is added to those of the derived columns that are times.
     """
     names = kind._fields  # type: ignore[attr-defined]
-    columns: Columns = dict(zip(names, sample_columns(rows), strict=True))
+    columns: Columns = {name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
     if kind is TruthState:
         columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
     elif kind is GpsSample:

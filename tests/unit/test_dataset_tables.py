@@ -24,7 +24,7 @@ from hil.dataset.formats.looks import cloud_look, radar_look, with_boxes
 from hil.dataset.formats.pictures import PictureEncoder
 from hil.dataset.formats.radar_npy import radar_json, range_doppler_npy, raw_npy
 from hil.dataset.formats.split import split_frames
-from hil.dataset.tables import COLUMNS, TRUTH, Tables
+from hil.dataset.tables import COLUMNS, TRUTH, Table, Tables
 from hil.dataset.tree import Written
 from hil.recorder.topics import columns_of
 from hil.signals.classes import Classes
@@ -39,11 +39,9 @@ from hil.signals.samples import (
     RangeSample,
     TruthState,
 )
-from sim._kernels import number_rows, sample_columns
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.recording import load_recording
-from tests.reference.euroc_rows import gps_row, imu_row, truth_row
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
@@ -60,13 +58,10 @@ def rows_of(text: str) -> tuple[list[str], list[list[float]]]:
     return head.split(","), [[float(value) for value in row.split(",")] for row in rows]
 
 
-def rows_at_once(samples: list[Any], names: euroc.TableColumns, *, before: int = -1, later_ns: int = 0) -> str:
-    columns = columns_of(type(samples[0]), samples, later_ns)
-    return number_rows(columns["stamp_ns"], [columns[x] if isinstance(x, str) else x for x in names], before)
-
-
-def table_of(header: str, samples: list[Any], names: euroc.TableColumns) -> str:
-    return f"{header}\n{rows_at_once(samples, names)}"
+def table_of(header: str, samples: list[Any], names: euroc.TableColumns, *, later_ns: int = 0) -> str:
+    table = Table("data.csv", header)
+    table.add_samples(columns_of(type(samples[0]), samples, later_ns), names)
+    return "".join(table.waiting)
 
 
 @given(st.tuples(FINITE, FINITE, FINITE), st.tuples(FINITE, FINITE, FINITE), st.integers(0, 2**62))
@@ -89,20 +84,6 @@ def test_truth_has_the_columns_of_euroc() -> None:
     assert rows[1] == [4.0, 0.25, 1.5, -2.0, 0.5, -0.5, 0.5, 0.5, 0.1, 0.2, 0.3, *[0.0] * 6]
 
 
-def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
-    truths = [truth(4 * i, i / 3) for i in range(1, 50)]
-    assert rows_at_once(truths, euroc.TRUTH_COLUMNS) == "".join(map(truth_row, truths))
-    later = [t._replace(t_ns=t.t_ns + 10**18) for t in truths]
-    assert rows_at_once(truths, euroc.TRUTH_COLUMNS, later_ns=10**18) == "".join(map(truth_row, later))
-    imu = [
-        ImuSample(i, 1_600_000_000_000_000_000 + i, i, (i * 1e-7, -0.0, 1e22), (1 / 7, 5.0, i), 20.0) for i in range(9)
-    ]
-    assert rows_at_once(imu, euroc.IMU_COLUMNS, before=0) == "".join(map(imu_row, imu))
-    gps = [GpsSample(0, i, 9, 47.1 / i, 8.5, 400.25, (1.0, i, 3.0), 0.8, 1.2, 3, 11) for i in (1, 2)]
-    assert rows_at_once(gps, euroc.GPS_COLUMNS) == "".join(map(gps_row, gps))
-    assert number_rows(np.empty(0, np.int64), [], 0) == ""
-
-
 @pytest.mark.parametrize(
     ("sample", "row"),
     [
@@ -113,35 +94,19 @@ def test_many_rows_at_once_are_the_rows_one_by_one() -> None:
     ],
 )
 def test_rows_of_other_sensors(sample: Any, row: str) -> None:
-    assert rows_at_once([sample], COLUMNS[type(sample)]) == row + "\n"
+    assert table_of("#", [sample], COLUMNS[type(sample)]) == f"#\n{row}\n"
 
 
-def test_samples_become_the_columns_that_numpy_makes() -> None:
-    rows = [(i, i / 3, i % 2 == 0, (i * 1.5, -0.0), (), 2**62 + i, i if i else 0.5) for i in range(7)]
-    made = sample_columns(rows)
-    expected = [np.array(values) for values in zip(*rows, strict=True)]
-    for ours, theirs in zip(made, expected, strict=True):
-        assert (ours.dtype, ours.shape, ours.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
-
-
-@pytest.mark.parametrize(
-    "wrong", [[], [5], [(1,), (1, 2)], [("a",)], [((1.0,),), ((1.0, 2.0),)], [((1.0,),), (1.0,)], [(2**70,)]]
-)
-def test_samples_of_something_else_are_refused(wrong: list[Any]) -> None:
-    with pytest.raises((TypeError, ValueError, OverflowError)):
-        sample_columns(wrong)
-
-
-@pytest.mark.parametrize("times", [(5,), (6, 6), (7, 6)])
+@pytest.mark.parametrize("times", [(-1,), (6, 6), (7, 6)])
 def test_times_that_do_not_rise_are_no_table(times: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=f"{times[-1]} ns follows"):
-        rows_at_once([truth(t_ns) for t_ns in times], euroc.TRUTH_COLUMNS, before=5)
+    with pytest.raises(RecordingError, match=f"data.csv: time must rise.*{times[-1]} ns follows"):
+        table_of("#", [truth(t_ns) for t_ns in times], euroc.TRUTH_COLUMNS)
 
 
-def test_rows_of_something_else_are_refused() -> None:
-    for wrong in (np.zeros(3), np.zeros(2, np.int32), np.zeros((2, 2, 2)), "text", ("text",), 5.0):
-        with pytest.raises((TypeError, ValueError)):
-            number_rows(np.arange(2), [wrong], -1)  # type: ignore[list-item]
+def test_numbers_are_written_as_python_writes_them() -> None:
+    sample = ImuSample(0, 1_600_000_000_000_000_000, 7, (1 / 7, -0.0, 1e22), (5e-324, 5.0, 1e-7), 20.0)
+    row = "1600000000000000002,5e-324,5.0,1e-07,0.14285714285714285,-0.0,1e+22"
+    assert table_of("#", [sample], euroc.IMU_COLUMNS, later_ns=2) == f"#\n{row}\n"
 
 
 def test_gps_row() -> None:
