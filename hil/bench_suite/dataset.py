@@ -23,7 +23,7 @@ from sim.frame.quality import QUALITIES
 _PAPER = {(True, True): 7.17, (False, True): 20.1}  # (radar, storage): frames a second
 _FRAMES, _QUICK_FRAMES = 500, 250
 _FINE_FRAMES = 150  # of the qualities above the lowest
-_LEAST = {True: 150.0, False: 250.0}  # with storage, by radar
+_LEAST = {True: 110.0, False: 180.0}  # with storage, by radar
 
 
 def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:

@@ -27,7 +27,7 @@ from hil.dataset.make import DrawerFactory, cores
 from hil.dataset.manifest import saved_bench
 from hil.dataset.moments import Batch
 from hil.dataset.plan import DatasetPlan, make_plan
-from hil.dataset.tree import WORK, TreeWriter
+from hil.dataset.tree import JOURNAL, WORK, TreeWriter
 from hil.dataset.workers import Job, Made, Maker, Workers
 from hil.signals.errors import RecordingError
 from sim.frame.mount import Mount
@@ -79,7 +79,7 @@ class SampleOnly:
         for moment in job.batch.moments:
             for look in moment.looks:
                 self._drawer.sample(moment.truth, look)
-        return Made(None, found=False)  # type: ignore[arg-type]  # nobody asks for a record
+        return Made(job.batch.index, found=False)
 
 
 class SampleFactory(DrawerFactory):
@@ -132,17 +132,17 @@ def floor_s(plan: DatasetPlan) -> float:
             began = time.perf_counter()
             for look, sample, frame in samples:
                 work.store(look.sensor, sample, frame)
-            work.finish().leave_chunk()
+            work.finish()
             best.append((time.perf_counter() - began) / batch.frames)
     return float(np.median(best))
 
 
 def digest(root: Path) -> int:
-    """Over every file's name and content; a picture's content is its pixels."""
+    """Over every file's name and content, but the journal's; a picture's content is its pixels."""
     crc = 0
     for folder, folders, names in sorted(os.walk(root)):
         folders.sort()
-        for name in sorted(names):
+        for name in sorted(set(names) - {JOURNAL}):
             path = Path(folder) / name
             crc = crc32(_content(path), crc32(str(path.relative_to(root)).encode(), crc))
     return crc

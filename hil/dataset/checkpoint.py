@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
+from hil.dataset.tables import Tables
 from hil.dataset.tree import unwritable
-from hil.signals.errors import RecordingError
 
 PERIOD_S = 2.0  # of wall-clock time: about what a power cut can take from the tables
 
@@ -37,41 +37,43 @@ def sync_file_system(folder: Path) -> None:
 
 
 class Checkpoints:
-    """Call `maybe` after every batch, `finish` at the end."""
+    """Call `maybe` after every batch, `finish` at the end. Both raise RecordingError of what an earlier one met."""
 
-    def __init__(self, folder: Path, *, period_s: float = PERIOD_S, sync: Callable[[Path], None] = sync_file_system):
-        self._folder, self._period_s, self._sync = folder, period_s, sync
+    def __init__(
+        self,
+        folder: Path,
+        tables: Tables,
+        *,
+        period_s: float = PERIOD_S,
+        sync: Callable[[Path], None] = sync_file_system,
+    ) -> None:
+        self._folder, self._tables, self._period_s, self._sync = folder, tables, period_s, sync
         self._next_s = time.monotonic() + period_s
-        self._thread: threading.Thread | None = None
-        self._error: RecordingError | None = None
+        self._thread = ThreadPoolExecutor(1, "hil-dataset-sync")
+        self._under_way: Future[None] | None = None
 
-    def maybe(self, prepare: Callable[[], Callable[[], None]]) -> None:
-        """`prepare` says what is to be done after a sync that begins now; asked only where one is due. RecordingError:
-        what an earlier one has met."""
-        if time.monotonic() < self._next_s or (self._thread is not None and self._thread.is_alive()):
+    def maybe(self) -> None:
+        """Begin one, if it is time and none is under way."""
+        if time.monotonic() < self._next_s or (self._under_way is not None and not self._under_way.done()):
             return
         self._join()
-        self._thread = threading.Thread(target=self._run, args=(prepare(),), name="hil-dataset-sync")
-        self._thread.start()
+        self._under_way = self._thread.submit(self._run, self._tables.take())
         self._next_s = time.monotonic() + self._period_s
 
-    def finish(self, prepare: Callable[[], Callable[[], None]]) -> None:
+    def finish(self) -> None:
         """A last one, waited for."""
         self._join()
-        self._run(prepare())
-        self._join()
+        self._run(self._tables.take())
 
-    def _run(self, after: Callable[[], None]) -> None:
-        try:
-            self._sync(self._folder)
-            after()
-        except RecordingError as error:
-            self._error = error
+    def close(self) -> None:
+        """End the thread; idempotent."""
+        self._thread.shutdown()
+
+    def _run(self, rows: Mapping[str, str]) -> None:
+        self._sync(self._folder)
+        self._tables.write_out(rows)
 
     def _join(self) -> None:
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
+        if self._under_way is not None:
+            under_way, self._under_way = self._under_way, None
+            under_way.result()

@@ -6,10 +6,11 @@ What comes out hangs on the plan and the batch alone.
 from __future__ import annotations
 
 import os
+import pickle
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from isal.isal_zlib import crc32
@@ -30,14 +31,26 @@ from hil.dataset.moments import Batch, Look
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.frame_stages import description
+from hil.signals.errors import RecordingError
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from hil.simulated_sensors import SimulatedSensors
 from sim.sensors.lidar import Lidar
 
 
-def chunk_path(root: Path, index: int) -> Path:
-    """Where a worker leaves its piece of the recording."""
-    return root / WORK / f"{index}.chunk"
+def _finished_path(root: Path, index: int) -> Path:
+    """Where a worker leaves a batch's record and its piece of the recording."""
+    return root / WORK / f"{index}.batch"
+
+
+def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
+    """Of a batch that a worker has just made: its record and its chunk of the recording. RecordingError."""
+    path = _finished_path(root, index)
+    try:
+        record, chunk = pickle.loads(path.read_bytes())  # noqa: S301 (written by our own worker a moment ago)
+        path.unlink()
+    except (OSError, EOFError, pickle.UnpicklingError) as error:
+        raise RecordingError(f"{path}: what a worker left cannot be read ({error}); go on with --resume") from error
+    return record, chunk
 
 
 class BatchDrawer:
@@ -86,13 +99,14 @@ class BatchDrawer:
             t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
         )
 
-    def make(self, batch: Batch) -> FinishedBatch:
-        """Draw and write everything of a batch but its chunk of the recording. RecordingError."""
+    def make(self, batch: Batch) -> None:
+        """Draw and write everything of a batch; its record and its chunk of the recording are left for
+        `take_finished`. RecordingError."""
         work = StoringWork(self, batch)
         for moment in batch.moments:
             for look in moment.looks:
                 work.store(look.sensor, self.sample(moment.truth, look), moment.frame)
-        return work.finish()
+        work.finish()
 
     def is_whole(self, record: BatchRecord, recording: Path, offset: int) -> bool:
         """Whether everything of a batch is there: its files, and its chunk at `offset` of the recording."""
@@ -104,22 +118,6 @@ class BatchDrawer:
         except OSError:
             return False
         return len(data) == record.chunk.size and crc32(data) == record.chunk.crc32
-
-
-class FinishedBatch(NamedTuple):
-    """A batch of which all is written but its chunk of the recording."""
-
-    record: BatchRecord
-    chunk: tuple[bytes, ...]  # in pieces
-    path: Path
-
-    def leave_chunk(self) -> None:
-        """In a file for who puts the recording together. RecordingError."""
-        try:
-            with open(self.path, "wb") as file:
-                file.writelines(self.chunk)
-        except OSError as error:
-            raise unwritable(self.path, error) from error
 
 
 class StoringWork:
@@ -151,15 +149,13 @@ class StoringWork:
             self._radar(name, sample)
         self._d.series[name].add_encoded(sample, png)
 
-    def finish(self) -> FinishedBatch:
-        """What became of the batch, with its chunk of the recording."""
+    def finish(self) -> None:
+        """Leave the record and the chunk of the recording in a file for who puts them together. RecordingError."""
         packed, channels = pack_frames(list(self._d.series.values()))
-        crc = 0
-        for part in packed.parts:
-            crc = crc32(part, crc)
+        data = b"".join(packed.parts)
         chunk = StoredChunk(
             packed.size,
-            crc,
+            crc32(data),
             packed.chunk_bytes,
             packed.plain_size,
             packed.first_ns,
@@ -168,7 +164,11 @@ class StoringWork:
             packed.counts,
             channels,
         )
-        return FinishedBatch(self._record(chunk), packed.parts, chunk_path(self._d.root, self._batch.index))
+        path = _finished_path(self._d.root, self._batch.index)
+        try:
+            path.write_bytes(pickle.dumps((self._record(chunk), data)))
+        except OSError as error:
+            raise unwritable(path, error) from error
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._d.tree.write(path, data))

@@ -104,7 +104,6 @@ def finish(
     early: Iterable[Written],
     tables: Tables,
     recording: DatasetRecording,
-    journal: Written,
     made: Mapping[str, Any],
 ) -> None:
     """Write the rest and take away what was only for the work. `early`: files written before the first frame."""
@@ -124,7 +123,7 @@ def finish(
     page = datasheet_html(_sheet(plan, root, counted, split, catalogue, tables, made, previews))
     late.append(tree.write(PAGE_NAME, page.encode()))
     recording.finish({"frames": str(plan.frames), "batches": str(len(records))})
-    listed = sorted([*files, *late, journal], key=lambda file: file.path)
+    listed = sorted([*files, *late], key=lambda file: file.path)
     rows = "".join(f"{file.path},{file.size},{file.crc32:08x}\n" for file in listed)
     sums = ("#path,bytes,crc32\n" + rows).encode()
     tree.write(CHECKSUMS, sums)
@@ -283,7 +282,7 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
         f"{ANNOTATIONS}/instances_*.json": "COCO with masks: train, val, test, all",
         SPLIT_NAME: "the set of each frame",
         RECORDING: "the whole run as MCAP, ROS 2 messages; pictures are the PNG files' own bytes",
-        CHECKSUMS: "bytes and CRC-32 of every file but the recording",
+        CHECKSUMS: "bytes and CRC-32 of every file but the recording and the journal",
         MANIFEST: "what it was made from, and counts",
         JOURNAL: "what `--resume` goes by",
     }

@@ -8,7 +8,7 @@ from typing import Any
 from hil.calibration_export import transform
 from hil.config import SensorConfig
 from hil.config.radar_checks import view_of
-from hil.dataset.formats import euroc, voc
+from hil.dataset.formats import euroc
 from hil.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.dataset.formats.radar_npy import CONFIG_NAME, radar_json
 from hil.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
@@ -39,12 +39,6 @@ def headers(plan: DatasetPlan) -> dict[str, str]:
         for channel in getattr(sensor.parameters, parts) if parts else ("",):
             found[plan.folder(name, channel)] = euroc.FILE_HEADER
     return found
-
-
-def big_folders(plan: DatasetPlan) -> list[str]:
-    """Those in the tree that get a file a frame."""
-    found = [f"{euroc.ROOT}/{name}" for name, header in headers(plan).items() if header == euroc.FILE_HEADER]
-    return [*found, voc.ANNOTATIONS, voc.CLASS_MASKS] if plan.labelled is not None else found
 
 
 def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,12 @@ import numpy as np
 
 from hil.config import load_bench
 from hil.dataset.checkpoint import Checkpoints
-from hil.dataset.chunk_places import ChunkPlaces
 from hil.dataset.drawing import BatchDrawer
 from hil.dataset.finish import finish
 from hil.dataset.flight import fly_for_frames
-from hil.dataset.folder_lock import locked
-from hil.dataset.folder_spread import make_apart
 from hil.dataset.formats.labels import Catalogue
-from hil.dataset.journal import BatchRecord, JournalWriter, read_journal
-from hil.dataset.layout import big_folders, headers, sensor_files
+from hil.dataset.journal import Journal
+from hil.dataset.layout import headers, sensor_files
 from hil.dataset.manifest import (
     BENCH_NAME,
     check_resumable,
@@ -32,12 +29,12 @@ from hil.dataset.manifest import (
     saved_bench,
     write_manifest,
 )
-from hil.dataset.pipeline import AHEAD, Pipeline
+from hil.dataset.pipeline import Pipeline
 from hil.dataset.plan import DatasetPlan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.recording import DatasetRecording, part_path
 from hil.dataset.tables import Tables
-from hil.dataset.tree import JOURNAL, NURSERY, WORK, TreeWriter, Written, make_folder
+from hil.dataset.tree import JOURNAL, TreeWriter, Written, locked, make_folder
 from hil.dataset.workers import Job, Made, Maker, Workers
 from hil.signals.classes import Classes
 
@@ -61,7 +58,7 @@ class Means:
     resume: bool = False
     quiet: bool = False
     make_workers: Callable[[int, Callable[[], Maker]], Workers] = Workers
-    make_checkpoints: Callable[[Path], Checkpoints] = Checkpoints
+    make_checkpoints: Callable[[Path, Tables], Checkpoints] = Checkpoints
 
 
 @dataclass
@@ -72,13 +69,12 @@ class DrawerFactory:
     frames: int
     quality: str
     root: Path
-    places: ChunkPlaces | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "plan": None, "places": None}
+        return {**self.__dict__, "plan": None}
 
     def __call__(self) -> Maker:
-        return BatchWork(self.drawer(), self.root, self.places)
+        return BatchWork(self.drawer())
 
     def drawer(self) -> BatchDrawer:
         plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
@@ -88,18 +84,15 @@ class DrawerFactory:
 class BatchWork:
     """Does jobs: what is there and whole is left, the rest is made."""
 
-    def __init__(self, drawer: BatchDrawer, root: Path, places: ChunkPlaces | None) -> None:
-        self._drawer, self._root, self._places = drawer, root, places
+    def __init__(self, drawer: BatchDrawer) -> None:
+        self._drawer = drawer
 
     def __call__(self, job: Job) -> Made:
-        before = job.expected
-        if before is not None and self._drawer.is_whole(before, part_path(self._root), job.offset):
-            return Made(before, found=True)
-        work = self._drawer.make(job.batch)
-        if self._places is not None and self._places.put(job.place, work.chunk):
-            return Made(work.record, found=False, in_memory=True)
-        work.leave_chunk()
-        return Made(work.record, found=False)
+        before, root = job.expected, self._drawer.root
+        found = before is not None and self._drawer.is_whole(before, part_path(root), job.offset)
+        if not found:
+            self._drawer.make(job.batch)
+        return Made(job.batch.index, found)
 
 
 def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> DatasetResult:
@@ -111,12 +104,10 @@ def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> Datas
     if not means.resume:
         refuse_full(root)
     make_folder(root)
-    old: list[tuple[BatchRecord, int]] = []
-    if means.resume and check_resumable(root, made, bench_files):
-        old = read_journal(root / JOURNAL)
-    make_folder(root / WORK)
-    with locked(root / WORK):
-        return _Making(plan, root, means, bench_files, made, old, began_s).result()
+    if means.resume:
+        check_resumable(root, made, bench_files)
+    with locked(root):
+        return _Making(plan, root, means, bench_files, made, began_s).result()
 
 
 def cores() -> int:
@@ -133,38 +124,26 @@ class _Making:
     means: Means
     bench_files: Mapping[str, bytes]
     made: Mapping[str, Any]
-    old: Sequence[tuple[BatchRecord, int]]
     began_s: float
 
     def result(self) -> DatasetResult:
         plan, root, means = self.plan, self.root, self.means
-        world = plan.bench.world
-        classes = Classes(world.class_names, world.class_colours)
-        catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
         count = means.workers or cores()
-        places = ChunkPlaces(AHEAD * count)
-        factory = DrawerFactory(plan, plan.frames, plan.quality, root, places)
         tree = TreeWriter(root)
         # Before the workers: one that was not forked reads it.
         early = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
+        factory = DrawerFactory(plan, plan.frames, plan.quality, root)
         with means.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=means.quiet) as progress:
             write_manifest(tree, first_manifest(self.made))
-            make_apart((root / name for name in big_folders(plan)), root / NURSERY)
-            early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
-            return self._work(pool, count, places, catalogue, early, progress)
+            return self._work(pool, count, early, progress)
 
-    def _work(
-        self,
-        pool: Workers,
-        count: int,
-        places: ChunkPlaces,
-        catalogue: Catalogue,
-        early: Sequence[Written],
-        progress: FrameProgress,
-    ) -> DatasetResult:
-        plan, root = self.plan, self.root
+    def _work(self, pool: Workers, count: int, early: list[Written], progress: FrameProgress) -> DatasetResult:
+        plan, root, world = self.plan, self.root, self.plan.bench.world
+        classes = Classes(world.class_names, world.class_colours)
+        tree = TreeWriter(root)
+        early += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
         tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
-        journal = JournalWriter(root / JOURNAL, self.old)
+        journal = Journal(root / JOURNAL)
         recording = DatasetRecording(
             root,
             tick_ns=plan.config.tick_ns,
@@ -177,7 +156,7 @@ class _Making:
             times.append((time.monotonic(), frames))
             progress.show(frames)
 
-        checkpoints = self.means.make_checkpoints(root)
+        checkpoints = self.means.make_checkpoints(root, tables)
         pipeline = Pipeline(
             root,
             pool,
@@ -185,33 +164,30 @@ class _Making:
             journal=journal,
             tables=tables,
             checkpoints=checkpoints,
-            expected=[record for record, _ in self.old],
-            offsets=[offset for _, offset in self.old],
+            expected=list(journal.entries()),
             on_done=on_done,
             workers_count=count,
-            places=places,
         )
         try:
             fly_for_frames(plan, pipeline.add)
             pipeline.finish()
-            journal.finish()
             finish(
                 plan,
                 root,
-                catalogue=catalogue,
+                catalogue=Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class)),
                 records=pipeline.records,
                 pictures=pipeline.pictures,
                 early=early,
                 tables=tables,
                 recording=recording,
-                journal=Written(JOURNAL, journal.size, journal.crc32),
                 made=self.made,
             )
-            checkpoints.finish(lambda: lambda: None)
+            checkpoints.finish()
         except BaseException:
             pipeline.abandon()
             raise
         finally:
+            checkpoints.close()
             recording.close()
             journal.close()
         (first_s, before), (last_s, after) = times[0], times[-1]

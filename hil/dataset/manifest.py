@@ -21,7 +21,7 @@ from hil.dataset.tree import MANIFEST, WORK, TreeWriter
 from hil.signals.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError, Problem, RecordingError
 
-FORMAT = 1
+FORMAT = 2
 BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # more of them than before
 _SHOWN = 5
@@ -73,10 +73,10 @@ def saved_bench(plan: DatasetPlan) -> dict[str, bytes]:
             raise RecordingError(f"{folder}: the bench cannot be saved here ({error.strerror or error})") from error
 
 
-def check_resumable(root: Path, made: Mapping[str, Any], bench_files: Mapping[str, bytes]) -> bool:
-    """Whether `root` holds an attempt at the same data set; False: nothing was begun. ConfigError: what differs."""
+def check_resumable(root: Path, made: Mapping[str, Any], bench_files: Mapping[str, bytes]) -> None:
+    """Fine where `root` holds an attempt at the same data set, or nothing was begun. ConfigError: what differs."""
     if all(entry.name == WORK for entry in root.iterdir()):
-        return False
+        return
     path = root / MANIFEST
     try:
         before = json.loads(path.read_text())["made_from"]
@@ -98,7 +98,6 @@ def check_resumable(root: Path, made: Mapping[str, Any], bench_files: Mapping[st
         problems.append(Problem(str(path), f"is of {before['frames']} frames, now {made['frames']} are wanted", hint))
     if problems:
         raise ConfigError(problems)
-    return True
 
 
 def _differences(root: Path, bench_files: Mapping[str, bytes]) -> list[str]:

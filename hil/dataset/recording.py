@@ -18,8 +18,7 @@ from hil.dataset.tree import PART, RECORDING, unwritable
 from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
 from hil.recorder.mcap_sink import EventSeries, TopicWriters
 from hil.recorder.topics import SAMPLE_TOPICS, TRUTH_TOPICS
-
-_COPY_BYTES = 1 << 24
+from hil.signals.errors import RecordingError
 
 
 def part_path(root: Path) -> Path:
@@ -66,13 +65,14 @@ class DatasetRecording:
         """Bytes so far: where the next chunk will stand."""
         return self._safe.size
 
-    def add_frames(self, chunk: StoredChunk, source: Path | memoryview | None) -> None:
-        """The chunk of a batch: from `source`, or, None, where it already stands."""
+    def add_frames(self, chunk: StoredChunk, data: bytes | None) -> None:
+        """The chunk of a batch: `data`, or, None, what already stands there."""
         start = self._safe.size
-        if isinstance(source, memoryview):
-            self._put(source)
-        elif source is not None:
-            self._copy(source, chunk.size)
+        if data is not None:
+            try:
+                self._safe.write(data, 0)
+            except RecordingError as error:
+                raise unwritable(self._path, error.__cause__ or error) from error
         else:
             self._safe.skip(chunk.size)
         for declared in chunk.channels:
@@ -89,36 +89,6 @@ class DatasetRecording:
             chunk.counts,
         )
         self._mcap.adopt(packed, start)
-
-    def _put(self, data: memoryview) -> None:
-        out, view = self._safe.fileno(), data
-        try:
-            while view:
-                view = view[os.write(out, view) :]
-        except OSError as error:
-            self._safe.cut()
-            raise unwritable(self._path, error) from error
-        self._safe.size += len(data)
-
-    def fileno(self) -> int:
-        """Of the open file."""
-        return self._safe.fileno()
-
-    def _copy(self, source: Path, size: int) -> None:
-        """From file to file without a detour."""
-        out = self._safe.fileno()
-        try:
-            with open(source, "rb", buffering=0) as file:
-                left = size
-                while left:
-                    copied = os.sendfile(out, file.fileno(), None, min(left, _COPY_BYTES))
-                    if not copied:
-                        raise OSError(f"{source.name} ends too early")
-                    left -= copied
-        except OSError as error:
-            self._safe.cut()
-            raise unwritable(self._path, error) from error
-        self._safe.size += size
 
     def finish(self, metadata: Mapping[str, str]) -> None:
         """Write the summary and give the file its name."""

@@ -173,10 +173,6 @@ class SafeFile:
         self.size += len(data)
         return True
 
-    def fileno(self) -> int:
-        """For who writes past this object, and counts it in `size`."""
-        return self._file.fileno()
-
     def skip(self, count: int) -> None:
         """The next `count` bytes are there already."""
         self.size += count

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
+from hil.dataset.journal import BatchRecord, Journal
 from hil.dataset.make import Means
 from hil.dataset.plan import DatasetPlan, make_plan
+from hil.dataset.tree import JOURNAL
 from hil.dataset.workers import Job, Made, Maker, Workers
 
 BENCH = """
@@ -80,8 +82,17 @@ def inline(**more: Any) -> Means:
     return Means(workers=1, quiet=True, make_workers=Inline, **more)
 
 
+def journal_of(root: Path) -> list[tuple[BatchRecord, int]]:
+    """Every batch that the journal knows, and where its chunk stands."""
+    journal = Journal(root / JOURNAL)
+    try:
+        return list(journal.entries())
+    finally:
+        journal.close()
+
+
 def tree_of(root: Path) -> dict[str, tuple[int, int] | str]:
-    """Every file below `root`: bytes and checksum, or where a link leads."""
+    """Every file below `root`: bytes and checksum, or where a link leads; of the journal, what it holds."""
     found: dict[str, tuple[int, int] | str] = {}
     for folder, folders, names in os.walk(root):
         for name in [*names, *folders]:
@@ -89,6 +100,8 @@ def tree_of(root: Path) -> dict[str, tuple[int, int] | str]:
             key = str(path.relative_to(root))
             if path.is_symlink():
                 found[key] = os.readlink(path)
+            elif name == JOURNAL:
+                found[key] = str(journal_of(root))
             elif path.is_file():
                 data = path.read_bytes()
                 found[key] = (len(data), crc32(data))

@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import cv2
@@ -24,11 +25,9 @@ from mcap.reader import make_reader
 
 from hil.bench import make_frames
 from hil.cli import run_command_line
-from hil.dataset import pipeline as pipeline_module
 from hil.dataset import tree as tree_module
 from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.formats.datasheet import LIMITS
-from hil.dataset.journal import read_journal
 from hil.dataset.make import Means, make_dataset
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.dataset.workers import Job, Made, Workers
@@ -36,9 +35,10 @@ from hil.recorder.cdr import decode
 from hil.signals.errors import ConfigError, RecordingError
 from hil.signals.samples import TruthState
 from sim.sensors.catalog import make_sensor
-from tests.unit.dataset_world import BENCH, Crash, Inline, inline, tiny_plan, tree_of
+from tests.unit.dataset_world import BENCH, Crash, Inline, inline, journal_of, tiny_plan, tree_of
 
 FRAMES = 23  # two whole batches and a part
+EMPTY_JOURNAL_BYTES = 20_000  # more than the write-ahead log of a journal without batches has
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_damage_is_found_and_made_good(plan: DatasetPlan, whole: Path, tmp_path:
     pictures = sorted((root / "mav0/cam0/data").iterdir())
     pictures[1].unlink()
     pictures[12].write_bytes(pictures[12].read_bytes()[:-1])  # cut off
-    records = read_journal(root / "journal.bin")
+    records = journal_of(root)
     with open(root / "run.mcap", "r+b") as file:  # in the middle of the last chunk
         file.seek(records[2][1] + records[2][0].chunk.size // 2)
         file.write(b"\xff\x00\xff")
@@ -104,30 +104,15 @@ def test_more_frames_than_before(plan: DatasetPlan, whole: Path, tmp_path: Path)
     assert tree_of(root) == tree_of(whole)
 
 
-def test_annotations_too_many_for_memory_come_from_the_journal(
-    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(pipeline_module, "_KEPT_BYTES", 2000)
-    make_dataset(plan, tmp_path / "set", inline())
-    assert tree_of(tmp_path / "set") == tree_of(whole)
-
-
-def test_pieces_of_the_recording_that_fit_nowhere_go_by_files(
-    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("hil.dataset.chunk_places.PLACE_BYTES", 4096)
-    make_dataset(plan, tmp_path / "set", inline())
-    assert tree_of(tmp_path / "set") == tree_of(whole)
-
-
 def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root, bench = tmp_path / "set", tmp_path / "tiny.yaml"
+    wal = root / "journal.sqlite3-wal"
     bench.write_text(BENCH)
     arguments = [str(bench), "--frames", str(FRAMES), "--workers", "2", "--out", str(root), "-q"]
     process = subprocess.Popen([sys.executable, "-m", "hil.cli", "dataset", *arguments])
     limit_s = time.monotonic() + 60
     while process.poll() is None and time.monotonic() < limit_s:
-        if (root / "journal.bin").is_file() and (root / "journal.bin").stat().st_size:
+        if wal.is_file() and wal.stat().st_size > EMPTY_JOURNAL_BYTES:
             break
         time.sleep(0.005)
     process.send_signal(signal.SIGKILL)
@@ -143,18 +128,20 @@ def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None
 
 def test_a_full_disk(plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     root = tmp_path / "set"
-    real, written = os.write, 0
+    opened = 0
 
-    def write(file: int, data: bytes) -> int:
-        nonlocal written
-        written += 1
-        if written == 180:
-            real(file, bytes(data)[: len(data) // 2])
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return real(file, data)
+    def full(path: str, mode: str, **more: Any) -> Any:
+        nonlocal opened
+        opened += 1
+        file = open(path, mode, **more)  # noqa: SIM115
+        if opened < 180:
+            return file
+        file.write(b"half of it")
+        file.close()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr(tree_module.os, "write", write)
+        patch.setattr(tree_module, "open", full, raising=False)
         with pytest.raises(RecordingError, match=r"No space left on device.*--resume"):
             make_dataset(plan, root, inline())
     assert not list(root.rglob("*.part"))[1:]  # but the recording's

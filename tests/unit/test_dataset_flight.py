@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import sqlite3
 import tempfile
 from itertools import pairwise
 from pathlib import Path
@@ -17,16 +18,16 @@ from hil.dataset.finish import split_of
 from hil.dataset.flight import FlightPart, fly_for_frames
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.formats.split import GUARD, SETS
-from hil.dataset.journal import BatchRecord, JournalWriter, StoredChunk, read_journal
+from hil.dataset.journal import BatchRecord, Journal, StoredChunk
 from hil.dataset.moments import Batch, Moment
 from hil.dataset.plan import DEFAULT_BENCH, make_plan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.trajectory import course, waypoints_text
-from hil.dataset.tree import Written
+from hil.dataset.tree import JOURNAL, Written
 from hil.missions import Geopoint, load_mission
 from hil.signals.errors import RecordingError
 from sim.scene.scene import Site
-from tests.unit.dataset_world import tiny_plan
+from tests.unit.dataset_world import journal_of, tiny_plan
 
 SITE = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
 
@@ -140,32 +141,39 @@ def record(index: int) -> BatchRecord:
     return BatchRecord(index, index, 1, 77, files, {"x": 1}, (5,), ({3: 2},), {3: 9}, chunk, (picture,))
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 10**6), st.booleans())
-def test_a_journal_cut_off_or_damaged_anywhere_gives_its_beginning(
-    tmp_path_factory: pytest.TempPathFactory, at: int, cut: bool
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.0, 1.0, exclude_max=True), st.booleans())
+def test_a_journal_cut_off_or_damaged_anywhere_tells_nothing_wrong(
+    tmp_path_factory: pytest.TempPathFactory, where: float, cut: bool
 ) -> None:
-    path = tmp_path_factory.mktemp("journal") / "journal.bin"
-    writer = JournalWriter(path)
-    ends = []
-    for index in range(3):
-        writer.append(record(index), 1000 * index)
-        ends.append(writer.size)
-    writer.close()
+    root = tmp_path_factory.mktemp("journal")
+    path = root / JOURNAL
+    whole = [(record(index), 1000 * index) for index in range(3)]
+    fill(path, whole)
+    assert journal_of(root) == whole
     data = path.read_bytes()
-    at %= len(data)
+    at = int(where * len(data))
     path.write_bytes(data[:at] if cut else data[:at] + bytes([data[at] ^ 0x41]) + data[at + 1 :])
-    whole = sum(end <= at for end in ends)
-    found = read_journal(path)
     # A changed offset is not covered by the checksum; the chunk that is looked for there is by its own.
-    assert len(found) >= whole
-    assert [entry for entry, _ in found[:whole]] == [record(i) for i in range(whole)]
-    again = JournalWriter(path, found[:whole])
-    for index in range(3):
-        again.append(record(index), 1000 * index)
-    again.finish()
-    again.close()
-    assert path.read_bytes() == data
+    found = [entry for entry, _ in journal_of(root)]
+    assert found == [entry for entry, _ in whole[: len(found)]]
+    fill(path, whole)
+    assert journal_of(root) == whole
+
+
+def test_a_row_that_was_changed_ends_the_journal(tmp_path: Path) -> None:
+    fill(tmp_path / JOURNAL, [(record(index), 1000 * index) for index in range(3)])
+    with sqlite3.connect(tmp_path / JOURNAL) as db:
+        db.execute("UPDATE batch SET record = replace(record, '\"b\"', '\"c\"') WHERE number = 1")
+    db.close()
+    assert journal_of(tmp_path) == [(record(0), 0)]
+
+
+def fill(path: Path, entries: list[tuple[BatchRecord, int]]) -> None:
+    journal = Journal(path)
+    for entry, offset in entries:
+        journal.append(entry, offset)
+    journal.close()
 
 
 def test_progress_tells_rate_and_time_left() -> None:
