@@ -23,7 +23,7 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.admission import Admission
 from firmware_bridge.companion.clients import Client, Clients, ClientStats, UnderWay
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
-from firmware_bridge.companion.outgoing import Outgoing, Packing
+from firmware_bridge.companion.outgoing import Outgoing
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.sockets import CONTROL, Received, Sockets, Unreachable, group_of
@@ -66,7 +66,6 @@ class CompanionServer:
         self._clock_ns = clock_ns
         self._clients = Clients()
         self._admission = Admission(settings, facts, self._clients)
-        self._packing = Packing()
         self._endpoint = ""
         self._sockets: Sockets | None = None
         self._ring: SharedRing | None = None
@@ -167,7 +166,7 @@ class CompanionServer:
         if self._sockets is None:
             raise LinkClosed("companion", "the session is closed")
         t_begun_ns = self._clock_ns()
-        out = Outgoing(frame, self._packing)
+        out = Outgoing(frame)
         targets: list[Client] = []
         for name in self._clients.by_name if to is None else to:
             client = self._clients.by_name.get(name)

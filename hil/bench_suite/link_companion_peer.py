@@ -25,14 +25,11 @@ _LIMIT_S = 20.0
 def main(arguments: Sequence[str]) -> None:
     """Until the input ends."""
     from hil_companion.client import Client
-    from hil_companion.runner import keep_freed_memory, quiet_collector
 
-    keep_freed_memory()  # as the runner does
     address, place, size = arguments[:3]
     key, bench_key = (Path(arguments[3]), Path(arguments[4])) if len(arguments) > 3 else (None, None)
     client = Client.connect(address, name="peer", credit=AHEAD, key=key, bench_key=bench_key, wait_s=_LIMIT_S)
     host, _, port = place.rpartition(":")
-    quiet_collector()
     with client, socket.create_connection((host, int(port)), _LIMIT_S) as bare:
         bare.settimeout(None)
         bare.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -95,13 +95,11 @@ class RawClient:
         self.say("done", frame=frame, **{**entries, **changes})
 
     def receive(self, wait_s: float = WAIT_S) -> tuple[dict[str, Any], list[bytes]]:
-        """A header, with what its samples say of arrays unpacked, and the other parts."""
+        """A header, and the other parts."""
         if self.silent(wait_s):
             raise AssertionError("nothing came")
         parts = self.socket.recv_multipart()
         header = msgpack.unpackb(parts[0])
-        for sample in header.get("samples", ()):
-            sample["arrays"] = msgpack.unpackb(sample["arrays"])
         return header, parts[1:]
 
     def array(self, header: Mapping[str, Any], described: Mapping[str, Any]) -> np.ndarray:

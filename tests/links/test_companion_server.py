@@ -9,7 +9,6 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import msgpack
 import numpy as np
 import pytest
 import zmq
@@ -24,7 +23,6 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.clock_offset import ClockOffset
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys, read_pair
-from firmware_bridge.companion.outgoing import Outgoing, Packing
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import Block, SharedRing
@@ -369,32 +367,6 @@ def test_arrays_are_sent_in_c_order_and_little_endian() -> None:
         points = np.zeros(2, [("x", "f4")])
         with pytest.raises(CodecError, match=r"imu\.points.*columns"):
             server.send(CompanionFrame(1, 1, 1, (CompanionSample("imu", 0, 0, 0, {}, {"points": points}),)))
-
-
-def test_frame_header_is_what_packing_it_at_once_gives() -> None:
-    sample = CompanionSample("imu", 7, 8, 9, {"a": 1.0})
-    out = Outgoing(CompanionFrame(1, 2, 3, (sample,)), Packing())
-    mine = frozenset(["imu"])
-    assert msgpack.unpackb(out.header(mine, mine, t_sent_ns=4, dropped=5, release=6, ports_of_frame=["imu"])) == {
-        "k": "frame",
-        "frame": 1,
-        "tick": 2,
-        "t_ns": 3,
-        "t_sent_ns": 4,
-        "dropped": 5,
-        "release": 6,
-        "ports_of_frame": ["imu"],
-        "samples": [
-            {
-                "topic": "imu",
-                "seq": 7,
-                "t_capture_ns": 8,
-                "t_available_ns": 9,
-                "values": {"a": 1.0},
-                "arrays": msgpack.packb([]),
-            }
-        ],
-    }
 
 
 def test_schema_changes_with_any_unit() -> None:

@@ -65,7 +65,7 @@ def sample(topic: str, *, values: Header | None = None, arrays: list[Header] | N
         "t_capture_ns": 0,
         "t_available_ns": 0,
         "values": values or {},
-        "arrays": pack(arrays or []),
+        "arrays": arrays or [],
     }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmware_bridge.companion.outgoing import Outgoing, Packing
+from firmware_bridge.companion.outgoing import Outgoing
 from firmware_bridge.companion.shared_ring import SharedRing
 from hil.companion.bundle import Collector
 from hil.signals.samples import RadarSample, TruthState
@@ -27,7 +27,7 @@ def test_points_of_a_radar_go_as_columns_also_when_there_are_none() -> None:
         (sample,) = frame.samples
         assert tuple(sample.arrays) == POINT_DTYPE.names
         assert sample.arrays["range_m"].tolist() == list(range(count))
-        out = Outgoing(frame, Packing())
+        out = Outgoing(frame)
         out.body(out.topics)  # refuses records
         ring = SharedRing(4096)
         try:

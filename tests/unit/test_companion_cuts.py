@@ -16,7 +16,7 @@ from tests.unit.companion_bench import array, frame, sample, together, welcome
 from hil_companion.cuts.record import Record  # isort: skip
 from hil_companion.cuts.waypoints import Seen, Waypoints, came_within_s  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
-from hil_companion.frame import Frame, SampleReader  # isort: skip
+from hil_companion.frame import Frame, read_samples  # isort: skip
 from hil_companion.protocol import read_welcome  # isort: skip
 
 DT_NS = 20_000_000
@@ -25,7 +25,7 @@ SQUARE = [[0.0, 0.0, 3.0], [6.0, 0.0, 3.0], [6.0, 6.0, 3.0]]
 
 def made(header: dict[str, Any], *arrays: np.ndarray) -> Frame:
     parts = [b"", together(*arrays)]
-    return Frame(header, SampleReader().read(header, parts), in_ring=False, t_received_ns=0)
+    return Frame(header, read_samples(header, parts), in_ring=False, t_received_ns=0)
 
 
 def truth_frame(n: int, p_W: Any, v_W: Any) -> Frame:

@@ -35,7 +35,7 @@ from hil_companion.errors import (
     Refused,
     SchemaChanged,
 )
-from hil_companion.frame import Frame, RingView, SampleReader, can_map
+from hil_companion.frame import Frame, RingView, can_map, read_samples
 from hil_companion.protocol import End, Welcome, checked_report
 from hil_companion.view import View
 
@@ -107,7 +107,7 @@ class Client:
         self._poller = zmq.Poller()
         self._hello: dict[str, Any] = {}
         self._hold = False
-        self._samples = SampleReader()
+        self._ring: RingView | None = None
         self._ready: deque[Frame] = deque()
         self._unanswered: deque[Frame] = deque()
         self._bad_in_a_row = 0
@@ -141,7 +141,7 @@ class Client:
         if self._hello["control"] and not self.welcome.control:
             raise Refused("control", "the bench takes no commands from this client")
         if self.welcome.ring is not None:
-            self._samples = SampleReader(RingView(self.welcome.ring))
+            self._ring = RingView(self.welcome.ring)
         # Each port learns by a hello of its own who is at the other end.
         greeting = protocol.hello(
             schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
@@ -239,9 +239,9 @@ class Client:
     def _dispatch(self, header: protocol.Header, parts: Sequence[Any], t_received_ns: int) -> None:
         kind = header["k"]
         if kind == "frame":
-            samples = self._samples.read(header, parts)
+            samples = read_samples(header, parts, self._ring)
             topics = protocol.ports_of_frame(header)
-            part = Frame(header, samples, in_ring=self.welcome.ring is not None, t_received_ns=t_received_ns)
+            part = Frame(header, samples, in_ring=self._ring is not None, t_received_ns=t_received_ns)
             frame, lost = self.barrier.add(part, topics)
             if lost:
                 self.give_credit(lost)

@@ -9,18 +9,17 @@ from __future__ import annotations
 import mmap
 import re
 from pathlib import Path
-from typing import Any, Iterator, Mapping, Sequence
+from typing import Any, Iterator, Sequence
 
 import numpy as np
 
-from hil_companion.checks import INT64_MAX, Fields
+from hil_companion.checks import Fields
 from hil_companion.errors import BadMessage, CompanionError
-from hil_companion.protocol import MAX_TOPICS, Header, Ring, unpack_any
+from hil_companion.protocol import MAX_TOPICS, Header, Ring
 
 MAX_DIMENSIONS = 8
 MAX_TOPIC = 200  # characters
 MAX_ARRAYS = 64  # of one sample
-KEPT = 1024  # descriptions of arrays; those of clouds, whose sizes differ from turn to turn, come and go
 FOLDER = Path("/dev/shm")  # noqa: S108 (where Linux keeps POSIX shared memory; nothing is made there)
 _DTYPE = re.compile(r"(?:\|b1|[|<][iu]1|<[iu][248]|<f[248]|<c(?:8|16))\Z")
 
@@ -162,106 +161,48 @@ class RingView:
         self.memory = memoryview(self._map)
 
 
-class SampleReader:
-    """Headers and bytes in, samples out. What headers say of arrays seldom changes: it is checked once and kept."""
-
-    def __init__(self, ring: RingView | None = None) -> None:
-        self._ring = ring
-        self._kept: dict[bytes, list[ArrayPlace]] = {}
-
-    def read(self, header: Header, parts: Sequence[Any]) -> dict[str, Sample]:
-        """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
-        if self._ring is not None:
-            memory, base = self._ring.memory, Fields(header, "frame").integer("release")
-        else:
-            memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
-        samples: dict[str, Sample] = {}
-        for number, entries in enumerate(Fields(header, "frame").sequence("samples", MAX_TOPICS)):
-            try:
-                sample = self._sample(entries, memory, base)
-            except (TypeError, LookupError, ValueError):
-                sample = None
-            if sample is None or sample.topic in samples:
-                raise _what_is_wrong(Fields(entries, f"frame.samples[{number}]"), samples)
-            samples[sample.topic] = sample
-        return samples
-
-    def _sample(self, entries: Any, memory: Any, base: int) -> Sample | None:
-        """In a few steps, since a frame has many; None, or whatever error, where something is not as it should be."""
-        topic, values, described = entries["topic"], entries["values"], entries["arrays"]
-        seq, taken_ns, out_ns = entries["seq"], entries["t_capture_ns"], entries["t_available_ns"]
-        if not (type(seq) is type(taken_ns) is type(out_ns) is int and min(seq, taken_ns, out_ns) >= 0):
-            return None
-        if (
-            type(topic) is not str
-            or len(topic) > MAX_TOPIC
-            or type(values) is not dict
-            or max(seq, taken_ns, out_ns) > INT64_MAX
-        ):
-            return None
-        for key in values:
-            if type(key) is not str:
-                return None
-        places = self._kept.get(described)
-        if places is None:
-            places = self._described(described)
-        arrays: dict[str, np.ndarray] = {}
-        for place in places:
-            if place.name in values:
-                raise BadMessage(f"{topic}: {place.name!r} comes twice")
-            arrays[place.name] = place.over(memory, base)
-        return Sample(topic, seq, taken_ns, out_ns, values, arrays)
-
-    def _described(self, described: Any) -> list[ArrayPlace]:
-        entries = unpack_any(described)
-        if not isinstance(entries, list) or len(entries) > MAX_ARRAYS:
-            raise BadMessage(f"frame.samples.arrays: a list of at most {MAX_ARRAYS} is needed")
-        places = [ArrayPlace(Fields(one, f"frame.samples.arrays[{i}]")) for i, one in enumerate(entries)]
-        if len({place.name for place in places}) != len(places):
-            raise BadMessage("frame.samples.arrays: an array comes twice")
-        if len(self._kept) >= KEPT:
-            self._kept.clear()
-        self._kept[described] = places
-        return places
+def read_samples(header: Header, parts: Sequence[Any], ring: RingView | None = None) -> dict[str, Sample]:
+    """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
+    at = Fields(header, "frame")
+    if ring is not None:
+        memory, base = ring.memory, at.integer("release")
+    else:
+        memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
+    samples: dict[str, Sample] = {}
+    for number, entries in enumerate(at.sequence("samples", MAX_TOPICS)):
+        sample = _sample(Fields(entries, f"{at.place}.samples[{number}]"), memory, base)
+        if sample.topic in samples:
+            raise BadMessage(f"frame {header.get('frame')}: {sample.topic!r} comes twice")
+        samples[sample.topic] = sample
+    return samples
 
 
-def _what_is_wrong(at: Fields, samples: Mapping[str, Sample]) -> BadMessage:
-    """Of a sample that could not be read, entry by entry."""
-    topic = at.text("topic", MAX_TOPIC)
-    if topic in samples:
-        return BadMessage(f"{at.place}: {topic!r} comes twice")
-    for name in ("seq", "t_capture_ns", "t_available_ns"):
-        at.integer(name)
-    at.mapping("values")
-    return at.wrong("arrays", "msgpack in bytes")
+def _sample(at: Fields, memory: Any, base: int) -> Sample:
+    topic, values = at.text("topic", MAX_TOPIC), at.mapping("values")
+    arrays: dict[str, np.ndarray] = {}
+    for number, entries in enumerate(at.sequence("arrays", MAX_ARRAYS)):
+        name, array = _array(Fields(entries, f"{at.place}.arrays[{number}]"), memory, base)
+        if name in arrays or name in values:
+            raise BadMessage(f"{topic}: {name!r} comes twice")
+        arrays[name] = array
+    times = at.integer("seq"), at.integer("t_capture_ns"), at.integer("t_available_ns")
+    return Sample(topic, *times, values, arrays)
 
 
-class ArrayPlace:
-    """What a header says of one array, checked."""
-
-    __slots__ = ("at", "dtype", "name", "shape", "size")
-
-    def __init__(self, at: Fields) -> None:
-        self.name, kind = at.text("name", 100), at.text("dtype", 8)
-        if not _DTYPE.match(kind):
-            raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
-        self.dtype = np.dtype(kind)
-        shape: list[int] = at.sequence("shape", MAX_DIMENSIONS)
-        self.size = self.dtype.itemsize
-        for n in shape:
-            if type(n) is not int or not 0 <= n < 2**31:
-                raise at.wrong("shape", "whole numbers, not negative,")
-            self.size *= n
-        self.shape = tuple(shape)
-        self.at = at.integer("offset")
-
-    def over(self, memory: Any, base: int) -> np.ndarray:
-        """The array, read-only, in this memory; its offset is counted from `base`."""
-        begin = base + self.at
-        if begin + self.size > len(memory):
-            raise BadMessage(f"{self.name}: {self.size} bytes at {begin}, where there are {len(memory)}")
-        array: np.ndarray = (
-            np.ndarray(self.shape, self.dtype, memory, begin) if self.size else np.empty(self.shape, self.dtype)
-        )
-        array.flags.writeable = False
-        return array
+def _array(at: Fields, memory: Any, base: int) -> tuple[str, np.ndarray]:
+    """Name and array, read-only, in this memory; its offset is counted from `base`."""
+    name, kind = at.text("name", 100), at.text("dtype", 8)
+    if not _DTYPE.match(kind):
+        raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
+    dtype, shape = np.dtype(kind), at.sequence("shape", MAX_DIMENSIONS)
+    size = dtype.itemsize
+    for n in shape:
+        if type(n) is not int or not 0 <= n < 2**31:
+            raise at.wrong("shape", "whole numbers, not negative,")
+        size *= n
+    begin = base + at.integer("offset")
+    if begin + size > len(memory):
+        raise BadMessage(f"{name}: {size} bytes at {begin}, where there are {len(memory)}")
+    array: np.ndarray = np.ndarray(shape, dtype, memory, begin) if size else np.empty(shape, dtype)
+    array.flags.writeable = False
+    return name, array

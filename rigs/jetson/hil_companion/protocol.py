@@ -39,22 +39,17 @@ def pack(header: Mapping[str, Any]) -> bytes:
 
 def unpack(data: Any) -> Header:
     """The header in these bytes: a map that says its kind. BadMessage."""
-    header = unpack_any(data)
-    if not isinstance(header, dict) or not isinstance(header.get("k"), str):
-        raise BadMessage("a header that does not say its kind (k)")
-    return header
-
-
-def unpack_any(data: Any) -> Any:
-    """What msgpack makes of these bytes. BadMessage."""
     size = len(data)
     if size > MAX_HEADER_BYTES:
         raise BadMessage(f"a header of {size} bytes; the limit is {MAX_HEADER_BYTES}")
     try:
-        return msgpack.unpackb(data, raw=False)
+        header = msgpack.unpackb(data, raw=False)
     # msgpack has no common base for what damaged bytes can raise.
     except (ValueError, TypeError, RecursionError, OverflowError, msgpack.UnpackException) as error:
         raise BadMessage(f"no msgpack in a header of {size} bytes ({type(error).__name__})") from error
+    if not isinstance(header, dict) or not isinstance(header.get("k"), str):
+        raise BadMessage("a header that does not say its kind (k)")
+    return header
 
 
 # --- out ---

@@ -7,8 +7,6 @@ frame, `view()`, called now and then behind an answer, and `stop()`, called once
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import math
 import sys
 import time
@@ -26,11 +24,6 @@ BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
 DROPPED = "dropped"  # an `end` for this client alone, which may come back
 # What can pass by itself after a loss: the bench may not have noticed yet that we were gone.
 _PASSING = ("name", "full", "control")
-
-KEPT_BYTES = 1 << 29  # in all, before anything is given back
-LARGEST_BYTES = 1 << 25  # of one block; glibc takes no more
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
-OBJECTS = 20_000  # made and not freed, before the collector of cycles looks again; a frame is some hundred
 
 Cut = Callable[[Frame], Optional[Desired]]
 
@@ -52,7 +45,6 @@ def run(
     say: Callable[[str], None] | None = None,
 ) -> int:
     """Run until the bench ends. The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`."""
-    keep_freed_memory()
     tell = to_stderr if say is None else say
     options = {
         "name": name,
@@ -144,7 +136,6 @@ class Runner:
         if welcome.session != self._session:
             self._call(getattr(self._cut, "start", _nothing), welcome)
         self._session, self._schema = welcome.session, welcome.schema
-        quiet_collector()
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
         before: dict[str, Any] | None = None  # a report is sent where it differs
@@ -186,30 +177,6 @@ class Runner:
 
 def _nothing(*_: Any) -> None:
     """What a CUT without `start` or `stop` does there."""
-
-
-def quiet_collector() -> None:
-    """What is there now is left alone, and new objects are looked through more seldom: a frame has no cycles in it, and
-    at the usual setting looking for them every few frames takes a tenth of a frame's way."""
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
-
-
-def keep_freed_memory() -> bool:
-    """Keep freed blocks for the next frame, in the whole process; False where the C library has no such switch.
-
-    ZeroMQ asks for new memory for every part of a message. Blocks of some hundred kilobytes come straight from the
-    system and go straight back, and every page of them is made anew with every frame: a third of the time of a frame
-    of a megabyte. Told to keep them, glibc serves them from what the frame before has left.
-    """
-    if not sys.platform.startswith("linux"):
-        return False
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, AttributeError):
-        return False  # musl
-    return bool(mallopt(_M_MMAP_THRESHOLD, LARGEST_BYTES)) and bool(mallopt(_M_TRIM_THRESHOLD, KEPT_BYTES))
 
 
 def to_stderr(text: str) -> None:
