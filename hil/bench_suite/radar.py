@@ -1,7 +1,7 @@
 """`hil bench radar`: time of a frame against its error, beside the exact sum and finufft, in one process on one core.
 
 Error: ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, x noise-free, before the ADC; x_direct is
-the method `direct`, whose own error stands in its row, against a sum in extended precision of some of the echoes.
+the method `direct`, whose own error stands in its row, against tests/reference/radar_reference.py over some echoes.
 Times are the best of some turns, the methods taking turns. finufft is given the same decomposition
 (radar_rivals.py) with the fewest terms that meet the tolerance; its time is that of its transform alone, without making
 the weights.
@@ -13,23 +13,19 @@ away and back; and, where there is one, the real recording.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bench_suite.radar_cases import PIXELS, copied, radar_parameters, radar_view, random_echoes, synthesizer
-from hil.bench_suite.radar_exact import exact_error
-from hil.bench_suite.radar_person import person_checks
-from hil.bench_suite.radar_recording import recording_checks
+from hil.bench_suite.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
+from hil.bench_suite.radar_checks import characteristic_checks, person_checks, recording_checks, target_checks
 from hil.bench_suite.radar_rivals import FinufftRadar, finufft_module
-from hil.bench_suite.radar_targets import characteristic_checks, target_checks
 from hil.bench_suite.raster_cases import scene_case
-from hil.bench_suite.raster_rivals import one_core
 from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.timing import best_times, load_reference, one_core
 from sim.radar.echoes import Echoes
-from sim.radar.synthesis import SynthesisReport
 from sim.sensors.radar_parameters import RadarParameters
 
 Say = Callable[[str], None]
@@ -115,16 +111,17 @@ class _Case:
         shape = (len(self._p.antenna.rx_positions_m), c.chirps, c.samples)
         exact, out = np.empty(shape), np.empty(shape)
         direct = synthesizer(self._p, "direct", 1e-3)
-        self.direct_s, _ = _best(lambda: direct.synthesize(self._echoes, exact), 2 if rival else 1)
-        own = exact_error(self._p, self._echoes)
+        work = partial(direct.synthesize, self._echoes, exact)
+        self.direct_s = best_times({"direct": work}, turns=2 if rival else 1)["direct"]
+        own = _direct_error(self._p, self._echoes)
         result.rows.append(Row(self.name, "direct", own, UNIT, self.direct_s, {"echoes": len(self._echoes.range_m)}))
         found: dict[float, tuple[float, float]] = {}
         theirs: list[Row] = []
         for tolerance in tolerances:
             made = synthesizer(self._p, "nufft", tolerance)
             report = made.synthesize(self._echoes, out)  # the first call makes room
-            took, report = _best(lambda made=made: made.synthesize(self._echoes, out), repeats)  # type: ignore[misc]
             error = _error(out, exact)
+            took = best_times({"": partial(made.synthesize, self._echoes, out)}, turns=repeats)[""]
             found[tolerance] = took, error
             details = {"terms": report.terms, "panels": report.panels, "width": report.width, "dropped": report.dropped}
             result.rows.append(Row(self.name, f"nufft @ {tolerance:g}", error, UNIT, took, details))
@@ -135,16 +132,8 @@ class _Case:
 
     def _rival(self, tolerance: float, exact: Float64, out: Float64, repeats: int) -> Row:
         """finufft with as few nodes, over all speeds at once, as bring it below the tolerance."""
-        p = self._p
         for nodes in range(1, _MOST_NODES + 1):
-            other = FinufftRadar(
-                p.chirp,
-                p.antenna.rx_positions_m,
-                hp_cutoff_hz=p.receiver.hp_cutoff_hz,
-                aaf_cutoff_hz=p.receiver.aaf_cutoff_hz,
-                tolerance=0.5 * tolerance,
-                nodes=nodes,
-            )
+            other = FinufftRadar(self._p, tolerance=0.5 * tolerance, nodes=nodes)
             other.synthesize(self._echoes, out)
             if _error(out, exact) <= tolerance:
                 break
@@ -152,14 +141,23 @@ class _Case:
         for _ in range(repeats):
             other.synthesize(self._echoes, out)
             took = min(took, other.transform_s)
-        return Row(
-            self.name,
-            f"finufft, transform alone @ {tolerance:g}",
-            _error(out, exact),
-            UNIT,
-            took,
-            {"terms": nodes},
-        )
+        method = f"finufft, transform alone @ {tolerance:g}"
+        return Row(self.name, method, _error(out, exact), UNIT, took, {"terms": nodes})
+
+
+def _direct_error(p: RadarParameters, echoes: Echoes) -> float:
+    """Relative error of `direct` over some of the echoes: extended precision takes a hundred times as long."""
+    step = max(1, len(echoes.range_m) // 60)
+    arrays = (echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude)
+    some = Echoes(*(np.ascontiguousarray(array[::step]) for array in arrays))
+    cutoffs: Mapping[str, float | None] = {
+        "hp_cutoff_hz": p.receiver.hp_cutoff_hz,
+        "aaf_cutoff_hz": p.receiver.aaf_cutoff_hz,
+    }
+    exact = load_reference("radar_reference").reference(p.chirp, p.antenna.rx_positions_m, some, **cutoffs)
+    out = np.empty(exact.shape)
+    synthesizer(p, "direct", p.tolerance).synthesize(some, out)
+    return _error(out, exact.astype(np.float64))
 
 
 def _city_park(result: BenchmarkResult, *, views: int) -> None:
@@ -177,16 +175,13 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
     for turn in range(3):  # a neighbour on the machine disturbs for a while: the best of turns that are apart
         for i, view in enumerate(case.views):
             radar.draw(view)
-            quick.synthesize(radar.echoes(view), out)
-            seconds, report = _best(lambda view=view: quick.synthesize(radar.echoes(view), out), 3)  # type: ignore[misc]
-            took[i] = min(took[i], seconds)
-            if turn > 0:
-                continue
-            echoes = copied(radar.echoes(view))
-            seconds, _ = _best(lambda echoes=echoes: direct.synthesize(echoes, exact), 1)  # type: ignore[misc]
-            direct_s.append(seconds)
-            errors.append(_error(out, exact))
-            kept.append((report.echoes - report.dropped) / PIXELS)
+            work = partial(quick.synthesize, radar.echoes(view), out)
+            report = work()
+            took[i] = min(took[i], best_times({"": work}, turns=3)[""])
+            if turn == 0:
+                direct_s.append(best_times({"": partial(direct.synthesize, radar.echoes(view), exact)})[""])
+                errors.append(_error(out, exact))
+                kept.append((report.echoes - report.dropped) / PIXELS)
     name, worst = "city_park, pictures of 320 x 240", max(errors)
     details = {"pixels_kept": float(np.mean(kept)), "views": len(case.views)}
     result.rows.append(Row(name, "nufft @ 0.001", worst, UNIT, float(np.mean(took)), details))
@@ -199,12 +194,3 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
 def _error(x: Float64, exact: Float64) -> float:
     norm = float(np.linalg.norm(exact))
     return float(np.linalg.norm(x - exact)) / norm if norm > 0.0 else float(np.linalg.norm(x))
-
-
-def _best(work: Callable[[], SynthesisReport], repeats: int) -> tuple[float, SynthesisReport]:
-    best = np.inf
-    for _ in range(repeats):
-        began = time.perf_counter()
-        report = work()
-        best = min(best, time.perf_counter() - began)
-    return best, report

@@ -96,9 +96,3 @@ def radar_view(world: World, parameters: RadarParameters, *extra: str, camera: C
     return RadarView(
         world, p.chirp, scatterers, renderer, renderer.buffers(*dict.fromkeys((*scatterers.channels, *extra)))
     )
-
-
-def copied(echoes: Echoes) -> Echoes:
-    """Echoes of one's own."""
-    e = echoes
-    return Echoes(e.range_m.copy(), e.speed_mps.copy(), e.direction_R.copy(), e.amplitude.copy())

@@ -9,16 +9,16 @@ alone, the floor of whatever could be built on it.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
 
-from hil.signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
+from sim.sensors.radar_parameters import RadarParameters
 
 Float64 = NDArray[np.float64]
 Complex128 = NDArray[np.complex128]
@@ -47,21 +47,11 @@ def if_response(chirp: Chirp, range_m: Float64, hp_cutoff_hz: float | None, aaf_
 class FinufftRadar:
     """A radar frame by `nodes` transforms a receiver."""
 
-    def __init__(
-        self,
-        chirp: Chirp,
-        rx_positions_m: Sequence[Vec3],
-        *,
-        hp_cutoff_hz: float | None,
-        aaf_cutoff_hz: float | None,
-        tolerance: float,
-        nodes: int,
-    ) -> None:
+    def __init__(self, p: RadarParameters, *, tolerance: float, nodes: int) -> None:
         self._finufft = import_module("finufft")
-        self._chirp, self._rx = chirp, np.asarray(rx_positions_m, np.float64)
-        self._cutoffs = hp_cutoff_hz, aaf_cutoff_hz
+        self._chirp, self._rx = p.chirp, np.asarray(p.antenna.rx_positions_m, np.float64)
+        self._cutoffs = p.receiver.hp_cutoff_hz, p.receiver.aaf_cutoff_hz
         self._tolerance, self._nodes = tolerance, nodes
-        self._double = tolerance < 1e-5
         self.transform_s = 0.0  # of the last frame
 
     def synthesize(self, echoes: Echoes, out: Float64) -> None:
@@ -79,9 +69,9 @@ class FinufftRadar:
         steering = np.exp(-1j * _TURN / c.wavelength_m * (self._rx @ echoes.direction_R.T))
         low, high = float(echoes.speed_mps.min()), float(echoes.speed_mps.max())
         at = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (2 * np.arange(k) + 1) / (2 * k))
-        basis = _lagrange(at, echoes.speed_mps)
+        basis = BarycentricInterpolator(at, np.eye(k))(echoes.speed_mps).T  # one at a node, nothing at the others
         weights = (basis[:, None, :] * (steering * weight)[None, :, :]).reshape(k * n_rx, -1)
-        real, whole = (np.float64, np.complex128) if self._double else (np.float32, np.complex64)
+        real, whole = (np.float64, np.complex128) if self._tolerance < 1e-5 else (np.float32, np.complex64)
         x, y = (_TURN * slow).astype(real), (_TURN * fast).astype(real)
         weights = np.ascontiguousarray(weights, whole)
         began = time.perf_counter()
@@ -106,13 +96,3 @@ class FinufftRadar:
         rate = (2.0 * speed_mps / SPEED_OF_LIGHT_MPS)[:, None, None]
         cycles = c.slope_hz_per_s * (rate * fast_s * t_s - 0.5 * (rate * t_s) ** 2)
         return np.asarray(np.exp(1j * _TURN * cycles))
-
-
-def _lagrange(nodes: Float64, at: Float64) -> Float64:
-    """(nodes, points): the polynomials that are one at a node and nothing at the others."""
-    basis = np.ones((len(nodes), len(at)))
-    for i, a in enumerate(nodes):
-        for j, b in enumerate(nodes):
-            if i != j:
-                basis[i] *= (at - b) / (a - b) if a != b else 1.0
-    return basis

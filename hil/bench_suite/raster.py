@@ -7,288 +7,277 @@
 
 Time is that of a picture alone, of a scene already posed, on one core with one thread: per viewpoint the best of some
 turns, then the mean over viewpoints. The methods take turns, and every picture follows one of another viewpoint and
-time, so that nothing of it can be left over from the one before. The posing of actors is a row of its own.
+time, so that nothing of it can be left over from the one before.
+
+MuJoCo's renderer (software OpenGL through EGL where there is no GPU) is run as its users run it: one `update_scene`,
+then one `render()` for each channel, since each of colour, depth and segmentation is a pass of its own. Multisampling
+is off, as the raster takes one sample a pixel. The thread is pinned before the OpenGL context is made, and the driver's
+threads inherit that.
 
 The error of a row is the 99th percentile of the depth error against mj_ray, away from silhouettes and within 60 m
-(hil.bench_suite.raster_errors); the figures of all channels are in the checks and in the rows' details.
+(hil.bench_suite.raster_errors); the figures of all channels are in the checks.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bench_suite import raster_rivals as rivals
 from hil.bench_suite.raster_cases import SCENES, Case, View, field_case, hidden_case, scene_case
 from hil.bench_suite.raster_errors import Errors, errors, truth
-from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
+from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.timing import best_times, one_core
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
-from sim.frame.mujoco_backend import WorldPose
+from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_pictures_of
 from sim.frame.renderer import FrameRenderer
 
 Say = Callable[[str], None]
+Pictures = dict[str, NDArray]
 _FOV_DEG = 90.0
 _SIZES = ((160, 120), (320, 240), (640, 480), (1280, 720))
 _MAIN = (320, 240)
 _COUNTS = (100, 300, 1000, 3000, 10_000, 20_000)
-_OURS = "this project"
-_RIVAL = "MuJoCo, a pass a channel"
 _COLOUR = ("rgb", "depth", "segmentation")
-_SETS: dict[str, tuple[str, ...]] = {
-    "depth": ("depth",),
-    "depth + segmentation": ("depth", "segmentation"),
-    "colour + depth + segmentation": _COLOUR,
-    "all channels": tuple(CHANNELS),
+_SETS: dict[str, tuple[tuple[str, ...], bool]] = {  # channels, shadows
+    "depth": (("depth",), False),
+    "depth + segmentation": (("depth", "segmentation"), False),
+    "colour + depth + segmentation": (_COLOUR, False),
+    "colour + depth + segmentation, shadows": (_COLOUR, True),
+    "all channels": (tuple(CHANNELS), False),
 }
+_LONG_S = 1.0
 _PIXELS = 20_000  # away from silhouettes, compared with mj_ray in each scene
 
 
-def buffers(camera: CameraModel, channels: Sequence[str]) -> dict[str, NDArray]:
+def buffers(camera: CameraModel, channels: Sequence[str]) -> Pictures:
     """Empty pictures for a FrameRenderer to fill."""
     return {name: CHANNELS[name].empty(camera.height, camera.width) for name in channels}
 
 
-@dataclass
-class _Painter:
-    """One method on one case, ready to draw: `pose` is not timed, `draw` is."""
+class ThisRaster:
+    """This project's raster on one case."""
 
-    name: str
-    pose: Callable[[View], None]
-    draw: Callable[[View], Mapping[str, NDArray]]
-    close: Callable[[], None] = lambda: None
-    warm_up: bool = True  # draw another view first, untimed
+    name = "this project"
 
+    def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> None:
+        self._geometry = FrameGeometry(case.world)
+        self._renderer = FrameRenderer(self._geometry, camera, shadows=shadows)
+        self._out = buffers(camera, channels)
 
-class _Stopwatch:
-    """Turns of several painters over the views of a case."""
+    def pose(self, view: View) -> None:
+        """The actors' poses; not part of its time."""
+        self._geometry.pose(view.t_ns)
 
-    def __init__(self, painters: Sequence[_Painter], views: Sequence[View]) -> None:
-        self._painters, self._views = painters, views
-        self._best = {painter.name: np.full(len(views), np.inf) for painter in painters}
+    def draw(self, view: View) -> Pictures:
+        """The pictures of the view that was posed."""
+        self._renderer.render(view.pose, self._out)
+        return self._out
 
-    def run(self, *, turns: int, seconds: float) -> dict[str, float]:
-        """Seconds a picture; ends after `turns` or, once every view was drawn, after `seconds`."""
-        end = time.perf_counter() + seconds
-        for turn in range(turns):
-            for i, view in enumerate(self._views):
-                if turn > 0 and time.perf_counter() > end:
-                    break
-                for painter in self._painters:
-                    if painter.warm_up:
-                        before = self._views[i - 1]
-                        painter.pose(before)
-                        painter.draw(before)
-                    painter.pose(view)
-                    began = time.perf_counter()
-                    painter.draw(view)
-                    took = time.perf_counter() - began
-                    self._best[painter.name][i] = min(self._best[painter.name][i], took)
-        return {name: float(best.mean()) for name, best in self._best.items()}
+    def close(self) -> None:
+        """Nothing to give back."""
 
 
-class _Bench:
-    """One run: the result as it grows, and what all parts of it need."""
+class MujocoRenderer:
+    """mujoco.Renderer on one case; of the channels colour, depth and segmentation, the last as geom ids."""
 
-    def __init__(self, result: BenchmarkResult, say: Say, *, quick: bool, seed: int) -> None:
-        self.result, self.say, self.quick, self.seed = result, say, quick, seed
-        self.no_rival = rivals.missing()
-        self.driver = ""
-        self.times: dict[tuple[str, str, str, tuple[int, int]], float] = {}  # case, method, channels, size
-        self.errors: dict[str, Errors] = {}  # ours, by scene, at 320 x 240
+    name = "MuJoCo, a pass a channel"
 
-    def scene(self, name: str) -> None:
-        """Errors and times in one scene."""
-        self.say(f"{name}: map and viewpoints")
-        case = scene_case(name, views=6 if self.quick else 12, seed=self.seed)
-        sizes = (_MAIN,) if self.quick else _SIZES
-        for size in sizes:
-            camera = CameraModel.from_fov(*size, _FOV_DEG)
-            self.say(f"{name}: errors at {size[0]} x {size[1]}")
-            pixels = _PIXELS if size == _MAIN else 4000
-            found = self._errors(case, camera, pixels // 4 if self.quick else pixels)
-            if size == _MAIN:
-                self.errors[name] = found[_OURS]
-            main = name == SCENES[0]
-            for label, channels in _SETS.items():
-                if self.quick and not main and channels != _COLOUR:
-                    continue
-                self._times(case, camera, label, channels, found, shadows=False)
-            if main or not self.quick:
-                self._times(case, camera, "colour + depth + segmentation, shadows", _COLOUR, found, shadows=True)
-        self._posing(case)
+    def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str] = _COLOUR, *, shadows: bool) -> None:
+        model = with_pictures_of(case.world.model, camera)
+        model.vis.quality.offsamples = 0
+        self._camera, self._channels = camera, channels
+        self._posed = WorldPose(case.world)
+        with egl_context():
+            self._renderer = mujoco.Renderer(model, camera.height, camera.width, max_geom=model.ngeom + 100)
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        shape = (camera.height, camera.width)
+        self._rgb, self._depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
+        self._ids = np.zeros((*shape, 2), np.int32)
 
-    def fields(self) -> None:
-        """Time against the number of geoms."""
-        for count in (100, 1000, 20_000) if self.quick else _COUNTS:
-            self.say(f"field of {count} geoms")
-            case = field_case(count, seed=self.seed, views=2 if self.quick else 4)
-            camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
-            found = self._errors(case, camera, 500 if self.quick else 2000)
-            label = "colour + depth + segmentation"
-            self._times(case, camera, label, _COLOUR, found, shadows=False, geoms=count, seconds=3.0)
+    def pose(self, view: View) -> None:
+        """The actors' poses, and the scene that MuJoCo draws; not part of its time."""
+        scene = self._renderer.scene
+        self._renderer.update_scene(self._posed.at(view.t_ns))
+        extent, planes = self._renderer.model.stat.extent, self._renderer.model.vis.map
+        for eye in scene.camera:
+            aim(eye, self._camera, view.pose, (planes.znear * extent, planes.zfar * extent))
 
-    def growth(self) -> float:
-        """Times the cost of 200 geoms that 19,800 unseen ones add up to, the worse of two ways to be unseen."""
-        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
-        label = "colour + depth + segmentation"
-        worst = 0.0
-        alone = hidden_case(200, 0, where="out of view", seed=self.seed)
-        for where in ("out of view", "behind a wall"):
-            self.say(f"200 geoms, and 19,800 {where}")
-            crowd = hidden_case(200, 19_800, where=where, seed=self.seed)
-            painters = []
-            for case in (alone, crowd):
-                painter = self._ours(case, camera, _COLOUR, shadows=False)
-                painter.name = case.name
-                painters.append(painter)
-            took = _Stopwatch(painters, alone.views).run(turns=60, seconds=4.0)
-            for case in (alone, crowd):
-                found = self._errors(case, camera, 500)[_OURS]
-                details = {"channels": label, "geoms": case.world.model.ngeom}
-                error = _p99(found.depth_m)
-                self.result.rows.append(
-                    Row("geoms unseen", f"{_OURS} @ {case.name}", error, "m", took[case.name], details)
-                )
-            worst = max(worst, took[crowd.name] / took[alone.name])
-        return worst
+    def draw(self, _view: View) -> Pictures:
+        """The pictures of the view that was posed."""
+        frame: Pictures = {}
+        renderer = self._renderer
+        if "rgb" in self._channels:
+            frame["rgb"] = renderer.render(out=self._rgb)
+        if "depth" in self._channels:
+            renderer.enable_depth_rendering()
+            frame["depth"] = renderer.render(out=self._depth)
+            renderer.disable_depth_rendering()
+        if "segmentation" in self._channels:
+            renderer.enable_segmentation_rendering()
+            frame["geom"] = renderer.render(out=self._ids)[..., 0]
+            renderer.disable_segmentation_rendering()
+        return frame
 
-    def _ours(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> _Painter:
-        geometry = FrameGeometry(case.world)
-        renderer = FrameRenderer(geometry, camera, shadows=shadows)
-        out = buffers(camera, channels)
+    def close(self) -> None:
+        """Gives the OpenGL context back."""
+        self._renderer.close()
 
-        def draw(view: View) -> Mapping[str, NDArray]:
-            renderer.render(view.pose, out)
-            return out
 
-        return _Painter(_OURS, lambda view: geometry.pose(view.t_ns), draw)
-
-    def _rivals(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> list[_Painter]:
-        crowded = self.quick and case.world.model.ngeom > 2000  # seconds for each picture
-        if self.no_rival or crowded or not set(channels) <= set(rivals.CHANNELS):
-            return []
-        kinds: list[dict[str, bool]] = [{}]
-        if not self.quick and channels == _COLOUR and (camera.width, camera.height) == _MAIN:
-            kinds += [{"two_passes": True}, {"antialiased": True}]
-        made = [rivals.MujocoRenderer(case, camera, shadows=shadows, **kind) for kind in kinds]
-        return [
-            # It keeps nothing between pictures, and takes too long for its caches to matter.
-            _Painter(one.name, one.pose, partial(_drawn_by, one, tuple(channels)), one.close, warm_up=False)
-            for one in made
-        ]
-
-    def _times(
-        self,
-        case: Case,
-        camera: CameraModel,
-        label: str,
-        channels: Sequence[str],
-        found: Mapping[str, Errors],
-        *,
-        shadows: bool,
-        geoms: int | None = None,
-        seconds: float = 8.0,
-    ) -> None:
-        size = (camera.width, camera.height)
-        self.say(f"{case.name}: {label}, {size[0]} x {size[1]}")
-        painters = [self._ours(case, camera, channels, shadows=shadows)]
-        painters += self._rivals(case, camera, channels, shadows=shadows)
-        views = case.views[:4] if size[0] > 640 else case.views
-        if len(painters) > 1:
-            self.driver = rivals.driver()  # of the context made last
-        took = _Stopwatch(painters, views).run(turns=4 if self.quick else 10, seconds=seconds)
-        for painter in painters:
-            painter.close()
-            error = found.get(painter.name, found.get(_RIVAL, Errors()))
-            seconds_each = took[painter.name]
-            self.times[case.name, painter.name, label, size] = seconds_each
-            details: dict[str, Any] = {"channels": label, "resolution": list(size)}
-            details["geoms"] = case.world.model.ngeom
-            if geoms is not None:
-                details["field"] = geoms
-            if painter.name != _OURS:
-                details["times_slower"] = seconds_each / took[_OURS]
-                details["driver"] = self.driver
-            if error.id_agrees.size:
-                details["ids_agree"] = float(error.id_agrees.mean())
-            where = f"field of geoms, {label}" if geoms is not None else f"{case.name}, {label}"
-            at = f"{geoms} geoms" if geoms is not None else f"{size[0]}x{size[1]}"
-            row = Row(where, f"{painter.name} @ {at}", _p99(error.depth_m), "m", seconds_each, details)
-            self.result.rows.append(row)
-
-    def _errors(self, case: Case, camera: CameraModel, pixels: int) -> dict[str, Errors]:
-        """Of this project (all channels) and of MuJoCo's renderer (depth and ids), over all views."""
-        posed = WorldPose(case.world)
-        ours = self._ours(case, camera, [name for name in CHANNELS if name != "rgb"], shadows=False)
-        painters = [ours, *self._rivals(case, camera, ("depth", "segmentation"), shadows=False)]
-        parts: dict[str, list[Errors]] = {painter.name: [] for painter in painters}
-        each = max(50, -(-pixels // len(case.views)))
-        for i, view in enumerate(case.views):
-            true = truth(case, view, posed, camera, each, self.seed + i)
-            for painter in painters:
-                painter.pose(view)
-                parts[painter.name].append(errors(painter.draw(view), true, case.world.model))
-        for painter in painters:
-            painter.close()
-        return {name: Errors.merged(found) for name, found in parts.items()}
-
-    def _posing(self, case: Case) -> None:
-        """What a picture costs before it is drawn: the actors' poses into the geometry."""
-        geometry = FrameGeometry(case.world)
-        best = np.inf
-        for view in case.views * 3:
-            began = time.perf_counter()
-            geometry.pose(view.t_ns)
-            best = min(best, time.perf_counter() - began)
-        actors = len(case.world.map.actors)
-        self.result.rows.append(Row(f"{case.name}, posing", f"{_OURS} @ {actors} actors", 0.0, "m", best))
+Method = ThisRaster | MujocoRenderer
 
 
 def measure(*, quick: bool, say: Say, seed: int = 1) -> BenchmarkResult:
     """Draw every scene with every method. `seed` chooses the viewpoints, the random fields and the pixels compared."""
     result = BenchmarkResult(time_label="wall time per picture [s]")
-    with rivals.one_core():
-        bench = _Bench(result, say, quick=quick, seed=seed)
-        if bench.no_rival:
-            result.left_out.append(f"MuJoCo's renderer: {bench.no_rival}")
-        if quick:
-            result.left_out.append(
-                f"resolutions but {_MAIN[0]} x {_MAIN[1]}; rivals with two passes or multisampling; fields of 300, 3000"
-                f" and 10,000 geoms; half of the viewpoints; {_PIXELS * 3 // 4} of the {_PIXELS} pixels of each scene; "
-                "channels other than colour + depth + segmentation in all scenes but the first"
-            )
-        for name in SCENES:
-            bench.scene(name)
-        bench.fields()
+    problem = egl_problem()
+    if problem:
+        result.left_out.append(f"MuJoCo's renderer: {problem}")
+    if quick:
+        result.left_out.append(
+            f"resolutions but {_MAIN[0]} x {_MAIN[1]}; fields of 300, 3000 and 10,000 geoms; half of the viewpoints; "
+            f"{_PIXELS * 3 // 4} of the {_PIXELS} pixels of each scene; channels other than colour + depth + "
+            "segmentation in all scenes but the first"
+        )
+    bench = _Bench(result, say, quick=quick, seed=seed, rival=not problem)
+    with one_core():
+        found = {name: bench.scene(name) for name in SCENES}
+        for count in (100, 1000, 20_000) if quick else _COUNTS:
+            bench.field(count)
         growth = bench.growth()
-    result.checks += _speed_checks(bench)
-    result.checks += _error_checks(bench.errors)
+    result.checks += bench.speed_checks()
+    result.checks += _error_checks(found)
     result.checks.append(Check("20,000 geoms of which 200 are seen, over those 200 alone", growth, "<=", 2.0, "x"))
     return result
 
 
-def _speed_checks(bench: _Bench) -> list[Check]:
-    park = SCENES[0]
-    checks = []
-    for label, what in (("", "shadows off"), (", shadows", "shadows on")):
-        channels = f"colour + depth + segmentation{label}"
-        name = f"{park}, colour + depth + segmentation, {what}: times faster than MuJoCo's renderer"
-        rival = bench.times.get((park, _RIVAL, channels, _MAIN))
-        if rival is None:
-            bench.result.left_out.append(name)
-        else:
-            checks.append(Check(name, rival / bench.times[park, _OURS, channels, _MAIN], ">=", 40.0, "x"))
-    took = bench.times[park, _OURS, "all channels", _MAIN]
-    return [*checks, Check(f"{park}, all channels, no shadows", 1e3 * took, "<=", 2.0, "ms")]
+class _Bench:
+    """One run: the result as it grows, and what all parts of it need."""
+
+    def __init__(self, result: BenchmarkResult, say: Say, *, quick: bool, seed: int, rival: bool) -> None:
+        self.result, self.say, self.quick, self.seed, self.rival = result, say, quick, seed, rival
+        self.times: dict[tuple[str, str], dict[str, float]] = {}  # case and channels -> method, at 320 x 240
+
+    def scene(self, name: str) -> Errors:
+        """Errors and times in one scene; the errors of this project at 320 x 240."""
+        case = scene_case(name, views=6 if self.quick else 12, seed=self.seed)
+        main = name == SCENES[0]
+        found: dict[tuple[int, int], dict[str, Errors]] = {}
+        for size in (_MAIN,) if self.quick else _SIZES:
+            camera = CameraModel.from_fov(*size, _FOV_DEG)
+            pixels = _PIXELS if size == _MAIN else 4000
+            found[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
+            for label, (channels, shadows) in _SETS.items():
+                if not self.quick or main or (channels == _COLOUR and not shadows):
+                    took = self._times(case, camera, channels, shadows=shadows)
+                    if size == _MAIN:
+                        self.times[name, label] = took
+                    self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", took, found[size])
+        return found[_MAIN][ThisRaster.name]
+
+    def field(self, count: int) -> None:
+        """Errors and times in a field of random geoms."""
+        case = field_case(count, seed=self.seed, views=2 if self.quick else 4)
+        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
+        found = self._errors(case, camera, 500 if self.quick else 2000)
+        took = self._times(case, camera, _COLOUR, shadows=False)
+        self._rows("field of geoms, colour + depth + segmentation", f"{count} geoms", took, found)
+
+    def growth(self) -> float:
+        """Times the cost of 200 geoms that 19,800 unseen ones add up to, the worse of two ways to be unseen."""
+        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
+        worst = 0.0
+        alone = hidden_case(200, 0, where="out of view", seed=self.seed)
+        for where in ("out of view", "behind a wall"):
+            self.say(f"200 geoms, and 19,800 {where}")
+            crowd = hidden_case(200, 19_800, where=where, seed=self.seed)
+            methods = {case.name: ThisRaster(case, camera, _COLOUR, shadows=False) for case in (alone, crowd)}
+            took = _mean_times(methods, alone.views, turns=40)
+            for case in (alone, crowd):
+                found = self._errors(case, camera, 500)
+                self._rows("geoms unseen", case.name, {ThisRaster.name: took[case.name]}, found)
+            worst = max(worst, took[crowd.name] / took[alone.name])
+        return worst
+
+    def speed_checks(self) -> list[Check]:
+        """Of the first scene."""
+        park, checks = SCENES[0], []
+        for label, what in (("", "shadows off"), (", shadows", "shadows on")):
+            took = self.times[park, f"colour + depth + segmentation{label}"]
+            name = f"{park}, colour + depth + segmentation, {what}: times faster than MuJoCo's renderer"
+            if self.rival:
+                checks.append(Check(name, took[MujocoRenderer.name] / took[ThisRaster.name], ">=", 40.0, "x"))
+            else:
+                self.result.left_out.append(name)
+        took_ms = 1e3 * self.times[park, "all channels"][ThisRaster.name]
+        return [*checks, Check(f"{park}, all channels, no shadows", took_ms, "<=", 2.0, "ms")]
+
+    def _methods(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> list[Method]:
+        methods: list[Method] = [ThisRaster(case, camera, channels, shadows=shadows)]
+        crowded = self.quick and case.world.model.ngeom > 2000  # seconds for each picture
+        if self.rival and not crowded and set(channels) <= set(_COLOUR):
+            methods.append(MujocoRenderer(case, camera, channels, shadows=shadows))
+        return methods
+
+    def _times(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> dict[str, float]:
+        self.say(f"{case.name}: {', '.join(channels)}, {camera.width} x {camera.height}")
+        methods = {method.name: method for method in self._methods(case, camera, channels, shadows=shadows)}
+        views = case.views[:4] if camera.width > 640 else case.views
+        took = _mean_times(methods, views, turns=4 if self.quick else 10)
+        for method in methods.values():
+            method.close()
+        return took
+
+    def _rows(self, where: str, at: str, took: Mapping[str, float], found: Mapping[str, Errors]) -> None:
+        for name, seconds in took.items():
+            error = _p99(found[name].depth_m) if name in found else float("nan")
+            details = {"times_slower": seconds / took.get(ThisRaster.name, seconds)}
+            self.result.rows.append(Row(where, f"{name} @ {at}", error, "m", seconds, details))
+
+    def _errors(self, case: Case, camera: CameraModel, pixels: int) -> dict[str, Errors]:
+        """Of this project (all channels but colour) and of MuJoCo's renderer (depth and ids), over all views."""
+        self.say(f"{case.name}: errors at {camera.width} x {camera.height}")
+        posed = WorldPose(case.world)
+        ours = ThisRaster(case, camera, [name for name in CHANNELS if name != "rgb"], shadows=False)
+        methods = [ours, *self._methods(case, camera, ("depth", "segmentation"), shadows=False)[1:]]
+        parts: dict[str, list[Errors]] = {method.name: [] for method in methods}
+        each = max(50, -(-pixels // len(case.views)))
+        for i, view in enumerate(case.views):
+            true = truth(case, view, posed, camera, each, self.seed + i)
+            for method in methods:
+                method.pose(view)
+                parts[method.name].append(errors(method.draw(view), true, case.world.model))
+        for method in methods:
+            method.close()
+        return {name: Errors.merged(found) for name, found in parts.items()}
+
+
+def _mean_times(methods: Mapping[str, Method], views: Sequence[View], *, turns: int) -> dict[str, float]:
+    """Seconds a picture, the mean over views of the best of some turns; of what takes longer than a second one turn."""
+    best = {name: np.full(len(views), np.inf) for name in methods}
+
+    def another_view_first(name: str, i: int) -> None:
+        method, other = methods[name], views[i - 1]
+        if isinstance(method, ThisRaster):  # MuJoCo's renderer takes too long for its caches to matter
+            method.pose(other)
+            method.draw(other)
+        method.pose(views[i])
+
+    for turn in range(turns):
+        for i, view in enumerate(views):
+            works = {
+                name: partial(method.draw, view)
+                for name, method in methods.items()
+                if turn == 0 or best[name][i] < _LONG_S
+            }
+            for name, took in best_times(works, before=partial(another_view_first, i=i)).items():
+                best[name][i] = min(best[name][i], took)
+    return {name: float(took.mean()) for name, took in best.items()}
 
 
 def _error_checks(found: Mapping[str, Errors]) -> list[Check]:
@@ -311,10 +300,6 @@ def _error_checks(found: Mapping[str, Errors]) -> list[Check]:
     ]
 
 
-def _drawn_by(rival: rivals.MujocoRenderer, channels: Sequence[str], _: View) -> Mapping[str, NDArray]:
-    return rival.render(channels)
-
-
 def _p99(values: NDArray) -> float:
     return float(np.quantile(values, 0.99)) if values.size else float("nan")
 
@@ -325,43 +310,3 @@ def _max(values: NDArray) -> float:
 
 def _percent(agrees: NDArray[np.bool_]) -> float:
     return 100.0 * float(agrees.mean()) if agrees.size else float("nan")
-
-
-def plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """Time against error in each scene; time against resolution, and against the number of geoms."""
-    from matplotlib.figure import Figure  # slow to import, and only needed here
-
-    figure = Figure(figsize=(13.8, 4.4), layout="constrained")
-    by_error, by_size, by_count = figure.subplots(1, 3)
-    label = "colour + depth + segmentation"
-    methods = list(dict.fromkeys(row.method.split(" @ ")[0] for row in result.rows))
-    for method in methods:
-        rows = [row for row in result.rows if row.method.split(" @ ")[0] == method]
-        drawn = [row for row in rows if row.details.get("channels") == label]
-        at_main = [r for r in drawn if r.details.get("resolution") == list(_MAIN) and "field" not in r.details]
-        if at_main:
-            floor = [max(row.error, 1e-9) for row in at_main]
-            by_error.plot([1e3 * row.time_s for row in at_main], floor, "o", label=method)
-        park = [r for r in drawn if r.case.startswith(SCENES[0]) and "resolution" in r.details]
-        if park:
-            pixels = [r.details["resolution"][0] * r.details["resolution"][1] for r in park]
-            by_size.plot(pixels, [1e3 * row.time_s for row in park], "o-", label=method)
-        counted = [row for row in drawn if "field" in row.details]
-        if counted:
-            by_count.plot([r.details["field"] for r in counted], [1e3 * r.time_s for r in counted], "o-", label=method)
-    _axes(by_error, f"{label}, {_MAIN[0]} x {_MAIN[1]}, each scene", "time per picture [ms]", "depth error, p99 [m]")
-    _axes(by_size, f"{label}, {SCENES[0]}", "pixels", "time per picture [ms]")
-    _axes(by_count, f"{label}, random fields", "geoms in the scene", "time per picture [ms]")
-    figure.suptitle(title)
-    save_figure(figure, path)
-
-
-def _axes(ax: Any, title: str, x: str, y: str) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_title(title, loc="left", fontsize=10, fontweight="bold")
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
-    ax.grid(True, which="both", color="#e6e9ed", linewidth=0.7)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize=8, frameon=False)

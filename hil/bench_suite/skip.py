@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
-from hil.bench_suite.raster_rivals import one_core
 from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.bench_suite.skip_radar import unread_outputs
+from hil.bench_suite.timing import one_core
 from hil.signals.samples import TruthState
 from sim._kernels import RayCaster
 from sim.frame.camera_model import CameraModel

@@ -11,9 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.bench_suite.raster import buffers
+from hil.bench_suite.raster import MujocoRenderer, buffers
 from hil.bench_suite.raster_cases import Case, camera_pose, looking, scene_case
-from hil.bench_suite.raster_rivals import MujocoRenderer
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
