@@ -12,20 +12,15 @@ so RK4 is shown with plain `filter` too, which it integrates with the stages.
 from __future__ import annotations
 
 import ctypes
-import importlib.util
-import math
-import sys
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.errors import HilError
 from hil.signals.rotation import matrix_of
 from hil.signals.samples import Vec3
 from sim.physics.effects import Effects
@@ -40,7 +35,6 @@ TICK_NS = 4_000_000
 TICK_S = 0.004
 PLAIN = Effects(ground_effect=False, descent_loss=False)
 _LAG_S = 0.05
-_REFERENCE = Path(__file__).resolve().parents[2] / "tests" / "reference" / "multirotor_reference.py"
 _SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # rotor: roll, pitch, yaw
 
 
@@ -66,17 +60,6 @@ def torque_free(vehicle: Vehicle) -> Vehicle:
     )
 
 
-def load_reference() -> ModuleType:
-    """The CasADi model of tests/reference. HilError where the installation has no tests."""
-    spec = importlib.util.spec_from_file_location("multirotor_reference", _REFERENCE)
-    if spec is None or spec.loader is None or not _REFERENCE.exists():
-        raise HilError(f"{_REFERENCE} is missing: this benchmark runs from a checkout, not from a wheel")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
 @dataclass(frozen=True)
 class Flight:
     """A start and the commands from there, [ticks, rotors]."""
@@ -91,15 +74,6 @@ class Flight:
     @property
     def duration_s(self) -> float:
         return len(self.commands) * self.tick_ns / 1e9
-
-
-class Method(Protocol):
-    """Something that flies a `Flight`."""
-
-    name: str
-
-    def fly(self, flight: Flight, *, record: bool) -> Float64:
-        """States (p, q, v, w) at every tick if `record`, else only the last, [n, 13]."""
 
 
 def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle | None = None) -> Flight:
@@ -174,20 +148,29 @@ class Stepper(Protocol):
         """No more ticks."""
 
 
-def _fly(stepper: Stepper, flight: Flight, *, record: bool) -> Float64:
-    commands, advance = flight.commands.tolist(), stepper.advance
-    states = [flight.start[:13].copy()]
-    try:
-        for controls in commands:
-            advance(controls)
-            if record:
-                states.append(stepper.state[:13].copy())
-        return np.array(states) if record else stepper.state[None, :13].copy()
-    finally:
-        stepper.close()
+class _TickByTick(ABC):
+    """A method that can be asked for one tick after the other."""
+
+    name: str
+
+    @abstractmethod
+    def begin(self, flight: Flight) -> Stepper:
+        """A flight to be flown tick by tick; one at a time."""
+
+    def fly(self, flight: Flight, *, record: bool) -> Float64:
+        """States (p, q, v, w) at every tick if `record`, else only the last, [n, 13]."""
+        stepper, states = self.begin(flight), [flight.start[:13].copy()]
+        try:
+            for controls in flight.commands.tolist():
+                stepper.advance(controls)
+                if record:
+                    states.append(stepper.state[:13].copy())
+            return np.array(states) if record else stepper.state[None, :13].copy()
+        finally:
+            stepper.close()
 
 
-class ThisProject:
+class ThisProject(_TickByTick):
     """QuadrotorPhysics as the bench runs it, Python included."""
 
     def __init__(self, step_ms: float, *, method: Any = "order8") -> None:
@@ -196,11 +179,7 @@ class ThisProject:
         self.name = f"this project, {'order 8' if method == 'order8' else 'classical RK4'} @ {step_ms:g} ms"
 
     def begin(self, flight: Flight) -> Stepper:
-        """A flight to be flown tick by tick."""
         return _OwnStepper(flight, self.method, self.step_ns)
-
-    def fly(self, flight: Flight, *, record: bool) -> Float64:
-        return _fly(self.begin(flight), flight, record=record)
 
 
 class _OwnStepper:
@@ -228,7 +207,7 @@ class _OwnStepper:
         pass
 
 
-class PlainMujoco:
+class PlainMujoco(_TickByTick):
     """mj_step with one of MuJoCo's integrators; forces by native callback."""
 
     def __init__(self, integrator: str, step_ms: float, *, lag: str = "filterexact") -> None:
@@ -237,15 +216,11 @@ class PlainMujoco:
         self.name = f"MuJoCo {shown} @ {step_ms:g} ms"
 
     def begin(self, flight: Flight) -> Stepper:
-        """A flight to be flown tick by tick; one at a time."""
         text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
         text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
         one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
         text = text.replace("</mujoco>", f"<actuator>{one * len(flight.vehicle.rotors)}</actuator></mujoco>")
         return _MujocoStepper(flight, mujoco.MjModel.from_xml_string(text), self.step_s)
-
-    def fly(self, flight: Flight, *, record: bool) -> Float64:
-        return _fly(self.begin(flight), flight, record=record)
 
 
 class _MujocoStepper:
@@ -351,6 +326,16 @@ def _joined(state: dict[str, Any]) -> Float64:
     return np.concatenate([state["x"], [q[3], q[0], q[1], q[2]], state["v"], state["w"]])
 
 
+def attitude_error_rad(flown: Float64, exact: Float64) -> float:
+    """Greatest angle between the attitudes of two flights, [n, 13].
+
+    From the quaternions' vector part: an arc cosine cannot tell below 1e-8.
+    """
+    a, b = flown[:, 3:7], exact[:, 3:7]
+    vector = b[:, :1] * a[:, 1:] - a[:, :1] * b[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
+    return float(np.max(2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(vector, axis=1)))))
+
+
 def spin_drift(flight: Flight, end: Float64) -> dict[str, float]:
     """How far energy, angular momentum and the quaternion's norm moved from the start to `end`, relative."""
     inertia = np.array(flight.vehicle.inertia_kgm2)
@@ -363,5 +348,5 @@ def spin_drift(flight: Flight, end: Float64) -> dict[str, float]:
     return {
         "energy": abs(e1 / e0 - 1.0),
         "momentum": float(np.linalg.norm(l1 - l0) / np.linalg.norm(l0)),
-        "norm": abs(math.sqrt(float(np.sum(end[3:7] ** 2))) - 1.0),
+        "norm": abs(float(np.linalg.norm(end[3:7])) - 1.0),
     }

@@ -17,6 +17,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from types import ModuleType
 
 import numpy as np
@@ -24,23 +25,24 @@ import numpy as np
 from hil.bench_suite.flight_cases import (
     Flight,
     Float64,
-    Method,
     PlainMujoco,
     RotorPy,
     ThisProject,
+    attitude_error_rad,
     gust,
     hover,
     landing,
-    load_reference,
     spin_drift,
     tumble,
     vigorous,
 )
 from hil.bench_suite.landing_checks import landing_checks
 from hil.bench_suite.result import BenchmarkResult, Check, Row
+from hil.bench_suite.timing import best_times, load_reference
 from sim.physics.vehicle import load_vehicle
 
 Say = Callable[[str], None]
+Method = ThisProject | PlainMujoco | RotorPy
 _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"
 _DIVERGED = 1e6  # shown for a drift beyond all bounds: neither JSON nor the plot has infinity
@@ -50,7 +52,7 @@ _OURS = "this project, order 8 @ 4 ms"
 def measure(*, quick: bool, say: Say) -> BenchmarkResult:
     """Fly every case with every method."""
     result = BenchmarkResult(time_label="wall seconds per simulated second")
-    reference = load_reference()
+    reference = load_reference("multirotor_reference")
     methods = _methods()
     slow = [method for method in methods if method.name.startswith("RotorPy")]
     if not slow:
@@ -64,15 +66,16 @@ def measure(*, quick: bool, say: Say) -> BenchmarkResult:
             tick_s=flight.tick_ns / 1e9,
             gravity_mps2=flight.scene.gravity_mps2,
         )
-        times = _best_times(name, flight, methods, say, repeats=2 if quick else 7)
+        say(name)
+        times = _best_times(flight, methods, turns=2 if quick else 7)
         for method in methods:
             flown = method.fly(flight, record=True)
-            position, attitude = _errors(flown, exact, reference)
-            details = {"attitude_error_rad": attitude}
-            result.rows.append(Row(name, method.name, position, "m", times[method.name], details))
+            details = {"attitude_error_rad": attitude_error_rad(flown, exact)}
+            error = _position_error_m(flown, exact)
+            result.rows.append(Row(name, method.name, error, "m", times[method.name], details))
     quicker = [method for method in methods if method not in slow]
     _tumble_rows(result, quicker if quick else methods, say)
-    _landing_rows(result, quicker, say, repeats=2 if quick else 5)
+    _landing_rows(result, quicker, turns=2 if quick else 5)
     say("checks")
     result.checks += _flight_checks(result)
     result.checks += _order_checks(reference)
@@ -91,25 +94,15 @@ def _methods() -> list[Method]:
     return methods
 
 
-def _best_times(case: str, flight: Flight, methods: Sequence[Method], say: Say, *, repeats: int) -> dict[str, float]:
-    """Wall seconds per simulated second, the best of `repeats`; what takes seconds is flown once."""
-    best: dict[str, float] = {}
-    for repeat in range(repeats):
-        for method in methods:
-            if best.get(method.name, 0.0) > 0.1:
-                continue
-            say(f"{case}: {method.name}, {repeat + 1} of {repeats}")
-            began = time.perf_counter()
-            method.fly(flight, record=False)
-            took = (time.perf_counter() - began) / flight.duration_s
-            best[method.name] = min(took, best.get(method.name, took))
-    return best
+def _best_times(flight: Flight, methods: Sequence[Method], *, turns: int) -> dict[str, float]:
+    """Wall seconds per simulated second; what takes seconds is flown once."""
+    works = {method.name: partial(method.fly, flight, record=False) for method in methods}
+    best = best_times(works, turns=turns, once_s=0.1 * flight.duration_s)
+    return {name: took / flight.duration_s for name, took in best.items()}
 
 
-def _errors(flown: Float64, exact: Float64, reference: ModuleType) -> tuple[float, float]:
-    position = float(np.max(np.linalg.norm(flown[:, :3] - exact[:, :3], axis=1)))
-    angle = reference.attitude_error_rad
-    return position, max(angle(a, b) for a, b in zip(flown[:, 3:7], exact[:, 3:7], strict=True))
+def _position_error_m(flown: Float64, exact: Float64) -> float:
+    return float(np.max(np.linalg.norm(flown[:, :3] - exact[:, :3], axis=1)))
 
 
 def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say) -> None:
@@ -127,10 +120,10 @@ def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say) -
         result.rows.append(Row("tumble", method.name, error, "1", took, details))
 
 
-def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say, *, repeats: int) -> None:
+def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, turns: int) -> None:
     flight = landing()
     feet = flight.vehicle.standing_height_m
-    times = _best_times("landing", flight, methods, say, repeats=repeats)
+    times = _best_times(flight, methods, turns=turns)
     for method in methods:
         flown = method.fly(flight, record=True)
         depth = max(0.0, feet - float(flown[:, 2].min()))
@@ -173,9 +166,7 @@ def _order_checks(reference: ModuleType) -> list[Check]:
 def _step_errors(flight: Flight, steps_ms: Sequence[float], method: str, reference: ModuleType) -> list[float]:
     inputs = reference.Inputs(flight.commands)
     exact = reference.fly(flight.vehicle, flight.start, inputs, tick_s=flight.tick_ns / 1e9)
-    return [
-        _errors(ThisProject(step, method=method).fly(flight, record=True), exact, reference)[0] for step in steps_ms
-    ]
+    return [_position_error_m(ThisProject(step, method=method).fly(flight, record=True), exact) for step in steps_ms]
 
 
 def _slope(steps: Sequence[float], errors: Sequence[float]) -> float:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BarycentricInterpolator
 
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
@@ -69,6 +68,8 @@ class FinufftRadar:
         steering = np.exp(-1j * _TURN / c.wavelength_m * (self._rx @ echoes.direction_R.T))
         low, high = float(echoes.speed_mps.min()), float(echoes.speed_mps.max())
         at = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (2 * np.arange(k) + 1) / (2 * k))
+        from scipy.interpolate import BarycentricInterpolator  # with the rival, optional
+
         basis = BarycentricInterpolator(at, np.eye(k))(echoes.speed_mps).T  # one at a node, nothing at the others
         weights = (basis[:, None, :] * (steering * weight)[None, :, :]).reshape(k * n_rx, -1)
         real, whole = (np.float64, np.complex128) if self._tolerance < 1e-5 else (np.float32, np.complex64)

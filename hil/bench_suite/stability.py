@@ -33,6 +33,7 @@ from hil.bench_suite.flight_cases import (
     Float64,
     PlainMujoco,
     ThisProject,
+    attitude_error_rad,
     bench_vehicle,
     hover,
     landing,
@@ -42,14 +43,16 @@ from hil.bench_suite.flight_cases import (
     tumble,
     vigorous,
 )
-from hil.bench_suite.result import BenchmarkResult, Check, Row
-from hil.bench_suite.stability_map import LOST, NAMED, OUT, WITHIN, draw_map
+from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
 from hil.signals.errors import ModelRangeError
 from hil.signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box
 
 Say = Callable[[str], None]
+WITHIN, OUT, LOST, NAMED = "within tolerance", "finite, out of tolerance", "not finite", "ended with a named error"
+_COLOURS = {WITHIN: "#4c9f70", OUT: "#f0c24b", LOST: "#c8453b", NAMED: "#6f7fb5"}
+_NOT_FINITE = 1e299
 Rival = ThisProject | PlainMujoco
 _OURS = "this project"
 _FINE = ThisProject(0.25)
@@ -92,8 +95,46 @@ def measure(*, quick: bool, say: Say) -> BenchmarkResult:
 
 
 def plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """The map."""
-    draw_map(result.rows, title, path)
+    """A map: one panel a sweep, a line a method, a field a setting. RecordingError if the file cannot be written."""
+    from matplotlib.figure import Figure  # slow to import, and only needed here
+    from matplotlib.patches import Patch, Rectangle
+
+    sweeps = list(dict.fromkeys(row.details["sweep"] for row in result.rows))
+    columns = 2
+    lines = -(-len(sweeps) // columns)
+    figure = Figure(figsize=(15.0, 1.75 * lines + 0.8), layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False)
+    for ax in list(axes.flat)[len(sweeps) :]:
+        ax.set_visible(False)
+    for ax, sweep in zip(axes.flat, sweeps, strict=False):
+        mine = [row for row in result.rows if row.details["sweep"] == sweep]
+        methods = list(dict.fromkeys(row.method for row in mine))
+        values = list(dict.fromkeys(row.details["value"] for row in mine))
+        for row in mine:
+            at_x, at_y = values.index(row.details["value"]), methods.index(row.method)
+            field = _COLOURS[row.details["verdict"]]
+            ax.add_patch(Rectangle((at_x - 0.48, at_y - 0.46), 0.96, 0.92, facecolor=field, edgecolor="none"))
+            ax.text(at_x, at_y, _said(row), ha="center", va="center", fontsize=7.5)
+        ax.set_xlim(-0.5, len(values) - 0.5)
+        ax.set_ylim(len(methods) - 0.5, -0.5)
+        ax.set_xticks(range(len(values)), [f"{value:g}" for value in values], fontsize=8)
+        ax.set_yticks(range(len(methods)), methods, fontsize=8)
+        ax.tick_params(length=0)
+        limit = mine[0].details["tolerance"]
+        allowed = f"{limit:g} {mine[0].error_unit}" if limit else f"no gain in {mine[0].error_unit}"
+        ax.set_title(
+            f"{sweep} [{mine[0].details['unit']}], tolerance {allowed}", loc="left", fontsize=9, fontweight="bold"
+        )
+    handles = [Patch(facecolor=colour, label=label) for label, colour in _COLOURS.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.suptitle(f"{title}\nfields: error", fontsize=11)
+    save_figure(figure, path)
+
+
+def _said(row: Row) -> str:
+    if row.error > _NOT_FINITE:
+        return "named" if row.details["verdict"] == NAMED else "not finite"
+    return f"{row.error:.1e}" if row.error else "0"
 
 
 def _methods(cell: Cell) -> list[tuple[str, Rival]]:
@@ -175,17 +216,10 @@ def _against_fine(sweep: str, value: float, unit: str, flight: Flight, what: str
             return float("inf")
         if what == "position":
             return float(np.max(np.linalg.norm(flown[:, :3] - exact[0][:, :3], axis=1)))
-        return _attitude_error(flown, exact[0])
+        return attitude_error_rad(flown, exact[0])
 
     tolerance, error_unit = (1e-3, "m") if what == "position" else (0.01, "rad")
     return Cell(sweep, value, unit, tolerance, error_unit, error)
-
-
-def _attitude_error(flown: Float64, exact: Float64) -> float:
-    """Greatest angle between attitudes, from the quaternions' vector part: an arc cosine cannot tell below 1e-8."""
-    a, b = flown[:, 3:7], exact[:, 3:7]
-    vector = b[:, :1] * a[:, 1:] - a[:, :1] * b[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
-    return float(np.max(2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(vector, axis=1)))))
 
 
 def _spin_error(spin_radps: float, method: Rival) -> float:
@@ -207,7 +241,7 @@ def _gain_error(gain: float, method: Rival) -> float:
         tracks.append(_closed_loop(one, flight, AttitudeLoop(vehicle, gain=gain), ticks=750))
     if not np.isfinite(tracks[1]).all():
         return float("inf")
-    return _attitude_error(tracks[1], tracks[0])
+    return attitude_error_rad(tracks[1], tracks[0])
 
 
 def _own_lag() -> Any:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from hil.bench_suite import stability
 from hil.bench_suite.flight_cases import ThisProject, hover
-from hil.bench_suite.stability_map import LOST, NAMED, OUT, WITHIN, draw_map
+from hil.bench_suite.result import BenchmarkResult
+from hil.bench_suite.stability import LOST, NAMED, OUT, WITHIN
 from hil.signals.errors import ModelRangeError
 
 
@@ -30,7 +31,7 @@ def test_verdicts() -> None:
 
 def test_map_is_drawn(tmp_path: Path) -> None:
     rows = [stability._row(cell(e), f"method {e}", ThisProject(4.0)) for e in (0.0, 1e-4, 0.5, math.inf)]
-    draw_map(rows, "title", tmp_path / "map.png")
+    stability.plot(BenchmarkResult(rows), "title", tmp_path / "map.png")
     assert (tmp_path / "map.png").stat().st_size > 5000
 
 
