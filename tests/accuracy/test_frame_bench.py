@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.bench_suite import lidar, raster
-from hil.bench_suite.lidar_scenes import PATTERNS, park, shapes
+from hil.bench_suite.lidar import PATTERNS, park, shapes
 from hil.bench_suite.raster_cases import Case, field_case
 from hil.bench_suite.raster_errors import Errors, errors, truth
 from sim.frame.camera_model import CameraModel
@@ -94,6 +94,6 @@ def test_neighbours_are_those_of_channel_and_column() -> None:
 def test_both_casters_see_the_same_scene(scene: str) -> None:
     place = park() if scene == "park" else shapes(100)
     place = replace(place, origins_W=place.origins_W[:1])
-    ours, theirs, apart = lidar._compare(place, "16x900", repeats=1)
+    ours, theirs, apart = lidar._compare(place, "16x900", turns=1)
     assert apart == 0
     assert max(ours.error, theirs.error) < 1e-5
