@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.config import BenchConfig, SensorConfig
+from hil.config import Bench, BenchConfig, SensorConfig
 from hil.recorder.frame_description import FrameDescription, Projection, Sweep
 from hil.signals.samples import Quat, TruthState, Vec3
 from hil.stages import Port, StagePlan, StageSpec
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.camera_model import CameraModel
+from sim.frame.source import FrameSource, SharedFrames
 from sim.radar.chirp import Chirp
 from sim.sensors.catalog import KINDS
 
@@ -101,3 +102,10 @@ def description(name: str, sensor: Any) -> FrameDescription:
         projection_matrix(camera),
     )
     return FrameDescription(f"{name}_optical", p_BC, q_BC, projection)
+
+
+def make_frames(bench: Bench) -> FrameSource:
+    """The geometry that cameras and LiDARs look at. Raises ConfigError where the scene's map is wrong."""
+    from sim.scene.world import load_world  # benches without such sensors need no map
+
+    return SharedFrames(load_world(bench.scene))

@@ -1,10 +1,11 @@
-"""A vehicle that can be put back to where it began while the bench's time goes on: for autopilots that reboot."""
+"""The vehicle of a bench; for autopilots that reboot one that can be put back to where it began, while time goes on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from hil.config import Bench
 from hil.signals.samples import TruthState
 from sim.physics.quadrotor import PhysicsEvent, QuadrotorPhysics
 
@@ -39,3 +40,25 @@ class RestartablePhysics:
         """What the vehicle underwent, at the bench's time."""
         shift_ns = (self._first_tick or 0) * self._tick_ns
         return [event._replace(t_ns=event.t_ns + shift_ns) for event in self._physics.take_events()]
+
+
+def make_physics(bench: Bench) -> Any:
+    """The vehicle that the bench asks for: a `QuadrotorPhysics`, or what stands for one."""
+    config = bench.config
+
+    def vehicle() -> QuadrotorPhysics:
+        return QuadrotorPhysics(
+            bench.vehicle,
+            bench.scene,
+            config.tick_ns,
+            contact_skipping=config.physics.contact_skipping,
+            effects=config.physics.effects,
+            faults=config.faults.rotors,
+            wind=config.wind,
+            seed=config.seed,
+            step_ns=None if config.physics.step_us is None else config.physics.step_us * 1000,
+        )
+
+    if config.autopilot.on_restart == "reset":
+        return RestartablePhysics(vehicle, tick_ns=config.tick_ns)
+    return vehicle()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.actions import Record
@@ -20,8 +21,27 @@ from hil.verdict import Verdict
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.radar import Radar
 
+if TYPE_CHECKING:
+    from hil.report.page import Timing
+
 # The links to autopilots that wait for nobody, which keep statistics of punctuality.
 FREE_RUNNING = (FreeRunningLink, ExternalAhrsLink)
+
+
+def timing_of(scheduler: Scheduler | None, link: AutopilotLink | None) -> Timing:
+    """What the report draws of wall-clock times; empty of a run that never flew."""
+    from hil.report.page import Timing
+
+    if scheduler is None or link is None:
+        return Timing()
+    timing = Timing(
+        rtt_bins_ns=link.stats.rtt.bins(),
+        phase_us={name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES},
+    )
+    sent = link.send_stats() if isinstance(link, FREE_RUNNING) else None
+    if isinstance(link, FREE_RUNNING) and sent is not None:
+        return replace(timing, lateness_bins_ns=sent.lateness.bins(), age_bins_ns=link.age.age.bins())
+    return timing
 
 
 def summarise(

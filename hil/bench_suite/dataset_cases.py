@@ -18,7 +18,6 @@ from zlib import crc32
 import cv2
 import numpy as np
 
-from hil.bench import make_frames
 from hil.bench_suite.radar_cases import synthesizer
 from hil.config.radar_checks import view_of
 from hil.dataset.drawing import BatchDrawer, StoringWork
@@ -29,6 +28,7 @@ from hil.dataset.moments import Batch
 from hil.dataset.plan import DatasetPlan, make_plan
 from hil.dataset.tree import JOURNAL, WORK, TreeWriter
 from hil.dataset.workers import Job, Made, Maker, Workers
+from hil.frame_stages import make_frames
 from hil.signals.errors import RecordingError
 from sim.frame.mount import Mount
 from sim.frame.source import channel_array

@@ -204,6 +204,11 @@ class Companion(Section):
         return self.clients > 0 or bool(self.start) or self.trace is not None
 
     @property
+    def times_count(self) -> bool:
+        """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""
+        return self.on and self.control and self.time != "lockstep" and self.trace is None
+
+    @property
     def expected(self) -> int:
         """Clients to wait for."""
         return max(self.clients, len(self.start))

@@ -16,7 +16,6 @@ import numpy as np
 from isal.isal_zlib import crc32
 from numpy.typing import NDArray
 
-from hil.bench import make_frames
 from hil.dataset.formats import voc
 from hil.dataset.formats.coco import CocoPicture, coco_picture
 from hil.dataset.formats.euroc import ROOT
@@ -30,7 +29,7 @@ from hil.dataset.journal import BatchRecord, StoredChunk
 from hil.dataset.moments import Batch, Look
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
-from hil.frame_stages import description
+from hil.frame_stages import description, make_frames
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from hil.simulated_sensors import SimulatedSensors

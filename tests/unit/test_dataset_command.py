@@ -23,7 +23,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from hil.bench import make_frames
 from hil.cli import run_command_line
 from hil.dataset import tree as tree_module
 from hil.dataset.checkpoint import Checkpoints
@@ -31,6 +30,7 @@ from hil.dataset.formats.datasheet import LIMITS
 from hil.dataset.make import Means, make_dataset
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.dataset.workers import Job, Made, Workers
+from hil.frame_stages import make_frames
 from hil.recorder.cdr import decode
 from hil.signals.errors import ConfigError, RecordingError
 from hil.signals.samples import TruthState
