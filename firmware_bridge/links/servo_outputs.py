@@ -7,10 +7,11 @@ reboot.
 
 from __future__ import annotations
 
+import struct
+
 from firmware_bridge.codecs.ardupilot_json import CONTROLS, PwmRange
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.codecs.servo_output import SERVO_OUTPUT_RAW, began_anew, servo_output
 from hil.signals.samples import ActuatorFrame
 from hil.signals.time import NS_PER_S
 
@@ -25,6 +26,31 @@ _ARMED_BIT = 0x80
 INTERVALS_US = (3000, 4000, 6000, 8000, 10_000, 14_000, 20_000)
 _SHARE_OF_LOOP = 0.8
 _ASK_AGAIN_NS = NS_PER_S
+
+
+SERVO_OUTPUT_RAW = MSGID["SERVO_OUTPUT_RAW"]
+
+_unpack = struct.Struct("<I8HB8H").unpack_from
+_LENGTH = 37
+_TIME_WRAP_US = 1 << 32
+_ORDER_US = 1_000_000  # what is back by less has been overtaken on its way
+_PAUSE_US = 60_000_000  # longest silence in which it may have wrapped
+
+
+def servo_output(frame: Frame) -> tuple[int, tuple[int, ...]] | None:
+    """(time since boot [us], pulse widths [us] of outputs 1 to 16, 0: none). None if the frame has outputs 17 to 32.
+
+    A sender that knows only eight outputs (MAVLink 1) leaves the others 0.
+    """
+    payload = frame[4]
+    values = _unpack(payload if len(payload) >= _LENGTH else payload + bytes(_LENGTH - len(payload)))
+    return None if values[9] != 0 else (values[0], values[1:9] + values[10:18])
+
+
+def began_anew(before_us: int, after_us: int) -> bool:
+    """Whether the time since boot fell back: a reboot. It wraps after 71.6 minutes, which is none."""
+    back_us = before_us - after_us
+    return _ORDER_US < back_us < _TIME_WRAP_US - _PAUSE_US
 
 
 class ServoOutputs:

@@ -35,7 +35,6 @@ from hil.signals.errors import ConfigError, Problem
 from hil.signals.mission import MissionItem
 
 HEARTBEAT, AUTOPILOT_VERSION = MSGID["HEARTBEAT"], MSGID["AUTOPILOT_VERSION"]
-CHANNELS = 16  # control slots of HIL_ACTUATOR_CONTROLS
 _PARAM_PERIOD_US, _MISSION_PERIOD_US = 8_000, 50_000
 _Reached = message_class("MISSION_ITEM_REACHED")
 

@@ -18,15 +18,14 @@ from firmware_bridge._native import FlightCore
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
-from firmware_bridge.mock_pixhawk.firmware import CHANNELS, Firmware
-from firmware_bridge.mock_pixhawk.outbox import Outbox
+from firmware_bridge.mock_pixhawk.firmware import Firmware
+from firmware_bridge.mock_pixhawk.outbox import CHANNELS, HIL_ACTUATOR_CONTROLS, Outbox, push_controls
 from firmware_bridge.mock_pixhawk.params import ParamTable
 from firmware_bridge.mock_pixhawk.sensors import IMU_BITS
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
 HIL_STATE_QUATERNION = MSGID["HIL_STATE_QUATERNION"]
-HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
 HIL_IN = frozenset({HIL_SENSOR, HIL_GPS, HIL_STATE_QUATERNION})
 
 OUTPUT_PERIOD_US = 5_000
@@ -39,7 +38,6 @@ _CONSTANT_MAX = 2
 _PPB = 1_000_000_000
 
 _unpack_sensor = struct.Struct("<Q13fIB").unpack
-_pack_actuators = struct.Struct("<QQ16fB").pack
 
 
 def fast_enough(baud: int) -> bool:
@@ -189,14 +187,6 @@ class Hitl:
         self._firmware.core.step(t_us, *rates, *forces)
 
     def _output(self, now_us: int) -> None:
-        outbox = self._outbox
         controls = self._firmware.telemetry.controls = self._outputs.controls()
         mode = _MODE_ARMED if self._firmware.vehicle.armed else _MODE_DISARMED
-        t_us = now_us
-        misbehaving = now_us >= self._misbehaviour.earliest_us
-        if misbehaving:
-            t_us = self._misbehaviour.reply_time_us(now_us)
-        frame = outbox.frame(HIL_ACTUATOR_CONTROLS, _pack_actuators(t_us, 0, *controls, mode))
-        if misbehaving:
-            frame = self._misbehaviour.output(now_us, outbox.take(), frame)
-        outbox.push(frame)
+        push_controls(self._outbox, self._misbehaviour, now_us, 0, controls, mode)

@@ -19,15 +19,13 @@ import struct
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
-from firmware_bridge.mock_pixhawk.firmware import CHANNELS, Firmware
+from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.outbox import Outbox
+from firmware_bridge.mock_pixhawk.outbox import CHANNELS, Outbox, push_controls
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
-HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 _unpack_sensor = struct.Struct("<Q13fIB").unpack
-_pack_actuators = struct.Struct("<QQ16fB").pack
 _FLAGS_LOCKSTEP = 1
 _MODE_DISARMED, _MODE_ARMED = 1, 129
 _LATEST_US = 1 << 60  # times beyond are no times: 36,000 years
@@ -109,7 +107,7 @@ class Lockstep:
             self._reply(now_us)
 
     def _reply(self, now_us: int) -> None:
-        firmware, outbox = self._firmware, self._outbox
+        firmware = self._firmware
         if firmware.vehicle.armed:
             controls = firmware.core.motor_commands(firmware.rotors)
             mode = _MODE_ARMED
@@ -117,12 +115,5 @@ class Lockstep:
             controls = [0.0] * CHANNELS
             mode = _MODE_DISARMED
         firmware.telemetry.controls = controls
-        t_us = now_us
-        misbehaving = now_us >= self._misbehaviour.earliest_us
-        if misbehaving:
-            t_us = self._misbehaviour.reply_time_us(now_us)
-        frame = outbox.frame(HIL_ACTUATOR_CONTROLS, _pack_actuators(t_us, _FLAGS_LOCKSTEP, *controls, mode))
-        if misbehaving:
-            frame = self._misbehaviour.output(now_us, outbox.take(), frame)
-        outbox.push(frame)
-        outbox.holding = False
+        push_controls(self._outbox, self._misbehaviour, now_us, _FLAGS_LOCKSTEP, controls, mode)
+        self._outbox.holding = False

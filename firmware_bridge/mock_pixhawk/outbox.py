@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
-from firmware_bridge.codecs.messages import message_class, pack
+from firmware_bridge.codecs.messages import MSGID, message_class, pack
+from firmware_bridge.mock_pixhawk.faults import Misbehaviour
 from firmware_bridge.mock_pixhawk.ids import Severity
 
+HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
+CHANNELS = 16  # its control slots
+_pack_actuators = struct.Struct("<QQ16fB").pack
 _Text = message_class("STATUSTEXT")
 _TEXT_LENGTH = 50
 LIMIT = 1000  # messages that wait while nothing may be written: a port's buffer is not endless either
@@ -66,3 +72,15 @@ class Outbox:
     def warn(self, text: str) -> None:
         """STATUSTEXT of severity WARNING."""
         self.say(Severity.WARNING, text)
+
+
+def push_controls(
+    outbox: Outbox, misbehaviour: Misbehaviour, now_us: int, flags: int, controls: Sequence[float], mode: int
+) -> None:
+    """HIL_ACTUATOR_CONTROLS of this instant, or what the injected faults make of it. Raises `faults.Died`."""
+    misbehaving = now_us >= misbehaviour.earliest_us
+    t_us = misbehaviour.reply_time_us(now_us) if misbehaving else now_us
+    frame = outbox.frame(HIL_ACTUATOR_CONTROLS, _pack_actuators(t_us, flags, *controls, mode))
+    if misbehaving:
+        frame = misbehaviour.output(now_us, outbox.take(), frame)
+    outbox.push(frame)

@@ -57,7 +57,7 @@ class Services:
     ) -> None:
         self._sysid = sysid
         self._vehicle, self._commands, self._table = vehicle, commands, table
-        self._missions, self._offboard, self._failsafe = missions, offboard, failsafe
+        self._failsafe = failsafe
         self._set_current, self._send = set_current, send
         self.misdirected = 0
         by_name: dict[str, Callable[[Any, Sender, int], None]] = {

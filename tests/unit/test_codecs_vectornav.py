@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack
-from firmware_bridge.codecs.servo_output import began_anew, servo_output
 from firmware_bridge.codecs.vectornav import PacketFormat, Readings, VectorNavDevice, ardupilot_outputs, sentence
+from firmware_bridge.links.servo_outputs import began_anew, servo_output
 from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample
 
 IMU_HEADER = bytes.fromhex("fa012107")
