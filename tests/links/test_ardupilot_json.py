@@ -30,12 +30,12 @@ from firmware_bridge.links.ardupilot_sitl import (
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox, UdpTransport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortBusy, PortNotFound
-from hil.signals.samples import ImuSample, RangeSample, TruthState
+from hil.signals.samples import RangeSample
 from tests.links.ardupilot_packets import encode_servos
+from tests.links.drive import IMU, Process, truth_at
 
 TICK_NS = 2_500_000
 LOOPBACK = "127.0.0.1"
-IMU = ImuSample(0, 0, 0, (0.5, 0.25, 9.75), (0.125, 0.25, 0.5), 25.0)
 OFF = (1000,) * 16
 HOVER = (1600, 1601, 1602, 1603) + (0,) * 12
 Heartbeat = message_class("HEARTBEAT")
@@ -44,48 +44,11 @@ Command = message_class("COMMAND_LONG")
 
 
 def truth(tick, **changes):
-    state = TruthState(
-        tick,
-        tick * TICK_NS,
-        (10.0, 20.0, 0.25 + tick),
-        (1.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0),
-        (0.0,) * 4,
-        False,
-    )
-    return state._replace(**changes)
+    return truth_at(tick * TICK_NS, tick, **({"p_WB": (10.0, 20.0, 0.25 + tick)} | changes))
 
 
 def beat(base_mode):
     return Heartbeat(type=2, autopilot=3, base_mode=base_mode, custom_mode=0, system_status=3, mavlink_version=3)
-
-
-class Process:
-    """Stands for the firmware's process."""
-
-    def __init__(self, on_start=lambda: None):
-        self.pid = None
-        self.on_start = on_start
-        self.alive = True
-        self.closed = False
-
-    def start(self):
-        self.on_start()
-
-    def running(self):
-        return self.alive
-
-    def stderr_tail(self, lines=5):
-        return ""
-
-    def describe_end(self):
-        return "its process ended with exit status 7; it last said:\nPanic"
-
-    def close(self):
-        self.closed = True
 
 
 class Sitl:

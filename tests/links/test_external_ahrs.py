@@ -29,7 +29,7 @@ from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
 from firmware_bridge.transports.pty import PtyTransport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
-from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, TruthState
+from tests.links.drive import BARO, GPS, IMU, MAG, Process, truth_at
 
 TICK_NS = 2_500_000
 SETUP = (
@@ -39,10 +39,6 @@ SETUP = (
 SIZES = {b"\x01": 82, b"\x31": 104, b"\x49": 110}
 Heartbeat, Ack = message_class("HEARTBEAT"), message_class("COMMAND_ACK")
 Servo = message_class("SERVO_OUTPUT_RAW")
-IMU = ImuSample(0, 0, 0, (0.5, 0.25, 9.75), (0.125, 0.25, 0.5), 25.0)
-MAG = MagSample(0, 0, 0, (2e-5, 0.0, -4e-5))
-BARO = BaroSample(0, 0, 0, 95_600.0, 488.0, 15.0)
-GPS = GpsSample(0, 0, 0, 47.4, 8.5, 488.0, (0.0, 0.0, 0.0), 0.5, 0.75, 3, 14)
 NO_ERRORS = InsErrors(position_m=0.0, velocity_mps=0.0, attitude_deg=0.0)
 
 
@@ -51,11 +47,7 @@ def geodetic(p_W):
 
 
 def truth(tick, **changes):
-    state = TruthState(
-        tick, tick * TICK_NS, (10.0, 20.0, 0.25), (1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0), (0.0,) * 3, (0.0,) * 3,
-        (0.0,) * 3, (0.0,) * 4, False,
-    )  # fmt: skip
-    return state._replace(**changes)
+    return truth_at(tick * TICK_NS, tick, **({"p_WB": (10.0, 20.0, 0.25), "v_WB_W": (1.0, 2.0, 3.0)} | changes))
 
 
 class Board:
@@ -489,27 +481,6 @@ def test_more_than_a_tick_or_a_line_can_carry_is_told():
     assert [finding.text for finding in bench.link.findings()[:2]] == [text for _, text in bench.events]
 
 
-class Process:
-    """Stands for the firmware's process."""
-
-    def __init__(self, alive=True):
-        self.pid = None
-        self.alive = alive
-        self.closed = False
-
-    def start(self):
-        pass
-
-    def running(self):
-        return self.alive
-
-    def describe_end(self):
-        return "its process ended with exit status 7; it last said:\nPanic"
-
-    def close(self):
-        self.closed = True
-
-
 def test_a_process_that_ends_before_and_after_the_set_up(board):
     process = Process(alive=False)
     with pytest.raises(LinkClosed, match="exit status 7") as caught:
@@ -526,15 +497,19 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
     sensor, mavlink = HeldPty(), HeldPty()
     far = {}
 
-    class Started(Process):
-        def start(self):
-            for name, wire in (("sensor", sensor), ("mavlink", mavlink)):
-                far[name] = os.open(wire.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-                tty.setraw(far[name])
-            os.write(far["sensor"], b"".join(sentence(text) for text in SETUP))
+    def connect():
+        for name, wire in (("sensor", sensor), ("mavlink", mavlink)):
+            far[name] = os.open(wire.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            tty.setraw(far[name])
+        os.write(far["sensor"], b"".join(sentence(text) for text in SETUP))
 
     link = ExternalAhrsLink(
-        sensor, mavlink, period_ns=TICK_NS, geodetic=geodetic, start_process=Started, silence_limit_s=60.0
+        sensor,
+        mavlink,
+        period_ns=TICK_NS,
+        geodetic=geodetic,
+        start_process=lambda: Process(connect),
+        silence_limit_s=60.0,
     )
     board = Board(asks=())
     try:
@@ -574,17 +549,16 @@ def test_the_real_time_sender_goes_on_after_the_sensor_wire_was_replugged():
     sensor, board = PtyTransport(), Board(asks=())
     events, far = [], []
 
-    class Started(Process):
-        def start(self):
-            far.append(os.open(sensor.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
-            os.write(far[0], b"".join(sentence(text) for text in SETUP))
+    def connect():
+        far.append(os.open(sensor.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
+        os.write(far[0], b"".join(sentence(text) for text in SETUP))
 
     link = ExternalAhrsLink(
         sensor,
         Wire(board, "mavlink"),
         period_ns=TICK_NS,
         geodetic=geodetic,
-        start_process=Started,
+        start_process=lambda: Process(connect),
         on_event=lambda kind, text: events.append(kind),
     )
     try:

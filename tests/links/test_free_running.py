@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import MSGID, NAME, message_class, pack
+from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.codecs.messages import MSGID, NAME
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.links import hitl_setup
@@ -28,7 +28,8 @@ from hil.bench import RunResult, run_bench
 from hil.config import load_bench
 from hil.devices_command import check_board
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError
-from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, RangeSample
+from hil.signals.samples import RangeSample
+from tests.links.drive import GPS, IMU, Drive
 from tests.links.hitl_board import HitlBoard
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
@@ -37,9 +38,13 @@ TICK_NS = 4_000_000
 CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, max_rate_hz=1000.0, boot_sensors=0)
 ARM, FORCE = 400, 21196.0
 
+Boards = Callable[..., HitlBoard]
+Drives = Callable[..., "HitlDrive"]
+Flights = Callable[..., RunResult]
+
 
 @pytest.fixture
-def board() -> Iterator[Callable[..., HitlBoard]]:
+def board() -> Iterator[Boards]:
     made: list[HitlBoard] = []
 
     def make(**settings: Any) -> HitlBoard:
@@ -51,68 +56,29 @@ def board() -> Iterator[Callable[..., HitlBoard]]:
         one.unplug()
 
 
-class Drive:
-    """A link over `transport`, and ticks of a vehicle at rest."""
+class HitlDrive(Drive):
+    """A free-running link over `transport`."""
 
     def __init__(self, transport: Transport, *, checked: bool = False, **settings: Any) -> None:
         self.events: list[tuple[str, str]] = []
-        self.tick = 0
-        self.seen: list[Any] = []
-        self.frames: list[Any] = []
-        self.encoder = FrameEncoder(255, 190)
-        settings = {"silence_limit_s": 30.0, "on_event": lambda kind, text: self.events.append((kind, text))} | settings
+        settings = {
+            "period_ns": TICK_NS,
+            "silence_limit_s": 30.0,
+            "on_event": lambda kind, text: self.events.append((kind, text)),
+        } | settings
         if checked:
-            self.link = hitl(kind="px4_hitl", transport=transport, period_ns=TICK_NS, motors=4, **settings)
+            link = hitl(kind="px4_hitl", transport=transport, motors=4, **settings)
         else:
-            self.link = FreeRunningLink(transport, CAPS, period_ns=TICK_NS, **settings)
-
-    def now_ns(self) -> int:
-        return self.tick * TICK_NS
-
-    def words(self, name: str, *values: object) -> bytes:
-        message = message_class(name)(*values)
-        return self.encoder.frame(message.MSGID, pack(message))
-
-    def step(self, extra: bytes = b"") -> bytes:
-        begun = self.link.begin(self.tick)  # type: ignore[attr-defined]
-        if begun is not None:
-            self.seen.append(begun)
-        t_ns = self.now_ns()
-        wobble = 1e-3 * (self.tick % 7)
-        sent = self.link.send(
-            self.tick,
-            t_ns,
-            ImuSample(self.tick, t_ns, t_ns, (wobble, 0.0, 9.80665), (0.0, wobble * 0.1, 0.0), 20.0),
-            MagSample(self.tick, t_ns, t_ns, (2.1e-5, 1e-6, -4.2e-5)),
-            BaroSample(self.tick, t_ns, t_ns, 95600.0 + wobble, 488.0, 15.0),
-            GpsSample(self.tick, t_ns, t_ns, 47.4, 8.5, 488.0, (0.0, 0.0, 0.0), 0.8, 1.2, 3, 12)
-            if self.tick % 25 == 0
-            else None,
-            extra,
-        )
-        assert self.link.wait(self.tick, t_ns) is None
-        self.frames += self.link.take_frames()
-        self.tick += 1
-        return sent
-
-    def run(self, ticks: int) -> None:
-        for _ in range(ticks):
-            self.step()
-
-    def run_until(self, done: Callable[[], bool], limit: int = 7500) -> None:
-        for _ in range(limit):
-            if done():
-                return
-            self.step()
-        raise AssertionError("it did not happen")
+            link = FreeRunningLink(transport, CAPS, **settings)
+        super().__init__(link, TICK_NS)
 
 
 @pytest.fixture
-def drive() -> Iterator[Callable[..., Drive]]:
-    made: list[Drive] = []
+def drive() -> Iterator[Drives]:
+    made: list[HitlDrive] = []
 
-    def make(transport: Transport, **settings: Any) -> Drive:
-        made.append(Drive(transport, **settings))
+    def make(transport: Transport, **settings: Any) -> HitlDrive:
+        made.append(HitlDrive(transport, **settings))
         return made[-1]
 
     yield make
@@ -120,9 +86,7 @@ def drive() -> Iterator[Callable[..., Drive]]:
         one.link.close()
 
 
-def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
-    board: Callable[..., HitlBoard], drive: Callable[..., Drive]
-) -> None:
+def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Boards, drive: Drives) -> None:
     far = board()
     driven = drive(SerialTransport(far.port), checked=True)
     driven.link.open()
@@ -133,8 +97,8 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
     assert all(frame.controls == (0.0,) * 16 and not frame.armed for frame in driven.seen)
     # What is written is what arrives: whole ticks, each once.
     link = driven.link
-    assert far.wait_for(lambda: link.send_stats().pending == 0)  # type: ignore[attr-defined]
-    sent = link.send_stats()  # type: ignore[attr-defined]
+    assert far.wait_for(lambda: link.send_stats().pending == 0)
+    sent = link.send_stats()
     assert sent.sent + sent.dropped + sent.refused == 250
     assert far.wait_for(lambda: far.mock.steps == sent.sent)
     heard = [NAME[number] for number in far.tap.heard if number is not None]
@@ -143,7 +107,7 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
     assert "HIL_STATE_QUATERNION" not in heard
     assert far.mock.clocking.state_quaternions == 0  # type: ignore[union-attr]
     # Armed by force, its commands come through, whatever they are.
-    driven.step(driven.words("COMMAND_LONG", 1, 1, ARM, 0, 1.0, FORCE, 0.0, 0.0, 0.0, 0.0, 0.0))
+    driven.step(driven.command(ARM, 1.0, FORCE))
     driven.run_until(lambda: driven.seen[-1].armed)
     assert driven.seen[-1].tick == driven.tick - 1
     kinds = {frame.msgid for frame in driven.frames}
@@ -151,22 +115,22 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(
     assert link.stats.steps == driven.tick
     assert link.stats.bad_crc == link.stats.garbage_bytes == 0
     assert link.stats.rtt.count > 0
-    assert link.timesync.best() is not None  # type: ignore[attr-defined]
+    assert link.timesync.best() is not None
 
 
-def test_the_bytes_of_a_tick_in_their_order(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> None:
     driven = drive(SerialTransport(board().port))
     driven.link.open()
     t_ns = 0
-    driven.link.begin(0)  # type: ignore[attr-defined]
+    driven.link.begin(0)
     extra = driven.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
     sent = driven.link.send(
         0,
         t_ns,
-        ImuSample(0, 0, 0, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0),
+        IMU,
         None,
         None,
-        GpsSample(0, 0, 0, 47.4, 8.5, 488.0, (0.0, 0.0, 0.0), 0.8, 1.2, 3, 12),
+        GPS,
         extra,
         [RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100)],
     )
@@ -174,29 +138,27 @@ def test_the_bytes_of_a_tick_in_their_order(board: Callable[..., HitlBoard], dri
     assert names == ["HEARTBEAT", "DISTANCE_SENSOR", "TIMESYNC", "HIL_GPS", "HIL_SENSOR"]
 
 
-def test_a_bench_that_falls_behind_lets_go_and_says_so(
-    board: Callable[..., HitlBoard], drive: Callable[..., Drive]
-) -> None:
+def test_a_bench_that_falls_behind_lets_go_and_says_so(board: Boards, drive: Drives) -> None:
     driven = drive(SerialTransport(board().port))
     driven.link.open()
     driven.run(10)
     driven.events.clear()
     time.sleep(0.3)
     driven.run(10)
-    schedule = driven.link.schedule  # type: ignore[attr-defined]
+    schedule = driven.link.schedule
     assert schedule.slip_count >= 1
     assert schedule.slipped_ns >= 250_000_000
     (kind, text), *_ = driven.events
     assert kind == "slip"
     assert "behind the wall clock and let go" in text
     assert len(driven.events) <= schedule.slip_count  # each told once
-    assert any("could not keep up" in finding.text for finding in driven.link.findings())  # type: ignore[attr-defined]
+    assert any("could not keep up" in finding.text for finding in driven.link.findings())
 
 
 # -- unplugged ------------------------------------------------------------------------------------------------------
 
 
-def test_unplugged_and_back_by_a_declared_fault(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) -> None:
     far = board()
     fault = LinkFault(kind="unplug", at_s=0.4, for_s=0.5)
     told: list[tuple[int, str, str]] = []
@@ -216,25 +178,23 @@ def test_unplugged_and_back_by_a_declared_fault(board: Callable[..., HitlBoard],
     kinds = [kind for kind, _ in driven.events if kind != "slip"]
     assert kinds == ["unplugged", "replugged"]
     assert any(kind == "slip" for kind, _ in driven.events)  # it had to wait meanwhile
-    assert driven.link.reconnects == 1  # type: ignore[attr-defined]
+    assert driven.link.reconnects == 1
     assert [text for _, _, text in told] == ["link fault 0: unplugged", "link fault 0: plugged in again"]
     assert {t_ns for t_ns, _, _ in told} == {400_000_000}  # simulated time stood still
     assert far.wait_for(lambda: far.mock.steps >= steps + 90)
     driven.seen.clear()
     driven.run_until(lambda: bool(driven.seen))
-    assert driven.link.send_stats().sent >= 190  # type: ignore[attr-defined]
+    assert driven.link.send_stats().sent >= 190
 
 
-def test_a_board_that_is_really_unplugged_and_put_back(
-    board: Callable[..., HitlBoard], drive: Callable[..., Drive], tmp_path: Path
-) -> None:
+def test_a_board_that_is_really_unplugged_and_put_back(board: Boards, drive: Drives, tmp_path: Path) -> None:
     first = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(first.port)
     driven = drive(SerialTransport(str(port)), reconnect_s=60.0)
     driven.link.open()
     driven.run(50)
-    before = driven.link.send_stats().sent  # type: ignore[attr-defined]
+    before = driven.link.send_stats().sent
     first.unplug()
     second = board()
     port.unlink()
@@ -242,14 +202,12 @@ def test_a_board_that_is_really_unplugged_and_put_back(
     driven.run_until(lambda: second.mock.steps >= 20)
     assert [kind for kind, _ in driven.events if kind != "slip"] == ["unplugged", "replugged"]
     assert "is back after" in driven.events[[kind for kind, _ in driven.events].index("replugged")][1]
-    assert driven.link.send_stats().sent >= before + 20  # type: ignore[attr-defined]
-    assert driven.link.send_stats().scheduling  # type: ignore[attr-defined]
+    assert driven.link.send_stats().sent >= before + 20
+    assert driven.link.send_stats().scheduling
 
 
 @pytest.mark.parametrize("reconnect_s", [0.0, 0.3])
-def test_a_board_that_does_not_come_back(
-    board: Callable[..., HitlBoard], drive: Callable[..., Drive], tmp_path: Path, reconnect_s: float
-) -> None:
+def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path: Path, reconnect_s: float) -> None:
     far = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(far.port)
@@ -270,7 +228,7 @@ def test_a_board_that_does_not_come_back(
 # -- silent ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_board_that_says_nothing_any_more(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> None:
     far = board()
     driven = drive(SerialTransport(far.port), silence_limit_s=1.0)
     driven.link.open()
@@ -281,7 +239,7 @@ def test_a_board_that_says_nothing_any_more(board: Callable[..., HitlBoard], dri
     assert caught.value.cause == "silent"
 
 
-def test_a_board_that_talks_but_commands_nothing(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -> None:
     far = board(mute=["HIL_ACTUATOR_CONTROLS"])
     driven = drive(SerialTransport(far.port), silence_limit_s=1.5)
     driven.link.open()
@@ -291,7 +249,7 @@ def test_a_board_that_talks_but_commands_nothing(board: Callable[..., HitlBoard]
     assert driven.seen == []
 
 
-def test_commands_that_are_no_numbers(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
     far = board()
     driven = drive(SerialTransport(far.port))
     driven.link.open()
@@ -308,19 +266,19 @@ def test_commands_that_are_no_numbers(board: Callable[..., HitlBoard], drive: Ca
         driven.run(5000)
 
 
-def test_no_heartbeat(board: Callable[..., HitlBoard], drive: Callable[..., Drive]) -> None:
+def test_no_heartbeat(board: Boards, drive: Drives) -> None:
     far = board(mute=["HEARTBEAT"])
     driven = drive(SerialTransport(far.port), heartbeat_limit_s=0.5)
     with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
         driven.link.open()
-    assert driven.link.send_stats() is None  # type: ignore[attr-defined]
+    assert driven.link.send_stats() is None
 
 
 # -- set up ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def setup(board: Callable[..., HitlBoard]) -> Iterator[Callable[..., tuple[HitlBoard, HitlSetup]]]:
+def setup(board: Boards) -> Iterator[Callable[..., tuple[HitlBoard, HitlSetup]]]:
     lines: list[SerialTransport] = []
 
     def make(**settings: Any) -> tuple[HitlBoard, HitlSetup]:
@@ -419,7 +377,7 @@ def check(port: str, *, fix: bool = False) -> tuple[bool, str]:
     return ready, out.getvalue()
 
 
-def test_a_board_is_checked_and_put_right(board: Callable[..., HitlBoard], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_is_checked_and_put_right(board: Boards, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
     far = board(params=["SYS_HITL=0", "HIL_ACT_FUNC4=0"])
     ready, text = check(far.port)
@@ -438,7 +396,7 @@ def test_a_board_is_checked_and_put_right(board: Callable[..., HitlBoard], monke
     assert text.count("right") == 2
 
 
-def test_a_board_that_has_not_been_restarted(board: Callable[..., HitlBoard], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_that_has_not_been_restarted(board: Boards, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.3)
     far = board(params=["SYS_HITL=0"])
     far.mock.params.set("SYS_HITL", 1.0)
@@ -455,7 +413,7 @@ def test_a_board_that_has_not_been_restarted(board: Callable[..., HitlBoard], mo
 
 
 @pytest.fixture
-def fly(tmp_path: Path) -> Callable[..., RunResult]:
+def fly(tmp_path: Path) -> Flights:
     def run(*settings: str) -> RunResult:
         bench = tmp_path / "bench.yaml"
         bench.write_text("")
@@ -465,7 +423,7 @@ def fly(tmp_path: Path) -> Callable[..., RunResult]:
     return run
 
 
-def test_the_rig_without_a_mission(fly: Callable[..., RunResult]) -> None:
+def test_the_rig_without_a_mission(fly: Flights) -> None:
     result = fly("duration_s=2")
     assert result.run["error"] is None
     assert result.run["sim_s"] == 2.0
@@ -484,7 +442,7 @@ def test_the_rig_without_a_mission(fly: Callable[..., RunResult]) -> None:
         ("autopilot.params.SYS_HITL=0", "HandshakeError", "setup", "--fix"),
     ],
 )
-def test_how_the_rig_ends(fly: Callable[..., RunResult], setting: str, kind: str, cause: str, says: str) -> None:
+def test_how_the_rig_ends(fly: Flights, setting: str, kind: str, cause: str, says: str) -> None:
     result = fly("duration_s=60", "autopilot.reply_timeout_s=1.5", setting)
     error = result.run["error"]
     assert (result.status, error["type"], error["cause"]) == ("ERROR", kind, cause)

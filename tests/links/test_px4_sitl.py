@@ -16,16 +16,13 @@ from typing import Any
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder
-from firmware_bridge.codecs.messages import message_class, pack
 from firmware_bridge.links import child_process, ground_channel, lockstep
-from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.makers import px4_sitl
 from firmware_bridge.links.px4_process import px4_sitl_process
 from hil.bench import RunResult, run_bench
 from hil.config import load_bench
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
-from hil.signals.samples import BaroSample, ImuSample, MagSample
+from tests.links.drive import Drive
 from tests.links.fake_px4 import FakePx4
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="PX4 SITL does not run there")
@@ -34,6 +31,9 @@ FAKE = Path(__file__).with_name("fake_px4.py")
 TICK_NS = 4_000_000
 ARM, SET_MODE, TERMINATE = 400, 176, 185
 OFFBOARD = 6.0
+
+Flights = Callable[..., RunResult]
+Drives = Callable[..., "Px4Drive"]
 
 # Up, ten metres north, down.
 HOP = """QGC WPL 110
@@ -77,7 +77,7 @@ def build(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def fly(tmp_path: Path, build: Path, instance: int) -> Callable[..., RunResult]:
+def fly(tmp_path: Path, build: Path, instance: int) -> Flights:
     """A run of the rig px4_sitl with the stand-in."""
 
     def run(*settings: str, mission: str | None = HOP, out: str = "out") -> RunResult:
@@ -111,7 +111,7 @@ def gone(pid: int) -> bool:
 # -- started by the bench -------------------------------------------------------------------------------------------
 
 
-def test_a_mission_with_a_px4_that_the_bench_starts(fly: Callable[..., RunResult], tmp_path: Path) -> None:
+def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path) -> None:
     left = tmp_path / "out/autopilot"
     left.mkdir(parents=True)
     (left / "parameters.bson").write_text("of an earlier run")
@@ -137,7 +137,7 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Callable[..., RunResult
     assert result.run["autopilot"]["link"]["bad_crc"] == 0
 
 
-def test_one_that_somebody_else_starts(fly: Callable[..., RunResult], instance: int, tmp_path: Path) -> None:
+def test_one_that_somebody_else_starts(fly: Flights, instance: int, tmp_path: Path) -> None:
     px4 = FakePx4(instance)
     thread = threading.Thread(target=px4.serve, daemon=True)
     thread.start()
@@ -150,7 +150,7 @@ def test_one_that_somebody_else_starts(fly: Callable[..., RunResult], instance: 
 
 
 @pytest.mark.parametrize(("how", "status"), [("exit", "exit status 7"), ("kill", "signal SIGKILL")])
-def test_a_crash_is_told_with_its_last_words(fly: Callable[..., RunResult], how: str, status: str) -> None:
+def test_a_crash_is_told_with_its_last_words(fly: Flights, how: str, status: str) -> None:
     result = fly(f"autopilot.env={{FAKE_PX4: {how}@500}}", "duration_s=10", mission=None)
     error = result.run["error"]
     assert (result.status, error["type"]) == ("ERROR", "LinkClosed")
@@ -199,14 +199,14 @@ def test_what_is_no_build_is_said_before_anything_starts(build: Path, tmp_path: 
     assert process(installed, tmp_path / "w").argv[-1].endswith("usr/share/px4/etc")
 
 
-def test_a_program_that_ends_before_it_connects(fly: Callable[..., RunResult]) -> None:
+def test_a_program_that_ends_before_it_connects(fly: Flights) -> None:
     result = fly("autopilot.arguments=['--nonsense']", mission=None)
     assert result.run["error"]["cause"] == "crashed"
     assert "ended before its first heartbeat" in json.dumps(result.run["error"])
     assert "--nonsense" in json.dumps(result.run["error"])
 
 
-def test_a_folder_that_is_not_px4_s_is_left_alone(fly: Callable[..., RunResult], tmp_path: Path) -> None:
+def test_a_folder_that_is_not_px4_s_is_left_alone(fly: Flights, tmp_path: Path) -> None:
     mine = tmp_path / "out/autopilot/thesis.tex"
     mine.parent.mkdir(parents=True)
     mine.write_text("years of work")
@@ -216,7 +216,7 @@ def test_a_folder_that_is_not_px4_s_is_left_alone(fly: Callable[..., RunResult],
     assert mine.read_text() == "years of work"
 
 
-def test_a_port_that_is_taken_is_named(fly: Callable[..., RunResult], instance: int) -> None:
+def test_a_port_that_is_taken_is_named(fly: Flights, instance: int) -> None:
     with socket.socket() as other:
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         other.bind(("127.0.0.1", 4560 + instance))
@@ -228,63 +228,30 @@ def test_a_port_that_is_taken_is_named(fly: Callable[..., RunResult], instance: 
 # -- the link -------------------------------------------------------------------------------------------------------
 
 
-class Drive:
-    """A link to a stand-in in this process, and ticks of a vehicle at rest."""
+class Px4Drive(Drive):
+    """A link to a stand-in in this process."""
 
     def __init__(self, instance: int, *, script: str = "", start: Any = None, reply_limit_s: float = 0.7) -> None:
         self.px4 = None
         if start is None:
             self.px4 = FakePx4(instance, script=script)
             threading.Thread(target=self.px4.serve, daemon=True).start()
-        self.link: AutopilotLink = px4_sitl(
-            instance=instance, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=60.0
-        )
-        self.encoder = FrameEncoder(255, 190)
-        self.tick = 0
-        self.answered = 0
+        super().__init__(px4_sitl(instance=instance, start_process=start, reply_limit_s=reply_limit_s), TICK_NS)
         self.link.open()
 
-    def words(self, name: str, *values: object) -> bytes:
-        message = message_class(name)(*values)
-        return self.encoder.frame(message.MSGID, pack(message))
-
-    def command(self, number: int, *params: float) -> bytes:
-        return self.words("COMMAND_LONG", 1, 1, number, 0, *params, *(0.0,) * (7 - len(params)))
-
-    def step(self, extra: bytes = b"") -> None:
-        t_ns = self.tick * TICK_NS
-        if self.tick == 0:
-            extra += self.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
-        wobble = 1e-3 * (self.tick % 7)
-        self.link.send(
-            self.tick,
-            t_ns,
-            ImuSample(self.tick, t_ns, t_ns, (wobble, 0.0, 9.80665), (0.0, wobble * 0.1, 0.0), 20.0),
-            MagSample(self.tick, t_ns, t_ns, (2.1e-5, 1e-6, -4.2e-5)),
-            BaroSample(self.tick, t_ns, t_ns, 95600.0 + wobble, 488.0, 15.0),
-            None,
-            extra,
-        )
-        try:
-            self.answered += self.link.wait(self.tick, t_ns) is not None
-        finally:
-            self.link.take_frames()
-        self.tick += 1
-
-    def run(self, ticks: int) -> None:
-        for _ in range(ticks):
-            self.step()
+    def step(self, extra: bytes = b"") -> bytes:
+        return super().step(extra + (self.words("HEARTBEAT", 6, 8, 0, 0, 4, 3) if self.tick == 0 else b""))
 
 
 @pytest.fixture
-def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Drive]]:
-    made: list[Drive] = []
+def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
+    made: list[Px4Drive] = []
     monkeypatch.setattr(lockstep, "_LINGER_S", 0.2)
     # However busy the machine is: the far side reads in the end.
     monkeypatch.setattr(ground_channel, "_TAKEN_LIMIT_S", 30.0)
 
-    def make(**settings: Any) -> Drive:
-        made.append(Drive(instance, **settings))
+    def make(**settings: Any) -> Px4Drive:
+        made.append(Px4Drive(instance, **settings))
         return made[-1]
 
     yield make
@@ -293,17 +260,17 @@ def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[.
         assert one.px4 is None or one.px4.ended.wait(30.0)
 
 
-def test_the_boot_is_found_out_and_then_each_sensor_has_its_answer(drive: Callable[..., Drive]) -> None:
+def test_the_boot_is_found_out_and_then_each_sensor_has_its_answer(drive: Drives) -> None:
     driven = drive(reply_limit_s=30.0)
     driven.run(200)
-    assert 1 <= driven.answered <= 200 - 17
-    answered = driven.answered
+    assert 1 <= len(driven.seen) <= 200 - 17
+    answered = len(driven.seen)
     driven.run(50)
-    assert driven.answered == answered + 50
+    assert len(driven.seen) == answered + 50
 
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell what has been read")
-def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Callable[..., Drive]) -> None:
+def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Drives) -> None:
     driven = drive(reply_limit_s=30.0)
     driven.run(60)
     for number in range(40):
@@ -316,7 +283,7 @@ def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Callable[..., 
         assert order[order.index(("command", 1000 + number)) + 1] == ("sensor", tick * 4000)
 
 
-def lost(driven: Drive, ticks: int = 400) -> LinkError:
+def lost(driven: Px4Drive, ticks: int = 400) -> LinkError:
     with pytest.raises(LinkError) as caught:
         driven.run(ticks)
     return caught.value
@@ -332,7 +299,7 @@ def lost(driven: Drive, ticks: int = 400) -> LinkError:
         ("silent@100", "silent", "no answer to time_usec 396000"),
     ],
 )
-def test_why_it_fell_silent(drive: Callable[..., Drive], script: str, cause: str, says: str) -> None:
+def test_why_it_fell_silent(drive: Drives, script: str, cause: str, says: str) -> None:
     error = lost(drive(script=script))
     assert isinstance(error, LockstepLost)
     assert error.cause == cause
@@ -340,7 +307,7 @@ def test_why_it_fell_silent(drive: Callable[..., Drive], script: str, cause: str
     assert says in str(error)
 
 
-def test_silent_after_it_was_told_to_terminate(drive: Callable[..., Drive]) -> None:
+def test_silent_after_it_was_told_to_terminate(drive: Drives) -> None:
     driven = drive()
     driven.run(60)
     with pytest.raises(LockstepLost) as caught:
@@ -348,7 +315,7 @@ def test_silent_after_it_was_told_to_terminate(drive: Callable[..., Drive]) -> N
     assert caught.value.cause == "terminated"
 
 
-def test_silent_in_offboard_without_set_points(drive: Callable[..., Drive]) -> None:
+def test_silent_in_offboard_without_set_points(drive: Drives) -> None:
     driven = drive()
     driven.run(60)
     with pytest.raises(LockstepLost) as caught:
@@ -357,15 +324,15 @@ def test_silent_in_offboard_without_set_points(drive: Callable[..., Drive]) -> N
     assert "Send set-points first" in str(caught.value)
 
 
-def test_an_offboard_that_has_been_left_explains_no_silence(drive: Callable[..., Drive]) -> None:
+def test_an_offboard_that_has_been_left_explains_no_silence(drive: Drives) -> None:
     """In flight, say; what counts is what it was told last."""
     driven = drive(script="silent@100")
     driven.run(60)
-    driven.link._watch.told(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))  # type: ignore[attr-defined]
+    driven.link._watch.told(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))
     assert lost(driven).cause == "silent"
 
 
-def test_slow_is_told_from_silent(drive: Callable[..., Drive], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_is_told_from_silent(drive: Drives, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lockstep, "_LINGER_S", 60.0)
     error = lost(drive(script="slow@100"))
     assert error.cause == "slow"
@@ -374,7 +341,7 @@ def test_slow_is_told_from_silent(drive: Callable[..., Drive], monkeypatch: pyte
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell")
 def test_a_halted_process_is_told_and_ended(
-    drive: Callable[..., Drive], build: Path, tmp_path: Path, instance: int, monkeypatch: pytest.MonkeyPatch
+    drive: Drives, build: Path, tmp_path: Path, instance: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(child_process, "_TERMINATE_S", 0.2)  # a halted process does not hear that it is to end
     child = process(build, tmp_path / "w", env={"FAKE_PX4": "stop@100"}, instance=instance)
@@ -386,7 +353,7 @@ def test_a_halted_process_is_told_and_ended(
     assert gone(pid)
 
 
-def test_a_wire_that_hangs_up_is_a_crash(drive: Callable[..., Drive]) -> None:
+def test_a_wire_that_hangs_up_is_a_crash(drive: Drives) -> None:
     driven = drive(script="hang_up@100", reply_limit_s=30.0)
     with pytest.raises(LinkClosed) as caught:
         driven.run(200)
