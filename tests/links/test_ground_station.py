@@ -5,16 +5,13 @@ import math
 import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.progress import is_waypoint
 from firmware_bridge.ground_station.station import GroundStation
 from hil.signals.errors import HandshakeError
 from hil.signals.mission import MissionItem
-
-TICK_NS = 4_000_000
-S = 1_000_000_000
-PREARM = 0x10000000
+from tests.links.scripted_vehicle import TICK_NS, S, ScriptedVehicle, fly
 
 
 def item(seq, command, lat=473977000, lon=85455000, alt=10.0):
@@ -24,51 +21,14 @@ def item(seq, command, lat=473977000, lon=85455000, alt=10.0):
 RECTANGLE = [item(0, 22), item(1, 16), item(2, 16), item(3, 16), item(4, 16), item(5, 21)]
 
 
-class Vehicle:
-    """Answers as PX4 does; `script` entries change that. Flies one item per second."""
+class Vehicle(ScriptedVehicle):
+    """Answers as PX4 does."""
 
     def __init__(self, **script):
-        self.script = script
-        self.encoder = FrameEncoder(script.get("sysid", 1), 1)
-        self.parser = FrameParser()
-        self.out: list[bytes] = []
-        self.items: dict[int, tuple] = {}
-        self.count = 0
-        self.armed = False
-        self.mode = 0
-        self.landed_state = 1
+        super().__init__(**script)
         self.armed_at_ns = None
-        self.heard: list[tuple[str, tuple]] = []
-        self.interval: dict[int, float] = {}
-        self.reached = -1
+        self.interval = {}
         self.arm_refusals = script.get("arm_refusals", 0)
-        self.lose = script.get("lose", 0)
-
-    def say(self, name, *values, encoder=None, **fields):
-        m = message_class(name)(*values, **fields)
-        self.out.append((encoder or self.encoder).frame(m.MSGID, pack(m)))
-
-    def step(self, t_ns, data):
-        for frame in self.parser.feed(data):
-            m = unpack(frame)
-            self.heard.append((type(m).__name__, m))
-            handler = getattr(self, "on_" + type(m).__name__.lower(), None)
-            if handler:
-                if self.lose and type(m).__name__ != "HEARTBEAT":
-                    self.lose -= 1
-                    continue
-                handler(t_ns, m)
-        if t_ns % S == 0 and not self.script.get("mute"):
-            self.say("HEARTBEAT", 2, 12, 0x80 if self.armed else 0, self.mode, 4 if self.armed else 3, 3)
-        if t_ns % (S // 2) == 0:
-            present = 0 if self.script.get("no_prearm_bit") else PREARM
-            ready = t_ns >= self.script.get("ready_ns", 3 * S)
-            self.say("SYS_STATUS", present, present, present if ready else 0, *[0] * 10)
-            self.say("EXTENDED_SYS_STATE", 0, self.landed_state)
-            self.say("MISSION_CURRENT", max(self.reached + 1, 0), len(self.items))
-            self.fly(t_ns)
-        out, self.out = self.out, []
-        return out
 
     def fly(self, t_ns):
         if not self.armed or self.mode != 4 << 16 | 4 << 24:
@@ -128,26 +88,9 @@ class Vehicle:
         self.say("COMMAND_ACK", m.command, result, 0, 0, 255, 190)
 
 
-def run(station, vehicle, limit_s=60.0):
-    """Fly until DONE or the limit of simulated time; the bytes of every tick."""
-    parser = FrameParser()
-    log, frames = [], []
-    t_ns = 0
-    while t_ns < limit_s * S and station.phase is not Phase.DONE:
-        data = station.step(t_ns, frames)
-        log.append(data)
-        frames = parser.feed(b"".join(vehicle.step(t_ns, data)))
-        t_ns += TICK_NS
-    return log
-
-
-def sent(vehicle, name):
-    return [m for heard, m in vehicle.heard if heard == name]
-
-
 def test_a_whole_flight():
     station, vehicle = GroundStation(RECTANGLE), Vehicle()
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.phase is Phase.DONE
     assert station.mission_completed
     assert (station.reached, station.waypoints) == (6, 6)
@@ -157,61 +100,60 @@ def test_a_whole_flight():
     ]
     assert got[0].current == 1
     assert all(math.isnan(m.param4) for m in got)
-    commands = [(m.command, m.param1, m.param2, m.param3) for m in sent(vehicle, "COMMAND_LONG") if m.command != 511]
-    assert commands == [(176, 1.0, 4.0, 4.0), (400, 1.0, 0.0, 0.0)]
+    assert vehicle.commands() == [(176, 1.0, 4.0, 4.0), (400, 1.0, 0.0, 0.0)]
     assert set(vehicle.interval) == {MSGID["SYS_STATUS"], MSGID["EXTENDED_SYS_STATE"], MSGID["MISSION_CURRENT"]}
 
 
 def test_it_is_a_pure_function_of_time_and_frames():
-    assert run(GroundStation(RECTANGLE), Vehicle()) == run(GroundStation(RECTANGLE), Vehicle())
+    assert fly(GroundStation(RECTANGLE), Vehicle()) == fly(GroundStation(RECTANGLE), Vehicle())
 
 
 def test_heartbeat_once_a_simulated_second_without_drift():
     station, vehicle = GroundStation(RECTANGLE, heartbeat_limit_s=1e9), Vehicle(mute=True)
-    log = run(station, vehicle, limit_s=20.0)
+    log = fly(station, vehicle, limit_s=20.0)
     ticks = [tick for tick, data in enumerate(log) if data]
     assert ticks == list(range(0, 5000, 250))
 
 
 def test_nothing_to_do_says_nothing():
     station, vehicle = GroundStation(RECTANGLE), Vehicle()
-    log = run(station, vehicle)
+    log = fly(station, vehicle)
     assert sum(bool(data) for data in log) < len(log) / 50
 
 
 @pytest.mark.parametrize("lose", [1, 2, 4])
 def test_lost_messages_are_asked_again(lose):
     station, vehicle = GroundStation(RECTANGLE), Vehicle(lose=lose)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
-    repeats = [m.confirmation for m in sent(vehicle, "COMMAND_LONG")]
+    repeats = [m.confirmation for m in vehicle.sent("COMMAND_LONG")]
     assert max(repeats) == lose
 
 
 def test_the_older_request_message_is_answered_too():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(old_requests=True)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
 
 
 def test_arming_is_asked_again_while_the_vehicle_declines():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(arm_refusals=3)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
-    assert len([m for m in sent(vehicle, "COMMAND_LONG") if m.command == 400]) == 4
+    assert len([m for m in vehicle.sent("COMMAND_LONG") if m.command == 400]) == 4
     assert [text for _, _, text in station.statustexts] == ["Arming denied: gyro bias"] * 3
 
 
 def test_arming_waits_for_health():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(ready_ns=7 * S)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
     assert vehicle.armed_at_ns >= 7 * S
 
 
 def test_a_vehicle_that_does_not_report_health_is_asked_all_the_same():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(no_prearm_bit=True)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
 
 
@@ -235,7 +177,7 @@ def test_a_vehicle_that_does_not_report_health_is_asked_all_the_same():
 def test_each_refusal_is_one_clear_error(script, settings, says):
     station = GroundStation(RECTANGLE, **settings)
     with pytest.raises(HandshakeError, match=says):
-        run(station, Vehicle(**script), limit_s=120.0)
+        fly(station, Vehicle(**script), limit_s=120.0)
 
 
 def test_a_mission_service_that_is_not_there():
@@ -243,15 +185,15 @@ def test_a_mission_service_that_is_not_there():
         on_mission_count = None
 
     with pytest.raises(HandshakeError, match="mission service"):
-        run(GroundStation(RECTANGLE), NoMissions(), limit_s=60.0)
+        fly(GroundStation(RECTANGLE), NoMissions(), limit_s=60.0)
 
 
 def test_ten_thousand_items():
     station = GroundStation([item(i, 16) for i in range(10_000)])
     with pytest.raises(HandshakeError, match=r"10000 items was refused .*NO_SPACE"):
-        run(station, Vehicle(), limit_s=30.0)
+        fly(station, Vehicle(), limit_s=30.0)
     with pytest.raises(HandshakeError, match="65535"):
-        run(GroundStation([item(0, 16)] * 70_000), Vehicle(), limit_s=30.0)
+        fly(GroundStation([item(0, 16)] * 70_000), Vehicle(), limit_s=30.0)
 
 
 def test_a_mission_of_nothing_is_refused():
@@ -261,7 +203,7 @@ def test_a_mission_of_nothing_is_refused():
 
 def test_crash_in_flight_is_an_end_without_completion():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(crash_ns=6 * S)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.phase is Phase.DONE
     assert not station.mission_completed
     assert 0 < station.reached < 6
@@ -269,15 +211,15 @@ def test_crash_in_flight_is_an_end_without_completion():
 
 def test_a_landing_the_vehicle_did_not_report_counts_when_it_stands_there():
     station, vehicle = GroundStation(RECTANGLE), Vehicle(silent_landing=1)
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.mission_completed
 
 
 def test_a_mission_without_landing_is_landed_at_its_end():
     station, vehicle = GroundStation(RECTANGLE[:-1]), Vehicle()
-    run(station, vehicle)
+    fly(station, vehicle)
     assert station.phase is Phase.DONE
-    assert [m.param3 for m in sent(vehicle, "COMMAND_LONG") if m.command == 176] == [4.0, 6.0]
+    assert [m.param3 for m in vehicle.sent("COMMAND_LONG") if m.command == 176] == [4.0, 6.0]
 
 
 def test_watching_only():
@@ -292,8 +234,8 @@ def test_watching_only():
         frames = parser.feed(b"".join(vehicle.step(tick * TICK_NS, data)))
     assert station.phase is Phase.DONE
     assert station.reached == 2
-    assert {m.command for m in sent(vehicle, "COMMAND_LONG")} == {511}
-    assert not sent(vehicle, "MISSION_COUNT")
+    assert {m.command for m in vehicle.sent("COMMAND_LONG")} == {511}
+    assert not vehicle.sent("MISSION_COUNT")
 
 
 @pytest.mark.parametrize(

@@ -7,18 +7,14 @@ from typing import Any
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import message_class, pack, unpack
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
 from hil.signals.errors import HandshakeError
 from hil.signals.mission import MissionItem
+from tests.links.scripted_vehicle import S, ScriptedVehicle, fly
 
-TICK_NS = 4_000_000
-S = 1_000_000_000
-PREARM = 0x10000000
 AUTO, GUIDED, LAND = 3, 4, 9
-ARM, SET_MODE, MISSION_START, INTERVAL = 400, 176, 300, 511
+ARM, SET_MODE, MISSION_START = 400, 176, 300
 NO_SPACE, INVALID = 4, 5
 FAILED, DENIED, TEMPORARILY_REJECTED = 4, 2, 1
 
@@ -31,62 +27,33 @@ def item(seq: int, command: int, *params: float) -> MissionItem:
 FLIGHT = [item(0, 22), item(1, 16), item(2, 16), item(3, 21)]
 
 
-class Copter:
-    """Answers as ArduCopter does; flies one item per second in AUTO. `script` entries change that.
+class Copter(ScriptedVehicle):
+    """Answers as ArduCopter does, in AUTO.
 
     room_ns: no room for missions before; lost_acks: acknowledgements of uploads that do not arrive;
     fails: {command: how often MAV_RESULT_FAILED}; results: {command: for ever}.
     """
 
+    autopilot = 3
+
     def __init__(self, **script: Any) -> None:
-        self.script = script
+        super().__init__(**script)
         self.fails = dict(script.get("fails", {}))
         self.lost_acks = script.get("lost_acks", 0)
-        self.encoder, self.parser = FrameEncoder(1, 1), FrameParser()
-        self.out: list[bytes] = []
-        self.items: dict[int, Any] = {}
-        self.count = 0
-        self.offers = 0
-        self.armed = self.in_air = False
-        self.mode = 0
         self.reached = 0  # item 0 is home
-        self.done = False
-        self.commands: list[tuple[int, tuple[float, ...]]] = []
 
-    def say(self, name: str, *values: Any) -> None:
-        message = message_class(name)(*values)
-        self.out.append(self.encoder.frame(message.MSGID, pack(message)))
-
-    def step(self, t_ns: int, data: bytes) -> list[bytes]:
-        for frame in self.parser.feed(data):
-            message = unpack(frame)
-            handler = getattr(self, "on_" + type(message).__name__.lower(), None)
-            if handler:
-                handler(t_ns, message)
-        if t_ns % S == 0:
-            self.say("HEARTBEAT", 2, 3, 0x81 if self.armed else 1, self.mode, 4 if self.armed else 3, 3)
-            self.fly()
-        if t_ns % (S // 2) == 0:
-            ready = t_ns >= self.script.get("ready_ns", 3 * S)
-            self.say("SYS_STATUS", PREARM, PREARM, PREARM if ready else 0, *[0] * 10)
-            self.say("EXTENDED_SYS_STATE", 0, 2 if self.in_air else 1)
-            self.say("MISSION_CURRENT", min(self.reached + 1, max(len(self.items) - 1, 0)), len(self.items))
-        out, self.out = self.out, []
-        return out
-
-    def fly(self) -> None:
-        if self.mode == LAND and self.in_air:
-            self.armed = self.in_air = False
-        if not (self.armed and self.mode == AUTO) or self.reached + 1 >= len(self.items):
+    def fly(self, t_ns: int) -> None:
+        if self.mode == LAND and self.landed_state == 2:
+            self.armed, self.landed_state = False, 1
+        if t_ns % S or not (self.armed and self.mode == AUTO) or self.reached + 1 >= len(self.items):
             return
         self.reached += 1
-        self.in_air = True
+        self.landed_state = 2
         if self.items[self.reached].command == 21:
-            self.armed = self.in_air = False
+            self.armed, self.landed_state = False, 1
         self.say("MISSION_ITEM_REACHED", self.reached)
 
     def on_mission_count(self, t_ns: int, m: Any) -> None:
-        self.offers += 1
         if t_ns < self.script.get("room_ns", 0):
             self.say("MISSION_ACK", 255, 190, NO_SPACE)
             return
@@ -110,8 +77,6 @@ class Copter:
             self.say("MISSION_ACK", 255, 190, 0)
 
     def on_command_long(self, t_ns: int, m: Any) -> None:
-        if m.command != INTERVAL:
-            self.commands.append((m.command, (m.param1, m.param2, m.param3)))
         result = self.script.get("results", {}).get(m.command, 0)
         if self.fails.get(m.command):
             self.fails[m.command] -= 1
@@ -132,32 +97,18 @@ class Copter:
         self.say("COMMAND_ACK", m.command, result, 0, 0, 255, 190)
 
 
-def run(station: GroundStation, copter: Copter, limit_s: float = 120.0) -> list[bytes]:
-    parser, log, frames = FrameParser(), [], []
-    t_ns = 0
-    while t_ns < limit_s * S and station.phase is not Phase.DONE:
-        log.append(station.step(t_ns, frames))
-        frames = parser.feed(b"".join(copter.step(t_ns, log[-1])))
-        t_ns += TICK_NS
-    return log
-
-
 def test_a_whole_flight_goes_by_guided_arm_and_mission_start() -> None:
     station, copter = GroundStation(FLIGHT), Copter()
-    run(station, copter)
+    fly(station, copter)
     assert station.phase is Phase.DONE
     assert station.mission_completed
     assert (station.reached, station.waypoints) == (4, 4)
-    assert copter.commands == [
-        (SET_MODE, (1.0, GUIDED, 0.0)),
-        (ARM, (1.0, 0.0, 0.0)),
-        (MISSION_START, (0.0, 0.0, 0.0)),
-    ]
+    assert copter.commands() == [(SET_MODE, 1.0, GUIDED, 0.0), (ARM, 1.0, 0.0, 0.0), (MISSION_START, 0.0, 0.0, 0.0)]
 
 
 def test_home_takes_the_first_place_and_open_numbers_are_closed() -> None:
     station, copter = GroundStation(FLIGHT), Copter()
-    run(station, copter)
+    fly(station, copter)
     home = copter.items[0]
     assert (home.command, home.frame, home.current, home.x, home.y) == (16, 0, 0, 0, 0)
     got = [copter.items[seq] for seq in range(1, 5)]
@@ -171,7 +122,7 @@ def test_home_takes_the_first_place_and_open_numbers_are_closed() -> None:
 def test_jumps_lead_to_the_item_that_was_meant() -> None:
     mission = [item(0, 22), item(1, 16, 2.5), item(2, 177, 1.0, 3.0), item(3, 21)]
     copter = Copter()
-    run(GroundStation(mission), copter, limit_s=20.0)
+    fly(GroundStation(mission), copter, limit_s=20.0)
     assert copter.items[2].param1 == 2.5  # a waypoint's hold time is no number of an item
     jump = copter.items[3]
     assert (jump.command, jump.param1, jump.param2) == (177, 2.0, 3.0)
@@ -179,42 +130,43 @@ def test_jumps_lead_to_the_item_that_was_meant() -> None:
 
 
 def test_it_is_a_pure_function_of_time_and_frames() -> None:
-    assert run(GroundStation(FLIGHT), Copter(room_ns=3 * S)) == run(GroundStation(FLIGHT), Copter(room_ns=3 * S))
+    assert fly(GroundStation(FLIGHT), Copter(room_ns=3 * S)) == fly(GroundStation(FLIGHT), Copter(room_ns=3 * S))
 
 
 def test_no_room_is_taken_for_not_yet_for_a_while() -> None:
     station, copter = GroundStation(FLIGHT), Copter(room_ns=12 * S)
-    run(station, copter)
+    fly(station, copter)
     assert station.mission_completed
-    assert 12 <= copter.offers <= 15
+    assert 12 <= len(copter.sent("MISSION_COUNT")) <= 15
     # Not as patient for ever, and not with PX4, which means it.
     with pytest.raises(HandshakeError, match=r"5 items was refused after 0 of them: MAV_MISSION_NO_SPACE"):
-        run(GroundStation(FLIGHT), Copter(room_ns=1000 * S))
+        fly(GroundStation(FLIGHT), Copter(room_ns=1000 * S))
 
 
 def test_an_upload_whose_acknowledgement_was_lost_is_offered_again() -> None:
     station, copter = GroundStation(FLIGHT), Copter(lost_acks=2)
-    run(station, copter)
+    fly(station, copter)
     assert station.mission_completed
-    assert copter.offers == 3
+    assert len(copter.sent("MISSION_COUNT")) == 3
     with pytest.raises(HandshakeError, match="5 of 5 items were asked for, then nothing"):
-        run(GroundStation(FLIGHT), Copter(lost_acks=1000))
+        fly(GroundStation(FLIGHT), Copter(lost_acks=1000))
 
 
 def test_a_refusal_in_the_middle_is_final() -> None:
     copter = Copter(refuse_seq=2)
     with pytest.raises(HandshakeError, match="refused after 3 of them"):
-        run(GroundStation(FLIGHT), copter)
-    assert copter.offers == 1
+        fly(GroundStation(FLIGHT), copter)
+    assert len(copter.sent("MISSION_COUNT")) == 1
 
 
 @pytest.mark.parametrize("command", [SET_MODE, ARM, MISSION_START])
 def test_failed_may_be_another_answer_a_second_later(command: int) -> None:
     station, copter = GroundStation(FLIGHT), Copter(fails={command: 3})
-    run(station, copter)
+    fly(station, copter)
     assert station.mission_completed
-    assert [asked for asked, _ in copter.commands].count(command) == 4
-    order = list(dict.fromkeys(asked for asked, _ in copter.commands))
+    asked = [number for number, *_ in copter.commands()]
+    assert asked.count(command) == 4
+    order = list(dict.fromkeys(asked))
     assert order == [SET_MODE, ARM, MISSION_START]
     assert [text for _, _, text in station.statustexts] == ["Arm: need position estimate"] * 3
 
@@ -231,24 +183,24 @@ def test_failed_may_be_another_answer_a_second_later(command: int) -> None:
 )
 def test_what_stays_refused_is_one_clear_error(script: dict[str, Any], says: str) -> None:
     with pytest.raises(HandshakeError, match=says):
-        run(GroundStation(FLIGHT, preflight_limit_s=10.0), Copter(**script))
+        fly(GroundStation(FLIGHT, preflight_limit_s=10.0), Copter(**script))
 
 
 def test_a_mission_without_landing_is_landed_where_it_ends() -> None:
     station, copter = GroundStation(FLIGHT[:-1]), Copter()
-    run(station, copter)
+    fly(station, copter)
     assert station.phase is Phase.DONE
     assert station.mission_completed
-    assert [params for command, params in copter.commands if command == SET_MODE] == [
-        (1.0, GUIDED, 0.0),
-        (1.0, LAND, 0.0),
+    assert [params for command, *params in copter.commands() if command == SET_MODE] == [
+        [1.0, GUIDED, 0.0],
+        [1.0, LAND, 0.0],
     ]
 
 
 def test_one_that_arms_and_does_not_take_off() -> None:
     class Stays(Copter):
-        def fly(self) -> None:
+        def fly(self, t_ns: int) -> None:
             pass
 
     with pytest.raises(HandshakeError, match="armed, but not in the air after 5 s"):
-        run(GroundStation(FLIGHT, takeoff_limit_s=5.0), Stays())
+        fly(GroundStation(FLIGHT, takeoff_limit_s=5.0), Stays())

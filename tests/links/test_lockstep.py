@@ -1,8 +1,7 @@
-"""The lockstep link against a scripted autopilot: in memory, over a pty, and over TCP with unknown boot."""
+"""The lockstep link against a scripted autopilot: in memory and over a pty."""
 
 import random
 import sys
-import threading
 from pathlib import Path
 
 import pytest
@@ -15,18 +14,13 @@ from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
-from firmware_bridge.transports.tcp import TcpClient, TcpServer
-from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
-from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample
+from hil.signals.errors import HandshakeError, LockstepLost
+from tests.links.drive import BARO, GPS, IMU, MAG
 
 FAKE_PATH = Path(__file__).with_name("fake_autopilot.py")
 TICK_NS = 4_000_000
 BOOT = 3
 CAPS = LinkCaps("fake", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=BOOT)
-IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
-MAG = MagSample(0, 0, 0, (2e-5, 0.0, -4e-5))
-BARO = BaroSample(0, 0, 0, 101_325.0, 0.0, 15.0)
-GPS = GpsSample(0, 0, 0, 47.0, 8.0, 488.0, (0.0, 0.0, 0.0), 0.9, 1.8, 3, 12)
 ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 
@@ -189,49 +183,6 @@ def test_no_heartbeat_in_memory(fake):
     link = in_memory(fake, greet=False)
     with pytest.raises(HandshakeError, match="nothing came at all"):
         link.open()
-
-
-def test_boot_of_unknown_length_over_tcp(fake):
-    server = TcpServer(0)
-    server.open()
-    port = server.port
-    server.close()
-    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, max_rate_hz=333.0, boot_sensors=None)
-    link = LockstepLink(TcpServer(port), caps, reply_limit_s=2.0, heartbeat_limit_s=5.0)
-    stop = threading.Event()
-
-    def autopilot():
-        peer = fake.FakeAutopilot(boot_sensors=12)
-        wire = TcpClient(port)
-        while not stop.is_set():
-            try:
-                wire.open()
-                break
-            except PortNotFound:
-                continue
-        try:
-            wire.write(peer.boot())
-            while not stop.is_set():
-                out = peer.feed(wire.read(0.05))
-                if out:
-                    wire.write(out)
-        except LinkClosed:
-            pass
-        wire.close()
-
-    thread = threading.Thread(target=autopilot)
-    thread.start()
-    try:
-        link.open()
-        answers = [answer for _, answer, _ in fly(link, 60)]
-    finally:
-        stop.set()
-        link.close()
-        thread.join(5.0)
-    first = next(i for i, answer in enumerate(answers) if answer is not None)
-    # Free-running until the first answer in time, locked from then on.
-    assert first >= 12
-    assert all(answers[i].t_ns == i * TICK_NS for i in range(first, 60))
 
 
 def test_fifty_thousand_packets_of_rubbish_between_answers(fake):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,20 +11,12 @@ import pytest
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
-from firmware_bridge.links.makers import mock_in_memory
-from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from hil.recorder.recorder import Recorder
-from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
 from hil.signals._kernel import tangent_ned
 from hil.signals.desired import DesiredState
 from hil.signals.errors import HandshakeError
 from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
-from hil.signals.time import RateAccumulator
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
-from sim.sensors.catalog import make_sensor
 from tests.unit.mock_pixhawk_world import TICK_HZ, TICK_NS, World, texts
 
 WANTED_EVERY = 10  # ticks: a companion at 25 Hz
@@ -163,54 +154,6 @@ def test_a_companion_that_falls_silent_leaves_the_vehicle_standing() -> None:
     flight.fly(6.0, UP)
     assert math.dist(flight.truth.p_WB, (0.0, 0.0, 3.0)) < 0.2
     assert [kind for _, kind, _ in flight.events] == ["warning", "status"]
-
-
-def flown_by_the_scheduler(out: Path) -> tuple[str, Scheduler, OffboardPilot]:
-    """Up, across and down as a bench does it: scheduler, link, recorder. Its digest is over all that was sent."""
-    scene = load_scene("airfield")
-
-    def slot(name: str, preset: str, rate_hz: int) -> SensorSlot:
-        sensor = make_sensor(name, preset=preset, rate_hz=float(rate_hz), seed=5, scene=scene, step_ns=TICK_NS)
-        return SensorSlot(sensor, RateAccumulator(event_mhz=rate_hz * 1000, tick_mhz=TICK_HZ * 1000))
-
-    pilot = OffboardPilot(LocalFrame(scene.site).geodetic_from_enu, tick_ns=TICK_NS, projection=tangent_ned)
-    link = mock_in_memory(peer=MockPixhawk())
-    link.open()
-    recorder = Recorder(out, mcap=False, tlog=False, tick_ns=TICK_NS)
-    try:
-        scheduler = Scheduler(
-            tick_ns=TICK_NS,
-            physics=QuadrotorPhysics(load_vehicle("x500"), scene, TICK_NS),
-            sensors=[
-                slot("imu", "icm20689", TICK_HZ),
-                slot("gps", "here_plus", 10),
-                slot("baro", "ms5611", 50),
-                slot("mag", "ist8310", 50),
-            ],
-            link=link,
-            ports=AutopilotPorts(imu="imu", gps="gps", baro="baro", mag="mag"),
-            commands=[pilot],
-            recorder=recorder,
-        )
-        for until_s, wanted in ((14, UP), (20, DesiredState(p_W=(4.0, -3.0, 4.0))), (40, DesiredState(land=True))):
-            while scheduler.tick < until_s * TICK_HZ and pilot.phase is not Phase.DONE:
-                if scheduler.tick % WANTED_EVERY == 0:
-                    pilot.set_desired(wanted, scheduler.t_ns)
-                scheduler.step()
-        scheduler.flush()
-    finally:
-        link.close()
-        recorder.close("PASS")
-    return recorder.digest, scheduler, pilot
-
-
-def test_the_scheduler_flies_it_bit_by_bit_the_same(tmp_path: Path) -> None:
-    digest, scheduler, pilot = flown_by_the_scheduler(tmp_path / "a")
-    assert pilot.phase is Phase.DONE
-    assert scheduler.truth is not None
-    assert math.dist(scheduler.truth.p_WB[:2], (4.0, -3.0)) < 0.4
-    assert int(digest, 16) != 0
-    assert flown_by_the_scheduler(tmp_path / "b")[0] == digest
 
 
 def test_a_mock_that_cannot_arm_is_refused_by_name() -> None:

@@ -267,6 +267,7 @@ def test_the_boot_is_found_out_and_then_each_sensor_has_its_answer(drive: Drives
     answered = len(driven.seen)
     driven.run(50)
     assert len(driven.seen) == answered + 50
+    assert [frame.t_ns for frame in driven.seen[-50:]] == [tick * TICK_NS for tick in range(200, 250)]
 
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell what has been read")
