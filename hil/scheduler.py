@@ -31,6 +31,7 @@ closes the recorder, so everything up to the failure is readable.
 
 from __future__ import annotations
 
+import heapq
 import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -38,7 +39,6 @@ from typing import Protocol
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.recorder.recorder import Recorder
-from hil.release_queue import ReleaseQueue
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import (
     ActuatorFrame,
@@ -134,6 +134,28 @@ class AutopilotPorts:
     ) -> None:
         self.imu, self.gps, self.baro, self.mag = imu, gps, baro, mag
         self.ranging = tuple(ranging)  # range finder and optical flow
+
+
+class ReleaseQueue:
+    """Holds captured samples until they arrive. Release order is (t_available_ns, port, seq): total and repeatable."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[int, str, int, Sample]] = []
+
+    def push(self, port: str, sample: Sample) -> None:
+        heapq.heappush(self._heap, (sample.t_available_ns, port, sample.seq, sample))
+
+    def release(self, t_ns: int) -> list[tuple[str, Sample]]:
+        """Every sample with t_available_ns <= t_ns, in release order."""
+        heap = self._heap
+        released = []
+        while heap and heap[0][0] <= t_ns:
+            _, port, _, sample = heapq.heappop(heap)
+            released.append((port, sample))
+        return released
+
+    def __len__(self) -> int:
+        return len(self._heap)
 
 
 class Scheduler:

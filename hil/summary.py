@@ -12,7 +12,6 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.free_running import FreeRunningLink
 from hil.config import Bench, BenchConfig
-from hil.radar_summary import radar_counts, radar_rows
 from hil.scheduler import PHASES, Scheduler, SensorSlot
 from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_S, RateAccumulator
@@ -238,3 +237,35 @@ def _samples_due(config: BenchConfig, name: str, ticks: int) -> int:
     sensor, _, _ = name.partition("/")  # a channel of a camera is sampled with its camera
     rate = RateAccumulator(event_mhz=round(config.sensors[sensor].rate_hz * 1000), tick_mhz=config.tick_hz * 1000)
     return sum(rate.due() for _ in range(ticks))
+
+
+def radar_counts(radar: Radar) -> dict[str, Any]:
+    """The section `radar` of a sensor."""
+    counts = radar.counts
+    return {
+        "pixels": counts.pixels,
+        "pixels_dropped": dict(counts.pixels_dropped),
+        "echoes": counts.echoes,
+        "echoes_dropped": counts.echoes_dropped,
+        "dropped_bound": counts.dropped_bound,
+        "terms": counts.terms,
+        "shared_pictures": counts.shared,
+    }
+
+
+def radar_rows(radars: Mapping[str, Radar]) -> list[dict[str, Any]]:
+    """Rows for the list of what was skipped."""
+    rows: list[dict[str, Any]] = []
+    for name, radar in radars.items():
+        counts = radar.counts
+        for reason, dropped in counts.pixels_dropped.items():
+            if dropped:
+                rows.append({"what": f"{name}: pixels", "why": reason, "saved": f"{dropped} of {counts.pixels} pixels"})
+        if counts.echoes_dropped:
+            why = f"too weak to matter: at most {counts.dropped_bound:.1e} of a frame"
+            saved = f"{counts.echoes_dropped} of {counts.echoes} echoes"
+            rows.append({"what": f"{name}: echoes", "why": why, "saved": saved})
+        if counts.shared:
+            saved = f"{counts.shared} of {counts.frames} drawings"
+            rows.append({"what": f"{name}: drawing", "why": "its camera has just drawn the same", "saved": saved})
+    return rows

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.radar_summary import radar_counts, radar_rows
 from hil.recorder.digest import Digest
 from hil.recorder.frame_description import FrameDescription, Sweep
 from hil.recorder.reading import read_messages
@@ -20,6 +19,7 @@ from hil.replay import compare
 from hil.signals.errors import RecordingError
 from hil.signals.samples import RADAR_UNITS, RadarSample, TruthState, arrays_of
 from hil.signals.time import RateAccumulator, is_due
+from hil.summary import radar_counts, radar_rows
 from sim.frame.camera_pose import CameraPose
 from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.release_queue import ReleaseQueue
+from hil.scheduler import ReleaseQueue
 from hil.signals.samples import BaroSample
 from hil.signals.time import RateAccumulator, period_ns_from_hz
 
