@@ -17,8 +17,9 @@ setup:
 run: setup
 	$(HIL) run $(ARGS)
 
-# Tests share no state but the machine; each worker keeps the fixtures of its own files.
-PARALLEL := -n auto --maxprocesses 4 --dist worksteal
+# Tests share no state but the machine; each worker keeps the fixtures of its own files. Half of a worker's time is
+# waiting for other processes, so four workers are right for two cores.
+PARALLEL := -n 4 --dist worksteal
 
 test: setup
 	$(PY) -m pytest -m "not slow" $(PARALLEL) $(ARGS)

@@ -239,7 +239,7 @@ PIECES = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(pieces=PIECES)
 def test_the_units_put_together_are_the_stream(pieces: list[bytes]) -> None:
     splitter = FrameSplitter()

@@ -49,7 +49,7 @@ def theirs(name: str, values):
 
 
 @pytest.mark.parametrize("name", sorted(MSGID))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(data=st.data())
 def test_every_message_both_ways_against_pymavlink(name, data):
     ours = message(data.draw, name)

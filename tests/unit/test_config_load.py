@@ -223,7 +223,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 NUMBER = st.floats(min_value=1e-6, max_value=100, allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     description=st.sampled_from(
         ["on", "1e3", "0x10", "1:30", "null", "~", "010", ".5", "- a", "#", "<<", "", "a\x85b", "\u2028"]

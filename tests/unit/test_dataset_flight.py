@@ -141,7 +141,7 @@ def record(index: int) -> BatchRecord:
     return BatchRecord(index, index, 1, 77, files, {"x": 1}, (5,), ({3: 2},), {3: 9}, chunk, (picture,))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(0.0, 1.0, exclude_max=True), st.booleans())
 def test_a_journal_cut_off_or_damaged_anywhere_tells_nothing_wrong(
     tmp_path_factory: pytest.TempPathFactory, where: float, cut: bool

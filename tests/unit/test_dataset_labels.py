@@ -38,7 +38,7 @@ def decoded(counts: list[int], height: int, width: int) -> NDArray[np.bool_]:
     return flat.reshape(width, height).T
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_boxes_and_masks_agree_with_the_pictures_pixel_for_pixel(data: st.DataObject) -> None:
     shape = (data.draw(st.integers(1, 30)), data.draw(st.integers(1, 30)))

@@ -48,7 +48,7 @@ def pictures(draw: st.DrawFn) -> NDArray[np.generic]:
     return draw(arrays(dtype, shape, elements=st.integers(0, int(most))))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(picture=pictures(), sub=st.booleans())
 def test_png_reads_back_bit_for_bit(picture: NDArray[np.uint8], sub: bool) -> None:
     data = encode_png(picture, sub=sub)

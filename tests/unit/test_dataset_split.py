@@ -21,7 +21,7 @@ def test_shares_are_sixty_twenty_twenty(frames: int) -> None:
     assert split.counts[GUARD] <= 0.2 * frames
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.lists(st.integers(6, 60), min_size=1, max_size=14), st.integers(0, 5))
 def test_segments_are_whole_and_guarded(lengths: list[int], guard: int) -> None:
     starts = [sum(lengths[:i]) for i in range(len(lengths))]
@@ -37,7 +37,7 @@ def test_segments_are_whole_and_guarded(lengths: list[int], guard: int) -> None:
     assert sorted(i for name in (*SETS, GUARD) for i in split.frames(name)) == list(range(sum(lengths)))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.lists(st.integers(6, 60), min_size=3, max_size=8))
 def test_shares_are_about_as_near_as_the_segments_allow(lengths: list[int]) -> None:
     """Against every way there is. The search of many segments is not exhaustive: a tenth may lie between."""

@@ -45,7 +45,7 @@ def cost_of(price: np.ndarray, cells: list[Cell]) -> float:
     return sum(math.hypot(b[0] - a[0], b[1] - a[1]) * 0.5 * (price[a] + price[b]) for a, b in itertools.pairwise(cells))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.floats(0.0, 0.5))
 def test_a_path_is_the_cheapest_there_is(seed: int, blocked: float) -> None:
     rng = np.random.default_rng(seed)

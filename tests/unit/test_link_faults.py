@@ -274,7 +274,7 @@ def passed(seed: int, cuts: Sequence[int], *faults: LinkFault) -> bytes:
 
 @pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt", "reorder"])
 @UNITS
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 1 << 30), max_size=200))
 def test_the_same_seed_gives_the_same_bytes_however_they_are_cut(kind: str, unit: str, cuts: list[int]) -> None:
     fault = LinkFault(kind=kind, at_s=0, rate=0.05, unit=unit)
@@ -309,7 +309,7 @@ PIECES = st.lists(
 @DIRECTIONS
 @UNITS
 @pytest.mark.parametrize("kind", [*RANDOM_KINDS, "stall"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(pieces=PIECES)
 def test_a_fault_that_never_hits_changes_no_byte(kind: str, unit: str, direction: str, pieces: list[bytes]) -> None:
     if kind == "stall":

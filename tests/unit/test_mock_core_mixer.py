@@ -83,7 +83,7 @@ def test_entries_are_scaled_as_px4_scales_them():
     thrust=st.floats(0, 1),
     name=st.sampled_from(sorted(FRAMES)),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_saturation_keeps_limits_and_priorities(roll, pitch, yaw, thrust, name):
     frame = FRAMES[name]
     params = frame_parameters(frame, MOT_SPIN_IDLE=0.1)

@@ -66,7 +66,7 @@ def test_every_waypoint_is_passed_in_order_within_the_deviation():
     assert all(d is not None and d < 0.25 for d in at.values())
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(_points, st.floats(0.5, 12.0))
 def test_limits_hold_on_any_path(points, speed):
     trajectory = Trajectory(points, [speed] * (len(points) - 1), LIMITS)
@@ -85,7 +85,7 @@ def test_limits_hold_on_any_path(points, speed):
     assert np.allclose(rows[-1, :3], points[-1], atol=1e-2)
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(_points)
 def test_the_path_never_leaves_the_legs_by_more_than_the_deviation(points):
     rows = flown(Trajectory(points, [5.0] * (len(points) - 1), LIMITS), limit_s=3000.0)

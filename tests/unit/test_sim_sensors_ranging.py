@@ -67,7 +67,7 @@ def marched(origin: np.ndarray, direction: np.ndarray, boxes: list[tuple[float, 
 unit = st.floats(-1.0, 1.0).filter(lambda x: abs(x) > 1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.tuples(unit, unit, unit), st.tuples(unit, unit, unit))
 def test_ray_against_marching(where: tuple[float, ...], way: tuple[float, ...]) -> None:
     boxes = [(0.0, 0.0, 1.0, 2.0, 1.0, 1.0), (4.0, 1.0, 3.0, 1.0, 2.0, 3.0), (-3.0, -3.0, 0.5, 0.5, 0.5, 0.5)]
