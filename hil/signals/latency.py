@@ -37,13 +37,6 @@ class LatencyHistogram:
         if duration_ns > self.max_ns:
             self.max_ns = duration_ns
 
-    def merge(self, other: LatencyHistogram) -> None:
-        """Count all that `other` has counted."""
-        self._bins = [a + b for a, b in zip(self._bins, other._bins, strict=True)]
-        self.count += other.count
-        self.total_ns += other.total_ns
-        self.max_ns = max(self.max_ns, other.max_ns)
-
     def quantile_ns(self, q: float) -> float:
         """The q-quantile (0..1) as the middle of its bin; 0 when nothing was counted."""
         if self.count == 0:

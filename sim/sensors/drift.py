@@ -45,8 +45,3 @@ def gauss_markov(seed: int, name: str, *, lanes: int, sigma: float, time_constan
     """Stationary process of standard deviation `sigma` and correlation e^{-t / time_constant}."""
     phi = det_exp(-period_s / time_constant_s)
     return Drift(seed, name, lanes=lanes, start=sigma, phi=phi, step=sigma * math.sqrt(1.0 - phi * phi))
-
-
-def random_walk(seed: int, name: str, *, lanes: int, turn_on_sigma: float, density: float, period_s: float) -> Drift:
-    """Turn-on value of deviation `turn_on_sigma`, then a walk of `density` (unit per second per sqrt(Hz))."""
-    return Drift(seed, name, lanes=lanes, start=turn_on_sigma, phi=1.0, step=density * math.sqrt(period_s))

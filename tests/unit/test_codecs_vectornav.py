@@ -6,6 +6,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
@@ -107,13 +108,7 @@ def solve(readings, q_WB, **changes):
 
 def turned(q, v):
     """R(q) v with q = (x, y, z, w)."""
-    x, y, z, w = q
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return tuple(sum(r * c for r, c in zip(row, v, strict=True)) for row in rows)
+    return tuple(Rotation.from_quat(q).apply(v))
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: sum(c * c for c in q) > 0.01))

@@ -22,6 +22,7 @@ from sim.sensors.lidar_echo import choose_echoes
 from sim.sensors.sweep_motion import sweep_motion
 from tests.cpu_masks import ALL, output_of
 from tests.unit.lidar_world import ModelFrames, compiled, truth_at
+from tests.unit.rotations import rotation
 
 T_NS = 100_000_000
 SCENE = load_scene("airfield")
@@ -55,15 +56,6 @@ def lidar(frames: Any, *, name: str = "lidar", seed: int = 1, preset: str = "vlp
     )
     assert isinstance(made, Lidar)
     return made
-
-
-def rotation(q: Any) -> NDArray[Any]:
-    w, x, y, z = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
 
 
 def in_world(cloud: PointCloudSample) -> NDArray[Any]:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from hil.signals.samples import SAMPLE_FIELDS
+from tests.unit.rotations import rotation
 
 
 @pytest.mark.parametrize("sample_type", list(SAMPLE_FIELDS))
@@ -18,16 +19,6 @@ def test_every_field_has_unit_and_frame(sample_type: type) -> None:
     for field, (unit, frame) in SAMPLE_FIELDS[sample_type].items():
         assert unit, field
         assert frame, field
-
-
-def rotate(q, v):
-    w, x, y, z = q
-    r = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return tuple(sum(r[i][j] * v[j] for j in range(3)) for i in range(3))
 
 
 unit = st.floats(-1, 1, allow_nan=False)
@@ -40,8 +31,8 @@ def test_attitude_map_agrees_with_the_vector_maps(q, v) -> None:
         return
     q = tuple(c / norm for c in q)
     # A body vector taken to the world by either road ends in the same place.
-    by_enu = ned_from_enu(rotate(q, v))
-    by_ned = rotate(q_NF_from_q_WB(q), frd_from_flu(v))
+    by_enu = ned_from_enu(rotation(q) @ v)
+    by_ned = rotation(q_NF_from_q_WB(q)) @ frd_from_flu(v)
     assert by_ned == pytest.approx(by_enu, abs=1e-12)
 
 

@@ -13,6 +13,7 @@ from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
 from tests.reference.walker_reference import Steps
+from tests.unit.rotations import rotation
 
 Float64 = NDArray[np.float64]
 N = len(LIMBS)
@@ -36,17 +37,6 @@ def posed(walker: Walker, t_ns: int) -> tuple[Float64, Float64, Float64, Float64
     p, q, v, w = np.full((N, 3), np.nan), np.full((N, 4), np.nan), np.full((N, 3), np.nan), np.full((N, 3), np.nan)
     walker.pose(t_ns, p, q, v, w)
     return p, q, v, w
-
-
-def rotation(q: Float64) -> Float64:
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def test_velocities_are_the_derivatives_of_the_poses(walker: Walker) -> None:

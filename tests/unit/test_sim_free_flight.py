@@ -12,6 +12,7 @@ from hil.signals.samples import TruthState
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import Scene, load_scene
+from tests.unit.rotations import rotation
 
 TICK_NS = 4_000_000
 TICK_S = 0.004
@@ -47,17 +48,6 @@ def fly(physics: QuadrotorPhysics, controls: tuple[float, ...], ticks: int) -> T
     for tick in range(1, ticks + 1):
         truth = physics.advance(tick, controls)
     return truth
-
-
-def rotation(q: tuple[float, ...]) -> np.ndarray:
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def test_free_fall_without_air_is_a_parabola(airfield: Scene) -> None:

@@ -18,8 +18,9 @@ from sim.scene.atmosphere import pressure_pa
 from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
-from sim.sensors.drift import gauss_markov, random_walk
+from sim.sensors.drift import gauss_markov
 from sim.sensors.imu import quantise
+from tests.unit.rotations import rotation
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
@@ -123,7 +124,7 @@ def test_imu_integrates_back_to_the_motion() -> None:
         f = ideal_imu(truth.q_WB, truth.a_WB_W, truth.w_WB_B, truth.alpha_WB_B, dt, G)
         angle = np.array(f[3:]) * dt
         q_half = _turn(q, 0.5 * angle)
-        v = v + dt * (_matrix(q_half) @ f[:3] - [0, 0, G])
+        v = v + dt * (rotation(q_half) @ f[:3] - [0, 0, G])
         q = _turn(q, angle)
         fastest = max(fastest, *(abs(w) for w in truth.w_WB_B))
     assert fastest > 1.0  # it did turn
@@ -142,17 +143,6 @@ def _turn(q: np.ndarray, angle: np.ndarray) -> np.ndarray:
             a * x + b * w + c * z - d * y,
             a * y - b * z + c * w + d * x,
             a * z + b * y - c * x + d * w,
-        ]
-    )
-
-
-def _matrix(q: np.ndarray) -> np.ndarray:
-    w, x, y, z = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
 
@@ -248,12 +238,6 @@ def test_gauss_markov_is_stationary_and_correlated() -> None:
     for values in (first, later):
         assert values.std() == pytest.approx(2.0, rel=0.07)
     assert np.mean(first * later) / 4.0 == pytest.approx(math.exp(-1.0), abs=0.08)
-
-
-def test_random_walk_grows_as_the_square_root_of_time() -> None:
-    walk = random_walk(3, "x", lanes=2000, turn_on_sigma=0.5, density=0.1, period_s=0.01)
-    assert np.std(walk.at(0)) == pytest.approx(0.5, rel=0.07)
-    assert np.std(walk.at(400)) == pytest.approx(math.hypot(0.5, 0.1 * 2.0), rel=0.07)
 
 
 def test_drift_does_not_depend_on_how_it_was_read() -> None:

@@ -50,13 +50,6 @@ class Layout:
                 return False
         return all(segment_distance((x, y), a, b) >= half + radius_m for a, b, half in self._bands)
 
-    def box_free(self, x0: float, y0: float, x1: float, y1: float) -> bool:
-        """Whether an axis-aligned box is free, seen on a grid of discs that covers it."""
-        nx, ny = max(1, round((x1 - x0) / 1.5)), max(1, round((y1 - y0) / 1.5))
-        rx, ry = (x1 - x0) / nx / 2, (y1 - y0) / ny / 2
-        r = sqrt(rx * rx + ry * ry)
-        return all(self.free(x0 + rx * (2 * i + 1), y0 + ry * (2 * j + 1), r) for i in range(nx) for j in range(ny))
-
     def scatter(
         self,
         dice: Dice,

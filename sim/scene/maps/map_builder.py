@@ -249,10 +249,6 @@ class MapBuilder:
             raise ValueError(f"no material {name}; make it with material() first")
         return name
 
-    @property
-    def geom_count(self) -> int:
-        return len(self._geoms)
-
     def sections(self) -> str:
         """Materials and bodies as MJCF sections that may follow those of another map.
 

@@ -110,11 +110,3 @@ def add_bush(builder: MapBuilder, dice: Dice, x: float, y: float) -> None:
     r = dice.between(0.45, 0.8)
     leaf = dice.pick(("linden", "oak", "birch"))
     body.geom("ellipsoid", (r, 0.85 * r, 0.8 * r), pos=(0.0, 0.0, 0.55 * r), material=f"leaves_{leaf}", part="leaves")
-
-
-def add_hedge(builder: MapBuilder, x: float, y: float, half_length_m: float, heading_rad: float) -> None:
-    """A clipped hedge, 0.9 m high."""
-    body = builder.body("hedge", (x, y, 0.0), yaw_quat(heading_rad))
-    body.geom(
-        "box", (half_length_m, 0.35, 0.45), pos=(0.0, 0.0, 0.45), material="leaves_oak", part="leaves"
-    )  # fmt: skip

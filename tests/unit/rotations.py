@@ -1,0 +1,15 @@
+"""Rotation matrices for tests, by SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+
+def rotation(q: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """R of a unit quaternion w-x-y-z."""
+    matrix: NDArray[np.float64] = Rotation.from_quat(q, scalar_first=True).as_matrix()
+    return matrix
