@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
@@ -26,6 +27,7 @@ from hil.signals.errors import HilError
 if TYPE_CHECKING:
     from hil.dashboard.past_runs import PastRuns
 
+T = TypeVar("T")
 PAGE_FOLDER = Path(__file__).resolve().parent / "page"
 _LARGEST_WORD = 16_384  # bytes of one message of a page
 _MOST_PAGES = 24
@@ -44,7 +46,7 @@ class Dashboard:
         self._config = config
         self._runs_folder = runs.resolve()
         self._again: list[str] | None = None  # arguments of the last start
-        self._warming: asyncio.Future[None] | None = None
+        self._warming: asyncio.Task[None] | None = None
 
     @cached_property
     def _past(self) -> PastRuns:
@@ -59,10 +61,13 @@ class Dashboard:
 
     def _warm(self) -> None:
         """The bench's own modules take a second to load: after the page is there, and before anybody needs them."""
-        import hil.dashboard.choices
-        import hil.dashboard.own_views
-        import hil.dashboard.pictures  # noqa: F401
+        import cv2
 
+        import hil.dashboard.choices
+        import hil.dashboard.own_views  # noqa: F401
+
+        # Waking others for a small picture costs more than they save, and the run wants their processor.
+        cv2.setNumThreads(1)
         _ = self._past
 
     def application(self, token: str | None) -> ASGIApp:
@@ -72,6 +77,7 @@ class Dashboard:
             Route("/api/choices", self._choices),
             Route("/api/scene", self._scene),
             Route("/api/runs", self._runs),
+            Route("/api/runs/{name}/scene", self._past_scene),
             Route("/api/runs/{name}/summary", self._summary),
             Route("/api/runs/{name}/track", self._track),
             Route("/api/runs/{name}/moment", self._moment),
@@ -79,59 +85,49 @@ class Dashboard:
             WebSocketRoute("/live", self._live),
             Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
         ]
-        return Guard(Starlette(routes=routes), token=token)
+        return Guard(Starlette(routes=routes, exception_handlers={HilError: _cannot_be_read}), token=token)
 
     async def _index(self, _request: Request) -> Response:
         if self._warming is None:
-            self._warming = asyncio.ensure_future(_in_thread(self._warm))
+            self._warming = asyncio.create_task(run_in_threadpool(self._warm))
         return FileResponse(PAGE_FOLDER / "index.html", media_type="text/html")
 
-    async def _choices(self, _request: Request) -> Response:
-        return JSONResponse(await _in_thread(self._lists))
+    async def _scene(self, _request: Request) -> Response:
+        return Response(await self.hub.scene(), media_type=_BYTES)
 
-    def _lists(self) -> dict[str, Any]:
+    # Starlette runs these, which are not asynchronous, in threads.
+
+    def _choices(self, _request: Request) -> Response:
         from hil.dashboard.choices import choices
 
-        return choices(self._config)
+        return JSONResponse(choices(self._config))
 
-    async def _scene(self, request: Request) -> Response:
-        name = request.query_params.get("run")
-        try:
-            made = self.hub.scene() if name is None else _in_thread(lambda: self._past.moments.triangles(name))
-            triangles = await made
-        except HilError as error:
-            return PlainTextResponse(str(error), 422)
-        return PlainTextResponse("no such run", 404) if triangles is None else Response(triangles, media_type=_BYTES)
+    def _runs(self, _request: Request) -> Response:
+        return JSONResponse(self._past.listed())
 
-    async def _runs(self, _request: Request) -> Response:
-        return JSONResponse(await _in_thread(lambda: self._past.listed()))
+    def _past_scene(self, request: Request) -> Response:
+        return Response(_there(self._past.moments.triangles(request.path_params["name"])), media_type=_BYTES)
 
-    async def _summary(self, request: Request) -> Response:
-        found = await _in_thread(lambda: self._past.summary(request.path_params["name"]))
-        return PlainTextResponse("no such run", 404) if found is None else JSONResponse(found)
+    def _summary(self, request: Request) -> Response:
+        return JSONResponse(_there(self._past.summary(request.path_params["name"])))
 
-    async def _track(self, request: Request) -> Response:
-        try:
-            return JSONResponse(await _in_thread(lambda: self._past.track(request.path_params["name"])))
-        except HilError as error:
-            return PlainTextResponse(str(error), 422)
+    def _track(self, request: Request) -> Response:
+        return JSONResponse(self._past.track(request.path_params["name"]))
 
-    async def _moment(self, request: Request) -> Response:
-        query, name = request.query_params, request.path_params["name"]
+    def _moment(self, request: Request) -> Response:
+        query = request.query_params
         try:
             t_ns = int(query.get("t_ns", ""))
         except ValueError:
-            return PlainTextResponse("t_ns must be a whole number", 400)
+            raise HTTPException(400, "t_ns must be a whole number") from None
         if not 0 <= t_ns < 1 << 62:
-            return PlainTextResponse("t_ns must lie within a run", 400)
+            raise HTTPException(400, "t_ns must lie within a run")
         streams = [stream for stream in query.get("streams", "").split(",") if stream]
-        found = await _in_thread(lambda: self._past.moments.at(name, t_ns, streams))
-        return PlainTextResponse("no such run", 404) if found is None else Response(found, media_type=_BYTES)
+        found = self._past.moments.at(request.path_params["name"], t_ns, streams)
+        return Response(_there(found), media_type=_BYTES)
 
-    async def _file(self, request: Request) -> Response:
-        path = await _in_thread(lambda: self._past.file(request.path_params["name"], request.path_params["path"]))
-        if path is None:
-            return PlainTextResponse("no such file", 404)
+    def _file(self, request: Request) -> Response:
+        path = _there(self._past.file(request.path_params["name"], request.path_params["path"]))
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
 
     async def _live(self, socket: WebSocket) -> None:
@@ -190,5 +186,11 @@ def _message(text: str) -> dict[str, Any] | None:
     return message if isinstance(message, dict) else None
 
 
-async def _in_thread(call: Callable[..., Any], *arguments: Any) -> Any:
-    return await asyncio.get_running_loop().run_in_executor(None, call, *arguments)
+def _there(found: T | None) -> T:
+    if found is None:
+        raise HTTPException(404, "no such run or file")
+    return found
+
+
+def _cannot_be_read(_request: Request, error: Exception) -> Response:
+    return PlainTextResponse(str(error), 422)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +42,6 @@ def shown(stream: str, body: Mapping[str, Any], classes: Classes = Classes()) ->
 
 def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:
     """('image/...', its bytes)."""
-    cv2 = _cv2()
     if channel == "rgb":
         return _encoded(".jpg", cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2BGR))
     if channel in ("depth", "range"):
@@ -66,19 +66,9 @@ def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, b
     return _encoded(".png", cv2.applyColorMap((array & 255).astype(np.uint8), palette))
 
 
-@cache
-def _cv2() -> Any:
-    import cv2  # a third of a second, paid by whoever first looks
-
-    # Waking others for a small picture costs more than they save, and the run wants their processor.
-    cv2.setNumThreads(1)
-    return cv2
-
-
 @lru_cache(maxsize=4)
 def _palette(named: tuple[tuple[int, int, int], ...]) -> NDArray[np.uint8]:
     """Colours of ids, BGR; those that the scene names, else hues a golden ratio apart."""
-    cv2 = _cv2()
     ids = np.arange(256)
     hsv = np.stack([(ids * 111) % 180, 150 + 40 * (ids % 3), 235 - 45 * (ids % 4)], axis=-1).astype(np.uint8)
     colours = cv2.cvtColor(hsv[:, None], cv2.COLOR_HSV2BGR)
@@ -89,7 +79,6 @@ def _palette(named: tuple[tuple[int, int, int], ...]) -> NDArray[np.uint8]:
 
 
 def _encoded(kind: str, bgr: NDArray[Any]) -> tuple[str, bytes]:
-    cv2 = _cv2()
     options = [cv2.IMWRITE_JPEG_QUALITY, 85] if kind == ".jpg" else [cv2.IMWRITE_PNG_COMPRESSION, 1]
     done, data = cv2.imencode(kind, np.ascontiguousarray(bgr), options)
     assert done

@@ -329,7 +329,7 @@ async function openReplay(name, summary, other = null) {
   panes.offer(track.streams, []);
   if (!track.streams.length) $("pane-chips").textContent = "no pictures and no sweeps were recorded in this run";
   replay.begin();
-  const scene = await fetch(`/api/scene?run=${encodeURIComponent(name)}`);
+  const scene = await fetch(`/api/runs/${encodeURIComponent(name)}/scene`);
   if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; showMoment(Number($("replay-time").value)); }
 }
 
