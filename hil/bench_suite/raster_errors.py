@@ -33,7 +33,6 @@ class Errors:
     depth_m: Float64 = field(default_factory=lambda: np.zeros(0))
     range_m: Float64 = field(default_factory=lambda: np.zeros(0))
     normal_deg: Float64 = field(default_factory=lambda: np.zeros(0))  # on primitives
-    mesh_normal_deg: Float64 = field(default_factory=lambda: np.zeros(0))
     velocity_mps: Float64 = field(default_factory=lambda: np.zeros(0))
     id_agrees: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))  # away from silhouettes
     id_agrees_anywhere: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
@@ -137,7 +136,7 @@ def errors(frame: Mapping[str, NDArray], true: Truth, model: mujoco.MjModel) -> 
         angle = np.where(np.isfinite(angle), angle, 180.0)
         kinds = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
         of_triangles = np.isin(model.geom_type[true.geom[near]], [int(kind) for kind in kinds])
-        result.normal_deg, result.mesh_normal_deg = angle[~of_triangles], angle[of_triangles]
+        result.normal_deg = angle[~of_triangles]
     return result
 
 

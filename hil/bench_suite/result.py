@@ -56,21 +56,8 @@ class BenchmarkResult:
         return {
             "bench": name,
             "machine": machine(),
-            "rows": [
-                {
-                    "case": r.case,
-                    "method": r.method,
-                    "error": r.error,
-                    "error_unit": r.error_unit,
-                    "time_s": r.time_s,
-                    **r.details,
-                }
-                for r in self.rows
-            ],
-            "checks": [
-                {"name": c.name, "value": c.value, "sense": c.sense, "limit": c.limit, "unit": c.unit, "ok": c.ok}
-                for c in self.checks
-            ],
+            "rows": [{k: v for k, v in vars(row).items() if k != "details"} | row.details for row in self.rows],
+            "checks": [{**vars(check), "ok": check.ok} for check in self.checks],
             "left_out": self.left_out,
         }
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import threading
 from bisect import bisect_right
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,7 @@ class _Past:
     """What is kept of one run."""
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.views = OwnViews(folder / "bench.yaml")
         self.maps: dict[str, list[View]] = {}
         for client, view in read_views(folder / VIEWS_NAME):
@@ -62,7 +63,7 @@ class Moments:
 
     def __init__(self, folder_of: Callable[[str], Path | None]) -> None:
         self._folder_of = folder_of
-        self._kept: OrderedDict[Path, _Past] = OrderedDict()
+        self._kept = lru_cache(_KEPT)(_Past)
         self._lock = threading.Lock()
 
     def triangles(self, name: str) -> bytes | None:
@@ -80,25 +81,18 @@ class Moments:
     def at(self, name: str, t_ns: int, streams: Sequence[str]) -> bytes | None:
         """As `hil.dashboard.wire.packed_update` makes it; None where there is no such run."""
         with self._lock:
-            past, folder = self._past(name), self._folder_of(name)
-            if past is None or folder is None:
+            past = self._past(name)
+            if past is None:
                 return None
             wanted = list(dict.fromkeys(streams))[:_MOST_STREAMS]
-            newest = _newest(folder / MCAP_NAME, t_ns, wanted, past.clients)
+            newest = _newest(past.folder / MCAP_NAME, t_ns, wanted, past.clients)
             frames = [*_frames(newest, wanted, past.views), *_maps(past, t_ns, wanted)]
             head = {"t_ns": t_ns, "actors": past.views.places(t_ns), "boxes": _boxes(newest, past.clients, wanted)}
             return packed_update(head, frames)
 
     def _past(self, name: str) -> _Past | None:
         folder = self._folder_of(name)
-        if folder is None:
-            return None
-        if folder not in self._kept:
-            self._kept[folder] = _Past(folder)
-            while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(folder)
-        return self._kept[folder]
+        return None if folder is None else self._kept(folder)
 
 
 def _maps(past: _Past, t_ns: int, wanted: Iterable[str]) -> list[Shown]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import re
 import threading
-from collections import OrderedDict
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ class PastRuns:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._tracks: OrderedDict[tuple[str, int], dict[str, Any]] = OrderedDict()
+        self._tracks = lru_cache(_KEPT)(self._track_of)
         self._lock = threading.Lock()
         self.moments = Moments(self.folder)
 
@@ -100,17 +100,14 @@ class PastRuns:
         path = folder / MCAP_NAME
         if not path.is_file():
             raise RecordingError(f"{name}: nothing was recorded (record.mcap was off)")
-        key = (name, path.stat().st_mtime_ns)
         with self._lock:
-            if key not in self._tracks:
-                track = _read_track(path)
-                home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
-                self._tracks[key] = track | {"path": _path_of(folder, home_W)}
-                self._tracks[key]["streams"] += self.moments.maps(name)
-                while len(self._tracks) > _KEPT:
-                    self._tracks.popitem(last=False)
-            self._tracks.move_to_end(key)
-            return self._tracks[key]
+            return self._tracks(path, path.stat().st_mtime_ns)
+
+    def _track_of(self, path: Path, _written_ns: int) -> dict[str, Any]:
+        track = _read_track(path)
+        home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
+        track["streams"] += self.moments.maps(path.parent.name)
+        return track | {"path": _path_of(path.parent, home_W)}
 
 
 def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:

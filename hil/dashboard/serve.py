@@ -24,19 +24,14 @@ def open_port(host: str, port: int) -> socket.socket:
     """A listening socket. PortBusy, PortNotFound."""
     name = f"{host}:{port}"
     try:
-        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, UnicodeError) as error:
         raise PortNotFound(name, f"no such address ({error})") from error
-    listening = socket.socket(family, kind)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind(address)
+        return socket.create_server((str(address[0]), int(address[1])), family=family, backlog=64)
     except OSError as error:
-        listening.close()
         why = error.strerror or str(error)
         raise PortBusy(name, f"the dashboard cannot listen there ({why}); choose another with --port") from error
-    listening.listen(64)
-    return listening
 
 
 def new_token(host: str) -> str | None:

@@ -26,7 +26,7 @@ def field() -> Case:
 
 
 def good() -> Errors:
-    return Errors(*(np.zeros(9) for _ in range(5)), np.ones(9, bool), np.ones(9, bool))
+    return Errors(*(np.zeros(9) for _ in range(4)), np.ones(9, bool), np.ones(9, bool))
 
 
 @pytest.mark.parametrize("last", [False, True])

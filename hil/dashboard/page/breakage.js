@@ -1,6 +1,6 @@
 // Wind and faults by hand: what is pressed becomes one message.
 
-import { options } from "/page/forms.js";
+import { options } from "/page/tables.js";
 
 const COMPASS = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
 // Of a link: [kind, words, what the number beside it means and its first value].

@@ -2,7 +2,6 @@
 
 import { Breakage } from "/page/breakage.js";
 import { Chart } from "/page/charts.js";
-import { base, options } from "/page/forms.js";
 import { drawHorizon } from "/page/horizon.js";
 import { Live, parse } from "/page/live.js";
 import { overlayMap } from "/page/maps.js";
@@ -10,9 +9,8 @@ import { attitude } from "/page/matrices.js";
 import { Panes } from "/page/panes.js";
 import { Replay } from "/page/replay.js";
 import { Runs, json } from "/page/runs.js";
-import { sensorRows } from "/page/sensing.js";
 import { Sticks } from "/page/sticks.js";
-import { bytes, number, table } from "/page/tables.js";
+import { base, bytes, number, options, sensorRows, table } from "/page/tables.js";
 import { View3d } from "/page/view3d.js";
 
 const $ = (id) => document.getElementById(id);

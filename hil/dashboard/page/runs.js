@@ -1,8 +1,7 @@
 // Past runs: the list, one of them, two side by side.
 
 import { Chart } from "/page/charts.js";
-import { base } from "/page/forms.js";
-import { cell, number, table } from "/page/tables.js";
+import { base, cell, number, table } from "/page/tables.js";
 
 const MARK = { PASS: "good", FAIL: "warned", ERROR: "bad" };
 
