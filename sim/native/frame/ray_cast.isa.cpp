@@ -307,7 +307,7 @@ HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o,
     p.far = smaller(largest(p.t), kBeyond);
 }
 
-HIL_NOINLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
+HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
                           double t_min) {
     const CastGeom &g = scene.geoms[index];
     const Vec<D> from{p.o.x - g.p_WG[0], p.o.y - g.p_WG[1], p.o.z - g.p_WG[2]};
@@ -334,6 +334,12 @@ HIL_NOINLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tre
         }
     }
     if (take(p, t, (double)index, -1.0)) p.far = smaller(largest(p.t), kBeyond);
+}
+
+// As meet_geom, where a call costs little beside what it does: inlined there it would only be compiled again.
+HIL_NOINLINE void meet_listed(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
+                              double t_min) {
+    meet_geom(scene, index, tree, stack, p, t_min);
 }
 
 // Column `axis` of eight rows, put together in registers.
@@ -424,7 +430,7 @@ HIL_INLINE void meet_scene(const CastScene &scene, Packet *const *packets, int c
                            StackEntry *stack) {
     if (!tree) {
         for (std::int32_t i = 0; i < scene.geom_count; ++i)
-            for (int k = 0; k < count && scene.geoms[i].shown; ++k) meet_geom(scene, i, false, stack, *packets[k], t_min);
+            for (int k = 0; k < count && scene.geoms[i].shown; ++k) meet_listed(scene, i, false, stack, *packets[k], t_min);
         return;
     }
     double far;
@@ -436,12 +442,14 @@ HIL_INLINE void meet_scene(const CastScene &scene, Packet *const *packets, int c
         }
     };
     for (std::int32_t i = 0; i < scene.unbounded_count; ++i)
-        for (int k = 0; k < count; ++k) meet_geom(scene, scene.unbounded[i], true, stack, *packets[k], t_min);
+        for (int k = 0; k < count; ++k) meet_listed(scene, scene.unbounded[i], true, stack, *packets[k], t_min);
     far = packets[0]->far;
     for (int k = 1; k < count; ++k) far = larger(far, packets[k]->far);
     const Beam beam = beam_of(packets, count, t_min);
-    if (scene.fixed != nullptr) walk(scene.fixed, beam, stack, far, meet);
-    if (scene.moving != nullptr) walk(scene.moving, beam, stack, far, meet);
+    const WideNode *const trees[2] = {scene.fixed, scene.moving};
+    for (const WideNode *nodes : trees) {
+        if (nodes != nullptr) walk(nodes, beam, stack, far, meet);
+    }
 }
 
 }  // namespace
