@@ -13,12 +13,18 @@ import stat
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-PIP_INSTALL: list[str | os.PathLike[str]] = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+LOCK = ROOT / "requirements.lock"
+Command = list[str | os.PathLike[str]]
+# Byte code is written when a module is first imported: most of what is installed never is in one environment.
+PIP_INSTALL: Command = [PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-compile"]
+# As pyproject.toml and CMakeLists.txt ask; numpy is casadi's.
+BUILD_TOOLS = ["casadi", "cmake", "nanobind", "ninja", "numpy", "scikit-build-core"]
 MIN_PYTHON = (3, 11)
 # std::bit_cast and concepts are what old "C++20" compilers lack.
 CXX20_PROBE = (
@@ -37,7 +43,7 @@ def fail(text: str) -> None:
     raise SystemExit(2)
 
 
-def run(command: list[str | os.PathLike[str]], **kwargs: object) -> None:
+def run(command: Command, **kwargs: object) -> None:
     try:
         subprocess.run(command, check=True, cwd=ROOT, **kwargs)  # type: ignore[call-overload]
     except subprocess.CalledProcessError as error:
@@ -64,9 +70,8 @@ def stamp(name: str, digest: str) -> None:
 
 
 def make_venv() -> None:
-    lock = ROOT / "requirements.lock"
-    digest = digest_of([lock])
-    if PYTHON.exists() and stamped("deps", digest):
+    """Create `.venv` and install what builds the kernels; the other dependencies are for `install_dependencies`."""
+    if PYTHON.exists() and stamped("deps", digest_of([LOCK])):
         return
     if not PYTHON.exists() or not any(VENV.glob(".hil-*")):
         say(f"creating .venv with Python {sys.version.split()[0]}")
@@ -74,8 +79,17 @@ def make_venv() -> None:
             run([sys.executable, "-m", "venv", "--clear", VENV])
         except SystemExit:
             fail("could not create a virtual environment; on Debian and Ubuntu: apt install python3-venv")
+    say("installing what builds the C++ kernels")
+    run([*PIP_INSTALL, "--constraint", LOCK, *BUILD_TOOLS])
+
+
+def install_dependencies() -> None:
+    """Install requirements.lock, which is complete: nothing is left for pip to resolve."""
+    digest = digest_of([LOCK])
+    if stamped("deps", digest):
+        return
     say("installing the locked dependencies (requirements.lock)")
-    run([*PIP_INSTALL, "-r", lock])
+    run([*PIP_INSTALL, "--no-deps", "--requirement", LOCK])
     stamp("deps", digest)
 
 
@@ -104,18 +118,7 @@ def usable_compiler() -> str | None:
 def zig_compiler() -> dict[str, str]:
     """Install the compiler of the `ziglang` wheel and return the CC/CXX that use it."""
     say("no C++20 compiler on this machine: using the one in the ziglang wheel")
-    run(
-        [
-            PYTHON,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "-r",
-            ROOT / "tools/requirements-zig.lock",
-        ]
-    )
+    run([*PIP_INSTALL, "--requirement", ROOT / "tools/requirements-zig.lock"])
     found = {}
     for variable, command in (("CC", "cc"), ("CXX", "c++"), ("AR", "ar"), ("RANLIB", "ranlib")):
         wrapper = VENV / "bin" / f"zig-{command}"
@@ -145,22 +148,7 @@ def build_kernels() -> None:
         environment["CXX"] = compiler
     say(f"building the C++ kernels with {compiler or 'zig c++'}")
     shutil.rmtree(ROOT / "build", ignore_errors=True)
-    run(
-        [
-            PYTHON,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--no-build-isolation",
-            "--no-deps",
-            *arguments,
-            "-e",
-            ROOT,
-        ],
-        env=environment,
-    )
+    run([*PIP_INSTALL, "--no-build-isolation", "--no-deps", *arguments, "--editable", ROOT], env=environment)
     stamp("kernels", digest)
 
 
@@ -171,7 +159,11 @@ def main() -> None:
             "name another with `make PYTHON=/path/to/python3.12 ...`"
         )
     make_venv()
-    build_kernels()
+    # Side by side: the compilers keep the cores busy, pip mostly waits for the network and the disk.
+    with ThreadPoolExecutor(2) as both:
+        steps = [both.submit(build_kernels), both.submit(install_dependencies)]
+    for step in steps:
+        step.result()
 
 
 if __name__ == "__main__":
