@@ -74,7 +74,7 @@ void bind_realtime_sender(nb::module_ &m) {
              "`keep`: send it however late (commands); others are left out once stale.")
         .def("stop", &RealtimeSender::stop, nb::call_guard<nb::gil_scoped_release>(),
              "Ends the thread; frames whose deadline has not come stay unsent (`pending`). Any number of times.")
-        .def_prop_ro("error", &error,
+        .def_prop_ro("error", &error, nb::for_getter(nb::sig("def error(self) -> tuple[int, int] | None")),
                      "None, or (errno, deadline_ns of the frame that met it) of what ended the sending. ETIMEDOUT: the line "
                      "took nothing for stall_limit_ns; EIO: the device failed, or hung up.")
         .def_prop_ro("scheduling", &RealtimeSender::scheduling, "What the thread was granted, in words, with the remedy.")
