@@ -44,7 +44,6 @@ _MAX_TIME_NS = 2**62  # sums and differences of two times stay within 64 bits
 _MAX_REPORT, _MAX_REPORT_TEXT = 32, 200  # entries of what a client says of itself, characters of one
 _REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 _MAX_REASON = 1000  # characters of a client's own words that are kept
-_UNIT_TOLERANCE = 1e-3
 _LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it stay finite
 
 # Keys of every message: part of the schema, so that a change of the wire cannot go unnoticed.

@@ -41,7 +41,7 @@ class Admission:
         return frozenset(wanted)
 
     def check(self, hello: Hello, identity: bytes) -> frozenset[str]:
-        """The topics of a newcomer. HelloRefused saying why it cannot come in."""
+        """The topics of a client that says hello. HelloRefused saying why it cannot come in."""
         if hello.schema is not None and hello.schema != self.schema:
             raise HelloRefused(
                 "schema", f"schema {hello.schema}; this bench's is {self.schema}: its topics or fields are others"

@@ -115,7 +115,7 @@ def test_killed_process_is_noticed_and_a_stopped_one_is_the_callers_to_drop() ->
                 child.wait()
 
 
-@pytest.mark.parametrize("known", [False, True], ids=["stranger", "client"])
+@pytest.mark.parametrize("known", [False, True], ids=["unknown", "client"])
 def test_ten_thousand_messages_of_garbage(known: bool) -> None:
     rng = np.random.default_rng(3)
     kinds = ["hello", "credit", "done", "ping", "bye", "frame", "", "x" * 100]

@@ -59,7 +59,7 @@ def test_a_large_map_is_thinned_and_keeps_its_thinnest_wall() -> None:
     assert (small == shown.OCCUPIED).sum() == 250
 
 
-def test_the_worst_map_fits_into_a_packet_of_a_local_socket() -> None:
+def test_the_worst_map_fits_into_a_message() -> None:
     cells = np.random.default_rng(1).integers(0, 4, (256, 256)).astype(np.uint8)
     noise = np.random.default_rng(2).normal(size=(256, 2))
     made = shown.View((0.0, 0.0, 0.0), 0.0, None, noise, noise, shown.Grid(cells, (0.0, 0.0), 0.2))
