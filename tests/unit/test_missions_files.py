@@ -6,7 +6,6 @@ import contextlib
 import copy
 import json
 import math
-import runpy
 from pathlib import Path
 from typing import Any
 
@@ -296,9 +295,3 @@ def test_columns_are_plain_numbers(column: str) -> None:
     assert refused(f"QGC WPL 110\n{line}\n", "m.waypoints") == [
         f"m.waypoints:2: altitude must be a number, not {column!r}"
     ]
-
-
-def test_the_tool_writes_the_missions_that_are_kept() -> None:
-    tool = runpy.run_path(str(MISSIONS.parents[1] / "tools" / "make_missions.py"))
-    for name, text in tool["files"]().items():
-        assert (MISSIONS / name).read_text(encoding="utf-8") == text, name
