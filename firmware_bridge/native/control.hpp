@@ -56,7 +56,6 @@ class Controller {
 
     Vec3 velocity_setpoint() const { return v_sp_; }
     Quat attitude_setpoint() const { return q_sp_; }
-    Vec3 rate_setpoint() const { return w_sp_; }
     double collective() const { return collective_; }
     // True if the pilot or the position loop asks to climb.
     bool wants_up() const { return wants_up_; }

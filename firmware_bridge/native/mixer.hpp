@@ -39,7 +39,6 @@ class Mixer {
     double motor_command(double thrust_fraction) const;
     int rotor_count() const { return count_; }
     double idle_command() const { return idle_command_; }
-    double idle_thrust() const { return idle_thrust_; }
     // Normalised allocation, entry (rotor, axis), axes roll, pitch, yaw, thrust.
     double entry(int rotor, int axis) const { return mix_[rotor][axis]; }
 
