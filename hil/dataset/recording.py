@@ -57,7 +57,7 @@ class DatasetRecording:
             blocks += writers.blocks(self._mcap, self._tick_ns, samples.columns, samples.released_ns)
         for t_ns, what, text in part.events:
             self._events.add(t_ns, what, text)
-        blocks.append(self._events.block())
+        blocks.append(self._events.waiting.block())
         self._mcap.chunk(blocks, 0)
 
     @property

@@ -15,10 +15,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from hil.recorder.cdr import Layout, schema_text
-from hil.recorder.mcap_file import Block, McapFile
+from hil.recorder.mcap_file import Block, McapFile, WaitingRecords
 from hil.recorder.topics import WORLD
 from hil.signals.detections import Detection, Detections, words_of
 from hil.signals.samples import Vec3
@@ -38,7 +36,7 @@ class DetectionSeries:
         self._client = client
         self._waiting: list[tuple[int, Detections, str]] = []
         self._count = 0
-        self._channels: tuple[int, ...] = ()
+        self._waiting_records: tuple[WaitingRecords, ...] = ()
 
     def add(self, t_ns: int, detections: Detections, frame_id: str) -> None:
         """Remember one picture's; `frame_id` is its camera's."""
@@ -48,26 +46,20 @@ class DetectionSeries:
         """The records of everything that came in, which is then forgotten."""
         if not self._waiting:
             return []
-        if not self._channels:
+        if not self._waiting_records:
             kinds = {"boxes": _BOXES, "detections": _DETECTIONS, "overlay": _OVERLAY}
-            self._channels = tuple(
-                file.channel(f"/companion/{self._client}/{topic}", kind, schema_text(kind))
+            self._waiting_records = tuple(
+                WaitingRecords(file.channel(f"/companion/{self._client}/{topic}", kind, schema_text(kind)))
                 for topic, kind in kinds.items()
             )
-        boxes, whole, overlay = self._channels
-        records: dict[int, list[bytes]] = {channel: [] for channel in self._channels}
-        log_ns = np.array([t_ns for t_ns, _, _ in self._waiting], np.uint64)
+        boxes, whole, overlay = self._waiting_records
         for t_ns, detections, frame_id in self._waiting:
-            records[boxes].append(self._record(_boxes_layout(detections, frame_id, boxes), t_ns, detections))
-            records[whole].append(self._record(_whole_layout(detections, frame_id, whole), t_ns, detections))
-            records[overlay].append(self._record(_overlay_layout(detections, overlay), t_ns))
+            boxes.add(t_ns, self._record(_boxes_layout(detections, frame_id, boxes.channel), t_ns, detections))
+            whole.add(t_ns, self._record(_whole_layout(detections, frame_id, whole.channel), t_ns, detections))
+            overlay.add(t_ns, self._record(_overlay_layout(detections, overlay.channel), t_ns))
             self._count += 1
         self._waiting.clear()
-        blocks = []
-        for channel, parts in records.items():
-            offsets = np.cumsum([0, *(len(part) for part in parts[:-1])], dtype=np.uint64)
-            blocks.append(Block(channel, b"".join(parts), log_ns, offsets))
-        return blocks
+        return [records.block() for records in self._waiting_records]
 
     def _record(self, layout: Layout, t_ns: int, stamped: Detections | None = None) -> bytes:
         record = layout.records(1)

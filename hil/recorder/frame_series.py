@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator, Mapping
-from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 
 from hil.recorder.cdr import MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.recorder.frame_description import FrameDescription
-from hil.recorder.mcap_file import Block, McapFile
+from hil.recorder.mcap_file import Block, McapFile, WaitingRecords
 from hil.recorder.topics import BODY, WORLD
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from hil.signals.time import NS_PER_S
@@ -69,9 +68,9 @@ class BlobTopic:
         blob: int = 0,
     ) -> None:
         """`blob`: bytes of an element of `data`, behind which are single bytes at most; 0: the message has no data."""
-        self.channel = file.channel(topic, type_name, schema_text(type_name))
+        self.waiting = WaitingRecords(file.channel(topic, type_name, schema_text(type_name)))
         sizes = dict(lengths or {}) | ({"data": 0} if blob else {})
-        self._layout = Layout(type_name, channel=self.channel, strings=strings, lengths=sizes, values=values)
+        self._layout = Layout(type_name, channel=self.waiting.channel, strings=strings, lengths=sizes, values=values)
         template = self._layout.records(1)
         self._template = template.tobytes()
         self._length = int(template["$length"][0])
@@ -80,16 +79,13 @@ class BlobTopic:
         # The blob goes between its length and whatever the type has after it (single bytes, so nothing to align).
         self._cut = self._layout.place("data$length")[0] + 4 if blob else len(self._template)
         self._tail = self._template[self._cut :]
-        self._parts: list[bytes] = []
-        self._sizes: list[int] = []
-        self._log_ns: list[int] = []
 
     def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
         """Lay out one message. `values`: a number or several, as the field has."""
         record = bytearray(self._template[: self._cut])
         length = self._length + len(data)
         MESSAGE_PREFIX.pack_into(
-            record, 0, MESSAGE_OPCODE, length, self.channel, sample.seq, log_ns, sample.t_available_ns
+            record, 0, MESSAGE_OPCODE, length, self.waiting.channel, sample.seq, log_ns, sample.t_available_ns
         )
         _STAMP.pack_into(record, self._stamp_at, *divmod(sample.t_capture_ns, NS_PER_S))
         for path, value in values.items():
@@ -100,20 +96,9 @@ class BlobTopic:
                 form.pack_into(record, at, value)
         if self._blob_item:
             _COUNT.pack_into(record, self._cut - 4, len(data) // self._blob_item)
-            self._parts += (bytes(record), data, self._tail)
+            self.waiting.add(log_ns, bytes(record), data, self._tail)
         else:
-            self._parts.append(bytes(record))
-        self._sizes.append(len(self._template) + len(data))
-        self._log_ns.append(log_ns)
-
-    def block(self) -> Block:
-        """Everything that was added, which is then forgotten."""
-        offsets = np.array([0, *accumulate(self._sizes)][: len(self._sizes)], np.uint64)
-        block = Block(self.channel, tuple(self._parts), np.array(self._log_ns, np.uint64), offsets)
-        self._parts.clear()
-        self._sizes.clear()
-        self._log_ns.clear()
-        return block
+            self.waiting.add(log_ns, bytes(record))
 
 
 class FrameSeries:
@@ -147,7 +132,7 @@ class FrameSeries:
                 self._pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
         self._waiting.clear()
         self.bytes_waiting = 0
-        return [topic.block() for topic in self._topics.values()]
+        return [topic.waiting.block() for topic in self._topics.values()]
 
     def _topic(self, file: McapFile, name: str, type_name: str, **layout: Any) -> BlobTopic:
         topic = self._topics.get(name)

@@ -51,16 +51,38 @@ _INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of pairs
 
 
 class Block(NamedTuple):
-    """Message records of one channel, back to back. `log_ns` and `offsets` (into `data`) have one entry each."""
+    """Message records of one channel, back to back; of each its `log_ns`, and its offset into all of `parts`."""
 
     channel: int
-    data: bytes | tuple[bytes, ...]  # in one piece or in many
+    parts: tuple[bytes, ...]
     log_ns: NDArray[np.uint64]
     offsets: NDArray[np.uint64]
 
-    @property
-    def parts(self) -> tuple[bytes, ...]:
-        return self.data if isinstance(self.data, tuple) else (self.data,)
+
+class WaitingRecords:
+    """Message records of one channel that wait for the next chunk."""
+
+    def __init__(self, channel: int) -> None:
+        self.channel = channel
+        self._parts: list[bytes] = []
+        self._firsts: list[int] = []  # which part a record begins with
+        self._log_ns: list[int] = []
+
+    def __len__(self) -> int:
+        return len(self._log_ns)
+
+    def add(self, log_ns: int, *parts: bytes) -> None:
+        """One record, in pieces."""
+        self._firsts.append(len(self._parts))
+        self._parts += parts
+        self._log_ns.append(log_ns)
+
+    def block(self) -> Block:
+        """Everything that was added, which is then forgotten."""
+        begins = np.cumsum([0, *map(len, self._parts)], dtype=np.uint64)
+        block = Block(self.channel, tuple(self._parts), np.array(self._log_ns, np.uint64), begins[self._firsts])
+        self._parts, self._firsts, self._log_ns = [], [], []
+        return block
 
 
 class PackedChunk(NamedTuple):

@@ -23,7 +23,7 @@ from hil.recorder.detection_series import DetectionSeries
 from hil.recorder.digest import RawFrame
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.frame_series import FrameSeries
-from hil.recorder.mcap_file import Block, McapFile, SafeFile
+from hil.recorder.mcap_file import Block, McapFile, SafeFile, WaitingRecords
 from hil.recorder.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
 from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError
@@ -71,7 +71,7 @@ class TopicWriter:
             records[path] = columns[column]
         size = self._layout.size
         offsets = np.arange(0, size * len(log_ns), size, dtype=np.uint64)
-        return Block(self.channel, records.tobytes(), log_ns, offsets)
+        return Block(self.channel, (records.tobytes(),), log_ns, offsets)
 
 
 class TopicWriters:
@@ -117,13 +117,8 @@ class MavlinkSeries:
 
     def __init__(self, file: McapFile, topic: str) -> None:
         type_name = "hil_msgs/MavlinkFrame"
-        self._channel = file.channel(topic, type_name, schema_text(type_name))
+        self.waiting = WaitingRecords(file.channel(topic, type_name, schema_text(type_name)))
         self._count = 0
-        self._records: list[bytes] = []
-        self._log_ns: list[int] = []
-
-    def __len__(self) -> int:
-        return len(self._log_ns)
 
     def add(self, t_ns: int, msgid: int, raw: bytes) -> None:
         """Remember one frame."""
@@ -132,7 +127,7 @@ class MavlinkSeries:
         head = _FRAME_HEAD.pack(
             MESSAGE_OPCODE,
             _FRAME_FIXED + n,
-            self._channel,
+            self.waiting.channel,
             self._count & 0xFFFFFFFF,
             t_ns,
             t_ns,
@@ -143,53 +138,29 @@ class MavlinkSeries:
             n,
         )
         self._count += 1
-        self._records.append(head + raw)
-        self._log_ns.append(t_ns)
-
-    def block(self) -> Block:
-        """The records of everything that came in, which is then forgotten."""
-        ends = np.cumsum([len(record) for record in self._records], dtype=np.uint64)
-        offsets = np.concatenate([np.zeros(1, np.uint64), ends[:-1]]) if len(ends) else ends
-        block = Block(self._channel, b"".join(self._records), np.array(self._log_ns, np.uint64), offsets)
-        self._records.clear()
-        self._log_ns.clear()
-        return block
+        self.waiting.add(t_ns, head + raw)
 
 
 class EventSeries:
     """Events of the bench (phases, status texts, faults) as rcl_interfaces/Log."""
 
     def __init__(self, file: McapFile) -> None:
-        self._channel = file.channel("/events", "rcl_interfaces/Log", schema_text("rcl_interfaces/Log"))
+        self.waiting = WaitingRecords(file.channel("/events", "rcl_interfaces/Log", schema_text("rcl_interfaces/Log")))
         self._count = 0
-        self._rows: list[tuple[int, str, str]] = []
 
     def add(self, t_ns: int, kind: str, text: str) -> None:
         """Remember one event."""
-        self._rows.append((t_ns, kind, text))
-
-    def block(self) -> Block:
-        """The records of everything that came in, which is then forgotten."""
-        parts: list[bytes] = []
-        offsets: list[int] = []
-        at = 0
-        for t_ns, kind, text in self._rows:
-            layout = Layout(
-                "rcl_interfaces/Log",
-                channel=self._channel,
-                strings={"name": kind, "msg": text, "file": "", "function": ""},
-            )
-            record = layout.records(1)
-            record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
-            record["stamp.sec"], record["stamp.nanosec"] = divmod(t_ns, NS_PER_S)
-            record["level"] = _LEVELS.get(kind, _INFO)
-            self._count += 1
-            parts.append(record.tobytes())
-            offsets.append(at)
-            at += layout.size
-        log_ns = np.array([row[0] for row in self._rows], np.uint64)
-        self._rows.clear()
-        return Block(self._channel, b"".join(parts), log_ns, np.array(offsets, np.uint64))
+        layout = Layout(
+            "rcl_interfaces/Log",
+            channel=self.waiting.channel,
+            strings={"name": kind, "msg": text, "file": "", "function": ""},
+        )
+        record = layout.records(1)
+        record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
+        record["stamp.sec"], record["stamp.nanosec"] = divmod(t_ns, NS_PER_S)
+        record["level"] = _LEVELS.get(kind, _INFO)
+        self._count += 1
+        self.waiting.add(t_ns, record.tobytes())
 
 
 class McapSink:
@@ -223,7 +194,7 @@ class McapSink:
     @property
     def frames_waiting(self) -> int:
         """MAVLink frames taken since the last flush."""
-        return len(self._sent) + len(self._received)
+        return len(self._sent.waiting) + len(self._received.waiting)
 
     @property
     def bytes_waiting(self) -> int:
@@ -292,11 +263,11 @@ class McapSink:
             blocks += series.blocks(self._mcap, self._tick_ns)
         for frames in self._frames.values():
             blocks += frames.blocks(self._mcap)
-        blocks += [self._sent.block(), self._received.block()]
+        blocks += [self._sent.waiting.block(), self._received.waiting.block()]
         blocks += self._actuators.blocks(self._mcap, self._tick_ns)
         for detections in self._detections.values():
             blocks += detections.blocks(self._mcap)
-        blocks.append(self._events.block())
+        blocks.append(self._events.waiting.block())
         self._mcap.chunk(blocks, tick)
 
     def close(self, tick: int, result: Mapping[str, str]) -> None:
