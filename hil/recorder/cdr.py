@@ -15,7 +15,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from functools import cache
-from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +42,6 @@ _PRIMITIVES = {
     "float32": ("<f4", "f", 4),
     "float64": ("<f8", "d", 8),
 }
-_CODES = {fmt.lstrip("<"): code for fmt, code, _ in _PRIMITIVES.values()} | {"b1": "?"}  # numpy's to struct's
 
 
 class Field(NamedTuple):
@@ -124,19 +122,16 @@ class Layout:
         for name, value in [*self._constants, *(values or {}).items()]:
             template[name] = value
         self._template = template
-        self._places: dict[str, tuple[int, struct.Struct]] = {}
 
-    def place(self, name: str) -> tuple[int, struct.Struct]:
-        """Where the numbers of a field stand in a record, and how: for who fills one record at a time."""
-        found = self._places.get(name)
-        if found is None:
-            dtype, at = self.dtype.fields[name][:2]  # type: ignore[index]
-            count = prod(dtype.shape)
-            found = self._places[name] = at, struct.Struct(f"<{count}{_CODES[dtype.base.str[1:]]}")
-        return found
+    def place(self, name: str) -> int:
+        """Where a field stands in a record."""
+        return int(self.dtype.fields[name][1])  # type: ignore[index]
 
     def records(self, n: int) -> NDArray[Any]:
-        """`n` records with the constants filled in; the caller assigns the columns."""
+        """`n` records with the constants filled in; the caller assigns the columns.
+
+        `repeat` copies the bytes between the fields too, where `copy` would leave what was in memory.
+        """
         return np.repeat(self._template, n)
 
     def _add(self, name: str, fmt: str, size: int, count: int = 1, *, vector: bool = False) -> None:

@@ -14,14 +14,13 @@ velocity `v_F_mps` by vx, vy, vz. The bytes stay those of the array.
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.recorder.cdr import MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
+from hil.recorder.cdr import Layout, schema_text
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.mcap_file import Block, McapFile, WaitingRecords
 from hil.recorder.topics import BODY, WORLD
@@ -29,7 +28,6 @@ from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, Quat
 from hil.signals.time import NS_PER_S
 
 IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-_STAMP, _COUNT = struct.Struct("<iI"), struct.Struct("<I")
 # sensor_msgs/Image encodings: by element type and elements per pixel; rgb apart from other triples of bytes
 _ENCODINGS = {
     ("|u1", 1): "mono8",
@@ -71,34 +69,24 @@ class BlobTopic:
         self.waiting = WaitingRecords(file.channel(topic, type_name, schema_text(type_name)))
         sizes = dict(lengths or {}) | ({"data": 0} if blob else {})
         self._layout = Layout(type_name, channel=self.waiting.channel, strings=strings, lengths=sizes, values=values)
-        template = self._layout.records(1)
-        self._template = template.tobytes()
-        self._length = int(template["$length"][0])
-        self._stamp_at = self._layout.place(f"{header}.stamp.sec")[0]
+        self._header = header
         self._blob_item = blob
         # The blob goes between its length and whatever the type has after it (single bytes, so nothing to align).
-        self._cut = self._layout.place("data$length")[0] + 4 if blob else len(self._template)
-        self._tail = self._template[self._cut :]
+        self._cut = self._layout.place("data$length") + 4 if blob else self._layout.size
 
     def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
         """Lay out one message. `values`: a number or several, as the field has."""
-        record = bytearray(self._template[: self._cut])
-        length = self._length + len(data)
-        MESSAGE_PREFIX.pack_into(
-            record, 0, MESSAGE_OPCODE, length, self.waiting.channel, sample.seq, log_ns, sample.t_available_ns
-        )
-        _STAMP.pack_into(record, self._stamp_at, *divmod(sample.t_capture_ns, NS_PER_S))
+        record = self._layout.records(1)
+        record["$length"] += len(data)
+        record["$sequence"], record["$log"], record["$publish"] = sample.seq, log_ns, sample.t_available_ns
+        seconds, nanoseconds = divmod(sample.t_capture_ns, NS_PER_S)
+        record[f"{self._header}.stamp.sec"], record[f"{self._header}.stamp.nanosec"] = seconds, nanoseconds
         for path, value in values.items():
-            at, form = self._layout.place(path)
-            if isinstance(value, tuple):
-                form.pack_into(record, at, *value)
-            else:
-                form.pack_into(record, at, value)
+            record[path] = value
         if self._blob_item:
-            _COUNT.pack_into(record, self._cut - 4, len(data) // self._blob_item)
-            self.waiting.add(log_ns, bytes(record), data, self._tail)
-        else:
-            self.waiting.add(log_ns, bytes(record))
+            record["data$length"] = len(data) // self._blob_item
+        raw = record.tobytes()
+        self.waiting.add(log_ns, raw[: self._cut], data, raw[self._cut :])
 
 
 class FrameSeries:
