@@ -20,7 +20,7 @@ import numpy as np
 
 from hil.bench_suite.slam_flight import Flight, fly
 from hil.bench_suite.slam_recording import Noise, record
-from hil.bench_suite.slam_village import Float64, Mask, distance_m, mask_of, surfaces_xy, village, way_through
+from hil.bench_suite.slam_village import Float64, Mask, distance_m, surfaces, village, way_through
 from hil.companion.started import use_client
 
 if TYPE_CHECKING:
@@ -68,12 +68,12 @@ def make_recording(
 ) -> Recording:
     """Through village `seed` from start to goal, and back and forth until there were `legs`."""
     place = village(seed, **(parameters or {}))
-    surfaces = mask_of(surfaces_xy(place, height_m - _BAND_M, height_m + _BAND_M))
-    way = way_through(surfaces, START, GOAL, _CLEAR_M)
+    standing = surfaces(place, height_m - _BAND_M, height_m + _BAND_M)
+    way = way_through(standing, START, GOAL, _CLEAR_M)
     way = np.concatenate([way[:: 1 if k % 2 == 0 else -1] for k in range(legs)])
     flight = fly(way, height_m=height_m, speed_mps=speed_mps, turns=seed % 2 == 0)
     frames = record(place, flight, noise or Noise(seed=seed))
-    return Recording(f"village {seed}", flight, frames, surfaces, height_m)
+    return Recording(f"village {seed}", flight, frames, standing, height_m)
 
 
 def replay(

@@ -1,8 +1,6 @@
 """Villages of `hil bench slam`: what stands in them at a height, and a way through that a vehicle could fly.
 
-What stands there is known by the rays' own geometry: rays along both axes, 0.1 m apart, at heights over a band, go on
-from every surface that they meet, and so do rays from above, for flat tops within the band. Where they meet one, a
-LiDAR at that height could see one.
+What stands there is known as for the judge of a flight to a goal (hil/goal/true_slice.py).
 """
 
 from __future__ import annotations
@@ -15,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.companion.started import use_client
-from hil.goal.true_slice import surfaces_along
-from sim._kernels import RayCaster
+from hil.goal.true_slice import true_slice
 from sim.frame.source import SharedFrames
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import Scene, load_scene
@@ -27,8 +24,6 @@ Mask = NDArray[np.bool_]
 
 LOW_M, HIGH_M = -40.0, 110.0  # of both axes
 _CELL_M = 0.1
-_ROW_M = 0.1
-_SLICE_M = 0.2
 _WAY_CELL_M = 0.5
 
 
@@ -50,32 +45,10 @@ def village(seed: int, **parameters: Any) -> Village:
     return Village(scene, world, SharedFrames(world))
 
 
-def surfaces_xy(place: Village, low_m: float, high_m: float, *, t_ns: int = 0) -> Float64:
-    """Points (n, 2) of all surfaces between two heights, those of movers as they are at `t_ns`."""
-    caster = RayCaster(place.frames.geometry.native)
-    place.frames.expect(t_ns)
-    place.frames.geometry.bring()
-    count = max(2, round((high_m - low_m) / _SLICE_M) + 1)
-    rows = np.arange(LOW_M, HIGH_M, _ROW_M) + 0.5 * _ROW_M
-    found = []
-    for axis in (0, 1):
-        row, height = (a.reshape(-1) for a in np.meshgrid(rows, np.linspace(low_m, high_m, count)))
-        origins = np.empty((len(row), 3))
-        origins[:, axis], origins[:, 1 - axis], origins[:, 2] = LOW_M, row, height
-        found += surfaces_along(caster, origins, np.eye(3)[axis], HIGH_M - LOW_M)
-    x, y = (a.reshape(-1) for a in np.meshgrid(rows[::2], rows[::2]))
-    above = np.stack([x, y, np.full(len(x), high_m)], axis=-1)
-    found += surfaces_along(caster, above, np.array([0.0, 0.0, -1.0]), high_m - low_m)
-    return np.concatenate(found)[:, :2]
-
-
-def mask_of(points_xy: Float64, cell_m: float = _CELL_M) -> Mask:
-    """Cells from (LOW_M, LOW_M) on that hold a point, row y, column x."""
-    n = round((HIGH_M - LOW_M) / cell_m)
-    mask = np.zeros((n, n), bool)
-    at = np.clip(((points_xy - LOW_M) / cell_m).astype(int), 0, n - 1)
-    mask[at[:, 1], at[:, 0]] = True
-    return mask
+def surfaces(place: Village, low_m: float, high_m: float) -> Mask:
+    """Cells from (LOW_M, LOW_M) on, row y, column x, in which something stands between two heights."""
+    area_W = (LOW_M, LOW_M, HIGH_M, HIGH_M)
+    return true_slice(place.frames.geometry, low_m=low_m, high_m=high_m, area_W=area_W, cell_m=_CELL_M).occupied
 
 
 def distance_m(points_xy: Float64, to: Mask, cell_m: float = _CELL_M) -> Float64:

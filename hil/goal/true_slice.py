@@ -1,8 +1,9 @@
 """What a scene holds between two heights, as a grid: the full map that a flight through the unknown is judged by.
 
 Every surface is met by rays along the rows and columns of a grid finer than its cells, at heights from `low_m` to
-`high_m`: what is thinner than a third of a cell, and lower than the distance between two heights, may be missed. Only
-what stands still is in it. The inside of a solid stays free of marks; nothing gets there from outside.
+`high_m`, and by rays from above, for flat tops: what is thinner than a third of a cell, and lower than the distance
+between two heights, may be missed. Only what stands still is in it. The inside of a solid stays free of marks; nothing
+gets there from outside.
 """
 
 from __future__ import annotations
@@ -64,6 +65,10 @@ def true_slice(
     geometry.bring(Vicinity(origin, origin, -math.inf))  # nobody
     caster = RayCaster(geometry.native)
     levels = np.linspace(low_m, high_m, max(2, math.ceil((high_m - low_m) / _HEIGHT_STEP_M) + 1))
+    middles = (x0 + (np.arange(width) + 0.5) * cell_m, y0 + (np.arange(height) + 0.5) * cell_m)
+    x, y = (a.ravel() for a in np.meshgrid(*middles))
+    above = np.stack([x, y, np.full(len(x), high_m)], axis=1)
+    found = surfaces_along(caster, above, np.array([0.0, 0.0, -1.0]), high_m - low_m)
     for axis, count, length_m in ((0, height, width * cell_m), (1, width, height * cell_m)):
         across = (np.arange(count * _FINE) + 0.5) * (cell_m / _FINE)
         lines, heights = (a.ravel() for a in np.meshgrid(across, levels, indexing="ij"))
@@ -73,11 +78,12 @@ def true_slice(
         origins[:, 2] = heights
         direction = np.zeros(3)
         direction[axis] = 1.0
-        for points in surfaces_along(caster, origins, direction, length_m):
-            columns = np.floor((points[:, 0] - x0) / cell_m).astype(int)
-            rows = np.floor((points[:, 1] - y0) / cell_m).astype(int)
-            there = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-            occupied[rows[there], columns[there]] = True
+        found += surfaces_along(caster, origins, direction, length_m)
+    for points in found:
+        columns = np.floor((points[:, 0] - x0) / cell_m).astype(int)
+        rows = np.floor((points[:, 1] - y0) / cell_m).astype(int)
+        there = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        occupied[rows[there], columns[there]] = True
     return TrueSlice(occupied, (x0, y0), cell_m)
 
 
