@@ -2,79 +2,44 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-
-class _Section(BaseModel):
-    model_config = ConfigDict(strict=True, allow_inf_nan=False, extra="allow")
-
-
-class _Error(_Section):
-    type: str
-    message: str
+_STRICT = ConfigDict(strict=True, allow_inf_nan=False, extra="allow")
+_Number = float | None
 
 
-class _Mission(_Section):
-    completed: bool
-    waypoints: int
-    reached: int
-    max_cross_track_m: float | None
-    final_error_m: float | None
+def _section(**kinds: Any) -> type[BaseModel]:
+    fields: Any = {name: (kind, ...) for name, kind in kinds.items()}
+    return create_model("Section", __config__=_STRICT, **fields)
 
 
-class _RoundTrips(_Section):
-    p50: float | None
-    p99: float | None
-    max: float | None
-
-
-class _Autopilot(_Section):
-    kind: str
-    steps: int
-    late: int
-    rtt_us: _RoundTrips
-
-
-class _Times(_Section):
-    p50: float | None
-    p99: float | None
-
-
-class _Sensor(_Section):
-    samples: int
-    skipped: int
-    ms: _Times
-
-
-class _Run(_Section):
-    schema_: Literal[1] = Field(alias="schema")
-    status: Literal["PASS", "FAIL", "ERROR"]
-    error: _Error | None
-    digest: str = Field(pattern="^[0-9a-f]+$")
-    deterministic: bool
-    seed: int
-    rig: str
-    scene: str
-    sim_s: float | None
-    wall_s: float | None
-    realtime_factor: float | None
-    mission: _Mission
-    autopilot: _Autopilot
-    sensors: dict[str, _Sensor]
-    skipped: list[Any]
-
-    @model_validator(mode="after")
-    def _error_with_status(self) -> _Run:
-        assert (self.status == "ERROR") == (self.error is not None)
-        return self
+_RUN = _section(
+    status=Literal["PASS", "FAIL", "ERROR"],
+    error=_section(type=str, message=str) | None,
+    digest=Annotated[str, Field(pattern="^[0-9a-f]+$")],
+    deterministic=bool,
+    seed=int,
+    rig=str,
+    scene=str,
+    sim_s=_Number,
+    wall_s=_Number,
+    realtime_factor=_Number,
+    mission=_section(completed=bool, waypoints=int, reached=int, max_cross_track_m=_Number, final_error_m=_Number),
+    autopilot=_section(kind=str, steps=int, late=int, rtt_us=_section(p50=_Number, p99=_Number, max=_Number)),
+    sensors=dict[str, _section(samples=int, skipped=int, ms=_section(p50=_Number, p99=_Number))],  # type: ignore[misc]
+    skipped=list[Any],
+)
 
 
 def problems_of(run: Any) -> list[str]:
     """Everything in which `run` departs from the schema."""
     try:
-        _Run.model_validate(run)
+        _RUN.model_validate(run)
     except ValidationError as error:
         return [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
-    return []
+    problems = [] if run.get("schema") == 1 else [f"schema: must be 1, not {run.get('schema')!r}"]
+    if (run["status"] == "ERROR") != (run["error"] is not None):
+        problems.append("error: must be there with status ERROR and null without")
+    return problems

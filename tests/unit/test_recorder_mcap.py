@@ -18,6 +18,7 @@ from hil.recorder.cdr import MESSAGE_PREFIX
 from hil.recorder.reading import Recording, read_messages
 from hil.recorder.recorder import Recorder
 from hil.signals.errors import RecordingError
+from hil.signals.samples import FlowSample, RangeSample
 from tests.unit.recorded_flight import TICK_NS, Tick, fly, make_flight
 
 TICKS = 620  # three chunks at 250 Hz, the last one short
@@ -296,3 +297,27 @@ def test_message_index_points_at_the_messages(path: Path) -> None:
                     followed += 1
         assert summary.statistics is not None
         assert followed == summary.statistics.message_count
+
+
+def test_range_and_flow_samples_are_bit_exact(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, mcap=True, tlog=False, tick_ns=TICK_NS)
+    ranges, flows = [], []
+    for tick in make_flight(20):
+        k, t_ns = tick.tick, tick.t_ns
+        ranges.append(RangeSample(k, t_ns, t_ns, 0.1 * k + 1e-9, 0.3, 12.0, 0.02, k % 101))
+        flows.append(FlowSample(k, t_ns, t_ns, TICK_NS, (0.01 * k, -0.3), (0.1, 0.2 * k, 1e-12), k, -1.0, 30.0 + k))
+        recorder.truth(tick.truth)
+        recorder.sample("down", ranges[-1])
+        recorder.sample("flow", flows[-1])
+    recorder.close("PASS")
+    down, flow, warm = (
+        [ros for _, ros in decoded(tmp_path / "run.mcap", f"/{t}")] for t in ("down", "flow", "flow/temperature")
+    )
+    assert [(m.distance_m, m.min_distance_m, m.max_distance_m, m.sigma_m, m.quality) for m in down] == [
+        tuple(s[3:]) for s in ranges
+    ]
+    assert [(m.integration_ns, tuple(m.flow_rad), tuple(m.gyro_rad), m.quality, m.distance_m) for m in flow] == [
+        tuple(s[3:8]) for s in flows
+    ]
+    assert [m.temperature for m in warm] == [s.temperature_degc for s in flows]
+    assert down[0].header.frame_id == "base_link"
