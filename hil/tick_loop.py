@@ -10,8 +10,7 @@ from typing import Any
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.lockstep import LockstepLink
-from firmware_bridge.links.realtime_producer import RealtimeProducer
-from firmware_bridge.links.shared_processor import SharedProcessor
+from firmware_bridge.links.processor import RealtimeProducer, SharedProcessor
 from hil.config import BenchConfig
 from hil.progress import Progress
 from hil.scheduler import Scheduler

@@ -80,7 +80,7 @@ class RestartRequested(HilError):
 
 @dataclass
 class ArduPilotStats(LinkStats):
-    """`tx_frames` counts state lines."""
+    """Besides, what the frame count tells."""
 
     frame_rate_hz: int = 0  # in the newest servo packet
     channels: int = 0
@@ -123,12 +123,10 @@ class ArduPilotJsonLink(AutopilotLink):
         self._on_restart = on_restart
         self._reply_limit_s = reply_limit_s
         self._boot_limit_s = boot_limit_s
-        # One answer a step, as fast as wished; above 1200 Hz nobody has tried.
         caps = LinkCaps(
             "ardupilot_json",
             lockstep=True,
             deterministic=False,  # SITL's boot takes a few steps more or less, as its threads get the processor
-            max_rate_hz=1200.0,
             boot_sensors=0,
             busy_processors=2,  # its threads for input and output run on wall-clock time
             takes_truth=True,
@@ -197,7 +195,6 @@ class ArduPilotJsonLink(AutopilotLink):
         self._sent_at_ns = time.perf_counter_ns()
         stats = self._stats
         stats.steps += 1
-        stats.tx_frames += 1
         stats.tx_bytes += len(extra) + len(data)
         if self._last_t_ns is not None:
             self._tick_ns = t_ns - self._last_t_ns

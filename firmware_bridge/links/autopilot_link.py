@@ -26,7 +26,6 @@ class LinkCaps:
     kind: str  # the registry's name of it
     lockstep: bool  # simulated time stands still until the autopilot has answered
     deterministic: bool  # the same bytes in give the same bytes out, run after run
-    max_rate_hz: float  # fastest tick at which one message gets one answer
     boot_sensors: int | None  # first HIL_SENSORs that get no answer; None: found out by running at wall-clock pace
     busy_processors: int = 1  # that the autopilot keeps busy while it thinks, where it runs on this machine
     takes_truth: bool = False  # is told the vehicle's true state before each `send` (`TruthTaker`)
@@ -41,7 +40,6 @@ class LinkStats:
     rtt: LatencyHistogram = field(default_factory=LatencyHistogram)  # from the write to the answer, wall clock
     tx_bytes: int = 0
     rx_bytes: int = 0
-    tx_frames: int = 0  # the link's own: sensors and GPS, not those handed to it
     rx_frames: int = 0
     bad_crc: int = 0
     garbage_bytes: int = 0

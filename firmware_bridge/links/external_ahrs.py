@@ -38,7 +38,6 @@ from hil.signals.time import NS_PER_MS, NS_PER_S
 
 KIND = "ardupilot_eahrs"
 _MODEL = "VN-200T"
-_MAX_RATE_HZ = 1000.0
 _SLICE_S = 0.02
 _BOOTED_BEFORE_S = 5.0  # without a question: a booting board asks every 0.5 s
 _SENSORS_WITHIN_NS = 3 * NS_PER_S
@@ -77,9 +76,7 @@ class ExternalAhrsLink(RealtimeLink):
         self._seed = seed
         self._pwm = pwm if pwm is not None else PwmRange()
         self._baud = baud
-        caps = LinkCaps(
-            KIND, lockstep=False, deterministic=False, max_rate_hz=_MAX_RATE_HZ, boot_sensors=0, takes_truth=True
-        )
+        caps = LinkCaps(KIND, lockstep=False, deterministic=False, boot_sensors=0, takes_truth=True)
         super().__init__(
             caps,
             sensor,
@@ -196,7 +193,6 @@ class ExternalAhrsLink(RealtimeLink):
             self._write_mavlink(said)
         if packets:
             self._push(packets, keep=False)  # better dropped than late
-            stats.tx_frames += 1
         stats.steps += 1
         stats.tx_bytes += len(said) + len(packets)
         return said

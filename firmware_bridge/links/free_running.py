@@ -112,7 +112,7 @@ class FreeRunningLink(RealtimeLink):
         """Hand the tick's bytes to the sender; these bytes. CodecError if a sample is not a number."""
         stats = self._stats
         question = self.timesync.request(self._deadline_ns)
-        data = tick_messages(self._encoder, stats, t_ns, imu, mag, baro, gps, ranging, question=question)
+        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, question=question)
         # Commands must arrive; a stale sample is better dropped than sent late.
         if extra:
             self._push(extra, keep=True)

@@ -49,7 +49,7 @@ class Setting:
 
 
 class HitlSetup:
-    """Asks and sets over `transport`, which is open and has been heard. `heard` collects all frames that came."""
+    """Asks and sets over `transport`, which is open and has been heard."""
 
     def __init__(self, transport: Transport, parser: FrameParser, *, motors: int, sysid: int = 1) -> None:
         self._transport = transport
@@ -57,7 +57,6 @@ class HitlSetup:
         self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
         self._sysid = sysid
         self.wanted = {"SYS_HITL": 1.0} | {f"HIL_ACT_FUNC{n}": 100.0 + n for n in range(1, motors + 1)}
-        self.heard: list[Frame] = []
         self._types: dict[str, int] = {}
 
     def read(self, names: Sequence[str]) -> dict[str, float | None]:
@@ -161,9 +160,7 @@ class HitlSetup:
         return None
 
     def _listen(self, for_s: float) -> list[Frame]:
-        frames = self._parser.feed(self._transport.read(for_s))
-        self.heard += frames
-        return frames
+        return self._parser.feed(self._transport.read(for_s))
 
     def _say(self, message: Any) -> None:
         beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)

@@ -77,7 +77,6 @@ _FALLS_BEHIND = (
 
 def tick_messages(
     encoder: FrameEncoder,
-    stats: LinkStats,
     t_ns: int,
     imu: ImuSample | None,
     mag: MagSample | None,
@@ -87,21 +86,18 @@ def tick_messages(
     *,
     question: bytes | None = None,
 ) -> bytes:
-    """[range and flow][TIMESYNC if there is a `question`][HIL_GPS if given][HIL_SENSOR id 0], counted in `stats`.
+    """[range and flow][TIMESYNC if there is a `question`][HIL_GPS if given][HIL_SENSOR id 0].
 
     CodecError if a sample is not a number.
     """
     data = b""
     for sample in ranging:
         data += encoder.frame(*ranging_message(t_ns, sample))
-        stats.tx_frames += 1
     if question is not None:
         data += encoder.frame(TIMESYNC, question)
     if gps is not None:
         data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-        stats.tx_frames += 1
     data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
-    stats.tx_frames += 1
     return data
 
 
@@ -209,7 +205,7 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        data += tick_messages(encoder, stats, t_ns, imu, mag, baro, gps, ranging)
+        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:

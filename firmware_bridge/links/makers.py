@@ -21,10 +21,6 @@ from firmware_bridge.transports.serial import DEFAULT_BAUD, SerialTransport
 from firmware_bridge.transports.tcp import TcpServer
 from firmware_bridge.transports.transport import Transport
 
-# PX4 answers one to one up to here with IMU_INTEG_RATE raised (see `px4_process`); the mock has no limit of its own.
-_PX4_MAX_RATE_HZ = 1000.0
-_MOCK_MAX_RATE_HZ = 1000.0
-_HITL_MAX_RATE_HZ = 1000.0  # a 921600 baud line is full at about 700
 MOCK_BOOT_SENSORS = 20
 PX4_SITL_PORT = 4560  # where PX4 looks for its simulator; instances count up from it
 PX4_GROUND_PORT = 18570  # where PX4 SITL listens for ground stations
@@ -54,7 +50,7 @@ def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ())
 def _mock(transport: Transport, boot_sensors: int, wrap: Wrap, settings: dict[str, Any]) -> AutopilotLink:
     return LockstepLink(
         wrap(transport),
-        LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=_MOCK_MAX_RATE_HZ, boot_sensors=boot_sensors),
+        LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=boot_sensors),
         **settings,
     )
 
@@ -113,7 +109,6 @@ def px4_sitl(
             "px4_sitl",
             lockstep=True,
             deterministic=False,
-            max_rate_hz=_PX4_MAX_RATE_HZ,
             boot_sensors=None,
             busy_processors=2,
         ),
@@ -144,7 +139,7 @@ def hitl(
 
     return FreeRunningLink(
         transport,
-        LinkCaps(kind, lockstep=False, deterministic=False, max_rate_hz=_HITL_MAX_RATE_HZ, boot_sensors=0),
+        LinkCaps(kind, lockstep=False, deterministic=False, boot_sensors=0),
         prepare=prepare,
         **settings,
     )

@@ -26,7 +26,7 @@ from firmware_bridge._native import RealtimeSender
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, HIL_SENSOR, actuator_frame, hil_sensor_payload
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
-from firmware_bridge.links.realtime_producer import RealtimeProducer
+from firmware_bridge.links.processor import RealtimeProducer
 from hil.bench import run_bench
 from hil.bench_suite.link_companion import measure_companion
 from hil.bench_suite.link_latency import latency_rows

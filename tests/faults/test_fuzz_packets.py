@@ -243,7 +243,7 @@ class Babbler:
 
 
 def test_the_lockstep_link_ends_in_named_errors_only() -> None:
-    caps = LinkCaps("fuzz", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=0)
+    caps = LinkCaps("fuzz", lockstep=True, deterministic=True, boot_sensors=0)
     noise = (data[at : at + 256] for data in fuzzed(20_000, seed=8) for at in range(0, len(data), 256))
     imu = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
     ends: dict[str, int] = {}

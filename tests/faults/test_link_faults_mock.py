@@ -31,7 +31,7 @@ from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.catalog import make_sensor
 
 BOOT = 20
-CAPS = LinkCaps("mock", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=BOOT)
+CAPS = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=BOOT)
 TICK_NS = 4_000_000
 
 

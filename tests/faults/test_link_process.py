@@ -18,7 +18,7 @@ from hil.signals.samples import ImuSample
 
 FAKE_PATH = Path(__file__).parents[1] / "links" / "fake_autopilot.py"
 TICK_NS = 4_000_000
-CAPS = LinkCaps("fake", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=3)
+CAPS = LinkCaps("fake", lockstep=True, deterministic=True, boot_sensors=3)
 IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
 
 

@@ -35,7 +35,7 @@ from tests.links.hitl_board import HitlBoard
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 
 TICK_NS = 4_000_000
-CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, max_rate_hz=1000.0, boot_sensors=0)
+CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, boot_sensors=0)
 ARM, FORCE = 400, 21196.0
 
 Boards = Callable[..., HitlBoard]

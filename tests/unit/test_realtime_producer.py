@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from firmware_bridge.links.realtime_producer import RealtimeProducer
+from firmware_bridge.links.processor import RealtimeProducer
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="this system knows one scheduling only")
 
@@ -17,29 +17,31 @@ def _policy() -> int:
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 
 
-def test_raised_inside_and_normal_outside() -> None:
+def test_raised_inside_where_permitted_and_normal_outside() -> None:
     before = _policy()
-    with RealtimeProducer(7) as producer:
-        if producer.scheduling == "SCHED_FIFO 7":
-            assert _policy() == os.SCHED_FIFO
-            assert os.sched_getparam(0).sched_priority == 7
+    with RealtimeProducer():
+        if _policy() == os.SCHED_FIFO:
+            assert os.sched_getparam(0).sched_priority == 40
             child = "import os; print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)"
             said = subprocess.run([sys.executable, "-c", child], capture_output=True, check=True, text=True)
             assert int(said.stdout) == os.SCHED_OTHER
         else:
-            assert producer.scheduling.startswith("normal scheduling (")
             assert _policy() == before
     assert _policy() == before
 
 
-def test_a_refusal_is_words_and_no_exception(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
+@pytest.mark.parametrize("processors", [{0}, {0, 1}])
+def test_a_refusal_is_no_exception_and_one_processor_is_not_asked_for(
+    monkeypatch: pytest.MonkeyPatch, processors: set[int]
+) -> None:
+    asked: list[object] = []
+
+    def refuse(*wanted: object) -> None:
+        asked.append(wanted)
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    with RealtimeProducer() as producer:
-        assert producer.scheduling == "normal scheduling (SCHED_FIFO 40 refused: Operation not permitted)"
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    with RealtimeProducer() as producer:
-        assert "only one processor" in producer.scheduling
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: processors)
+    with RealtimeProducer():
+        pass
+    assert len(asked) == len(processors) - 1

@@ -19,7 +19,7 @@ TICK_NS = 4_000_000
 class Script:
     """Stands for physics, sensor, link, ground station and recorder at once, and writes down who called what."""
 
-    caps = LinkCaps("script", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=0)
+    caps = LinkCaps("script", lockstep=True, deterministic=True, boot_sensors=0)
 
     name = "imu"
 

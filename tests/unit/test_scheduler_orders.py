@@ -29,7 +29,7 @@ class Script:
     name = "imu"
 
     def __init__(self, **caps: Any) -> None:
-        settings = {"lockstep": True, "deterministic": True, "max_rate_hz": 1000.0, "boot_sensors": 0} | caps
+        settings = {"lockstep": True, "deterministic": True, "boot_sensors": 0} | caps
         self.caps = LinkCaps("script", **settings)
         self.calls: list[tuple[Any, ...]] = []
         self.commands: dict[int, ActuatorFrame] = {}  # free-running: by the tick at whose beginning they are there
@@ -213,9 +213,7 @@ def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pyt
     )
     digests = []
     for processors in (1, 2):
-        caps = LinkCaps(
-            "mock", lockstep=True, deterministic=True, max_rate_hz=1000.0, boot_sensors=20, busy_processors=processors
-        )
+        caps = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=20, busy_processors=processors)
         link = LockstepLink(LoopbackTransport(MockPixhawk(boot_sensors=20)), caps)
         monkeypatch.setattr("hil.bench.make_autopilot", lambda bench, around, link=link: link)
         out = tmp_path / str(processors)
