@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.bench_suite.slam_flight import Flight, fly
-from hil.bench_suite.slam_recording import Noise, record
-from hil.bench_suite.slam_village import Float64, Mask, distance_m, surfaces, village, way_through
+from hil.bench_suite.slam_recording import Float64, Mask, Noise, distance_m, record, surfaces, village, way_through
 from hil.companion.started import use_client
 
 if TYPE_CHECKING:

@@ -34,10 +34,6 @@ class Camera:
             ) from None
         self.R_BC = matrix_of((w, x, y, z))
 
-    @property
-    def focal_px(self) -> float:
-        return float(self._K[0, 0])
-
     def rays_C(self, points_px: Any) -> np.ndarray:
         """(n, 3) with z = 1 for (n, 2) places in the picture: times a depth, the point in C."""
         points = np.asarray(points_px, float).reshape(-1, 1, 2) - 0.5
