@@ -1,4 +1,4 @@
-// sim._kernels.Imu, sim._kernels.NativeNoise: inertial errors and their noise. Contract: imu.hpp, noise_stream.hpp.
+// sim._kernels.Imu: inertial errors and their noise. Contract: imu.hpp.
 
 #include "bind_arrays.hpp"
 #include "imu.hpp"
@@ -114,24 +114,6 @@ class Imu {
     hil::sim::Imu imu_;
 };
 
-class NativeNoise {
-  public:
-    NativeNoise(Key key, std::size_t lanes) : stream_(key[0], key[1], lanes) {
-        if (lanes < 1) throw std::invalid_argument("a noise stream needs at least one lane");
-    }
-    nb::tuple normal(std::uint64_t index) {
-        const double *values = stream_.normal(index);
-        PyObject *result = PyTuple_New(static_cast<Py_ssize_t>(stream_.lanes()));
-        for (std::size_t i = 0; i < stream_.lanes(); ++i) {
-            PyTuple_SET_ITEM(result, static_cast<Py_ssize_t>(i), PyFloat_FromDouble(values[i]));
-        }
-        return nb::steal<nb::tuple>(result);
-    }
-
-  private:
-    hil::sim::NoiseStream stream_;
-};
-
 }  // namespace
 
 void bind_imu(nb::module_ &m) {
@@ -148,7 +130,4 @@ void bind_imu(nb::module_ &m) {
              "index"_a, "((accel x, y, z), (gyro x, y, z), temperature)")
         .def("noise", &Imu::noise, "first"_a, "out"_a.noconvert(),
              "Fill `out` [count][7] with the noise of samples first .. first + count - 1, before rounding.");
-    nb::class_<NativeNoise>(m, "NativeNoise", "The draws of hil.signals.noise.NoiseStream, by the native generator.")
-        .def(nb::init<Key, std::size_t>(), "key"_a, "lanes"_a)
-        .def("normal", &NativeNoise::normal, "index"_a);
 }

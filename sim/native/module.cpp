@@ -12,7 +12,6 @@ void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
 void bind_instance_scan(nb::module_ &m);
 void bind_lidar_receiver(nb::module_ &m);
-void bind_noise_block(nb::module_ &m);
 void bind_picture_values(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
@@ -34,7 +33,6 @@ NB_MODULE(_kernels, m) {
     bind_imu(m);
     bind_instance_scan(m);
     bind_lidar_receiver(m);
-    bind_noise_block(m);
     bind_picture_values(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);

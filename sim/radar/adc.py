@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals._kernel import det_cos, det_exp
+from hil.signals.noise import noise_key
 from sim._kernels import RadarReceiver
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Adc, Impairments, ReceiverNoise
-from sim.sensors.noise_key import noise_key
 
 Float64 = NDArray[np.float64]
 Codes = NDArray[np.uint16]

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.noise import noise_key
 from hil.signals.samples import ImageSample, TruthState
 from hil.signals.time import NS_PER_S
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
 from sim.frame.source import Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
-from sim.sensors.noise_key import noise_key
 from sim.sensors.sensor import Installation
 
 BAND_ROWS = 4  # rows of a rolling shutter that share a pose; what a renderer draws at least

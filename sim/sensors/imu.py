@@ -26,13 +26,12 @@ from pydantic import Field
 
 from hil.signals._kernel import det_cos, det_sin
 from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream
+from hil.signals.noise import NoiseStream, noise_key
 from hil.signals.samples import ImuSample, TruthState
 from hil.signals.time import NS_PER_S
 from hil.signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
-from sim.sensors.noise_key import noise_key
 from sim.sensors.sensor import Installation, Position
 
 _ROTORS = 8  # phases are drawn for as many; a vehicle with fewer uses the first ones

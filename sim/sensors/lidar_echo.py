@@ -28,10 +28,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.noise import noise_key
 from sim._kernels import LidarReceiver
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import Sweep
-from sim.sensors.noise_key import noise_key
 
 Float64 = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)

@@ -8,7 +8,7 @@ from tests.cpu_masks import output_of
 FRAMES = """
 import hashlib
 import numpy as np
-from sim._kernels import uniform_block
+from hil.signals.noise import NoiseStream
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
@@ -23,9 +23,9 @@ CHIRPS = (
 CROWD = 9001
 
 def echoes_of(count):
-    u = np.empty(6 * count)
-    uniform_block((SEED, 7), 0, u)
-    u = u.reshape(6, count)
+    stream = NoiseStream(SEED, "echoes")
+    u = np.concatenate([stream.uniform_block(b)[:, 0] for b in range(6 * count // 256 + 1)])
+    u = u[: 6 * count].reshape(6, count)
     direction = np.ascontiguousarray(u[:3].T * 1.1 - 0.55)
     amplitude = u[5] * u[5] * u[5] * u[5]
     amplitude[: count // 2] *= 1e-12

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.signals.noise import normal_from_uniform
+from hil.signals.noise import noise_key, normal_from_uniform
 from sim._kernels import accumulate_linear, blur_depth, expose, image_normals
-from sim.sensors.noise_key import noise_key
 
 KEY = noise_key(1, "front.light")
 QUIET = {"gain": 1.0, "electrons_at_white": 1.0, "read_noise_electrons": 0.0, "noisy": False, "key": KEY, "index": 0}

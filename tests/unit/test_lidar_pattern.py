@@ -9,11 +9,9 @@ import numpy as np
 import pydantic
 import pytest
 
-from hil.signals.noise import NoiseStream
 from hil.signals.samples import TruthState
-from sim._kernels import normal_block, sweep_rays, uniform_block
+from sim._kernels import sweep_rays
 from sim.sensors.lidar_pattern import RosettePattern, SpinningPattern
-from sim.sensors.noise_key import noise_key
 from sim.sensors.presets import PRESETS
 from sim.sensors.sweep_motion import at_rest, sweep_motion
 from tests.unit.lidar_world import truth_at
@@ -194,17 +192,3 @@ def test_a_great_turn_between_samples_falls_back_to_the_rates() -> None:
     assert sweep_motion(spun, truth_at(0)) == sweep_motion(spun, None)
     assert sweep_motion(spun, truth_at(T_NS)) == sweep_motion(spun, None)
     assert at_rest(spun)[5] == ZERO
-
-
-def test_blocks_of_noise_are_the_named_streams_bit_for_bit() -> None:
-    stream, key = NoiseStream(7, "a.b"), noise_key(7, "a.b")
-    for first, n in ((0, 600), (253, 9), (1_000_003, 300), (2, 1), (5, 0)):
-        out = np.full(n, np.nan)
-        normal_block(key, first, out)
-        assert out.tolist() == [stream.normal(first + i)[0] for i in range(n)]
-        uniform_block(key, first, out)
-        assert out.tolist() == [float(stream.uniform_block(i // 256)[i % 256, 0]) for i in range(first, first + n)]
-    with pytest.raises(TypeError):
-        normal_block(key, 0, np.empty(4, np.float32))
-    with pytest.raises(TypeError):
-        normal_block(key, -1, np.empty(4))

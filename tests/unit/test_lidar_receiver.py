@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim._kernels import LidarReceiver, lambert_strength, normal_block, sweep_rays, uniform_block
+from hil.signals.noise import NoiseStream, noise_key
+from sim._kernels import LidarReceiver, lambert_strength, sweep_rays
 from sim.sensors.lidar_pattern import casting_order
-from sim.sensors.noise_key import noise_key
 from tests.cpu_masks import ALL, output_of
 from tests.unit.test_frame_raster import ISAS
 
@@ -52,13 +52,18 @@ def received(model: dict[str, Any], n: int, first: int, isa: str = "") -> list[b
     return [values[:count].tobytes() for values in out]
 
 
+def drawn(block: Any, n: int, first: int) -> Any:
+    """Draws first .. first + n - 1 of a stream of one lane."""
+    blocks = [block(b)[:, 0] for b in range(first // 256, (first + n - 1) // 256 + 1)]
+    return np.concatenate([*blocks, np.empty(0)])[first % 256 :][:n]
+
+
 def by_formula(model: dict[str, Any], n: int, first: int) -> list[bytes]:
     s = sweep_of(n)
     place = s["place"]
     range_m, e, geom = s["range_m"][place], s["strength"][place], s["geom"][place]
-    normal, uniform = np.empty(n), np.empty(n)
-    normal_block(KEYS["noise_key"], first, normal)
-    uniform_block(KEYS["loss_key"], first, uniform)
+    normal = drawn(NoiseStream(3, "a.range").normal_block, n, first)
+    uniform = drawn(NoiseStream(3, "a.dropout").uniform_block, n, first)
     hit = np.isfinite(range_m)
     true_m = np.where(hit, range_m, 0.0)
     measured = np.floor((true_m + model["noise_m"] * normal) / 0.002 + 0.5) * 0.002

@@ -70,6 +70,15 @@ def test_bits_are_pinned() -> None:
     assert hashlib.sha256(block.astype("<f8").tobytes()).hexdigest()[:16] == "6048acbbccac5c9d"
 
 
+@pytest.mark.parametrize("lanes", [1, 3, 7, 42])
+def test_samples_one_by_one_are_those_of_the_blocks_bit_for_bit(lanes: int) -> None:
+    """numpy's own Philox makes the blocks: round the borders of blocks and pieces, far ones, and backwards."""
+    stream = NoiseStream(5, "imu.white", lanes=lanes)
+    blocks = {block: stream.normal_block(block).tolist() for block in (*range(6), 39062)}
+    for index in [*range(1500), 10**7 - 3, 2, 255, 256, 257, 0]:
+        assert list(stream.normal(index)) == blocks[index // 256][index % 256]
+
+
 def test_no_lanes_is_refused() -> None:
     with pytest.raises(ValueError, match="lane"):
         NoiseStream(1, "x", lanes=0)

@@ -11,10 +11,8 @@ import pytest
 
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import TruthState
-from sim._kernels import NativeNoise
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
-from sim.sensors.noise_key import noise_key
 
 TICK_NS = 4_000_000
 DT = TICK_NS * 1e-9
@@ -44,19 +42,6 @@ def imu(rate_hz: float = 250.0, *, seed: int = 1, **changes: Any) -> Any:
     return make_sensor(
         "imu", kind="imu", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=IDEAL | changes
     )
-
-
-@pytest.mark.parametrize("lanes", [1, 3, 7, 42])
-def test_native_noise_is_pythons_bit_for_bit(lanes: int) -> None:
-    """Indices round the borders of blocks and pieces, far ones, and backwards; the tails come with the numbers."""
-    ours, native = NoiseStream(5, "imu.white", lanes=lanes), NativeNoise(noise_key(5, "imu.white"), lanes)
-    for index in [*range(0, 1500, 1), 10**7 + 3, 2, 255, 256, 257, 0]:
-        assert native.normal(index) == ours.normal(index)
-
-
-def test_native_noise_needs_a_lane() -> None:
-    with pytest.raises(ValueError, match="lane"):
-        NativeNoise((1, 2), 0)
 
 
 @pytest.mark.parametrize("preset", IMUS)

@@ -1,12 +1,17 @@
 // nanobind entry point of hil.signals._kernel: the functions of this folder's headers, for Python code that feeds state.
 #include <nanobind/nanobind.h>
 
+#include <array>
+#include <stdexcept>
 #include <tuple>
 
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
 
 #include "detmath.hpp"
 #include "geodesy.hpp"
+#include "noise_stream.hpp"
 #include "rotation.hpp"
 
 namespace nb = nanobind;
@@ -44,6 +49,24 @@ Three tangent_ned(const Three &origin, const Three &place) {
     return {p_N.x, p_N.y, p_N.z};
 }
 
+using Key = std::array<std::uint64_t, 2>;
+using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void normals_from_uniforms(const Values &p, const Out &out) {
+    if (out.shape(0) != p.shape(0)) throw std::invalid_argument("out must be as long as p");
+    for (std::size_t i = 0; i < p.shape(0); ++i) out.data()[i] = hil::normal_from_uniform(p.data()[i]);
+}
+
+nb::tuple normal(hil::NoiseStream &stream, std::uint64_t index) {
+    const double *values = stream.normal(index);
+    PyObject *result = PyTuple_New(static_cast<Py_ssize_t>(stream.lanes()));
+    for (std::size_t i = 0; i < stream.lanes(); ++i) {
+        PyTuple_SET_ITEM(result, static_cast<Py_ssize_t>(i), PyFloat_FromDouble(values[i]));
+    }
+    return nb::steal<nb::tuple>(result);
+}
+
 }  // namespace
 
 NB_MODULE(_kernel, m) {
@@ -55,6 +78,16 @@ NB_MODULE(_kernel, m) {
     m.def("det_pow", &hil::det::pow, "x"_a, "y"_a);
     m.def("det_atan2", &hil::det::atan2, "y"_a, "x"_a);
     m.def("det_asin", &hil::det::asin, "x"_a);
+    m.def("normals_from_uniforms", &normals_from_uniforms, "p"_a.noconvert(), "out"_a.noconvert(),
+          "Inverse of the standard normal distribution function, 0 < p < 1 (AS 241).");
+    nb::class_<hil::NoiseStream>(m, "NoiseGenerator", "Standard normals of one named source; noise_stream.hpp.")
+        .def("__init__",
+             [](hil::NoiseStream *self, Key key, std::size_t lanes) {
+                 if (lanes < 1) throw std::invalid_argument("a noise stream needs at least one lane");
+                 new (self) hil::NoiseStream(key[0], key[1], lanes);
+             },
+             "key"_a, "lanes"_a)
+        .def("normal", &normal, "index"_a, "The `lanes` standard normals of a sample.");
     m.def("rotate_into_body", &rotated<hil::rotate_into_body>, "q_WB"_a, "v_W"_a, "R(q)^T v: a vector given in W, in B.");
     m.def("rotate_into_world", &rotated<hil::rotate_into_world>, "q_WB"_a, "v_B"_a, "R(q) v: a vector given in B, in W.");
     m.def("roll_pitch_yaw", &euler, "q"_a, "Of a unit quaternion [rad]: yaw first, then pitch, then roll.");

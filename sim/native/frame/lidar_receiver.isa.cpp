@@ -1,8 +1,8 @@
 // Eight rays of a sweep at once through a LiDAR's receiver. Contract: lidar_receiver.hpp.
 #include "lidar_receiver.hpp"
 
-#include "../noise_stream.hpp"
-#include "../normal_centre.hpp"
+#include "noise_stream.hpp"
+#include "normal_centre.hpp"
 #include "lanes.hpp"
 
 namespace hil::sim::frame::HIL_ISA {

@@ -2,7 +2,7 @@
 //     q A(r) / B(r),   q = p - 1/2,   r = 0.180625 - q q
 #pragma once
 
-namespace hil::sim::normal_centre {
+namespace hil::normal_centre {
 
 constexpr double kCentre = 0.425;
 constexpr double kA[8] = {2509.0809287301226727, 33430.575583588128105, 67265.770927008700853, 45921.953931549871457,
@@ -11,4 +11,4 @@ constexpr double kB[8] = {5226.495278852854561,  28729.085735721942674, 39307.89
                           21213.794301586595867, 5394.1960214247511077, 687.1870074920579083,
                           42.313330701600911252, 1.0};
 
-}  // namespace hil::sim::normal_centre
+}  // namespace hil::normal_centre

@@ -2,7 +2,7 @@
 
 #include "normal_centre.hpp"
 
-namespace hil::sim {
+namespace hil {
 namespace {
 
 // 64 x 64 -> 128 bits: one instruction where the compiler has the type, else by 32-bit halves. Integers: same bits.
@@ -28,7 +28,8 @@ inline double polynomial(const double (&coefficients)[N], double x) {
     return result;
 }
 
-// Logarithm with the operations of hil/signals/noise.py, so that the bits agree with it (det::log's differ).
+// x = m 2^k with m in [sqrt(1/2), sqrt(2)); log m = 2 atanh(s), s = (m-1)/(m+1), by its series in s^2; < 2 ulp. Every
+// recorded run rests on these bits; det::log's differ.
 double log_by_series(double x) {
     static constexpr double kSeries[11] = {1.0 / 23, 1.0 / 21, 1.0 / 19, 1.0 / 17, 1.0 / 15, 1.0 / 13,
                                            1.0 / 11, 1.0 / 9,  1.0 / 7,  1.0 / 5,  1.0 / 3};
@@ -105,4 +106,4 @@ void NoiseStream::fill(std::uint64_t piece) {
     filled_ = true;
 }
 
-}  // namespace hil::sim
+}  // namespace hil

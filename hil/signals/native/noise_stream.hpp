@@ -1,9 +1,8 @@
-// Named, counter-based noise: the same draws as hil.signals.noise.NoiseStream, bit for bit, without numpy.
+// Named, counter-based noise: the generator of hil.signals.noise.NoiseStream and of the kernels that draw by themselves.
 //
 // A draw is a pure function of (key, index, lane): Philox4x64-10 (Salmon et al., SC 2011) on the counter
 // (0, 0, block, 0) gives 64 bits, 52 of them a uniform on (0, 1), and algorithm AS 241 (Wichura, 1988) a standard
-// normal. `key` is the BLAKE2b digest of seed and name that Python's class makes; the test that compares the two
-// is tests/unit/test_sim_sensors_noise.py.
+// normal. `key` is the BLAKE2b digest of seed and name that hil.signals.noise.noise_key makes.
 //
 // Determinism: integers, + - * / sqrt and comparisons only. One allocation, at construction. Not thread-safe.
 #pragma once
@@ -13,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace hil::sim {
+namespace hil {
 
 // Inverse of the standard normal distribution function, 0 < p < 1; relative error about 1e-16.
 double normal_from_uniform(double p);
@@ -50,4 +49,4 @@ class NoiseStream {
     std::vector<double> values_;
 };
 
-}  // namespace hil::sim
+}  // namespace hil
