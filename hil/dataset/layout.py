@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
@@ -43,8 +44,9 @@ def headers(plan: DatasetPlan) -> dict[str, str]:
 
 def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
     """Path in the tree to text."""
+    body = f"{plan.config.vehicle}, simulated; x forward, y left, z up"
     texts = {
-        f"{euroc.ROOT}/body.yaml": euroc.body_yaml(f"{plan.config.vehicle}, simulated; x forward, y left, z up"),
+        f"{euroc.ROOT}/body.yaml": f"comment: {json.dumps(body)}\n",
         f"{euroc.ROOT}/{CLASSES_NAME}": palette_csv(classes.names, classes.colours),
         f"{euroc.ROOT}/{TRUTH}/sensor.yaml": euroc.sensor_yaml(
             "ground_truth", comment="the simulator's state", T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
@@ -136,14 +138,17 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
 
 def _imu(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
     p = sensor.parameters
-    text = euroc.imu_yaml(
+    text = euroc.sensor_yaml(
+        "imu",
         comment=_what(name, sensor),
         T_BS=transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0)),
         rate_hz=sensor.rate_hz,
-        gyro_noise_radps_per_rthz=p.gyro_noise_radps_per_rthz,
-        gyro_walk_radps2_per_rthz=p.gyro_walk_radps2_per_rthz,
-        accel_noise_mps2_per_rthz=p.accel_noise_mps2_per_rthz,
-        accel_walk_mps3_per_rthz=p.accel_walk_mps3_per_rthz,
+        more={
+            "gyroscope_noise_density": p.gyro_noise_radps_per_rthz,
+            "gyroscope_random_walk": p.gyro_walk_radps2_per_rthz,
+            "accelerometer_noise_density": p.accel_noise_mps2_per_rthz,
+            "accelerometer_random_walk": p.accel_walk_mps3_per_rthz,
+        },
     )
     return {f"{plan.folder(name)}/sensor.yaml": text}
 

@@ -3,7 +3,6 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
-#include <charconv>
 #include <cstdint>
 #include <cstring>
 #include <optional>
@@ -58,39 +57,22 @@ std::size_t scan(InstanceScan &self, Ids instance, std::optional<Classes> classe
     return rows.size();
 }
 
-void find_runs(InstanceScan &self, const Ids &instance, const Chosen &ids) {
+nb::tuple run_length_texts(InstanceScan &self, Ids instance, Chosen ids) {
     const LabelPicture picture = picture_of(instance);
     for (std::size_t i = 1; i < ids.size(); ++i) {
         if (ids.data()[i] <= ids.data()[i - 1]) throw std::invalid_argument("ids must rise");
     }
-    nb::gil_scoped_release unlocked;
-    self.run_lengths(picture, ids.data(), ids.size());
-}
-
-nb::tuple run_lengths(InstanceScan &self, Ids instance, Chosen ids) {
-    find_runs(self, instance, ids);
-    nb::list all;
-    for (std::size_t i = 0; i < ids.size(); ++i) {
-        nb::list one;
-        for (auto at = self.offsets()[i]; at < self.offsets()[i + 1]; ++at) {
-            one.append(self.counts()[static_cast<std::size_t>(at)]);
-        }
-        all.append(one);
+    {
+        nb::gil_scoped_release unlocked;
+        self.run_lengths(picture, ids.data(), ids.size());
     }
-    return nb::tuple(all);
-}
-
-nb::tuple run_length_texts(InstanceScan &self, Ids instance, Chosen ids) {
-    find_runs(self, instance, ids);
     std::string text;
     nb::list all;
     for (std::size_t i = 0; i < ids.size(); ++i) {
         text.clear();
         for (auto at = self.offsets()[i]; at < self.offsets()[i + 1]; ++at) {
-            char digits[12];
-            const auto end = std::to_chars(digits, digits + sizeof digits, self.counts()[static_cast<std::size_t>(at)]);
             if (!text.empty()) text += ',';
-            text.append(digits, end.ptr);
+            text += std::to_string(self.counts()[static_cast<std::size_t>(at)]);
         }
         all.append(nb::str(text.data(), text.size()));
     }
@@ -106,8 +88,6 @@ void bind_instance_scan(nb::module_ &m) {
              "out"_a.noconvert(), "class_pixels"_a.noconvert(),
              "Rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by id; how many there are. Nothing "
              "is written where `out` has room for fewer.")
-        .def("run_lengths", run_lengths, "instance"_a.noconvert(), "ids"_a.noconvert(),
-             "Masks of rising ids as COCO's run lengths, a list of counts each.")
         .def("run_length_texts", run_length_texts, "instance"_a.noconvert(), "ids"_a.noconvert(),
-             "The same as text, counts with commas between them.");
+             "Masks of rising ids as COCO's run lengths: counts with commas between them.");
 }

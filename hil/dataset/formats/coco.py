@@ -57,14 +57,6 @@ def coco_picture(frame: int, file_name: str, labels: PictureLabels, masks: Seque
     return CocoPicture(image_id, json.dumps(image, separators=_COMPACT), tuple(annotations))
 
 
-def coco_json(pictures: Iterable[CocoPicture], catalogue: Catalogue, *, description: str, licence: str) -> str:
-    """The file. Raises RecordingError for no pictures at all, or two of one number."""
-    chosen = list(pictures)
-    if not chosen:
-        raise RecordingError("COCO: there are no pictures; `coco_parts` makes a file of none")
-    return "".join(coco_parts(lambda: chosen, catalogue, description=description, licence=licence))
-
-
 def coco_parts(
     pictures: Callable[[], Iterable[CocoPicture]], catalogue: Catalogue, *, description: str, licence: str
 ) -> Iterator[str]:

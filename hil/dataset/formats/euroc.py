@@ -103,30 +103,6 @@ def picture_yaml(
     return text + "".join(f"{key}: {_value(value)}\n" for key, value in (more or {}).items())
 
 
-def imu_yaml(
-    *,
-    comment: str,
-    T_BS: Sequence[float],
-    rate_hz: float,
-    gyro_noise_radps_per_rthz: float,
-    gyro_walk_radps2_per_rthz: float,
-    accel_noise_mps2_per_rthz: float,
-    accel_walk_mps3_per_rthz: float,
-) -> str:
-    noise = {
-        "gyroscope_noise_density": gyro_noise_radps_per_rthz,
-        "gyroscope_random_walk": gyro_walk_radps2_per_rthz,
-        "accelerometer_noise_density": accel_noise_mps2_per_rthz,
-        "accelerometer_random_walk": accel_walk_mps3_per_rthz,
-    }
-    return sensor_yaml("imu", comment=comment, T_BS=T_BS, rate_hz=rate_hz, more=noise)
-
-
-def body_yaml(comment: str) -> str:
-    """mav0/body.yaml."""
-    return f"comment: {json.dumps(comment)}\n"
-
-
 def _value(value: object) -> str:
     """JSON is YAML, but for numbers such as 1e-05: YAML 1.1 wants a point in them."""
     if isinstance(value, float):

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -76,8 +76,6 @@ class Catalogue:
         cls,
         classes: Classes,
         instances: Sequence[tuple[int, int]],
-        *,
-        stuff: Collection[str] = STUFF,
     ) -> Catalogue:
         """From (instance, class) pairs. Raises RecordingError where an instance is there twice or has no class."""
         table: dict[int, int] = {}
@@ -89,7 +87,7 @@ class Catalogue:
             if not 0 <= class_id < max(len(classes.names), 1):
                 raise RecordingError(f"labels: instance {instance} is of class {class_id}, which has no name")
             table[instance] = class_id
-        objects = frozenset(i for i, name in enumerate(classes.names) if name not in stuff)
+        objects = frozenset(i for i, name in enumerate(classes.names) if name not in STUFF)
         return cls(classes, table, objects)
 
     @classmethod
@@ -98,8 +96,6 @@ class Catalogue:
         classes: Classes,
         geom_instance: NDArray[np.uint16],
         geom_class: NDArray[np.uint8],
-        *,
-        stuff: Collection[str] = STUFF,
     ) -> Catalogue:
         """From a world's geoms. An instance of several classes (a house with its door) is what most of its geoms are;
         of equals, the lowest number."""
@@ -107,7 +103,7 @@ class Catalogue:
         for instance in np.unique(geom_instance).tolist():
             if instance:
                 pairs.append((instance, int(np.bincount(geom_class[geom_instance == instance]).argmax())))
-        return cls.of(classes, pairs, stuff=stuff)
+        return cls.of(classes, pairs)
 
     @cached_property
     def palette(self) -> NDArray[np.uint8]:
@@ -118,9 +114,8 @@ class Catalogue:
 class LabelReader:
     """Pictures to labels. One per worker: it keeps buffers."""
 
-    def __init__(self, catalogue: Catalogue, *, least_area_px: int = 1) -> None:
+    def __init__(self, catalogue: Catalogue) -> None:
         self.catalogue = catalogue
-        self._least_area_px = least_area_px
         self._scan = InstanceScan()
         self._rows = np.empty((256, _COLUMNS), np.int32)
 
@@ -145,7 +140,7 @@ class LabelReader:
                     f"labels: the picture shows instance {identity}, which the scene has not; "
                     "instances and pictures must be of the same scene"
                 )
-            if class_id not in catalogue.object_classes or area < self._least_area_px:
+            if class_id not in catalogue.object_classes:
                 continue
             truncated = x_min == 0 or y_min == 0 or x_max == width - 1 or y_max == height - 1
             hidden = hidden_share(rim, before)
@@ -154,17 +149,10 @@ class LabelReader:
             )
         return PictureLabels(width, height, tuple(objects), counts)
 
-    def masks(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[list[int], ...]:
-        """Run lengths of each object's pixels, column by column, beginning with those that are not its own."""
-        return self._scan.run_lengths(instance, _ids(labels))
-
     def mask_texts(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[str, ...]:
-        """The same as text, counts with commas between them."""
-        return self._scan.run_length_texts(instance, _ids(labels))
-
-
-def _ids(labels: PictureLabels) -> NDArray[np.uint16]:
-    return np.array([label.instance for label in labels.objects], np.uint16)
+        """Run lengths of each object's pixels, column by column, beginning with those that are not its own: counts
+        with commas between them."""
+        return self._scan.run_length_texts(instance, np.array([label.instance for label in labels.objects], np.uint16))
 
 
 def hidden_share(rim: int, before: int) -> float:

@@ -1,14 +1,13 @@
 """LiDAR sweeps as KITTI and SemanticKITTI have them.
 
 NAME.bin     float32, little endian: x, y, z [m] in the LiDAR's frame (forward, left, up), intensity 0 to 1
-NAME.label   uint32, little endian, one a point: class in the low 16 bits, instance in the high 16 (0: not known)
+NAME.label   uint32, little endian, one a point: class in the low 16 bits, the high 16 are 0 (instance not known)
 NAME.csv     the same and more as text: slow, for who wants to look at it
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.signals.errors import RecordingError
 from hil.signals.samples import PointCloudSample
@@ -26,14 +25,9 @@ def lidar_bin(sample: PointCloudSample) -> bytes:
     return points.tobytes()
 
 
-def lidar_label(sample: PointCloudSample, instance: NDArray[np.uint16] | None = None) -> bytes:
+def lidar_label(sample: PointCloudSample) -> bytes:
     _check(sample)
-    labels = sample.segmentation.astype("<u4")
-    if instance is not None:
-        if len(instance) != len(labels):
-            raise RecordingError(f"LiDAR labels: {len(labels)} points, but {len(instance)} instances")
-        labels |= instance.astype("<u4") << np.uint32(16)
-    return labels.tobytes()
+    return sample.segmentation.astype("<u4").tobytes()
 
 
 def lidar_csv(sample: PointCloudSample) -> bytes:
@@ -48,13 +42,6 @@ def lidar_csv(sample: PointCloudSample) -> bytes:
     ]
     rows = [_CSV_ROW % row for row in zip(*columns, strict=True)]
     return "".join([CSV_HEADER + "\n", *rows]).encode()
-
-
-def read_lidar_bin(data: bytes) -> NDArray[np.float32]:
-    """(n, 4)."""
-    if len(data) % 16:
-        raise RecordingError(f"a LiDAR sweep of {len(data)} bytes was cut off: points have 16")
-    return np.frombuffer(data, "<f4").reshape(-1, 4)
 
 
 def _check(sample: PointCloudSample) -> None:

@@ -25,8 +25,6 @@ from sim import _kernels
 
 NOTHING = 0  # depth
 FARTHER = 65535  # depth
-_NORMAL_SCALE = 127.0
-_NORMAL_ZERO = 128.0
 
 UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
@@ -42,22 +40,12 @@ class DepthScale:
         if not 1e-6 <= self.step_m <= 1.0:
             raise RecordingError(f"depth pictures: the step must be 1e-6 to 1 m, not {self.step_m:g}")
 
-    @property
-    def farthest_m(self) -> float:
-        return (FARTHER - 1) * self.step_m
-
     def values(self, depth_m: NDArray[np.float32], out: UInt16 | None = None) -> UInt16:
         """What the picture holds; in `out`, if it is given."""
         _check("depth", depth_m, np.float32, 1)
         values = np.empty(depth_m.shape, np.uint16) if out is None else out
         _kernels.depth_values(depth_m, 1.0 / self.step_m, values)  # a surface closer than half a step is not nothing
         return values
-
-    def depth_m(self, values: UInt16) -> NDArray[np.float64]:
-        """Back again: +inf for nothing and for what is farther."""
-        depth = values.astype(np.float64) * self.step_m
-        depth[(values == NOTHING) | (values == FARTHER)] = np.inf
-        return depth
 
 
 class PictureEncoder:
@@ -111,13 +99,6 @@ def normal_values(normal_C: NDArray[np.float32], out: UInt8 | None = None) -> UI
     values = np.empty(normal_C.shape, np.uint8) if out is None else out
     _kernels.normal_values(normal_C, values)
     return values
-
-
-def normals(values: UInt8) -> NDArray[np.float32]:
-    """Back again, to within 1/254 in each part."""
-    result = (values.astype(np.float32) - np.float32(_NORMAL_ZERO)) / np.float32(_NORMAL_SCALE)
-    result[(values == 0).all(axis=2)] = 0.0
-    return result
 
 
 def palette_csv(names: tuple[str, ...], colours: tuple[tuple[int, int, int], ...]) -> str:

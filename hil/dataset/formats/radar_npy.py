@@ -40,22 +40,6 @@ def _npy_head(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
     return file.getvalue()[: -dtype.itemsize * prod(shape) or None]
 
 
-def raw_npy(adc: NDArray[np.uint16], chirp: Chirp) -> bytes:
-    if adc.dtype != np.uint16 or adc.ndim != 3 or adc.shape[1:] != (chirp.chirps, chirp.samples):
-        raise RecordingError(
-            f"radar: raw samples must be uint16 (receivers, {chirp.chirps}, {chirp.samples}), "
-            f"not {adc.dtype} {adc.shape}"
-        )
-    return npy(adc)
-
-
-def range_doppler_npy(power: NDArray[np.float32], chirp: Chirp) -> bytes:
-    wanted = (chirp.chirps, chirp.samples // 2)
-    if power.dtype != np.float32 or power.shape != wanted:
-        raise RecordingError(f"radar: a range-Doppler map must be float32 {wanted}, not {power.dtype} {power.shape}")
-    return npy(power)
-
-
 def radar_json(chirp: Chirp, rx_antennas: Sequence[int], *, rate_hz: float) -> str:
     """`hil radar` reads `device_config`."""
     config = {

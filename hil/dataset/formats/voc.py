@@ -22,7 +22,7 @@ DIFFICULT_BELOW_PX = 64
 _OF_SPLIT = {"train": "train", "validation": "val", "test": "test"}  # VOC's names
 
 
-def annotation_xml(file_name: str, labels: PictureLabels, classes: Classes, *, database: str = "hil dataset") -> bytes:
+def annotation_xml(file_name: str, labels: PictureLabels, classes: Classes) -> bytes:
     """The annotation of one picture. `file_name`: of the picture, without folders."""
     if not file_name or "/" in file_name:
         raise RecordingError(f"VOC: a picture's name has no folders: {file_name!r}")
@@ -30,7 +30,7 @@ def annotation_xml(file_name: str, labels: PictureLabels, classes: Classes, *, d
         "<annotation>",
         f"\t<folder>{IMAGES}</folder>",
         f"\t<filename>{escape(file_name)}</filename>",
-        f"\t<source><database>{escape(database)}</database></source>",
+        "\t<source><database>hil dataset</database></source>",
         f"\t<size><width>{labels.width}</width><height>{labels.height}</height><depth>3</depth></size>",
         "\t<segmented>1</segmented>",
     ]
