@@ -7,6 +7,7 @@ because sums are split by it. A training that was stopped goes on from `last.pt`
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +23,6 @@ from torch import Tensor, nn
 from hil.detect.arrangement import INPUT_PX, LEVELS, described
 from hil.detect.assign import Assigner
 from hil.detect.augment import Augmenter, Strength
-from hil.detect.averaged import Averaged
 from hil.detect.batches import Batches, blob_of
 from hil.detect.evaluate import Evaluation, judged_at
 from hil.detect.loss import detection_loss
@@ -74,6 +74,30 @@ class Epoch:
     loss_boxes: float
     learning_rate: float
     evaluation: Evaluation | None
+
+
+class Averaged:
+    """A moving average of a network's weights, which judges better than where the optimiser just stands.
+
+    After n steps each weight counts the last 1 / (1 - decay) steps or so; fewer at the beginning.
+    """
+
+    def __init__(self, model: nn.Module, decay: float) -> None:
+        self.model = copy.deepcopy(model).eval()
+        self.decay = decay
+        self.steps = 0
+        for p in self.model.parameters():
+            p.requires_grad_(False)
+
+    @torch.no_grad()
+    def update(self, model: nn.Module) -> None:
+        self.steps += 1
+        decay = min(self.decay, (1.0 + self.steps) / (10.0 + self.steps))
+        for own, new in zip(self.model.state_dict().values(), model.state_dict().values(), strict=True):
+            if own.dtype.is_floating_point:
+                own.lerp_(new, 1.0 - decay)
+            else:
+                own.copy_(new)
 
 
 class Training:

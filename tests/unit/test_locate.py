@@ -18,11 +18,10 @@ from hil_companion.detect.detection import Detection  # noqa: E402
 from hil_companion.errors import CutError  # noqa: E402
 from hil_companion.explore.inertial import Moment  # noqa: E402
 from hil_companion.locate.camera import Camera  # noqa: E402
-from hil_companion.locate.geolocation import Geolocation, RadarView, depth_in, ground_range  # noqa: E402  # noqa: E402
-from hil_companion.locate.looks import difference, look_of  # noqa: E402
+from hil_companion.locate.geolocation import Geolocation, RadarView, depth_in, ground_range  # noqa: E402
 from hil_companion.locate.own_pose import OwnPose  # noqa: E402
 from hil_companion.locate.tiles import outdone, pieces, without_doubles  # noqa: E402
-from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
+from hil_companion.locate.tracks import Sighting, Tracks, difference, look_of  # noqa: E402
 
 SECOND = 1_000_000_000
 WIDTH, HEIGHT, FOCAL = 320, 240, 200.0

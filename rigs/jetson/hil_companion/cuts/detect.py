@@ -27,11 +27,10 @@ from hil_companion.frame import Frame
 from hil_companion.locate.camera import Camera
 from hil_companion.locate.geolocation import Geolocation, RadarView
 from hil_companion.locate.journal import Journal
-from hil_companion.locate.looks import look_of
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
 from hil_companion.locate.tiles import outdone, pieces, without_doubles
-from hil_companion.locate.tracks import Sighting, Tracks
+from hil_companion.locate.tracks import Sighting, Tracks, look_of
 from hil_companion.protocol import Welcome
 
 OUT_VARIABLE = "HIL_COMPANION_OUT"  # a folder for whatever a started client wants to leave; the bench sets it

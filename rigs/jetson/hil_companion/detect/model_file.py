@@ -130,10 +130,6 @@ def _described(file: Path, data: Any, onnx: Path, digest: str) -> ModelFile:
     )
 
 
-def _positive(numbers: tuple[float, ...]) -> bool:
-    return bool(numbers) and min(numbers) > 0.0
-
-
 def _numbers(values: Any) -> tuple[float, ...]:
     numbers = tuple(float(v) for v in values)
     if not all(math.isfinite(n) for n in numbers):

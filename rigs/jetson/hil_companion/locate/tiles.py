@@ -10,6 +10,8 @@ from typing import Any, Sequence, Tuple
 
 import numpy as np
 
+from hil_companion.detect.decode import overlaps
+
 _OVERLAP = 0.25
 _SEATS = ("bench",)
 _SAME_IOU, _HELD_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
@@ -49,19 +51,12 @@ def outdone(one: Any, found: Sequence[Any]) -> bool:
     )
 
 
-def _iou(a: Sequence[float], b: Sequence[float]) -> float:
-    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    if wide <= 0.0 or high <= 0.0:
-        return 0.0
-    areas = sum((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
-    return wide * high / (areas - wide * high)
-
-
 def _same(a: Sequence[float], b: Sequence[float]) -> bool:
-    wide = min(a[2], b[2]) - max(a[0], b[0])
-    high = min(a[3], b[3]) - max(a[1], b[1])
-    if wide <= 0.0 or high <= 0.0:
-        return False
-    both = wide * high
-    area_a, area_b = ((box[2] - box[0]) * (box[3] - box[1]) for box in (a, b))
-    return bool(both > _SAME_IOU * (area_a + area_b - both) or both > _HELD_SHARE * np.minimum(area_a, area_b))
+    first, second = np.asarray(a, float), np.asarray(b, float)
+    wide, high = np.maximum(np.minimum(first[2:], second[2:]) - np.maximum(first[:2], second[:2]), 0.0)
+    least = min(np.prod(first[2:] - first[:2]), np.prod(second[2:] - second[:2]))
+    return bool(_iou(a, b) > _SAME_IOU or wide * high > _HELD_SHARE * least)
+
+
+def _iou(a: Sequence[float], b: Sequence[float]) -> float:
+    return float(overlaps(np.asarray(a, float), np.asarray([b], float))[0])

@@ -19,10 +19,10 @@ import math
 from dataclasses import dataclass
 from typing import Sequence
 
+import cv2
 import numpy as np
 
 from hil_companion.detections import Found
-from hil_companion.locate.looks import difference
 
 _ACCEL, _STROLL = 0.35, 0.12
 _FIRST_SPEED_MPS, _MOST_SPEED_MPS = 0.9, 2.5
@@ -35,6 +35,12 @@ _LONG_S, _SURE_LOOK = 8.0, 1.0
 _LOOKS_KEPT = 12.0  # sightings that a mean look is worth at most
 _ONE_PLACE_M = 1.0
 _UNCONFIRMED_S = 12.0  # what was seen too seldom is forgotten after so long
+
+# Of a look, shares of the box.
+_LEAST_HEIGHT_PX = 14.0
+_ACROSS = (0.36, 0.64)  # of the box
+_UPPER, _LOWER = (0.2, 0.42), (0.55, 0.82)
+_WEIGHTS = np.array([0.33, 1.0, 1.0] * 2)
 
 
 @dataclass(frozen=True)
@@ -189,3 +195,28 @@ class Tracks:
     def found(self) -> list[Found]:
         """Those that count, by number."""
         return [track.found() for track in self._tracks if track.sure >= self._least]
+
+
+def look_of(rgb: np.ndarray, box_px: Sequence[float]) -> np.ndarray | None:
+    """What somebody looks like from afar: the colours of the upper and the lower half of a box's middle.
+
+    Six numbers in CIE L*a*b*, medians, so that what is behind counts little. None where the box is too small to tell.
+    """
+    x0, y0, x1, y1 = box_px
+    if y1 - y0 < _LEAST_HEIGHT_PX:
+        return None
+    parts = []
+    for top, bottom in (_UPPER, _LOWER):
+        columns = slice(max(0, int(x0 + _ACROSS[0] * (x1 - x0))), int(np.ceil(x0 + _ACROSS[1] * (x1 - x0))))
+        rows = slice(max(0, int(y0 + top * (y1 - y0))), int(np.ceil(y0 + bottom * (y1 - y0))))
+        patch = rgb[rows, columns]
+        if patch.size == 0:
+            return None
+        lab = cv2.cvtColor((patch[np.newaxis].reshape(1, -1, 3) / 255.0).astype(np.float32), cv2.COLOR_RGB2LAB)
+        parts.append(np.median(lab[0], axis=0))
+    return np.concatenate(parts).astype(float)
+
+
+def difference(a: np.ndarray, b: np.ndarray) -> float:
+    """0: the same colours; above about 20 other clothes. Lightness counts a third: it changes with shade and sun."""
+    return float(np.sqrt(np.mean((_WEIGHTS * (a - b)) ** 2)))

@@ -1,16 +1,19 @@
 """Libraries that can run the network, each in a module of its own that is only loaded when it is asked for.
 
-Each has a class `Backend(model, threads)` with `name` and `forward(blob) -> (logits, offsets)`; what is made of these
-is the same for all (`detect.decode`), so that they differ by rounding alone.
+Each module has `LIBRARY`, its name for people, `ERRORS`, what it may raise, and `load(model, threads)`, which returns a
+function from blob to the network's maps. What is made of these is the same for all, so that they differ by rounding
+alone.
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
 
+import numpy as np
+
+from hil_companion.detect.anchors import by_anchor
 from hil_companion.detect.model_file import ModelFile
-from hil_companion.errors import OptionError
+from hil_companion.errors import CutError, OptionError
 
 # Name on the command line: module, and what to install where it is missing.
 BACKENDS = {
@@ -20,15 +23,41 @@ BACKENDS = {
 }
 
 
-def open_backend(name: str, model: ModelFile, threads: int | None = None) -> Any:
-    """`threads`: of processor work, None: as many as the library takes. OptionError."""
+class Backend:
+    """A model in one library. `threads`: of processor work, None: as many as the library takes. OptionError."""
+
+    def __init__(self, name: str, model: ModelFile, threads: int | None) -> None:
+        self.name, self._model = name, model
+        self._file = model.torch_path if name == "pytorch" else model.path
+        module, package = BACKENDS[name]
+        try:
+            self._library = importlib.import_module(f"{__name__}.{module}")
+        except ImportError as error:
+            raise OptionError(f"back end {name} is not installed here ({error}); pip install {package}") from None
+        try:
+            self._run = self._library.load(model, threads)
+        except OptionError:
+            raise
+        except self._library.ERRORS as error:
+            raise OptionError(f"{self._file}: {self._library.LIBRARY} cannot read it ({_first(error)})") from None
+
+    def forward(self, blob: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Logits (N, classes) and offsets (N, 4) for a blob (1, 3, H, W) float32. CutError."""
+        model = self._model
+        try:
+            return by_anchor(model.levels, model.input_px, self._run(blob), len(model.classes))
+        except (ValueError, *self._library.ERRORS) as error:
+            raise CutError(f"{self._file}: {self._library.LIBRARY} cannot run it ({_first(error)})") from None
+
+
+def open_backend(name: str, model: ModelFile, threads: int | None = None) -> Backend:
+    """OptionError."""
     if name not in BACKENDS:
         raise OptionError(f"no back end {name!r}; there are {', '.join(BACKENDS)}")
     if threads is not None and threads < 1:
         raise OptionError(f"{threads} threads: at least 1 is needed")
-    module, package = BACKENDS[name]
-    try:
-        found = importlib.import_module(f"{__name__}.{module}")
-    except ImportError as error:
-        raise OptionError(f"back end {name} is not installed here ({error}); pip install {package}") from None
-    return found.Backend(model, threads)
+    return Backend(name, model, threads)
+
+
+def _first(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
