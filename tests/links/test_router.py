@@ -6,58 +6,37 @@ import time
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import MSGID, NAME, message_class, pack
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.messages import NAME
 from firmware_bridge.router import HIL_FAMILY, PX4_ENDPOINTS, Endpoint, Router
 from hil.signals.errors import PortBusy, PortNotFound
+from tests.links.router_client import UdpClient, command, framed, heartbeat, raw, until
 
 VEHICLE = FrameEncoder(1, 1)
 CLIENT = FrameEncoder(245, 190)
 
 
-def parsed(encoder, name, *values):
-    m = message_class(name)(*values)
-    (frame,) = FrameParser().feed(encoder.frame(m.MSGID, pack(m)))
-    return frame
-
-
-HEARTBEAT = parsed(VEHICLE, "HEARTBEAT", 2, 12, 0, 0, 0, 3)
-ATTITUDE = parsed(VEHICLE, "ATTITUDE", 1, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)
-ACTUATORS = parsed(VEHICLE, "HIL_ACTUATOR_CONTROLS", 1, (0.0,) * 16, 1, 1)
-HELLO = parsed(CLIENT, "HEARTBEAT", 6, 8, 0, 0, 4, 3).raw
-ARM = parsed(CLIENT, "COMMAND_LONG", 1, 1, 400, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).raw
-
-
-class Client:
-    def __init__(self):
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(1.0)
-        self.address = self.socket.getsockname()
-        self.parser = FrameParser()
-
-    def say(self, data, to):
-        self.socket.sendto(data, to)
-
-    def hear(self):
-        return [frame.msgid for frame in self.parser.feed(self.socket.recv(65536))]
-
-    def hears_nothing(self):
-        self.socket.settimeout(0.02)
-        try:
-            self.socket.recv(65536)
-        except TimeoutError:
-            return True
-        finally:
-            self.socket.settimeout(1.0)
-        return False
+HEARTBEAT = framed(raw(VEHICLE, "HEARTBEAT", 2, 12, 0, 0, 0, 3))
+ATTITUDE = framed(raw(VEHICLE, "ATTITUDE", 1, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0))
+ACTUATORS = framed(raw(VEHICLE, "HIL_ACTUATOR_CONTROLS", 1, (0.0,) * 16, 1, 1))
+HELLO = heartbeat(CLIENT)
+ARM = command(CLIENT, 1, 1)
 
 
 @pytest.fixture
 def client():
-    client = Client()
+    client = UdpClient()
     yield client
-    client.socket.close()
+    client.close()
+
+
+def hears(client, count):
+    """Names of what has come since the last call, once there are `count` of them, or after a moment."""
+    deadline = time.monotonic() + (5.0 if count else 0.02)
+    while len(client.hear()) < max(count, 1) and time.monotonic() < deadline:
+        time.sleep(0.001)
+    heard, client.heard = client.heard, []
+    return [NAME[frame.msgid] for frame in heard]
 
 
 @pytest.fixture
@@ -68,39 +47,35 @@ def router(client):
     router.close()
 
 
-def collect(router, count, limit_s=2.0):
-    """Bytes collected until there are `count` of them: datagrams on loopback take a moment."""
-    data = b""
-    deadline = time.monotonic() + limit_s
-    while len(data) < count and time.monotonic() < deadline:
-        data += router.collect()
-    return data
+def collect(router, count):
+    """Bytes collected until there are `count` of them."""
+    return until(router, lambda data: len(data) >= count)
 
 
 def test_only_heartbeats_until_a_client_speaks_then_everything_but_hil(router, client):
     router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
-    assert client.hear() == [MSGID["HEARTBEAT"]]
+    assert hears(client, 1) == ["HEARTBEAT"]
     router.forward([ATTITUDE, ACTUATORS])
-    assert client.hears_nothing()
+    assert hears(client, 0) == []
     assert not router.received_any
     client.say(HELLO, router.local_addresses[0])
     assert collect(router, len(HELLO)) == HELLO
     assert router.received_any
     router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
-    assert client.hear() == [MSGID["ATTITUDE"], MSGID["HEARTBEAT"]]
+    assert hears(client, 2) == ["ATTITUDE", "HEARTBEAT"]
     assert (router.stats.to_clients, router.stats.from_clients, router.stats.clients) == (3, 1, 1)
 
 
 def test_a_client_from_elsewhere_is_learnt(router, client):
-    other = Client()
+    other = UdpClient()
     other.say(ARM, router.local_addresses[0])
     assert collect(router, len(ARM)) == ARM
     router.forward([ATTITUDE])
-    assert other.hear() == [MSGID["ATTITUDE"]]
-    assert client.hears_nothing()  # it has not spoken yet
+    assert hears(other, 1) == ["ATTITUDE"]
+    assert hears(client, 0) == []  # it has not spoken yet
     router.forward([HEARTBEAT])
-    assert client.hear() == [MSGID["HEARTBEAT"]]
-    other.socket.close()
+    assert hears(client, 1) == ["HEARTBEAT"]
+    other.close()
 
 
 def test_only_whole_valid_frames_go_on(router, client):
@@ -113,7 +88,7 @@ def test_only_whole_valid_frames_go_on(router, client):
 
 
 def test_hil_messages_from_clients_are_refused(router, client):
-    fake_sensor = parsed(CLIENT, "HIL_SENSOR", 0, *[0.0] * 13, 0x1FFF, 0).raw
+    fake_sensor = raw(CLIENT, "HIL_SENSOR", 0, *[0.0] * 13, 0x1FFF, 0)
     client.say(fake_sensor + ARM, router.local_addresses[0])
     assert collect(router, len(ARM)) == ARM
     assert router.stats.rejected == 1
@@ -126,7 +101,7 @@ def test_the_hil_family():
 
 
 def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(router, client):
-    other = Client()
+    other = UdpClient()
     to = router.local_addresses[0]
     client.say(HELLO, to)
     other.say(HELLO, to)
@@ -139,7 +114,7 @@ def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(rout
     assert router.collect() == b""
     client.say(ARM[20:], to)
     assert collect(router, len(ARM)) == ARM
-    other.socket.close()
+    other.close()
 
 
 def test_a_flood_is_bounded_per_tick_and_in_memory(router, client):
@@ -175,6 +150,7 @@ def test_long_telemetry_is_cut_into_datagrams_of_whole_frames(router, client):
     router.forward([ATTITUDE] * 200)
     sizes = []
     total = 0
+    client.socket.setblocking(True)
     while total < 200:
         data = client.socket.recv(65536)
         sizes.append(len(data))
