@@ -207,46 +207,47 @@ class FrameSplitter:
     def feed(self, data: bytes) -> list[bytes]:
         """Take `data` and return the units that are complete."""
         data = self._pending + data
-        units, end = self._scan(data, last=False)
+        pieces, end = _pieces(data, last=False)
         self._pending = data[end:]
-        return units
+        return [unit for _, unit in pieces]
 
     def flush(self) -> list[bytes]:
         """All that is held back, as units: nothing more will come."""
-        units, _ = self._scan(self._pending, last=True)
+        pieces, _ = _pieces(self._pending, last=True)
         self._pending = b""
-        return units
+        return [unit for _, unit in pieces]
 
     def clear(self) -> None:
         """Forget what is held back."""
         self._pending = b""
 
-    @staticmethod
-    def _scan(data: bytes, *, last: bool) -> tuple[list[bytes], int]:
-        """Units of `data`, and where the bytes begin that must wait for more."""
-        units: list[bytes] = []
-        pos, size = 0, len(data)
-        while pos < size:
-            header = _HEADER_LENGTH.get(data[pos])
-            if header is None:
-                match = _start_byte(data, pos)
-                to = match.start() if match else size
-                units += [data[i : i + 1] for i in range(pos, to)]
-                pos = to
-                continue
-            end = size + 1  # more bytes are needed to tell
-            if pos + header <= size:
-                msgid, crc_at, end = _claim(data, pos)
-                whole = end <= size and msgid in SHAPES
-                if msgid == NO_FRAME or (whole and not _checksum_fits(data, pos, crc_at, msgid)):
-                    end = pos + 1
-            if end > size:
-                if not last:
-                    break
+
+def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
+    """(message id, unit) of the units of `data`, and where the bytes begin that must wait for more, unless `last`."""
+    found: list[tuple[int, bytes]] = []
+    pos, size = 0, len(data)
+    while pos < size:
+        header = _HEADER_LENGTH.get(data[pos])
+        if header is None:
+            match = _start_byte(data, pos)
+            to = match.start() if match else size
+            found += [(NO_FRAME, data[i : i + 1]) for i in range(pos, to)]
+            pos = to
+            continue
+        msgid, end = NO_FRAME, size + 1  # more bytes are needed to tell
+        if pos + header <= size:
+            msgid, crc_at, end = _claim(data, pos)
+            if end <= size and msgid in SHAPES and not _checksum_fits(data, pos, crc_at, msgid):
+                msgid, end = NO_FRAME, pos + 1
+            elif msgid == NO_FRAME:
                 end = pos + 1
-            units.append(data[pos:end])
-            pos = end
-        return units, pos
+        if end > size:
+            if not last:
+                break
+            msgid, end = NO_FRAME, pos + 1
+        found.append((msgid, data[pos:end]))
+        pos = end
+    return found, pos
 
 
 def message_id(unit: bytes) -> int:
@@ -262,15 +263,18 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
     Bytes that are no frame (a damaged or cut one) come as one piece with id `NO_FRAME`: joining the pieces gives
     `data` again.
     """
-    pieces: list[tuple[int, bytes]] = []
-    units, _ = FrameSplitter._scan(data, last=True)
-    for unit in units:
-        msgid = message_id(unit)
-        if msgid == NO_FRAME and pieces and pieces[-1][0] == NO_FRAME:
-            pieces[-1] = (NO_FRAME, pieces[-1][1] + unit)
-        else:
-            pieces.append((msgid, unit))
-    return pieces
+    joined: list[tuple[int, bytes]] = []
+    stray: list[bytes] = []
+    for msgid, unit in [*_pieces(data, last=True)[0], (None, b"")]:
+        if msgid == NO_FRAME:
+            stray.append(unit)
+            continue
+        if stray:
+            joined.append((NO_FRAME, b"".join(stray)))
+            stray = []
+        if msgid is not None:
+            joined.append((msgid, unit))
+    return joined
 
 
 def datagrams(frames: Iterable[bytes]) -> Iterator[tuple[bytes, int]]:
