@@ -20,7 +20,7 @@ from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.formats.split import GUARD, SETS
 from hil.dataset.journal import BatchRecord, Journal, StoredChunk
 from hil.dataset.moments import Batch, Moment
-from hil.dataset.plan import DEFAULT_BENCH, make_plan
+from hil.dataset.plan import make_plan
 from hil.dataset.progress import FrameProgress
 from hil.dataset.trajectory import course, waypoints_text
 from hil.dataset.tree import JOURNAL, Written
@@ -188,10 +188,6 @@ def test_progress_tells_rate_and_time_left() -> None:
         progress.show(250)
     lines = stream.getvalue().splitlines()
     assert lines == ["10 of 500 frames", "250 of 500 frames, 40.0 frames/s, 6 s left"]
-
-
-def test_the_default_bench_is_shipped() -> None:
-    assert (Path(__file__).parents[2] / DEFAULT_BENCH).is_file()
 
 
 def test_frames_are_those_of_the_camera_that_can_be_labelled(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -55,24 +54,6 @@ def test_png_reads_back_bit_for_bit(picture: NDArray[np.uint8], sub: bool) -> No
     assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), picture)
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 5000), (700, 900), (2, 65536)])
-@pytest.mark.parametrize("kind", ["flat", "noise", "skewed", "stripes", "far"])
-def test_png_of_hard_pictures(size: tuple[int, int], kind: str) -> None:
-    rng = np.random.default_rng(3)
-    n = size[0] * size[1]
-    values = {
-        "flat": np.zeros(n, np.uint8),
-        "noise": rng.integers(0, 256, n, dtype=np.uint8),  # does not shrink
-        "skewed": np.minimum(rng.geometric(0.7, n), 255).astype(np.uint8),  # long codes
-        "stripes": (np.arange(n) // 3 % 7).astype(np.uint8),
-        "far": np.tile(rng.integers(0, 256, 30_011, dtype=np.uint8), n // 30_011 + 1)[:n],  # matches far back
-    }[kind]
-    picture = values.reshape(size)
-    data = encode_png(picture)
-    assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), picture)
-    assert len(data) <= (n + size[0]) * 1.001 + 200
-
-
 def test_png_holds_nothing_but_the_picture() -> None:
     data = encode_png(np.arange(12, dtype=np.uint8).reshape(3, 4))
     at, names = 8, []
@@ -83,15 +64,6 @@ def test_png_holds_nothing_but_the_picture() -> None:
         assert zlib.crc32(body) == struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0]
         at += 12 + length
     assert names == [b"IHDR", b"IDAT", b"IEND"]
-
-
-def test_workers_write_the_same_bytes() -> None:
-    rng = np.random.default_rng(5)
-    frames = [rng.integers(0, 1 << bits, (48, 64, 3), dtype=np.uint8) for bits in (1, 2, 4, 8)] * 4
-    encoder = PictureEncoder()
-    alone = [encoder.rgb_png(frame) for frame in frames]
-    with ThreadPoolExecutor(4) as pool:
-        assert list(pool.map(lambda frame: PictureEncoder().rgb_png(frame), frames)) == alone
 
 
 @given(st.lists(st.floats(0.0, 65.5, width=32), min_size=1, max_size=50))

@@ -40,33 +40,27 @@ class DepthScale:
         if not 1e-6 <= self.step_m <= 1.0:
             raise RecordingError(f"depth pictures: the step must be 1e-6 to 1 m, not {self.step_m:g}")
 
-    def values(self, depth_m: NDArray[np.float32], out: UInt16 | None = None) -> UInt16:
-        """What the picture holds; in `out`, if it is given."""
+    def values(self, depth_m: NDArray[np.float32]) -> UInt16:
+        """What the picture holds."""
         _check("depth", depth_m, np.float32, 1)
-        values = np.empty(depth_m.shape, np.uint16) if out is None else out
+        values = np.empty(depth_m.shape, np.uint16)
         _kernels.depth_values(depth_m, 1.0 / self.step_m, values)  # a surface closer than half a step is not nothing
         return values
 
 
 class PictureEncoder:
-    """Pictures to files' bytes. One per worker: it keeps buffers. RecordingError for an array that does not fit."""
+    """Pictures to files' bytes. RecordingError for an array that does not fit."""
 
     def __init__(self, depth_scale: DepthScale | None = None, palette: UInt8 | None = None) -> None:
         self.depth_scale = depth_scale or DepthScale()
         self._palette = palette
-        # Of pictures of one size: a new array a picture is new pages a picture, which the system hands out one by one.
-        self._depth: UInt16 = np.empty((0, 0), np.uint16)
-        self._normal: UInt8 = np.empty((0, 0, 3), np.uint8)
 
     def rgb_png(self, rgb: UInt8) -> bytes:
         _check("rgb", rgb, np.uint8, 3)
         return encode_png(rgb, sub=True)  # a quarter smaller than without, where the camera has noise
 
     def depth_png(self, depth_m: NDArray[np.float32]) -> bytes:
-        if self._depth.shape != depth_m.shape:
-            _check("depth", depth_m, np.float32, 1)
-            self._depth = np.empty(depth_m.shape, np.uint16)
-        return encode_png(self.depth_scale.values(depth_m, self._depth), sub=True)
+        return encode_png(self.depth_scale.values(depth_m), sub=True)
 
     def class_png(self, segmentation: UInt8) -> bytes:
         _check("segmentation", segmentation, np.uint8, 1)
@@ -87,16 +81,13 @@ class PictureEncoder:
         return encode_png(instance)
 
     def normal_png(self, normal_C: NDArray[np.float32]) -> bytes:
-        if self._normal.shape != normal_C.shape:
-            _check("normal", normal_C, np.float32, 3)
-            self._normal = np.empty(normal_C.shape, np.uint8)
-        return encode_png(normal_values(normal_C, self._normal))
+        return encode_png(normal_values(normal_C))
 
 
-def normal_values(normal_C: NDArray[np.float32], out: UInt8 | None = None) -> UInt8:
-    """What a picture of normals holds; in `out`, if it is given."""
+def normal_values(normal_C: NDArray[np.float32]) -> UInt8:
+    """What a picture of normals holds."""
     _check("normal", normal_C, np.float32, 3)
-    values = np.empty(normal_C.shape, np.uint8) if out is None else out
+    values = np.empty(normal_C.shape, np.uint8)
     _kernels.normal_values(normal_C, values)
     return values
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
-from functools import lru_cache
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -28,16 +26,9 @@ def npy(array: NDArray[Any]) -> bytes:
     """A numpy file (version 1.0), little endian, rows one after the other."""
     if array.dtype.hasobject:
         raise RecordingError("a numpy file of a data set holds numbers, not objects")
-    plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
-    return _npy_head(plain.dtype, plain.shape) + plain.tobytes()
-
-
-@lru_cache(maxsize=64)
-def _npy_head(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
-    """What stands before the numbers: of every frame of a radar the same."""
     file = io.BytesIO()
-    np.lib.format.write_array(file, np.empty(shape, dtype), version=(1, 0), allow_pickle=False)
-    return file.getvalue()[: -dtype.itemsize * prod(shape) or None]
+    np.save(file, np.ascontiguousarray(array, array.dtype.newbyteorder("<")), allow_pickle=False)
+    return file.getvalue()
 
 
 def radar_json(chirp: Chirp, rx_antennas: Sequence[int], *, rate_hz: float) -> str:
