@@ -20,7 +20,7 @@ from firmware_bridge.transports.pty import PtyTransport
 
 BAUD = 921_600
 SENSOR_SERIAL = 4  # SERIAL4 of SITL has our VectorNav, SERIAL0 MAVLink
-EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's; 3 is EKF3 on its measurements
+_EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's; 3 is EKF3 on its measurements
 
 _DEVICE_TYPE_IMU = 0x320000  # of an accelerometer behind an External AHRS
 _BUS_SERIAL = 6
@@ -37,23 +37,21 @@ class HeldPty(PtyTransport):
         return self._opened().read(timeout_s)
 
 
-def board_parameters(*, serial: int, has_ins: bool = True, ekf: int = EKF_EXTERNAL, rate_hz: int) -> dict[str, float]:
+def board_parameters(*, serial: int, rate_hz: int) -> dict[str, float]:
     """What a board needs on which the External AHRS, at SERIAL`serial`, is to be the only source of measurements.
 
     The device ids make accelerometer and compass count as calibrated (with offsets that are not zero).
     """
     where = serial * 8 + _BUS_SERIAL
-    # Arming compares variances that an External AHRS does not fill in (4.7-dev): memory left over from something else.
-    unchecked = {"FS_EKF_THRESH": 0} if ekf == EKF_EXTERNAL else {}
     return {
         "EAHRS_TYPE": 1,
         "EAHRS_RATE": rate_hz,
-        "EAHRS_SENSORS": 15 if has_ins else 14,
+        "EAHRS_SENSORS": 15,
         "EAHRS_OPTIONS": 0,
         f"SERIAL{serial}_PROTOCOL": 36,
         f"SERIAL{serial}_BAUD": BAUD,
-        "AHRS_EKF_TYPE": ekf,
-        "GPS1_TYPE": 21 if has_ins else 1,
+        "AHRS_EKF_TYPE": _EKF_EXTERNAL,
+        "GPS1_TYPE": 21,
         "GPS2_TYPE": 0,
         "COMPASS_USE2": 0,
         "COMPASS_USE3": 0,
@@ -69,7 +67,8 @@ def board_parameters(*, serial: int, has_ins: bool = True, ekf: int = EKF_EXTERN
         "INS_ACCSCAL_X": 1.0,
         "INS_ACCSCAL_Y": 1.0,
         "INS_ACCSCAL_Z": 1.0,
-        **unchecked,
+        # Arming compares variances that an External AHRS does not fill in (4.7-dev): left-over memory.
+        "FS_EKF_THRESH": 0,
         **{f"INS_ACC2OFFS_{axis}": 0 for axis in "XYZ"},
         **{f"INS_ACC2SCAL_{axis}": 1 for axis in "XYZ"},
     }
@@ -80,7 +79,6 @@ def sitl_parameters(
     hover_control: float,
     thrust_model_factor: float,
     tick_hz: float,
-    ekf: int = EKF_EXTERNAL,
     more: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Parameters of an ArduCopter SITL that sees nothing but our device; `more` comes last and wins.
@@ -100,7 +98,7 @@ def sitl_parameters(
         "SIM_ENGINE_FAIL": _ALL_MOTORS,
         "SIM_ENGINE_MUL": 0,
     }
-    board = board_parameters(serial=SENSOR_SERIAL, ekf=ekf, rate_hz=round(tick_hz))
+    board = board_parameters(serial=SENSOR_SERIAL, rate_hz=round(tick_hz))
     return copter | board | simulated | dict(more or {})
 
 

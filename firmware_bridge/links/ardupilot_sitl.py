@@ -121,7 +121,6 @@ def ardupilot_sitl(
     parameters: Mapping[str, float] | None = None,
     arguments: Sequence[str] = (),
     instance: int = 0,
-    speedup: float = 1000.0,
     servo_port: int | None = None,
     mavlink: str = "udp:0",
     **settings: Any,
@@ -149,7 +148,6 @@ def ardupilot_sitl(
             servo_port=inbox.port,
             mavlink_port=None if side is None else side.udp_port,
             instance=instance,
-            speedup=speedup,
             arguments=arguments,
         )
         return ChildProcess(command, stderr_path=where / "arducopter.log", cwd=where, log_output=True)

@@ -21,7 +21,6 @@ from firmware_bridge.links.ardupilot_eahrs import (
     HeldPty,
     arducopter_eahrs_command,
     arducopter_on_ptys,
-    board_parameters,
     sitl_parameters,
 )
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
@@ -634,7 +633,6 @@ def test_command_line_and_parameters(tmp_path):
     assert (found["SERIAL4_PROTOCOL"], found["COMPASS_DEV_ID"], found["INS_ACC_ID"]) == (36, 38, 3277350)
     assert found["FENCE_ENABLE"] == 1.0
     assert "SIM_RATE_HZ" not in found
-    assert "FS_EKF_THRESH" not in board_parameters(serial=2, ekf=3, rate_hz=400)
     with pytest.raises(LinkError, match="Canberra"):
         arducopter_eahrs_command("ap", home=(0.0, 0.0, 0.0, 0.0), defaults="d", sensor_path="a", mavlink_path="b")
     with pytest.raises(PortNotFound, match="no such program"):
