@@ -16,12 +16,12 @@ from firmware_bridge.manual.manual_control import ManualControlSource
 from firmware_bridge.router import Router, RouterSource
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
 from hil.config import Bench
-from hil.home import State
+from hil.home import State, geodetic_from_W
 from hil.manual_flight import make_manual, make_page_manual
 from hil.missions.script import Injected, flight_actions
-from hil.offboard_flight import make_pilot
 from hil.recorder.recorder import Recorder
 from hil.scheduler import CommandSource
+from hil.signals._kernel import tangent_ned
 from hil.signals.samples import TruthState
 from hil.signals.time import NS_PER_S
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 # them, it asks on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
 _ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
 _GRID_NS = NS_PER_S
+# A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
+_STALE_S, _STALE_FRAMES = 1.0, 2.5
 
 
 class Commanders:
@@ -101,7 +103,7 @@ class Commanders:
         config = self._bench.config
         grid_ns = _GRID_NS if config.autopilot.kind in _ON_A_GRID else 0
         if config.companion.on and config.companion.control:
-            return make_pilot(self._bench, state, recorder.event, grid_ns=grid_ns)
+            return _pilot(self._bench, state, recorder.event, grid_ns=grid_ns)
         if self._bench.mission is not None:
             return GroundStation(self._bench.mission.items, target_sysid=None, grid_ns=grid_ns)
         if self._bench.script is not None:
@@ -166,6 +168,21 @@ class Commanders:
         """What the autopilot has said as events: of severity 0 (emergency) to 3 errors, of 4 warnings."""
         for t_ns, severity, text in self.texts():
             recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
+
+
+def _pilot(bench: Bench, state: State, on_event: Callable[[int, str, str], None], *, grid_ns: int) -> OffboardPilot:
+    """Flies what a companion desires. `grid_ns`: times at which it may ask the autopilot, 0 for any."""
+    config = bench.config
+    return OffboardPilot(
+        geodetic_from_W(config.autopilot.kind, bench.scene.site, state),
+        tick_ns=config.tick_ns,
+        setpoint_hz=config.companion.setpoint_hz,
+        stale_s=max(_STALE_S, _STALE_FRAMES / config.companion.rate_hz),
+        projection=tangent_ned if config.autopilot.is_mock else None,
+        target_sysid=None,
+        grid_ns=grid_ns,
+        on_event=on_event,
+    )
 
 
 def _record_events(source: ManualControlSource, recorder: Recorder, truth: TruthState) -> None:  # noqa: ARG001

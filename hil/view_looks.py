@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from hil.config.layers import Settings, lay_settings
-from hil.config.schema import BenchConfig, Section
+from hil.config.schema import BenchConfig
 from hil.signals.documents.document import Document
-from hil.signals.documents.validate import validate
+from hil.signals.documents.validate import Section, validate
 from hil.signals.errors import ConfigError
 from sim.frame.quality import QualityName, with_quality
 from sim.randomize.looks import in_weather, randomized

@@ -22,12 +22,12 @@ the wire was first used within it.
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from firmware_bridge.codecs.messages import MSGID
+from hil.signals.documents.validate import Section, nearest
 from hil.signals.time import NS_PER_S
 
 Kind = Literal["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "unplug"]
@@ -38,10 +38,8 @@ _WHOLE_LINE = ("stall", "unplug")  # kinds that hit all units
 _FOREVER_NS = 1 << 62
 
 
-class LinkFault(BaseModel):
+class LinkFault(Section):
     """One fault of the wire."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     kind: Kind
     direction: Literal["to_autopilot", "from_autopilot", "both"] = "both"
@@ -58,9 +56,8 @@ class LinkFault(BaseModel):
     def _known_messages(cls, messages: tuple[str, ...]) -> tuple[str, ...]:
         for name in messages:
             if name not in MSGID:
-                near = difflib.get_close_matches(name[:100].upper(), MSGID, n=1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise ValueError(f"{name[:100]!r} is no MAVLink message known here{hint}")
+                hint = nearest(name, MSGID, listed=False)
+                raise ValueError(f"{name[:100]!r} is no MAVLink message known here{hint and '; ' + hint}")
         return messages
 
     @model_validator(mode="after")

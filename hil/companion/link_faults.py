@@ -17,8 +17,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from hil.signals.documents.validate import Section
 from hil.signals.noise import NoiseStream
 from hil.signals.time import NS_PER_S
 
@@ -28,10 +29,8 @@ _FOREVER_NS = 1 << 62
 Event = Callable[[int, str, str], None]
 
 
-class CompanionFault(BaseModel):
+class CompanionFault(Section):
     """One fault of the wire to one client."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
     kind: Literal["drop", "delay", "unplug"]
     client: Annotated[str, Field(min_length=1, max_length=64)]

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router_endpoint import Endpoint
+from hil.signals.documents.validate import Section
 from hil.signals.time import NS_PER_S
 from sim.frame.quality import QualityName
 from sim.physics.effects import Effects
@@ -23,12 +24,6 @@ from sim.scene.wind import Wind
 from sim.sensors.faults import SensorFault
 
 MAX_SEED = 2**63 - 1
-
-
-class Section(BaseModel):
-    """One mapping of the file: no unknown keys, no conversion of types, finite numbers, unchangeable."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 FaultTime = Annotated[float, Field(ge=0)] | None

@@ -45,6 +45,12 @@ class StrictModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+class Section(StrictModel):
+    """One mapping of a bench file: no conversion of types, besides."""
+
+    model_config = ConfigDict(strict=True)
+
+
 class Located(Protocol):
     """Anything that can say where a place of the data was written."""
 
