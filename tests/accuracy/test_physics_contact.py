@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.bench_suite.flight_cases import ThisProject, landing
-from hil.bench_suite.landing_checks import drop, skipping_difference_m
+from hil.bench_suite.landing_checks import drop
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene.scene import Box
 
@@ -30,10 +30,6 @@ def test_falls_stay_shallow(height_m: float) -> None:
     assert landed.depth_m <= 5e-3
     assert landed.rest_s <= 1.0
     assert landed.gain_j <= 0.0
-
-
-def test_skipping_contact_work_changes_nothing() -> None:
-    assert skipping_difference_m() == 0.0
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 8.0, 20.0])

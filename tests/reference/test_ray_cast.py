@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from sim._kernels import Geometry, RayCaster, coherent_order
-from tests.cpu_masks import output_of
 from tests.reference.ray_reference import MUJOCO_NUMBER, SHAPES, nearest
 from tests.unit.lidar_world import cast, compiled, mujoco_rays, native
 
@@ -148,27 +147,6 @@ def test_tree_range_order_threads_and_cpu_change_no_bit(crowd: Any) -> None:
         for option in options:
             got = cast(caster, origins, directions, t_max=t_max, **option)
             assert all(a.tobytes() == b.tobytes() for a, b in zip(plain, got, strict=True)), option
-
-
-DIGEST = """
-import hashlib, numpy as np
-from sim._kernels import RayCaster, frame_isa
-from tests.reference.test_ray_cast import fan, scatter
-from tests.unit.lidar_world import compiled, native
-caster, directions = RayCaster(native(*compiled(scatter(60, 3)))), np.round(fan(16, 50), 9)
-r, g = np.empty(800), np.empty(800, np.int32)
-n, v = np.empty((800, 3)), np.empty(800)
-caster.cast(np.array([[0.3, 0.2, 2.0]]), directions, 0.0, 100.0, r, g, n, v)
-h = hashlib.sha256()
-for a in (r, g, n, v): h.update(a.tobytes())
-print(h.hexdigest(), frame_isa())
-"""
-
-
-def test_a_process_limited_to_older_instructions_gives_the_same_bits() -> None:
-    digests = {isa: output_of(DIGEST, {"HIL_ISA": isa}).split() for isa in ("base", "avx2", "avx512")}
-    assert len({digest for digest, _ in digests.values()}) == 1
-    assert digests["base"][1] == "base"
 
 
 def test_normals_do_not_depend_on_what_was_met_before(crowd: Any) -> None:

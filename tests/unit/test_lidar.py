@@ -20,7 +20,6 @@ from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_echo import choose_echoes
 from sim.sensors.sweep_motion import sweep_motion
-from tests.cpu_masks import ALL, output_of
 from tests.unit.lidar_world import ModelFrames, compiled, truth_at
 from tests.unit.rotations import rotation
 
@@ -357,24 +356,6 @@ def test_every_preset_gives_the_same_bytes_for_the_same_seed_and_none_of_its_nei
         assert len(set(cloud.range_m.tolist())) > 20
         assert len(set(cloud.intensity.tolist())) > 20
     assert a.resolution["range_m"] == PRESETS[preset].parameters.range_resolution_m  # type: ignore[attr-defined]
-
-
-MASKED = """
-import hashlib
-from tests.unit.lidar_world import ModelFrames, compiled
-from tests.unit.test_lidar import BALLS, lidar, moving
-h = hashlib.sha256()
-for preset in ("hdl32e", "livox_mid40"):
-    sensor = lidar(ModelFrames(*compiled(BALLS)), preset=preset, beam_divergence_rad=0.003)
-    for k in range(2):
-        for value in sensor.sample(moving((k + 1) * 100_000_000), k):
-            h.update(value.tobytes() if hasattr(value, "tobytes") else repr(value).encode())
-print(h.hexdigest())
-"""
-
-
-def test_masked_cpu_features_change_no_bit() -> None:
-    assert output_of(MASKED) == output_of(MASKED, ALL | {"HIL_ISA": "base"})
 
 
 def test_a_lidar_without_a_world_or_with_a_million_points_is_refused() -> None:

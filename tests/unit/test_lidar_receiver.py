@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from hil.signals.noise import NoiseStream, noise_key
 from sim._kernels import LidarReceiver, lambert_strength, sweep_rays
 from sim.sensors.lidar_pattern import casting_order
-from tests.cpu_masks import ALL, output_of
 from tests.unit.test_frame_raster import ISAS
 
 KEYS = {"noise_key": noise_key(3, "a.range"), "loss_key": noise_key(3, "a.dropout")}
@@ -138,27 +137,6 @@ def test_neighbours_of_a_turning_head_are_cast_together() -> None:
     assert np.abs(packets - packets[:, :1]).max() < 0.08  # eight columns of one ring
     assert np.abs(np.diff(packets[:, 0], axis=0)).max() < 0.09  # and no leap from one packet to the next
     assert casting_order(direction[:0], ring[:0]).shape == (0,)
-
-
-MOVING = """
-import hashlib
-import numpy as np
-from sim._kernels import sweep_rays
-rng = np.random.default_rng(1)
-digest = hashlib.sha256()
-for n in (1, 7, 8, 100):
-    motion = tuple(tuple(rng.normal(size=k)) for k in (3, 3, 3, 3, 4, 3, 3, 3))
-    origins, directions = np.empty((n, 3)), np.empty((n, 3))
-    offset_ns = np.linspace(-2e9, -1, n).astype(np.int32)
-    box = sweep_rays(motion, offset_ns, rng.normal(size=(n, 3)), rng.normal(size=(n, 3)), origins, directions)
-    assert np.array_equal(box, (origins.min(axis=0), origins.max(axis=0)))
-    digest.update(origins.tobytes() + directions.tobytes())
-print(digest.hexdigest())
-"""
-
-
-def test_rays_of_a_sweep_are_the_same_bits_on_every_cpu() -> None:
-    assert len({output_of(MOVING, mask) for mask in ({}, {"HIL_ISA": "avx2"}, {"HIL_ISA": "base"} | ALL)}) == 1
 
 
 def test_a_sweep_of_no_rays_has_no_box() -> None:

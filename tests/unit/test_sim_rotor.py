@@ -82,15 +82,6 @@ def test_ground_effect_is_bounded_at_the_ground_and_gone_aloft(airfield: Scene) 
     assert thrust_ratio(vehicle, airfield, hub_m=reach * 0.9) > 1.0
 
 
-def test_ground_effect_fades_with_forward_speed(airfield: Scene) -> None:
-    """At V = v_h Cheeseman and Bennett's term is halved."""
-    vehicle = bare(ground_thrust_ratio=2.0)
-    hub = 2.5 * vehicle.rotor_constants.radius_m
-    still = thrust_ratio(vehicle, airfield, hub_m=hub) - 1.0
-    moving = thrust_ratio(vehicle, airfield, hub_m=hub, v=(hover_inflow(vehicle), 0.0, 0.0)) - 1.0
-    assert moving / still == pytest.approx(0.5, abs=0.01)
-
-
 def test_vortex_ring_takes_its_share_at_its_centre(airfield: Scene) -> None:
     vehicle = bare(descent_loss=0.3)
     v_h = hover_inflow(vehicle)
@@ -104,30 +95,6 @@ def test_vortex_ring_takes_its_share_at_its_centre(airfield: Scene) -> None:
     # One v_h of forward speed leaves a quarter of the loss.
     forward = thrust_ratio(vehicle, airfield, v=(v_h, 0.0, -1.45 * v_h))
     assert 1.0 - forward == pytest.approx(0.3 / 4, abs=1e-3)
-
-
-def test_axial_inflow_damps_climb_and_sink(airfield: Scene) -> None:
-    vehicle = bare(axial_drag_kg_per_rad=1e-4)
-    c, h = vehicle.rotor_constants, vehicle.hover_control
-    per_mps = 4 * c.axial_drag_kg_per_rad * vehicle.speed_radps(h) / (vehicle.mass_kg * 9.80665)
-    assert 1.0 - thrust_ratio(vehicle, airfield, v=(0.0, 0.0, 2.0)) == pytest.approx(2.0 * per_mps, rel=1e-4)
-    assert thrust_ratio(vehicle, airfield, v=(0.0, 0.0, -2.0)) - 1.0 == pytest.approx(2.0 * per_mps, rel=1e-4)
-
-
-@pytest.mark.parametrize("factor", [0.0, 0.3, 1.0])
-def test_command_map_is_thr_mdl_fac(factor: float, airfield: Scene) -> None:
-    """Relative thrust f u^2 + (1 - f) u: linear for f = 0, quadratic for f = 1."""
-    vehicle = bare(thrust_model_factor=factor)
-    c = vehicle.rotor_constants
-    physics = QuadrotorPhysics(vehicle, airfield, 4_000_000, initial_p_WB=(0.0, 0.0, 300.0))
-    controls = (0.25, 0.5, 1.0, 0.0)
-    physics.advance(0, controls)
-    for tick in range(1, 200):
-        truth = physics.advance(tick, controls)
-    full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
-    thrusts = [c.thrust_coefficient_n_per_radps2 * speed**2 / full for speed in truth.rotor_speed_radps]
-    assert thrusts == pytest.approx([factor * u * u + (1 - factor) * u for u in controls], abs=1e-9)
-    assert thrust_ratio(vehicle, airfield) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_switches_leave_exactly_the_bare_model(airfield: Scene) -> None:

@@ -119,11 +119,6 @@ def test_stuck_bit_is_stuck_in_every_word(bit: int, level: int) -> None:
         assert bad[k].accel_mps2[:2] == good[k].accel_mps2[:2]
 
 
-def test_stuck_sign_bit_turns_the_value_negative() -> None:
-    _, bad, _ = flown("ms5611", [fault("stuck_bit", bit=31, level=1, field="temperature_degc")])
-    assert bad[300].temperature_degc < 0.0
-
-
 def test_faults_add_up_in_their_order() -> None:
     good, bad, events = flown(
         "ms5611", [fault("offset", value=5.0), fault("offset", value=7.0, at_s=1.5, until_s=None)]

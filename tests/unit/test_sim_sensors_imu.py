@@ -77,16 +77,6 @@ def test_the_noise_path_is_what_sample_adds(preset: str) -> None:
         assert np.array_equal(made[2].noise(first, count), noise[first : first + count])  # type: ignore[attr-defined]
 
 
-def test_lever_arm_adds_tangential_and_centripetal_acceleration() -> None:
-    """Turning at w about z with alpha: at (r, 0, 0) the sensor feels -w^2 r along x and alpha r along y."""
-    w, alpha, r = 5.0, 3.0, 0.2
-    truth = STILL._replace(w_WB_B=(0.0, 0.0, w), alpha_WB_B=(0.0, 0.0, alpha))
-    sample = imu(lever_arm_m=(r, 0.0, 0.0)).sample(truth, 0)
-    mean_w = w - 0.5 * alpha * DT
-    assert sample.accel_mps2 == pytest.approx((-mean_w * mean_w * r, alpha * r, G), abs=WORD)
-    assert sample.gyro_radps == pytest.approx((0.0, 0.0, mean_w), abs=WORD)
-
-
 def test_lever_arm_against_a_point_moved_by_hand() -> None:
     """Any w, alpha and r against numpy's cross products."""
     rng = np.random.default_rng(1)
@@ -125,18 +115,6 @@ def test_vibration_is_the_step_mean_of_the_harmonics() -> None:
         fit, *_ = np.linalg.lstsq(basis, values[:, axis], rcond=None)
         assert math.hypot(fit[0], fit[1]) == pytest.approx(expected, rel=1e-6)
         assert np.abs(values[:, axis] - basis @ fit).max() < 1e-5 * amplitude
-
-
-def test_vibration_against_a_fine_integral() -> None:
-    """The kernel's closed form of the step mean, against 4000 points inside the step."""
-    made = imu(vibration=[HARMONICS[1]], vibration_reference_radps=500.0)
-    speed, k = 431.0, 3
-    for i in range(k + 1):
-        sample = made.sample(STILL._replace(t_ns=i * TICK_NS, rotor_speed_radps=(speed,)), i)
-    psi = 2 * math.pi * NoiseStream(1, "imu.vibration", lanes=48).uniform_block(0)[0][2]
-    inside = (k - 1 + (np.arange(4000) + 0.5) / 4000) * DT
-    mean = np.mean(4.0 * (speed / 500.0) ** 2 * np.sin(2 * speed * inside + psi))
-    assert sample.accel_mps2[2] - G == pytest.approx(mean, abs=1e-6)
 
 
 def test_vibration_stops_with_the_rotors_and_grows_with_the_square_of_speed() -> None:

@@ -159,14 +159,6 @@ def test_noise_does_not_depend_on_which_samples_were_taken(preset: str) -> None:
             assert kept == expected
 
 
-@pytest.mark.parametrize("preset", PLAIN)
-def test_resolution_is_declared_for_fields_of_the_sample(preset: str) -> None:
-    made = sensor(preset)
-    for field, step in made.resolution.items():
-        assert field in made.sample_type._fields
-        assert step > 0.0
-
-
 GOOD = (PRESET_DIR / "ms5611.yaml").read_text()
 
 
