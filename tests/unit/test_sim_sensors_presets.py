@@ -168,7 +168,7 @@ GOOD = (PRESET_DIR / "ms5611.yaml").read_text()
         ("kind: barometer", "kind: barometre", "kind 'barometre' is unknown"),
         ("status: verified", "status: certain", "status"),
         ("source: ds", "source: dss", "'dss' is not among the sources"),
-        ("  noise_pa: {value: 1.2,", "  noise_pa: {value: -1.2,", "greater than or equal to 0"),
+        ("  noise_pa: {value: 1.2,", "  noise_pa: {value: -1.2,", "noise_pa must be at least 0 Pa, not -1.2"),
         ("  noise_pa:", "  noise_ppa:", "noise_ppa"),
         ("kind: barometer", "kind: barometer\nrate: 5", "rate"),
         (", source: ds", "", "needs a source"),
