@@ -38,16 +38,17 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def fail(text: str) -> None:
-    sys.stderr.write(f"[setup] error: {text}\n")
-    raise SystemExit(2)
+class SetupError(Exception):
+    """Setup cannot go on; the text says why and what to do."""
 
 
 def run(command: Command, **kwargs: object) -> None:
     try:
         subprocess.run(command, check=True, cwd=ROOT, **kwargs)  # type: ignore[call-overload]
     except subprocess.CalledProcessError as error:
-        fail(f"`{' '.join(map(str, command))}` ended with status {error.returncode}; its output is above")
+        raise SetupError(
+            f"`{' '.join(map(str, command))}` ended with status {error.returncode}; its output is above"
+        ) from None
 
 
 def digest_of(paths: list[Path]) -> str:
@@ -77,8 +78,8 @@ def make_venv() -> None:
         say(f"creating .venv with Python {sys.version.split()[0]}")
         try:
             run([sys.executable, "-m", "venv", "--clear", VENV])
-        except SystemExit:
-            fail("could not create a virtual environment; on Debian and Ubuntu: apt install python3-venv")
+        except SetupError:
+            raise SetupError("no virtual environment could be made; Debian, Ubuntu: apt install python3-venv") from None
     say("installing what builds the C++ kernels")
     run([*PIP_INSTALL, "--constraint", LOCK, *BUILD_TOOLS])
 
@@ -143,7 +144,7 @@ def build_kernels() -> None:
     if compiler is None:
         zig = zig_compiler()
         environment |= {k: zig[k] for k in ("CC", "CXX")}
-        arguments = [f"-Ccmake.define.CMAKE_AR={zig['AR']}", f"-Ccmake.define.CMAKE_RANLIB={zig['RANLIB']}"]
+        arguments = [f"--config-settings=cmake.define.CMAKE_{tool}={zig[tool]}" for tool in ("AR", "RANLIB")]
     else:
         environment["CXX"] = compiler
     say(f"building the C++ kernels with {compiler or 'zig c++'}")
@@ -154,7 +155,7 @@ def build_kernels() -> None:
 
 def main() -> None:
     if sys.version_info < MIN_PYTHON:
-        fail(
+        raise SetupError(
             f"Python {'.'.join(map(str, MIN_PYTHON))} or newer is needed, this is {sys.version.split()[0]}; "
             "name another with `make PYTHON=/path/to/python3.12 ...`"
         )
@@ -167,4 +168,8 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except SetupError as error:  # after both steps have ended: the last thing that is said
+        sys.stderr.write(f"[setup] error: {error}\n")
+        raise SystemExit(2) from None
