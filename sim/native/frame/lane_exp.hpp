@@ -5,7 +5,7 @@
 // exp(-r) by its series up to r^6, within 2e-7 of the value; x above 87 counts as 87, where the result is 2e-38.
 #pragma once
 
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 

@@ -3,7 +3,7 @@
 
 #include "noise_stream.hpp"
 #include "normal_centre.hpp"
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 namespace {

@@ -26,6 +26,9 @@
 
 namespace hil::sim::frame {
 
+constexpr int kBlock = 4, kTile = 8;  // edges of a block in pixels, of a tile in blocks
+inline int ceil_div(int a, int b) { return (a + b - 1) / b; }
+
 enum class Projection { kPinhole, kTable, kParallel };
 
 struct RasterCamera {

@@ -15,7 +15,7 @@
 // intersection of the intervals of its slabs (Kay and Kajiya, SIGGRAPH 1986).
 #pragma once
 
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 

@@ -1,7 +1,7 @@
 // Unit normals where eight rays met surfaces, each turned against its ray. Included in ray_cast.isa.cpp alone.
 #pragma once
 
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 #include "ray_cast.hpp"
 
 namespace hil::sim::frame::HIL_ISA {

@@ -1,7 +1,7 @@
 // Eight rays of a sweep at once, each with a pose of its own. Contract: sweep_rays.hpp.
 #include "sweep_rays.hpp"
 
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 #include "triples.hpp"
 
 namespace hil::sim::frame::HIL_ISA {

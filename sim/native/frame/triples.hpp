@@ -1,7 +1,7 @@
 // Eight rows of three numbers to and from lanes, x y z x y z ... in memory.
 #pragma once
 
-#include "lanes.hpp"
+#include "lane_memory.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 

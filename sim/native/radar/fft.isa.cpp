@@ -1,6 +1,6 @@
 // Butterflies of the column transforms. See fft.hpp.
 #include "fft.hpp"
-#include "../frame/lanes.hpp"
+#include "../frame/lane_memory.hpp"
 
 namespace hil::sim::radar::HIL_ISA {
 

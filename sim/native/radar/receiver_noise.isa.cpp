@@ -1,4 +1,4 @@
-#include "../frame/lanes.hpp"
+#include "../frame/lane_memory.hpp"
 #include "receiver_noise.hpp"
 
 namespace hil::sim::radar::HIL_ISA {

@@ -1,7 +1,7 @@
 // The inner loop of the scatterers: 16 pixels at a time. See scatterers.hpp.
 #include "scatterers.hpp"
 
-#include "../frame/lanes.hpp"
+#include "../frame/lane_memory.hpp"
 
 namespace hil::sim::radar::HIL_ISA {
 

@@ -22,12 +22,8 @@ const SynthesisKernels &synthesis_kernels(Isa isa) { return kernels_by_isa(isa);
 namespace {
 
 constexpr double kFirstError = 0.62;  // of the tolerance: what is planned for, so that most frames pass at the first try
-constexpr double kRounding = 1.5e-13;   // of the grids, with room
-constexpr double kSingleRounding = 1e-5;  // of grids in single precision, with room
-constexpr double kSingleFrom = 5e-5;      // planned errors; below them double it is
 constexpr double kLeastError = 2.0 * kRounding;  // below it only the direct sum will do
 constexpr int kMostRounds = 5;
-constexpr double kAgain = 0.125;  // of the interpolation's share of the error, from the second round on
 constexpr double kGrown = 1.3;  // beyond the frame over within it: less is chance
 constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; beyond it terms are taken in turns
 constexpr std::size_t kPage = std::size_t{2} << 20;
@@ -165,67 +161,6 @@ void Synthesis::prepare_grid() {
         };
         scales(model_.chirps, rows_, chirp_scale_[w], chirp_outer_[w]);
         scales(model_.samples, columns_, sample_scale_[w], sample_outer_[w]);
-    }
-}
-
-// Nanoseconds, about, on one core of a server of 2023: only their ratios matter, and they choose between sums of equal
-// worth. Fixed numbers, not measured at the start: the choice must not depend on the machine.
-SummingCost Synthesis::cost(int width, bool single) const {
-    const double rows = rows_, columns = columns_, samples = static_cast<double>(model_.chirps) * wide_;
-    const auto steps = [](double n) { return det::log(n) / det::log(2.0); };
-    return {2.4 * samples, 40.0 + 4.0 * width, 0.85 * width * width + 3.0,
-            0.7 * columns * rows * steps(rows) + 0.7 * model_.chirps * columns * steps(columns) + 3.0 * samples +
-                0.5 * rows * columns,
-            single ? kTerms<float> : kTerms<double>};
-}
-
-void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &weighing, double error, bool again,
-                     Plan &plan) {
-    plan.panels.cost = std::numeric_limits<double>::infinity();
-    plan.single = error >= kSingleFrom;
-    const double rounding = plan.single ? kSingleRounding : kRounding;
-    error -= rounding;
-    const int widest = plan.single ? kMaxSingleWidth : kMaxWidth;
-    int width = plan.single ? kMinWidth : kMinDoubleWidth;
-    while (width < widest && kernel_error_[width] > 0.9 * error) ++width;
-    const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
-    // A wider kernel leaves more of the error to the interpolation: it may need fewer terms.
-    for (int w = width; w <= std::min(width + 1, widest); ++w) {
-        // The interpolation's error is that of the speeds, and need not cancel where the echoes do.
-        const double rest = std::max(error - kernel_error_[w], 0.0) * (again ? kAgain : 1.0);
-        PanelPlan &tried = other_plan_.panels;
-        const SummingCost price = cost(w, plan.single);
-        if (half_span <= remainder_.half_span(1, rest)) {
-            const double gridded = price.gridded(static_cast<double>(count), 1);
-            const double directly = static_cast<double>(count) * price.direct_echo;
-            tried.cost = std::min(gridded, directly);
-            tried.count = 1;
-            tried.panel[0] = {0, kSpeedBins - 1, count, weighing.least_speed, weighing.greatest_speed, gridded < directly};
-        } else {
-            if (!histogram_made_) {
-                histogram_ = speed_histogram(echoes.speed_mps, index_.data(), count, weighing.least_speed,
-                                             weighing.greatest_speed, bin_.data());
-                histogram_made_ = true;
-            }
-            plan_panels(histogram_, remainder_, rest, price, tried);
-        }
-        if (tried.cost >= plan.panels.cost) continue;
-        plan.width = w;
-        plan.panels = tried;
-        plan.error = kernel_error_[w] + rounding;
-        double interpolation = 0.0;
-        for (int p = 0; p < tried.count; ++p) {
-            const SpeedPanel &panel = tried.panel[p];
-            if (panel.nodes == 0) continue;
-            interpolation = std::max(interpolation, remainder_.error(panel.nodes, 0.5 * (panel.greatest - panel.least)));
-        }
-        plan.error += interpolation;
-    }
-    bool gridded = false;
-    for (int p = 0; p < plan.panels.count; ++p) gridded |= plan.panels.panel[p].nodes > 0;
-    if (!gridded) {
-        plan.width = 0;
-        plan.error = 0.0;
     }
 }
 

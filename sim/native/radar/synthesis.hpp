@@ -25,6 +25,8 @@
 
 namespace hil::sim::radar {
 
+constexpr double kRounding = 1.5e-13;   // relative, of grids in double, with room
+
 constexpr double kMinTolerance = 1e-12, kMaxTolerance = 0.1;
 
 struct SynthesisReport {

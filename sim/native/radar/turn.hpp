@@ -1,7 +1,7 @@
 // Cosine and sine of 2 pi x in lanes of doubles. For use in *.isa.cpp alone.
 #pragma once
 
-#include "../frame/lanes.hpp"
+#include "../frame/lane_memory.hpp"
 
 namespace hil::sim::radar::HIL_ISA {
 

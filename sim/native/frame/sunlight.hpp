@@ -1,0 +1,150 @@
+// Which pixels of a surface the sun reaches. For use in *.isa.cpp alone.
+#pragma once
+
+#include "shapes.hpp"
+#include "surface_colour.hpp"
+
+namespace hil::sim::frame::HIL_ISA {
+namespace {
+
+HIL_INLINE bool convex(Shape shape) { return shape != Shape::kMesh; }
+
+// Whether a ray towards the sun (-z of the sun's camera) from p meets one triangle of a mesh; all in that camera's frame.
+HIL_INLINE I meets_triangle(const DrawnGeom &g, std::int32_t triangle, const Vec<F> &p, float near) {
+    const float *m = g.m;
+    float v[3][3];
+    for (int corner = 0; corner < 3; ++corner) {
+        const float *from = g.mesh->vertex.data() + 3 * (long)g.mesh->triangle.data()[3 * (long)triangle + corner];
+        const float q[3] = {from[0] - g.o[0], from[1] - g.o[1], from[2] - g.o[2]};
+        for (int i = 0; i < 3; ++i) v[corner][i] = q[0] * m[i] + q[1] * m[3 + i] + q[2] * m[6 + i];
+    }
+    const auto side = [&](const float *a, const float *b) { return (p.x - a[0]) * (b[1] - a[1]) - (p.y - a[1]) * (b[0] - a[0]); };
+    const F e0 = side(v[0], v[1]), e1 = side(v[1], v[2]), e2 = side(v[2], v[0]), zero = splat<F>(0);
+    const I in = ((e0 >= zero) & (e1 >= zero) & (e2 >= zero)) | ((e0 <= zero) & (e1 <= zero) & (e2 <= zero));
+    const float ab[3] = {v[1][0] - v[0][0], v[1][1] - v[0][1], v[1][2] - v[0][2]};
+    const float ac[3] = {v[2][0] - v[0][0], v[2][1] - v[0][1], v[2][2] - v[0][2]};
+    const float n[3] = {ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]};
+    if (n[2] == 0.0f) return zero != zero;
+    const F z = v[0][2] - ((p.x - v[0][0]) * n[0] + (p.y - v[0][1]) * n[1]) * (1.0f / n[2]);
+    return in & (p.z - z > splat<F>(near));
+}
+
+// Whether a ray towards the sun meets a primitive.
+HIL_INLINE I meets(const DrawnGeom &g, const Vec<F> &p, float near) {
+    const float *m = g.m;
+    const Vec<F> o{g.o[0] + (p.x * m[0] + p.y * m[1] + p.z * m[2]), g.o[1] + (p.x * m[3] + p.y * m[4] + p.z * m[5]),
+                   g.o[2] + (p.x * m[6] + p.y * m[7] + p.z * m[8])};
+    const Vec<F> d{splat<F>(-m[2]), splat<F>(-m[5]), splat<F>(-m[8])};
+    const F t_min = splat<F>(near), inf = splat<F>(LaneTraits<F>::kInf);
+    switch (g.shape) {
+        case Shape::kSphere: return ray_sphere(o, d, g.radius, t_min) < inf;
+        case Shape::kBox: return ray_box(o, d, g.half, t_min) < inf;
+        case Shape::kCapsule: return ray_capsule(o, d, g.radius, g.half[2], t_min) < inf;
+        case Shape::kCylinder: return ray_cylinder(o, d, g.radius, g.half[2], t_min) < inf;
+        case Shape::kEllipsoid: return ray_ellipsoid(o, d, t_min) < inf;
+        default: return inf < inf;
+    }
+}
+
+struct Caster {
+    std::int32_t geom, triangle;  // triangle < 0: all of it
+};
+
+HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
+
+// 1 where the sun is seen, 0 where not. The four pixels of the sun's picture around a point decide where they name the
+// same geom, and not the point's own mesh; elsewhere the point's own ray is tried against the shapes and triangles that they
+// name, so the edge of a shadow is as sharp as the shape, whatever the resolution of the sun's picture.
+HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
+    constexpr int kMost = 64;   // casters asked in one block
+    constexpr int kWhole = 32;  // triangles of a mesh that is asked as a whole
+    F light = splat<F>(1);
+    const float *m = job.camera_to_sun;
+    const Vec<F> c{s.d.x * s.t, s.d.y * s.t, s.d.z * s.t};
+    const Vec<F> p{job.camera_in_sun[0] + (c.x * m[0] + c.y * m[1] + c.z * m[2]),
+                   job.camera_in_sun[1] + (c.x * m[3] + c.y * m[4] + c.z * m[5]),
+                   job.camera_in_sun[2] + (c.x * m[6] + c.y * m[7] + c.z * m[8])};
+    const bool is_convex = convex(g.shape);
+    for (int k = 0; k < job.shadows; ++k) {
+        const ShadowMap &map = job.shadow[k];
+        const VisibilityBuffer &buffer = *map.buffer;
+        const F fx = p.x * map.rays->fx + (map.rays->cx - 0.5f), fy = p.y * map.rays->fy + (map.rays->cy - 0.5f);
+        const I inside = wanted & (fx >= splat<F>((float)map.x0)) & (fy >= splat<F>((float)map.y0)) &
+                         (fx < splat<F>((float)map.x1)) & (fy < splat<F>((float)map.y1));
+        if (!any(inside)) continue;
+        const I nowhere = splat<I>(0), column = select(inside, truncate(fx), nowhere), row = select(inside, truncate(fy), nowhere);
+        const F limit = p.z - 0.02f;
+        // Most points have nothing before them in any of the four.
+        I before = nowhere, taps[4];
+        for (int tap = 0; tap < 4; ++tap) {
+            const I tx = column + (tap & 1), ty = row + (tap >> 1);
+            taps[tap] = shift_left(shift_right(ty, 2) * (std::int32_t)buffer.blocks_x + shift_right(tx, 2), 4) +
+                        shift_left(ty & 3, 2) + (tx & 3);
+            before |= inside & (gather(buffer.t.data(), taps[tap]) < limit);
+        }
+        unsigned lanes = bits(before);
+        if (lanes == 0) continue;
+        std::int32_t places[4][16], blocked[16] = {};
+        float z[16];
+        for (int tap = 0; tap < 4; ++tap) store(places[tap], taps[tap]);
+        store(z, limit);
+        Caster casters[kMost];
+        int count = 0;
+        unsigned doubtful = 0;
+        for (; lanes != 0; lanes &= lanes - 1) {
+            const int lane = __builtin_ctz(lanes);
+            int hits = 0;
+            bool own = false, one = true;
+            Caster found[4];
+            for (int tap = 0; tap < 4; ++tap) {
+                const long at = places[tap][lane];
+                if (!(buffer.t.data()[at] < z[lane])) continue;
+                const std::int32_t caster = buffer.geom.data()[at];
+                // A convex shape shades no point of itself that faces the sun.
+                if (caster < 0 || (caster == g.geom && is_convex)) continue;
+                own = own || caster == g.geom;
+                found[hits++] = {caster, buffer.triangle.data()[at]};
+                one = one && caster == found[0].geom;
+            }
+            if (hits == 4 && one && !own) {
+                blocked[lane] = -1;
+            } else if (hits > 0) {
+                doubtful |= 1u << lane;
+                for (int i = 0; i < hits && count < kMost; ++i) {
+                    const DrawnGeom &caster = map.drawn[map.drawn_of_geom[found[i].geom]];
+                    if (caster.shape != Shape::kMesh || triangles_of(caster) <= kWhole) found[i].triangle = -1;
+                    bool known = false;
+                    for (int j = 0; j < count; ++j) {
+                        known = known || (casters[j].geom == found[i].geom && casters[j].triangle == found[i].triangle);
+                    }
+                    if (!known) casters[count++] = found[i];
+                }
+            }
+        }
+        I shade = load<I>(blocked);
+        if (doubtful != 0) {
+            std::int32_t open[16];
+            for (int lane = 0; lane < 16; ++lane) open[lane] = doubtful >> lane & 1 ? -1 : 0;
+            const I ask = load<I>(open), own_triangle = load<I>(triangles);
+            for (int i = 0; i < count; ++i) {
+                const DrawnGeom &caster = map.drawn[map.drawn_of_geom[casters[i].geom]];
+                if (caster.shape != Shape::kMesh) {
+                    shade |= ask & meets(caster, p, 1e-3f);
+                    continue;
+                }
+                const bool whole = casters[i].triangle < 0;
+                const std::int32_t from = whole ? 0 : casters[i].triangle, to = whole ? triangles_of(caster) : from + 1;
+                for (std::int32_t t = from; t < to; ++t) {
+                    I hit = ask & meets_triangle(caster, t, p, 1e-3f);
+                    if (casters[i].geom == g.geom) hit &= own_triangle != splat<I>(t);
+                    shade |= hit;
+                }
+            }
+        }
+        light = select(shade, splat<F>(0), light);
+    }
+    return light;
+}
+
+}  // namespace
+}  // namespace hil::sim::frame::HIL_ISA
