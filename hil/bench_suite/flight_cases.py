@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from hil.signals.rotation import matrix_of
 from hil.signals.samples import Vec3
-from sim.physics.effects import Effects
-from sim.physics.quadrotor import QuadrotorPhysics, rigid_body
-from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import Effects, Vehicle, load_vehicle, rigid_body
 from sim.scene.mjcf import mjcf_text
 from sim.scene.scene import Scene, load_scene
 from sim.scene.wind import Wind

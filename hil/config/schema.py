@@ -16,8 +16,8 @@ from firmware_bridge.router_endpoint import Endpoint
 from hil.signals.documents.validate import Section
 from hil.signals.time import NS_PER_S
 from sim.frame.quality import QualityName
-from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
+from sim.physics.vehicle import Effects
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
 from sim.scene.wind import Wind

@@ -15,7 +15,7 @@ from __future__ import annotations
 import copy
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,7 @@ from hil.signals.errors import HilError
 
 if TYPE_CHECKING:
     from sim.frame.camera_model import CameraModel
-    from sim.frame.renderer import CameraPose
+    from sim.frame.renderer import CameraPose, FrameRenderer
     from sim.scene.world import World
 
 Planes = tuple[float, float]  # distance of the near and of the far one [m]
@@ -252,3 +252,24 @@ def aim(eye: Any, camera: CameraModel, pose: CameraPose, planes_m: Planes) -> No
     eye.frustum_top = near_m * camera.cy / camera.fy
     eye.frustum_bottom = -near_m * (camera.height - camera.cy) / camera.fy
     eye.frustum_near, eye.frustum_far = near_m, far_m
+
+
+class MixedRenderer:
+    """Draws like a FrameRenderer; `rgb` is MuJoCo's: one camera, one pose, one moment."""
+
+    def __init__(self, native: FrameRenderer, colour: MujocoColour) -> None:
+        self._native, self._colour = native, colour
+        self._rgb = np.empty((native.camera.height, native.camera.width, 3), np.uint8)
+
+    def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
+        """Fill exactly the channels in `out`; `rows`: only these."""
+        self._native.render(pose, {name: array for name, array in out.items() if name != "rgb"}, rows=rows)
+        if "rgb" in out:
+            self._colour.pose(self._native.geometry.t_ns)
+            self._colour.render(pose, self._rgb)
+            first, last = rows if rows is not None else (0, len(self._rgb))
+            out["rgb"][first:last] = self._rgb[first:last]
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._colour.close()

@@ -18,8 +18,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
-from sim.scene.haze import light_in_haze
-from sim.scene.light import Light
+from sim.scene.light import Light, light_in_haze
 from sim.scene.weather import HAZE_M
 
 __all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]

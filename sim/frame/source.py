@@ -127,8 +127,7 @@ class SharedFrames:
         )
         if colour == "native":
             return native
-        from sim.frame.mixed_renderer import MixedRenderer
-        from sim.frame.mujoco_backend import MujocoColour
+        from sim.frame.mujoco_backend import MixedRenderer, MujocoColour
 
         made = MixedRenderer(
             native, MujocoColour(self.world, camera, backend=colour, shadows=shadows, near_m=near_m, far_m=far_m)

@@ -37,12 +37,9 @@ from hil.signals._kernel import det_cos, det_sin
 from hil.signals.errors import ModelRangeError
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_MS, NS_PER_S
-from sim._kernels import RigidBody
 from sim.physics.actors import Actors
-from sim.physics.battery import BatteryState
-from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault, check_faults
-from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
 from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_tree
@@ -74,50 +71,6 @@ class PhysicsEvent(NamedTuple):
     t_ns: int
     kind: str  # "fault" or "gust"
     text: str
-
-
-def rigid_body(
-    vehicle: Vehicle,
-    truth: NDArray[np.float64],
-    *,
-    effects: Effects,
-    gravity_mps2: float,
-    wind_W_mps: Vec3,
-    tick_s: float,
-    substeps: int,
-    classical: bool = False,
-    contact_substeps: tuple[int, int] = (1, 1),
-) -> RigidBody:
-    """The kernel for a vehicle, on the caller's `truth` [13 + rotors + 6]. `contact_substeps`: ordinary, hard."""
-    c = vehicle.rotor_constants
-    return RigidBody(
-        truth=truth,
-        mass_kg=vehicle.mass_kg,
-        inertia_kgm2=vehicle.inertia_kgm2,
-        rotor_position_m=[rotor.position_m for rotor in vehicle.rotors],
-        rotor_spin=[rotor.spin.sign for rotor in vehicle.rotors],
-        thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
-        moment_ratio_m=c.moment_ratio_m,
-        max_speed_radps=c.max_speed_radps,
-        time_constant_up_s=c.time_constant_up_s,
-        time_constant_down_s=c.time_constant_down_s,
-        rotor_inertia_kgm2=c.inertia_kgm2,
-        rotor_drag_kg_per_rad=c.drag_kg_per_rad,
-        body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
-        body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
-        gravity_mps2=gravity_mps2,
-        wind_W_mps=wind_W_mps,
-        tick_s=tick_s,
-        substeps=substeps,
-        contact_substeps=contact_substeps[False],
-        hard_contact_substeps=contact_substeps[True],
-        thrust_model_factor=c.thrust_model_factor,
-        rotor_radius_m=c.radius_m,
-        ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
-        descent_loss=c.descent_loss if effects.descent_loss else 0.0,
-        rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
-        classical=classical,
-    )
 
 
 @dataclass

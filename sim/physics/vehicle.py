@@ -8,14 +8,17 @@ from __future__ import annotations
 import math
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
+import numpy as np
 import pydantic
+from numpy.typing import NDArray
 from pydantic import Field
 
 from hil.signals.documents.validate import StrictModel, load_model
+from hil.signals.samples import Vec3
 from hil.signals.units import STANDARD_GRAVITY_MPS2
-from sim.physics.battery import Battery
+from sim._kernels import RigidBody
 
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
 
@@ -27,6 +30,41 @@ NonNegative3 = tuple[
     Annotated[float, Field(ge=0.0, le=100.0)],
 ]
 Inertia = Annotated[float, Field(gt=1e-7, le=100.0)]
+
+
+class Battery(StrictModel):
+    """A lithium-polymer pack between the rotors and their greatest speed. Equations: sim/native/battery.hpp.
+
+    The rotors' `max_speed_radps` holds at `nominal_voltage_v` and scales with the voltage left.
+    """
+
+    cells: Annotated[int, Field(ge=1, le=24)]
+    capacity_ah: Annotated[float, Field(gt=0.0, le=1000.0)]
+    resistance_ohm: Annotated[float, Field(ge=0.0, le=10.0)]  # of the pack with its leads
+    efficiency: Annotated[float, Field(gt=0.0, le=1.0)]  # speed controller and motor: shaft power over electrical
+    auxiliary_w: Annotated[float, Field(ge=0.0, le=10_000.0)]  # what flows whether the rotors turn or not
+    nominal_voltage_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+    initial_charge: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0  # state of charge at the start
+
+
+class BatteryState(NamedTuple):
+    """A battery at one tick."""
+
+    charge: float  # state of charge, 1 full, 0 empty
+    voltage_v: float  # at the start of the tick that led here
+    current_a: float  # mean over that tick
+
+
+class Effects(StrictModel):
+    """Which optional parts of the model are at work.
+
+    Each leaves the vehicle file's numbers alone and sets the part to nothing; a part that is off costs nothing. Motor
+    lag, gyroscopic torque and drag have no switch: their coefficients in the vehicle file can be zero.
+    """
+
+    ground_effect: bool = True  # more thrust near the ground
+    descent_loss: bool = True  # less thrust in the vortex ring state
+    battery: bool = False  # speed limit sags with the battery's voltage; needs a vehicle with a battery
 
 
 class Spin(StrEnum):
@@ -160,3 +198,47 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
 def _path(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     return path if path.suffix else VEHICLE_DIR / f"{path}.yaml"
+
+
+def rigid_body(
+    vehicle: Vehicle,
+    truth: NDArray[np.float64],
+    *,
+    effects: Effects,
+    gravity_mps2: float,
+    wind_W_mps: Vec3,
+    tick_s: float,
+    substeps: int,
+    classical: bool = False,
+    contact_substeps: tuple[int, int] = (1, 1),
+) -> RigidBody:
+    """The kernel for a vehicle, on the caller's `truth` [13 + rotors + 6]. `contact_substeps`: ordinary, hard."""
+    c = vehicle.rotor_constants
+    return RigidBody(
+        truth=truth,
+        mass_kg=vehicle.mass_kg,
+        inertia_kgm2=vehicle.inertia_kgm2,
+        rotor_position_m=[rotor.position_m for rotor in vehicle.rotors],
+        rotor_spin=[rotor.spin.sign for rotor in vehicle.rotors],
+        thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
+        moment_ratio_m=c.moment_ratio_m,
+        max_speed_radps=c.max_speed_radps,
+        time_constant_up_s=c.time_constant_up_s,
+        time_constant_down_s=c.time_constant_down_s,
+        rotor_inertia_kgm2=c.inertia_kgm2,
+        rotor_drag_kg_per_rad=c.drag_kg_per_rad,
+        body_drag_linear_n_per_mps=vehicle.body_drag_linear_n_per_mps,
+        body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
+        gravity_mps2=gravity_mps2,
+        wind_W_mps=wind_W_mps,
+        tick_s=tick_s,
+        substeps=substeps,
+        contact_substeps=contact_substeps[False],
+        hard_contact_substeps=contact_substeps[True],
+        thrust_model_factor=c.thrust_model_factor,
+        rotor_radius_m=c.radius_m,
+        ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
+        descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+        rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
+        classical=classical,
+    )

@@ -11,17 +11,42 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import pygeomag
 from pydantic import Field
 
 from hil.signals._kernel import rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
-from hil.signals.samples import MagSample, TruthState
+from hil.signals.samples import MagSample, TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from sim.scene.magnetic_field import magnetic_field_W_tesla
+from sim.scene.scene import Site
 from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio
 from sim.sensors.sensor import Installation
+
+# Fixed, so that a run repeats next year: the field turns by about 0.2 degrees a year at mid latitudes.
+EPOCH_YEAR = 2026.0
+
+_TESLA_PER_NANOTESLA = 1e-9
+
+
+def magnetic_field_W_tesla(site: Site) -> Vec3:
+    """Field at `site` in W (ENU) [T], by WMM2025 at `EPOCH_YEAR`.
+
+    Rounded to 1e-12 T, 100,000 times finer than the model's own error: pygeomag uses the C library's sin and cos,
+    whose last bit depends on the CPU, and rounding takes that bit away. Constant over a scene: a kilometre changes
+    the field by some 1e-8 T.
+    """
+    field = pygeomag.GeoMag().calculate(
+        glat=site.latitude_deg, glon=site.longitude_deg, alt=site.altitude_m / 1000.0, time=EPOCH_YEAR
+    )
+    north, east, down = float(field.x), float(field.y), float(field.z)  # nT
+    return (
+        round(east * _TESLA_PER_NANOTESLA, 12),
+        round(north * _TESLA_PER_NANOTESLA, 12),
+        round(-down * _TESLA_PER_NANOTESLA, 12),
+    )
+
 
 Field_T = Annotated[float, Field(ge=-1e-3, le=1e-3)]
 

@@ -18,9 +18,9 @@ import pytest
 from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from sim.scene.atmosphere import pressure_pa
-from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.magnetometer import magnetic_field_W_tesla
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")

@@ -7,7 +7,7 @@ from tests.cpu_masks import output_of
 
 FLIGHT = """
 import hashlib
-from sim.physics.effects import Effects
+from sim.physics.vehicle import Effects
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.physics.effects import Effects
 from sim.physics.faults import RotorFault
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.vehicle import Effects, Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
 from tests.reference.multirotor_reference import Inputs, attitude_error_rad, fly

@@ -13,8 +13,7 @@ from sim._kernels import extinguish
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.frame.source import SharedFrames
-from sim.scene.haze import light_in_haze
-from sim.scene.light import Light
+from sim.scene.light import Light, light_in_haze
 from sim.scene.scene import Scene, load_scene
 from sim.scene.weather import HAZE_M, Weather
 from sim.scene.world import load_world

@@ -11,8 +11,8 @@ import pytest
 
 from sim._kernels import RadarCfar, cell_averaging_factor, order_statistic_factor
 from sim.radar.chirp import Chirp
-from sim.radar.processing.cfar import Cfar
 from sim.radar.processing.parameters import CfarParameters, Processing
+from sim.radar.processing.points import Cfar
 from sim.radar.processing.range_doppler import RangeDoppler
 from tests.unit.radar_targets import CHIRP, counts
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from hil.signals.errors import ConfigError
 from sim.radar.chirp import Chirp
-from sim.radar.processing.offline import process_recording
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.points import POINT_DTYPE
-from sim.radar.processing.processor import Processor
+from sim.radar.processing.processor import Processor, process_recording
 from sim.radar.processing.tracker import TRACK_DTYPE
 from tests.unit.radar_targets import CHIRP, L_ARRAY, Target, counts, signal_of
 

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from hil.signals.errors import ModelRangeError
-from sim.physics.effects import Effects
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle import Effects, Vehicle, load_vehicle
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from sim.physics.effects import Effects
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle import Effects, Vehicle, load_vehicle
 from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 100_000  # short: accelerations are those of the start

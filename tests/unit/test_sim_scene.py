@@ -14,10 +14,10 @@ from hil.signals.errors import ConfigError
 from hil.signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
-from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.mjcf import build_model
 from sim.scene.scene import Site, load_scene, scene_names
 from sim.scene.world import load_world
+from sim.sensors.magnetometer import magnetic_field_W_tesla
 
 ZURICH = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
 SITES = [

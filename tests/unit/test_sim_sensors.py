@@ -15,11 +15,11 @@ from sim._kernels import ideal_imu
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.atmosphere import pressure_pa
-from sim.scene.magnetic_field import magnetic_field_W_tesla
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.drift import gauss_markov
 from sim.sensors.imu import quantise
+from sim.sensors.magnetometer import magnetic_field_W_tesla
 from tests.unit.rotations import rotation
 
 TICK_NS = 4_000_000
