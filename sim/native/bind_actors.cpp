@@ -1,31 +1,19 @@
 // sim._kernels.SceneActors, Vicinity, FieldOfView: who moves by himself. Contracts: frame/actors.hpp, frame/reach.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 
 #include <algorithm>
-#include <array>
 #include <memory>
-#include <stdexcept>
 #include <utility>
-#include <vector>
 
+#include "bind_arrays.hpp"
 #include "frame/actors.hpp"
 #include "gait.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 namespace hs = hil::sim;
 namespace fr = hil::sim::frame;
 
 namespace {
-
-template <class T, int... N>
-using Array = nb::ndarray<const T, nb::shape<N...>, nb::c_contig, nb::device::cpu>;
-using Vec3 = std::array<double, 3>;
-using Mat3 = std::array<double, 9>;
 
 // An actor that is written in Python.
 class PythonActor : public hs::Actor {
@@ -82,9 +70,9 @@ void bind_actors(nb::module_ &m) {
         .def(nb::init<fr::Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>())
         .def(
             "add",
-            [](fr::Actors &actors, nb::object actor, const Array<std::int32_t, -1> &geoms,
-               const Array<std::int32_t, -1> &bodies, const Array<double, -1, 3> &p_BG,
-               const Array<double, -1, 3, 3> &R_BG) {
+            [](fr::Actors &actors, nb::object actor, const In<std::int32_t, -1> &geoms,
+               const In<std::int32_t, -1> &bodies, const In<double, -1, 3> &p_BG,
+               const In<double, -1, 3, 3> &R_BG) {
                 const std::size_t n = geoms.shape(0);
                 if (bodies.shape(0) != n || p_BG.shape(0) != n || R_BG.shape(0) != n) {
                     throw std::invalid_argument("geoms, bodies and poses must be as many");

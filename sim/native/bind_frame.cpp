@@ -166,8 +166,7 @@ void bind_frame(nb::module_ &m) {
                 s.geoms.push_back(a);
             },
             "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a)
-        .def("without_textures", &fr::without_textures, "The same with each texture replaced by its mean colour.")
-        .def_prop_ro("geom_count", [](const fr::Scenery &s) { return s.geoms.size(); });
+        .def("without_textures", &fr::without_textures, "The same with each texture replaced by its mean colour.");
 
     nb::class_<fr::Daylight>(m, "Daylight", "Sun, sky and haze in W; linear colours (frame/scenery.hpp).")
         .def(

@@ -1,20 +1,12 @@
 // sim._kernels.WalkPath and Walker: people on foot. Contracts: walk_path.hpp, gait.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 
-#include <array>
 #include <bit>
 #include <cstring>
-#include <stdexcept>
 #include <tuple>
-#include <vector>
 
+#include "bind_arrays.hpp"
 #include "gait.hpp"
 #include "walk_path.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace {
 
@@ -24,12 +16,10 @@ template <class Row>
 constexpr std::size_t kValues = sizeof(Row) / sizeof(double);
 
 template <class Row>
-using Rows = nb::ndarray<const double, nb::numpy, nb::shape<-1, kValues<Row>>, nb::c_contig, nb::device::cpu>;
+using Rows = In<double, -1, static_cast<int>(kValues<Row>)>;
 using LengthValues = std::array<double, kValues<hs::FigureLengths>>;
 using ShapeValues = std::array<double, kValues<hs::GaitShape>>;
 using ThreeRows = std::array<hs::LimbRow, 3>;
-using Out3 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 3>, nb::c_contig, nb::device::cpu>;
-using Out4 = nb::ndarray<double, nb::numpy, nb::shape<hs::kLimbs, 4>, nb::c_contig, nb::device::cpu>;
 
 template <class Row>
 std::vector<Row> rows_of(const Rows<Row> &values) {
@@ -120,7 +110,7 @@ void bind_gait(nb::module_ &m) {
         .def("phase", &hs::Walker::phase, "t_ns"_a, "Of the step cycle, [0, 1).")
         .def(
             "pose",
-            [](const hs::Walker &walker, std::int64_t t_ns, Out3 p_WB, Out4 q_WB, Out3 v_WB_W, Out3 w_WB_W) {
+            [](const hs::Walker &walker, std::int64_t t_ns, Out<double, hs::kLimbs, 3> p_WB, Out<double, hs::kLimbs, 4> q_WB, Out<double, hs::kLimbs, 3> v_WB_W, Out<double, hs::kLimbs, 3> w_WB_W) {
                 walker.pose(t_ns, p_WB.data(), q_WB.data(), v_WB_W.data(), w_WB_W.data());
             },
             "t_ns"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(), "w_WB_W"_a.noconvert(),

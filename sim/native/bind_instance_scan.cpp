@@ -1,18 +1,12 @@
 // sim._kernels.InstanceScan: extents and masks of a picture's instances. Contract: frame/instance_scan.hpp.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
-#include <cstdint>
 #include <cstring>
 #include <optional>
-#include <stdexcept>
-#include <string>
 
+#include "bind_arrays.hpp"
 #include "frame/instance_scan.hpp"
 
-namespace nb = nanobind;
-using namespace nb::literals;
 using hil::sim::frame::InstanceRow;
 using hil::sim::frame::InstanceScan;
 using hil::sim::frame::LabelPicture;
@@ -22,15 +16,8 @@ namespace {
 constexpr std::size_t kMostPixels = std::size_t{1} << 28;
 constexpr std::size_t kColumns = sizeof(InstanceRow) / sizeof(std::int32_t);
 
-using Ids = nb::ndarray<const std::uint16_t, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Classes = nb::ndarray<const std::uint8_t, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Depth = nb::ndarray<const float, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<std::int32_t, nb::numpy, nb::shape<-1, kColumns>, nb::c_contig, nb::device::cpu>;
-using ClassPixels = nb::ndarray<std::int64_t, nb::numpy, nb::shape<256>, nb::c_contig, nb::device::cpu>;
-using Chosen = nb::ndarray<const std::uint16_t, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
 template <typename A>
-auto data_of(const std::optional<A> &array, const Ids &ids, const char *name) -> decltype(array->data()) {
+auto data_of(const std::optional<A> &array, const In<std::uint16_t, -1, -1> &ids, const char *name) -> decltype(array->data()) {
     if (!array) return nullptr;
     if (array->shape(0) != ids.shape(0) || array->shape(1) != ids.shape(1)) {
         throw std::invalid_argument(std::string(name) + " and instance differ in size");
@@ -38,14 +25,14 @@ auto data_of(const std::optional<A> &array, const Ids &ids, const char *name) ->
     return array->data();
 }
 
-LabelPicture picture_of(const Ids &ids) {
+LabelPicture picture_of(const In<std::uint16_t, -1, -1> &ids) {
     if (ids.size() == 0 || ids.size() > kMostPixels) throw std::invalid_argument("the picture is empty or too large");
     return {ids.data(), nullptr, nullptr, static_cast<std::int32_t>(ids.shape(1)),
             static_cast<std::int32_t>(ids.shape(0))};
 }
 
-std::size_t scan(InstanceScan &self, Ids instance, std::optional<Classes> classes, std::optional<Depth> depth_m,
-                 Rows out, ClassPixels class_pixels) {
+std::size_t scan(InstanceScan &self, In<std::uint16_t, -1, -1> instance, std::optional<In<std::uint8_t, -1, -1>> classes, std::optional<In<float, -1, -1>> depth_m,
+                 Out<std::int32_t, -1, kColumns> out, Out<std::int64_t, 256> class_pixels) {
     LabelPicture picture = picture_of(instance);
     picture.classes = data_of(classes, instance, "classes");
     picture.depth = data_of(depth_m, instance, "depth_m");
@@ -57,7 +44,7 @@ std::size_t scan(InstanceScan &self, Ids instance, std::optional<Classes> classe
     return rows.size();
 }
 
-nb::tuple run_length_texts(InstanceScan &self, Ids instance, Chosen ids) {
+nb::tuple run_length_texts(InstanceScan &self, In<std::uint16_t, -1, -1> instance, In<std::uint16_t, -1> ids) {
     const LabelPicture picture = picture_of(instance);
     for (std::size_t i = 1; i < ids.size(); ++i) {
         if (ids.data()[i] <= ids.data()[i - 1]) throw std::invalid_argument("ids must rise");
