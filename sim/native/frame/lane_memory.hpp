@@ -92,11 +92,11 @@ HIL_INLINE void store_triples(float *to, long stride, const Vec<F> &v) {
         __builtin_memcpy(&x, (const float *)&v.x + 4 * r, 16);
         __builtin_memcpy(&y, (const float *)&v.y + 4 * r, 16);
         __builtin_memcpy(&z, (const float *)&v.z + 4 * r, 16);
-        const Quad low = __builtin_shuffle(x, y, (Order){0, 4, 1, 5}), high = __builtin_shuffle(x, y, (Order){2, 6, 3, 7});
-        const Quad middle = __builtin_shuffle(low, high, (Order){3, 3, 4, 5});
+        const Quad low = HIL_SHUFFLE(x, y, Order, 0, 4, 1, 5), high = HIL_SHUFFLE(x, y, Order, 2, 6, 3, 7);
+        const Quad middle = HIL_SHUFFLE(low, high, Order, 3, 3, 4, 5);
         // Each on its own: put together in memory first, they would be waited for there.
-        const Quad a = __builtin_shuffle(low, z, (Order){0, 1, 4, 2}), b = __builtin_shuffle(middle, z, (Order){0, 5, 2, 3}),
-                   c = __builtin_shuffle(high, z, (Order){6, 2, 3, 7});
+        const Quad a = HIL_SHUFFLE(low, z, Order, 0, 1, 4, 2), b = HIL_SHUFFLE(middle, z, Order, 0, 5, 2, 3),
+                   c = HIL_SHUFFLE(high, z, Order, 6, 2, 3, 7);
         __builtin_memcpy(to + r * stride, &a, 16);
         __builtin_memcpy(to + r * stride + 4, &b, 16);
         __builtin_memcpy(to + r * stride + 8, &c, 16);

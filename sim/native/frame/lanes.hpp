@@ -21,6 +21,12 @@
 
 #define HIL_INLINE inline __attribute__((always_inline))
 #define HIL_NOINLINE __attribute__((noinline))
+// Elements of two vectors by their numbers; `Index` is the vector of integers that GCC wants for it.
+#if defined(__clang__)
+#define HIL_SHUFFLE(a, b, Index, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define HIL_SHUFFLE(a, b, Index, ...) __builtin_shuffle(a, b, (Index){__VA_ARGS__})
+#endif
 // A pack is at most four registers: always all of them at once.
 #define HIL_UNROLL _Pragma("GCC unroll 4")
 

@@ -10,12 +10,12 @@ HIL_INLINE Vec<D> load_rows(const double *from) {
 #if defined(__AVX512F__)
     const DoubleRegister a = (DoubleRegister)_mm512_loadu_pd(from), b = (DoubleRegister)_mm512_loadu_pd(from + 8),
                          c = (DoubleRegister)_mm512_loadu_pd(from + 16);
-    const DoubleRegister x = __builtin_shuffle(a, b, (LongRegister){0, 3, 6, 9, 12, 15, 0, 0});
-    const DoubleRegister y = __builtin_shuffle(a, b, (LongRegister){1, 4, 7, 10, 13, 0, 0, 0});
-    const DoubleRegister z = __builtin_shuffle(a, b, (LongRegister){2, 5, 8, 11, 14, 0, 0, 0});
-    v.x.r[0] = __builtin_shuffle(x, c, (LongRegister){0, 1, 2, 3, 4, 5, 10, 13});
-    v.y.r[0] = __builtin_shuffle(y, c, (LongRegister){0, 1, 2, 3, 4, 8, 11, 14});
-    v.z.r[0] = __builtin_shuffle(z, c, (LongRegister){0, 1, 2, 3, 4, 9, 12, 15});
+    const DoubleRegister x = HIL_SHUFFLE(a, b, LongRegister, 0, 3, 6, 9, 12, 15, 0, 0);
+    const DoubleRegister y = HIL_SHUFFLE(a, b, LongRegister, 1, 4, 7, 10, 13, 0, 0, 0);
+    const DoubleRegister z = HIL_SHUFFLE(a, b, LongRegister, 2, 5, 8, 11, 14, 0, 0, 0);
+    v.x.r[0] = HIL_SHUFFLE(x, c, LongRegister, 0, 1, 2, 3, 4, 5, 10, 13);
+    v.y.r[0] = HIL_SHUFFLE(y, c, LongRegister, 0, 1, 2, 3, 4, 8, 11, 14);
+    v.z.r[0] = HIL_SHUFFLE(z, c, LongRegister, 0, 1, 2, 3, 4, 9, 12, 15);
 #else
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
         const double *r = from + 3 * i * (kRegisterBytes / 8);
@@ -36,12 +36,12 @@ HIL_INLINE Vec<D> load_rows(const double *from) {
 HIL_INLINE void store_rows(double *to, const Vec<D> &v) {
 #if defined(__AVX512F__)
     const DoubleRegister x = v.x.r[0], y = v.y.r[0], z = v.z.r[0];
-    const DoubleRegister a = __builtin_shuffle(x, y, (LongRegister){0, 8, 0, 1, 9, 0, 2, 10});
-    const DoubleRegister b = __builtin_shuffle(x, y, (LongRegister){0, 3, 11, 0, 4, 12, 0, 5});
-    const DoubleRegister c = __builtin_shuffle(x, y, (LongRegister){13, 0, 6, 14, 0, 7, 15, 0});
-    _mm512_storeu_pd(to, (__m512d)__builtin_shuffle(a, z, (LongRegister){0, 1, 8, 3, 4, 9, 6, 7}));
-    _mm512_storeu_pd(to + 8, (__m512d)__builtin_shuffle(b, z, (LongRegister){10, 1, 2, 11, 4, 5, 12, 7}));
-    _mm512_storeu_pd(to + 16, (__m512d)__builtin_shuffle(c, z, (LongRegister){0, 13, 2, 3, 14, 5, 6, 15}));
+    const DoubleRegister a = HIL_SHUFFLE(x, y, LongRegister, 0, 8, 0, 1, 9, 0, 2, 10);
+    const DoubleRegister b = HIL_SHUFFLE(x, y, LongRegister, 0, 3, 11, 0, 4, 12, 0, 5);
+    const DoubleRegister c = HIL_SHUFFLE(x, y, LongRegister, 13, 0, 6, 14, 0, 7, 15, 0);
+    _mm512_storeu_pd(to, (__m512d)HIL_SHUFFLE(a, z, LongRegister, 0, 1, 8, 3, 4, 9, 6, 7));
+    _mm512_storeu_pd(to + 8, (__m512d)HIL_SHUFFLE(b, z, LongRegister, 10, 1, 2, 11, 4, 5, 12, 7));
+    _mm512_storeu_pd(to + 16, (__m512d)HIL_SHUFFLE(c, z, LongRegister, 0, 13, 2, 3, 14, 5, 6, 15));
 #else
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
         double *r = to + 3 * i * (kRegisterBytes / 8);

@@ -84,12 +84,12 @@ HIL_INLINE void turn(const F &x, F &cosine, F &sine) {
 
 HIL_INLINE void transpose(Four &a, Four &b, Four &c, Four &d) {
     typedef std::int32_t Order __attribute__((vector_size(16)));
-    const Four ab = __builtin_shuffle(a, b, (Order){0, 4, 1, 5}), ab_high = __builtin_shuffle(a, b, (Order){2, 6, 3, 7});
-    const Four cd = __builtin_shuffle(c, d, (Order){0, 4, 1, 5}), cd_high = __builtin_shuffle(c, d, (Order){2, 6, 3, 7});
-    a = __builtin_shuffle(ab, cd, (Order){0, 1, 4, 5});
-    b = __builtin_shuffle(ab, cd, (Order){2, 3, 6, 7});
-    c = __builtin_shuffle(ab_high, cd_high, (Order){0, 1, 4, 5});
-    d = __builtin_shuffle(ab_high, cd_high, (Order){2, 3, 6, 7});
+    const Four ab = HIL_SHUFFLE(a, b, Order, 0, 4, 1, 5), ab_high = HIL_SHUFFLE(a, b, Order, 2, 6, 3, 7);
+    const Four cd = HIL_SHUFFLE(c, d, Order, 0, 4, 1, 5), cd_high = HIL_SHUFFLE(c, d, Order, 2, 6, 3, 7);
+    a = HIL_SHUFFLE(ab, cd, Order, 0, 1, 4, 5);
+    b = HIL_SHUFFLE(ab, cd, Order, 2, 3, 6, 7);
+    c = HIL_SHUFFLE(ab_high, cd_high, Order, 0, 1, 4, 5);
+    d = HIL_SHUFFLE(ab_high, cd_high, Order, 2, 3, 6, 7);
 }
 
 static_assert(kGroup == 4);
