@@ -5,8 +5,8 @@ Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebod
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
-Companion  frames of a megabyte to a client under test, in flights, and between two hosts beside a bare socket:
-           link_companion.py. Slow clients in simulated time against real time: link_latency.py.
+Companion  frames of a megabyte to a client under test, in flights (link_companion.py), and between two hosts beside
+           a bare socket (link_transfer.py). Slow clients in simulated time against real time: link_latency.py.
 Firmware   the rectangle on PX4 SITL and ArduCopter SITL, if PX4_BINARY and ARDUCOPTER_BINARY name builds of yours.
 """
 
@@ -28,8 +28,9 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.processor import RealtimeProducer
 from hil.bench import run_bench
-from hil.bench_suite.link_companion import measure_companion
+from hil.bench_suite.link_companion import measure_flights
 from hil.bench_suite.link_latency import latency_rows
+from hil.bench_suite.link_transfer import measure_transfers
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.config import load_bench
 from hil.signals.errors import HilError
@@ -60,7 +61,8 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     say("messages")
     _messages(result)
     with tempfile.TemporaryDirectory() as folder:
-        measure_companion(result, Path(folder) / "companion", say, quick=quick)
+        measure_flights(result, Path(folder) / "companion", say, seconds=1.5 if quick else 10.0)
+        measure_transfers(result, Path(folder), say, seconds=0.35 if quick else 3.0)
         if quick:
             result.left_out.append("companion: slow clients in simulated time against real time")
             result.left_out.append("a whole flight in HITL, and flights of real firmware")
