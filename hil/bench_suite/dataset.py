@@ -13,10 +13,9 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from hil.bench_suite.dataset_cases import Rate, box_errors, digest, floor_s, not_stored, plan_of, radar_error, stored
-from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
+from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.dataset.make import Means, cores, make_dataset
 from sim.frame.quality import QUALITIES
 
@@ -93,40 +92,3 @@ def _errors(folder: Path, result: BenchmarkResult, say: Callable[[str], None]) -
         Check("radar frame against the exact sum", error, "<=", tolerance, "relative"),
     ]
     return wrong / max(boxes, 1)
-
-
-def plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """Frames a second by quality, beside the paper's and what is asked for. RecordingError if it cannot be written."""
-    from matplotlib.figure import Figure  # slow to import, and only needed here
-
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    ax = figure.subplots()
-    _draw_rates(ax, result.rows)
-    figure.suptitle(title)
-    save_figure(figure, path)
-
-
-def _draw_rates(ax: Any, rows: list[Row]) -> None:
-    cases = list(dict.fromkeys(row.case for row in rows))
-    qualities = list(dict.fromkeys(row.method for row in rows))
-    height = 0.8 / len(qualities)
-    for i, quality in enumerate(qualities):
-        found = [row for row in rows if row.method == quality]
-        places = [cases.index(row.case) + (i - 0.5 * (len(qualities) - 1)) * height for row in found]
-        bars = ax.barh(places, [1.0 / row.time_s for row in found], 0.9 * height, label=quality, color=f"C{i}")
-        labels = [f"{1.0 / row.time_s:.0f}, {row.error:.2g} {row.error_unit} off" for row in found]
-        ax.bar_label(bars, labels, padding=3, fontsize=8)
-    for row in rows:
-        y, top = cases.index(row.case), cases.index(row.case) - 0.45
-        if row.method == qualities[0] and "paper_frames_per_s" in row.details:
-            ax.plot([row.details["paper_frames_per_s"]] * 2, [top, y + 0.45], color="black", linewidth=2)
-        if row.method == qualities[0] and row.case.endswith(", stored"):
-            wanted = _LEAST[row.case.startswith("with radar")]
-            ax.plot([wanted] * 2, [top, top + 0.05 + height], color="#bb3333", linewidth=2)
-    ax.plot([], [], color="black", linewidth=2, label="the paper, on a laptop with a GPU")
-    ax.plot([], [], color="#bb3333", linewidth=2, label=f"asked for, {qualities[0]}")
-    ax.set_yticks(range(len(cases)), cases)
-    ax.invert_yaxis()
-    ax.set_xlim(0, 1.45 * max(1.0 / row.time_s for row in rows))
-    ax.set_xlabel("frames a second, once under way; pixels by which edges of boxes miss the masks")
-    ax.legend(fontsize=8, frameon=False, loc="upper right")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench_suite.detect_cases import Looked, apart_px, at_size, fresh_pictures, load_model, look
-from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
+from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.signals.errors import RecordingError
 
 BACKENDS = ("opencv", "onnxruntime", "pytorch")
@@ -110,36 +110,3 @@ def _check(result: BenchmarkResult, at_own: dict[str, Looked], threshold: float)
         ]
     if len(at_own) == 1:
         result.left_out.append("boxes of one back end beside another's: only one is installed")
-
-
-def plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """Precision lost against time, a line a back end; the paper's times stand upright. RecordingError."""
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    figure = Figure(figsize=(10.4, 4.6), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for ax, case in zip(axes, (ALL, PERSON), strict=True):
-        rows = [row for row in result.rows if row.case == case and math.isfinite(row.time_s)]
-        for backend in dict.fromkeys(row.details["backend"] for row in rows):
-            mine = sorted((r for r in rows if r.details["backend"] == backend), key=lambda r: r.time_s)
-            ax.plot([1e3 * r.time_s for r in mine], [r.error for r in mine], "o-", ms=5, label=backend)
-            for r in mine:
-                width, height = r.details["input_px"]
-                at = (1e3 * r.time_s, r.error)
-                ax.annotate(f"{width}x{height}", at, (4, 5), textcoords="offset points", fontsize=7)
-        for i, (name, hz) in enumerate(PAPER.items()):
-            ax.axvline(1e3 / hz, color="#9aa5b1", lw=1.0, ls="--")
-            at, where = (1e3 / hz, 0.97 - 0.3 * i), ("data", "axes fraction")
-            ax.annotate(f"paper: {name}, Jetson Nano", at, xycoords=where, rotation=90, fontsize=7, va="top")
-        ax.set_xscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_minor_formatter(NullFormatter())
-        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        ax.set(xlabel="processor time of a picture, one core [ms]", ylabel="1 - AP@0.5", ylim=(0.0, None))
-        ax.set_title(case, loc="left", fontsize=10, fontweight="bold")
-        ax.grid(True, which="both", color="#e6e9ed", linewidth=0.7)
-        if rows:
-            ax.legend(fontsize=8, frameon=False, loc="lower left")
-    figure.suptitle(title)
-    save_figure(figure, path)

@@ -1,4 +1,4 @@
-"""The flights that the physics benchmarks compare methods on, and the methods: this project, MuJoCo, RotorPy.
+"""The flights that the physics benchmarks compare methods on, and the methods: this project, MuJoCo.
 
 One vehicle for all: the x500 with a motor lag of 50 ms both ways and without rotor inertia, ground effect and descent
 loss, which the others do not have. Its rotor and air forces are the same native function for this project and for
@@ -265,64 +265,6 @@ class _MujocoStepper:
 
 def _lag(vehicle: Vehicle) -> float:
     return vehicle.rotor_constants.time_constant_up_s
-
-
-class RotorPy:
-    """RotorPy's Multirotor (PyPI `rotorpy`), its own integrator (scipy's RK45) at its default or given tolerance."""
-
-    def __init__(self, rtol: float | None = None) -> None:
-        from rotorpy.vehicles.multirotor import Multirotor  # optional
-
-        self._make = Multirotor
-        self.rtol = rtol
-        self.name = "RotorPy RK45 @ default" if rtol is None else f"RotorPy RK45 @ rtol {rtol:g}"
-
-    def fly(self, flight: Flight, *, record: bool) -> Float64:
-        vehicle, c = flight.vehicle, flight.vehicle.rotor_constants
-        inertia = dict(zip(("Ixx", "Iyy", "Izz"), vehicle.inertia_kgm2, strict=True))
-        drag = dict(zip(("c_Dx", "c_Dy", "c_Dz"), vehicle.body_drag_quadratic_n_per_m2ps2, strict=True))
-        parameters = {
-            "mass": vehicle.mass_kg,
-            **inertia,
-            "Ixy": 0.0,
-            "Ixz": 0.0,
-            "Iyz": 0.0,
-            **drag,
-            "num_rotors": len(vehicle.rotors),
-            "rotor_pos": {f"r{i}": np.array(r.position_m) for i, r in enumerate(vehicle.rotors)},
-            "rotor_directions": np.array([-r.spin.sign for r in vehicle.rotors]),
-            "rotor_speed_min": 0.0,
-            "rotor_speed_max": c.max_speed_radps,
-            "k_eta": c.thrust_coefficient_n_per_radps2,
-            "k_m": c.moment_ratio_m * c.thrust_coefficient_n_per_radps2,
-            "k_d": c.drag_kg_per_rad,
-            "tau_m": _lag(vehicle),
-        }
-        options = None if self.rtol is None else {"method": "RK45", "rtol": self.rtol, "atol": self.rtol}
-        s = flight.start
-        state: dict[str, Any] = {
-            "x": s[:3].copy(),
-            "v": s[7:10].copy(),
-            "q": s[[4, 5, 6, 3]],
-            "w": s[10:13].copy(),
-            "wind": np.array(flight.wind_W_mps),
-            "rotor_speeds": s[13:].copy(),
-        }
-        craft = self._make(parameters, initial_state=state, integrator_kwargs=options)
-        craft.g = flight.scene.gravity_mps2
-        craft.weight = np.array([0, 0, -craft.mass * craft.g])
-        speeds = [np.array([vehicle.speed_radps(u) for u in row]) for row in flight.commands.tolist()]
-        states = [s[:13].copy()]
-        for target in speeds:
-            state = craft.step(state, {"cmd_motor_speeds": target}, flight.tick_ns / 1e9)
-            if record:
-                states.append(_joined(state))
-        return np.array(states) if record else _joined(state)[None]
-
-
-def _joined(state: dict[str, Any]) -> Float64:
-    q = state["q"]
-    return np.concatenate([state["x"], [q[3], q[0], q[1], q[2]], state["v"], state["w"]])
 
 
 def attitude_error_rad(flown: Float64, exact: Float64) -> float:

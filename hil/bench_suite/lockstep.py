@@ -106,7 +106,6 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
                 },
             )
         )
-    result.panels.append(lambda ax: _draw_phases(ax, result.rows, floor_us))
     default = max(runs["pty, recorded"], key=lambda run: run["realtime_factor"])
     above_us = default["timing"]["step_us"]["p50"] - floor_us
     digests = {run["digest"] for flights in runs.values() for run in flights}
@@ -121,19 +120,3 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
         Check("altitude error", mission["altitude_error_m"], "<=", 0.5, "m"),
     ]
     return result
-
-
-def _draw_phases(ax: Any, rows: list[Row], floor_us: float) -> None:
-    """Where the median microseconds of a step go, per arrangement, beside the bare round trip."""
-    names = [row.method for row in rows]
-    left = [0.0] * len(rows)
-    for phase in rows[0].details["phase_us_p50"]:
-        widths = [row.details["phase_us_p50"][phase] for row in rows]
-        ax.barh(names, widths, left=left, label=phase, height=0.6)
-        left = [a + b for a, b in zip(left, widths, strict=True)]
-    ax.axvline(floor_us, color="#20262e", linestyle="--", linewidth=1.2, label="bare pty round trip")
-    ax.set_xlabel("median time per step [us]")
-    ax.set_title("step by phase", loc="left", fontsize=10, fontweight="bold")
-    ax.set_xlim(0, max([*left, floor_us]) * 1.7)
-    ax.legend(fontsize=7.5, frameon=False)
-    ax.invert_yaxis()

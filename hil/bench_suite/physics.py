@@ -1,4 +1,4 @@
-"""`hil bench physics`: error against run time of the flight physics, beside MuJoCo's own integrators and RotorPy.
+"""`hil bench physics`: error against run time of the flight physics, beside MuJoCo's own integrators.
 
 Cases (hil.bench_suite.flight_cases), same vehicle and same forces for all methods:
 
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import partial
 from types import ModuleType
 
@@ -26,7 +25,6 @@ from hil.bench_suite.flight_cases import (
     Flight,
     Float64,
     PlainMujoco,
-    RotorPy,
     ThisProject,
     attitude_error_rad,
     gust,
@@ -42,7 +40,7 @@ from hil.bench_suite.timing import best_times, load_reference
 from sim.physics.vehicle import load_vehicle
 
 Say = Callable[[str], None]
-Method = ThisProject | PlainMujoco | RotorPy
+Method = ThisProject | PlainMujoco
 _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"
 _DIVERGED = 1e6  # shown for a drift beyond all bounds: neither JSON nor the plot has infinity
@@ -54,9 +52,6 @@ def measure(*, quick: bool, say: Say) -> BenchmarkResult:
     result = BenchmarkResult(time_label="wall seconds per simulated second")
     reference = load_reference("multirotor_reference")
     methods = _methods()
-    slow = [method for method in methods if method.name.startswith("RotorPy")]
-    if not slow:
-        result.left_out.append("RotorPy: not installed (pip install rotorpy)")
     for name, flight in (("hover", hover()), ("vigorous", vigorous()), ("gust", gust())):
         say(f"{name}: reference")
         exact = reference.fly(
@@ -73,9 +68,8 @@ def measure(*, quick: bool, say: Say) -> BenchmarkResult:
             details = {"attitude_error_rad": attitude_error_rad(flown, exact)}
             error = _position_error_m(flown, exact)
             result.rows.append(Row(name, method.name, error, "m", times[method.name], details))
-    quicker = [method for method in methods if method not in slow]
-    _tumble_rows(result, quicker if quick else methods, say)
-    _landing_rows(result, quicker, turns=2 if quick else 5)
+    _tumble_rows(result, methods, say)
+    _landing_rows(result, methods, turns=2 if quick else 5)
     say("checks")
     result.checks += _flight_checks(result)
     result.checks += _order_checks(reference)
@@ -89,8 +83,6 @@ def _methods() -> list[Method]:
     methods += [ThisProject(step, method="classical") for step in _STEPS_MS]
     methods += [PlainMujoco(integrator, step) for integrator in ("Euler", "implicitfast", "RK4") for step in _STEPS_MS]
     methods += [PlainMujoco("RK4", step, lag="filter") for step in _STEPS_MS]
-    with suppress(ImportError):  # an optional rival; the caller says that it is left out
-        methods += [RotorPy(), RotorPy(1e-9)]
     return methods
 
 
@@ -107,8 +99,7 @@ def _position_error_m(flown: Float64, exact: Float64) -> float:
 
 def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say) -> None:
     for method in methods:
-        # RotorPy needs minutes for a minute.
-        flight = tumble(60.0 if not method.name.startswith("RotorPy") else 2.0)
+        flight = tumble(60.0)
         say(f"tumble: {method.name}")
         began = time.perf_counter()
         end = method.fly(flight, record=False)[-1]
@@ -116,7 +107,7 @@ def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], say: Say) -
         finite = bool(np.isfinite(end).all())
         drift = spin_drift(flight, end) if finite else dict.fromkeys(("energy", "momentum", "norm"), _DIVERGED)
         error = min(_DIVERGED, max(drift["energy"], drift["momentum"]))
-        details = {"simulated_s": flight.duration_s, "finite": finite, **drift}
+        details = {"finite": finite, **drift}
         result.rows.append(Row("tumble", method.name, error, "1", took, details))
 
 

@@ -1,10 +1,8 @@
-"""`hil bench radar`: time of a frame against its error, beside the exact sum and finufft, in one process on one core.
+"""`hil bench radar`: time of a frame against its error, beside the exact sum, in one process on one core.
 
 Error: ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, x noise-free, before the ADC; x_direct is
 the method `direct`, whose own error stands in its row, against tests/reference/radar_reference.py over some echoes.
-Times are the best of some turns, the methods taking turns. finufft is given the same decomposition
-(radar_rivals.py) with the fewest terms that meet the tolerance; its time is that of its transform alone, without making
-the weights.
+Times are the best of some turns.
 
 Swept: tolerance 1e-2 to 1e-9, echoes 5k to 300k, speed to 30 m/s, range to 200 m, both presets. Then pictures of
 city_park, where echoes that cannot matter are dropped; point targets through the processing chain; a person who walks
@@ -21,7 +19,6 @@ from numpy.typing import NDArray
 
 from hil.bench_suite.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.bench_suite.radar_checks import characteristic_checks, person_checks, recording_checks, target_checks
-from hil.bench_suite.radar_rivals import FinufftRadar, finufft_module
 from hil.bench_suite.raster_cases import scene_case
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.bench_suite.timing import best_times, load_reference, one_core
@@ -34,7 +31,6 @@ UNIT = "relative, to the exact sum"
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 _COUNTS = (5_000, 20_000, PIXELS, 300_000)
 _SPEEDS_MPS = (0.0, 3.0, 10.0, 30.0)
-_MOST_NODES = 24  # of finufft
 _RANGES_M = (1.0, 10.0, 50.0, 200.0)
 
 
@@ -59,7 +55,7 @@ def _synthesis(result: BenchmarkResult, *, quick: bool, say: Say) -> None:
     parameters = radar_parameters()
     say("all tolerances")
     main = _Case("table 2, 76,800 echoes", parameters, random_echoes(PIXELS))
-    times = main.sweep(result, TOLERANCES, repeats=3 if quick else 7, rival=True)
+    times = main.sweep(result, TOLERANCES, repeats=3 if quick else 7)
     for tolerance, limit_s in ((1e-3, 15e-3), (1e-6, 60e-3)):
         took, error = times[tolerance]
         result.checks.append(Check(f"76,800 echoes at {tolerance:g}: error", error, "<=", tolerance, "1"))
@@ -83,7 +79,7 @@ def _synthesis(result: BenchmarkResult, *, quick: bool, say: Say) -> None:
         cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, PIXELS)) for r in _RANGES_M]
     for case in cases:
         say(case.name)
-        found = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5, rival=False)
+        found = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5)
         worst = max(worst, *(error / tolerance for tolerance, (_, error) in found.items()))
     result.checks.append(Check("greatest error, in tolerances: all counts, speeds and ranges", worst, "<=", 1.0, "1"))
 
@@ -104,7 +100,7 @@ class _Case:
         self.direct_s = 0.0
 
     def sweep(
-        self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int, rival: bool
+        self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int
     ) -> dict[float, tuple[float, float]]:
         """Rows of every tolerance; time and error of each."""
         c = self._p.chirp
@@ -112,11 +108,10 @@ class _Case:
         exact, out = np.empty(shape), np.empty(shape)
         direct = synthesizer(self._p, "direct", 1e-3)
         work = partial(direct.synthesize, self._echoes, exact)
-        self.direct_s = best_times({"direct": work}, turns=2 if rival else 1)["direct"]
+        self.direct_s = best_times({"direct": work}, turns=2)["direct"]
         own = _direct_error(self._p, self._echoes)
         result.rows.append(Row(self.name, "direct", own, UNIT, self.direct_s, {"echoes": len(self._echoes.range_m)}))
         found: dict[float, tuple[float, float]] = {}
-        theirs: list[Row] = []
         for tolerance in tolerances:
             made = synthesizer(self._p, "nufft", tolerance)
             report = made.synthesize(self._echoes, out)  # the first call makes room
@@ -125,24 +120,7 @@ class _Case:
             found[tolerance] = took, error
             details = {"terms": report.terms, "panels": report.panels, "width": report.width, "dropped": report.dropped}
             result.rows.append(Row(self.name, f"nufft @ {tolerance:g}", error, UNIT, took, details))
-            if rival and finufft_module() is not None:
-                theirs.append(self._rival(tolerance, exact, out, repeats))
-        result.rows += theirs
         return found
-
-    def _rival(self, tolerance: float, exact: Float64, out: Float64, repeats: int) -> Row:
-        """finufft with as few nodes, over all speeds at once, as bring it below the tolerance."""
-        for nodes in range(1, _MOST_NODES + 1):
-            other = FinufftRadar(self._p, tolerance=0.5 * tolerance, nodes=nodes)
-            other.synthesize(self._echoes, out)
-            if _error(out, exact) <= tolerance:
-                break
-        took = other.transform_s
-        for _ in range(repeats):
-            other.synthesize(self._echoes, out)
-            took = min(took, other.transform_s)
-        method = f"finufft, transform alone @ {tolerance:g}"
-        return Row(self.name, method, _error(out, exact), UNIT, took, {"terms": nodes})
 
 
 def _direct_error(p: RadarParameters, echoes: Echoes) -> float:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.signals.errors import RecordingError
+
+_MOST_PANELS = 30
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,6 @@ class BenchmarkResult:
     checks: list[Check] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     time_label: str = "wall time [s]"
-    panels: list[Callable[[Any], None]] = field(default_factory=list)  # each draws on one more matplotlib Axes
 
     def as_json(self, name: str) -> dict[str, Any]:
         """The JSON form fixed by the command-line contract."""
@@ -83,44 +85,48 @@ def machine() -> dict[str, Any]:
 
 
 def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """Error against run time, one panel per case, both axes logarithmic. RecordingError if it cannot be written."""
+    """Error against run time, one panel per case, both axes logarithmic; of many cases, or where no method has an
+    error, a bar for each row. RecordingError if it cannot be written."""
     from matplotlib.figure import Figure  # slow to import, and only needed here
-    from matplotlib.ticker import LogLocator, NullFormatter
 
-    cases = list(dict.fromkeys(row.case for row in result.rows))
-    count = len(cases) + len(result.panels)
-    columns = min(3, max(1, count))
-    lines = -(-count // columns)
-    figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False)
-    for ax, draw in zip(list(axes.flat)[len(cases) :], result.panels, strict=False):
-        draw(ax)
-    for ax in list(axes.flat)[count:]:
-        ax.set_visible(False)
-    for ax, case in zip(axes.flat, cases, strict=False):
-        rows = [row for row in result.rows if row.case == case]
-        floor = _smallest_positive([row.error for row in rows]) / 10
-        for method in dict.fromkeys(row.method.split(" @ ")[0] for row in rows):
-            mine = [row for row in rows if row.method.split(" @ ")[0] == method]
-            times = [row.time_s for row in mine]
-            errors = [row.error if row.error > 0 else floor for row in mine]
-            ax.plot(times, errors, "o-" if len(mine) > 1 else "o", label=method, markersize=5)
-        ax.set_xscale("log")
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
-        ax.set_yscale("log")
-        ax.set_xlabel(result.time_label)
-        ax.set_ylabel(f"error [{rows[0].error_unit}]")
-        ax.set_title(case, loc="left", fontsize=10, fontweight="bold")
-        ax.grid(True, which="both", color="#e6e9ed", linewidth=0.7)
-        ax.legend(fontsize=8, frameon=False)
+    rows = [row for row in result.rows if math.isfinite(row.time_s)]
+    cases = list(dict.fromkeys(row.case for row in rows))
+    if len(cases) > _MOST_PANELS or not any(row.error > 0 for row in rows):
+        figure = Figure(figsize=(11.0, 1.2 + 0.25 * len(rows)), layout="constrained")
+        ax = figure.subplots()
+        bars = ax.barh([f"{row.case}: {row.method}" for row in rows], [row.time_s for row in rows])
+        ax.bar_label(bars, [f"{row.time_s:.3g}, {row.error:.2g} {row.error_unit}" for row in rows], fontsize=8)
+        ax.invert_yaxis()
+        ax.margins(x=0.3)
+        ax.set(xscale="log", xlabel=f"{result.time_label}; error beside it")
+    else:
+        columns = min(3, max(1, len(cases)))
+        lines = max(1, -(-len(cases) // columns))
+        figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
+        axes = figure.subplots(lines, columns, squeeze=False)
+        for ax in list(axes.flat)[len(cases) :]:
+            ax.set_visible(False)
+        for ax, case in zip(axes.flat, cases, strict=False):
+            _draw_case(ax, [row for row in rows if row.case == case], result.time_label)
     figure.suptitle(title)
     save_figure(figure, path)
 
 
-def _smallest_positive(values: Sequence[float]) -> float:
-    return min((v for v in values if v > 0), default=1e-15)
+def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    floor = min((row.error for row in rows if row.error > 0), default=1e-15) / 10
+    for method in dict.fromkeys(row.method.split(" @ ")[0] for row in rows):
+        mine = [row for row in rows if row.method.split(" @ ")[0] == method]
+        errors = [row.error if row.error > 0 else floor for row in mine]
+        ax.plot([row.time_s for row in mine], errors, "o-" if len(mine) > 1 else "o", label=method, markersize=5)
+    ax.set(xscale="log", yscale="log", xlabel=time_label, ylabel=f"error [{rows[0].error_unit}]")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_title(rows[0].case, loc="left", fontsize=10, fontweight="bold")
+    ax.grid(True, which="both", color="#e6e9ed", linewidth=0.7)
+    ax.legend(fontsize=8, frameon=False)
 
 
 def save_figure(figure: Any, path: Path) -> None:

@@ -20,7 +20,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from numpy.typing import NDArray
 
 from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
-from hil.bench_suite.result import BenchmarkResult, Check, Row, save_figure
+from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.bench_suite.timing import one_core
 from hil.signals.samples import RadarSample, TruthState
 from hil.view_points import pose_of
@@ -262,21 +261,3 @@ def contact_rule(seconds: float) -> Rule:
         yield took, {name: np.array([getattr(state, name) for state in flight]) for name in TruthState._fields}
 
     return Rule("contact work", "flight in training_village", run)
-
-
-def plot(result: BenchmarkResult, title: str, path: Path) -> None:
-    """Time with each rule as a share of the time without it."""
-    from matplotlib.figure import Figure  # slow to import, and only needed here
-
-    rows = [row for row in result.rows if row.method == "on"]
-    figure = Figure(figsize=(9.0, 1.2 + 0.3 * len(rows)), layout="constrained")
-    ax = figure.subplots()
-    shares = [1.0 - row.details["saved"] for row in rows]
-    bars = ax.barh([row.case for row in rows], shares, color="#4477aa")
-    ax.bar_label(bars, [f"{100 * row.details['saved']:.0f} % saved" for row in rows], padding=4, fontsize=8)
-    ax.axvline(1.0, color="#888888", linewidth=0.8)
-    ax.invert_yaxis()
-    ax.set_xlim(0.0, 1.25 * max([1.0, *shares]))
-    ax.set_xlabel("time with the rule over time without it")
-    ax.set_title(title, loc="left", fontweight="bold")
-    save_figure(figure, path)

@@ -97,7 +97,7 @@ def measure(*, quick: bool, say: Say) -> BenchmarkResult:
 def plot(result: BenchmarkResult, title: str, path: Path) -> None:
     """A map: one panel a sweep, a line a method, a field a setting. RecordingError if the file cannot be written."""
     from matplotlib.figure import Figure  # slow to import, and only needed here
-    from matplotlib.patches import Patch, Rectangle
+    from matplotlib.patches import Patch
 
     sweeps = list(dict.fromkeys(row.details["sweep"] for row in result.rows))
     columns = 2
@@ -110,21 +110,20 @@ def plot(result: BenchmarkResult, title: str, path: Path) -> None:
         mine = [row for row in result.rows if row.details["sweep"] == sweep]
         methods = list(dict.fromkeys(row.method for row in mine))
         values = list(dict.fromkeys(row.details["value"] for row in mine))
-        for row in mine:
-            at_x, at_y = values.index(row.details["value"]), methods.index(row.method)
-            field = _COLOURS[row.details["verdict"]]
-            ax.add_patch(Rectangle((at_x - 0.48, at_y - 0.46), 0.96, 0.92, facecolor=field, edgecolor="none"))
-            ax.text(at_x, at_y, _said(row), ha="center", va="center", fontsize=7.5)
-        ax.set_xlim(-0.5, len(values) - 0.5)
-        ax.set_ylim(len(methods) - 0.5, -0.5)
-        ax.set_xticks(range(len(values)), [f"{value:g}" for value in values], fontsize=8)
-        ax.set_yticks(range(len(methods)), methods, fontsize=8)
-        ax.tick_params(length=0)
+        cells = [[next(r for r in mine if (r.method, r.details["value"]) == (m, v)) for v in values] for m in methods]
+        table = ax.table(
+            [[_said(row) for row in line] for line in cells],
+            [[_COLOURS[row.details["verdict"]] for row in line] for line in cells],
+            rowLabels=methods,
+            colLabels=[f"{value:g}" for value in values],
+            loc="center",
+        )
+        table.scale(1.0, 1.2)
+        ax.set_axis_off()
         limit = mine[0].details["tolerance"]
         allowed = f"{limit:g} {mine[0].error_unit}" if limit else f"no gain in {mine[0].error_unit}"
-        ax.set_title(
-            f"{sweep} [{mine[0].details['unit']}], tolerance {allowed}", loc="left", fontsize=9, fontweight="bold"
-        )
+        words = f"{sweep} [{mine[0].details['unit']}], tolerance {allowed}"
+        ax.set_title(words, loc="left", fontsize=9, fontweight="bold")
     handles = [Patch(facecolor=colour, label=label) for label, colour in _COLOURS.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     figure.suptitle(f"{title}\nfields: error", fontsize=11)

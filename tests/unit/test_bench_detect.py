@@ -10,7 +10,7 @@ import pytest
 
 from hil.bench_suite import detect
 from hil.bench_suite.detect_cases import apart_px, load_model
-from hil.bench_suite.result import BenchmarkResult, Row
+from hil.bench_suite.result import BenchmarkResult, Row, work_precision_plot
 from hil.report.run_json import finite
 from hil.signals.errors import RecordingError
 
@@ -41,7 +41,7 @@ def test_what_could_not_be_measured_is_a_row_that_says_so(tmp_path: Path) -> Non
     assert rows[-1]["error"] is None
     assert "not installed" in rows[-1]["not_measured"]
     assert math.isnan(result.rows[-1].time_s)
-    detect.plot(result, "a title", tmp_path / "detect.png")
+    work_precision_plot(result, "a title", tmp_path / "detect.png")
     assert (tmp_path / "detect.png").read_bytes().startswith(b"\x89PNG")
 
 
