@@ -5,18 +5,23 @@
 #include <initializer_list>
 #include <stdexcept>
 
+#if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__))
+#include <cpuid.h>
+#endif
+
 namespace hil::sim::frame {
 
 bool has_isa(Isa isa) {
 #if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__))
-    switch (isa) {
-        case Isa::kBase: return true;
-        case Isa::kAvx2: return __builtin_cpu_supports("avx2");
-        case Isa::kAvx512:
-            return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-                   __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
-    }
-    return false;
+    // By hand: what __builtin_cpu_supports calls cannot be linked into a module by every compiler (zig's).
+    if (isa == Isa::kBase) return true;
+    unsigned a = 0, b = 0, c = 0, d = 0, state = 0, high = 0;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return false;
+    __asm__("xgetbv" : "=a"(state), "=d"(high) : "c"(0));  // registers that the system keeps for a thread
+    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d)) return false;
+    const unsigned wanted = isa == Isa::kAvx2 ? bit_AVX2 : bit_AVX512F | bit_AVX512DQ | bit_AVX512BW | bit_AVX512VL;
+    const unsigned kept = isa == Isa::kAvx2 ? 0x06u : 0xe6u;
+    return (b & wanted) == wanted && (state & kept) == kept;
 #else
     return isa == Isa::kBase;
 #endif
