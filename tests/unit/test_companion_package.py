@@ -11,7 +11,6 @@ import pytest
 from tests.unit.companion_bench import CLIENT
 
 ALLOWED = {"numpy", "zmq", "msgpack", "hil_companion"}
-WITH_CASADI = {"cuts/corridor.py"}
 WITH_OPENCV = {"detect", "explore", "locate"}  # folders
 BACKENDS = {"detect/backends/onnx_runtime.py": {"onnxruntime"}, "detect/backends/pytorch.py": {"torch"}}
 SOURCES = sorted((CLIENT / "hil_companion").rglob("*.py"))
@@ -24,8 +23,7 @@ NEWER_CALLS = {"removeprefix", "removesuffix", "bit_count", "pairwise", "is_rela
 def test_source_is_python_3_8_with_three_packages(path: Path) -> None:
     tree = ast.parse(path.read_text(), feature_version=(3, 8))
     place = path.relative_to(CLIENT / "hil_companion")
-    allowed = ALLOWED | ({"casadi"} if str(place) in WITH_CASADI else set())
-    allowed |= {"cv2"} if place.parts[0] in WITH_OPENCV else set()
+    allowed = ALLOWED | ({"cv2"} if place.parts[0] in WITH_OPENCV else set())
     allowed |= BACKENDS.get(str(place), set())
     annotations = {id(n) for a in _annotations(tree) for n in ast.walk(a)}
     future = any(isinstance(n, ast.ImportFrom) and n.module == "__future__" for n in tree.body)
@@ -54,7 +52,3 @@ def _annotations(tree: ast.AST) -> list[ast.AST]:
         elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             found.append(node.returns)
     return [node for node in found if node is not None]
-
-
-def test_the_list_of_sources_is_not_empty() -> None:
-    assert {"client.py", "waypoints.py", "corridor.py"} <= {path.name for path in SOURCES}

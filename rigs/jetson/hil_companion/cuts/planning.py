@@ -1,24 +1,30 @@
-"""From waypoints and limits to a path: times, corridor, and the way round a missing solver.
+"""Least snap through waypoints, within a corridor of a radius round the straight legs, as fast as limits allow.
 
-With CasADi the path flies through the waypoints within the corridor. Without it the closed form is used, which knows no
-corridor: it stops at both ends of every leg that it would leave, until it leaves none; a leg between two stops is
-straight.
+Mellinger and Kumar, "Minimum snap trajectory generation and control for quadrotors", ICRA 2011, minimise the integral
+of the squared 4th derivative of piecewise polynomials through waypoints. The polynomials are written here by position,
+velocity, acceleration and jerk at both ends of each segment, which fixes 7th order, makes derivatives up to the 3rd
+continuous of itself, and has the optimum in closed form (Richter, Bry and Roy, "Polynomial trajectory planning for
+aggressive quadrotor flight", ISRR 2013). As there, a segment that leaves the corridor is given one more waypoint in its
+middle, until none does.
+
+    minimise 1/2 x' H x + g' x     x: what is free at the nodes, one column an axis; time counted in mean durations
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from hil_companion.cuts import corridor
-from hil_companion.cuts.snap_path import SnapPath
-from hil_companion.cuts.snap_program import SnapProgram
+from hil_companion.cuts.snap_path import SnapPath, derivative_row, snap_weights
 
 SAME_PLACE_M = 0.05
-MAX_LEGS = 12  # flown in one; the solver is dense, and its time grows with the cube
-PARTS = (1, 2, 3)  # segments a leg, tried in turn: more of them bend more where the corridor asks for it
+MAX_LEGS = 12  # flown in one; the equations are dense, and their time grows with the cube
+MAX_ROUNDS = 10  # of more waypoints; a segment is then a thousandth of its leg
 MARGIN = 1.001  # peaks lie between the samples
+AT_NODE = 4  # position, velocity, acceleration, jerk
+STRAIGHT_ON = 1e-6  # of 1 / cos - 1 of half a turn
 
 
 @dataclass(frozen=True)
@@ -37,54 +43,88 @@ def without_repeats(waypoints_W: np.ndarray) -> np.ndarray:
     return np.array(kept).reshape(-1, 3)
 
 
-def plan(waypoints_W: np.ndarray, limits: Limits, *, solver: bool | None = None) -> SnapPath:
+def plan(waypoints_W: np.ndarray, limits: Limits) -> SnapPath:
     """A path from rest at the first to rest at the last waypoint. At least two different waypoints are needed."""
     points = without_repeats(waypoints_W)
     if len(points) < 2:
         raise ValueError("a path needs at least two waypoints that are not at the same place")
-    with_solver = corridor.available() if solver is None else solver
     whole: SnapPath | None = None
     for first in range(0, len(points) - 1, MAX_LEGS):
-        path = _timed(_shape(points[first : first + MAX_LEGS + 1], limits, with_solver), limits)
+        path = _within_corridor(points[first : first + MAX_LEGS + 1], limits)
         whole = path if whole is None else whole.followed_by(path)
     assert whole is not None
     return whole
 
 
-def _shape(points_W: np.ndarray, limits: Limits, with_solver: bool) -> SnapPath:
-    times_s = leg_times_s(points_W, limits)
-    if with_solver:
-        for parts in PARTS:
-            path = corridor.path_within(SnapProgram(points_W, times_s, parts=parts), limits.corridor_m)
-            if path is not None:
-                return path
-    return with_stops(points_W, limits)
+def _within_corridor(points_W: np.ndarray, limits: Limits) -> SnapPath:
+    nodes_W = points_W
+    for _ in range(MAX_ROUNDS):
+        path = least_snap(nodes_W, leg_times_s(nodes_W, limits))
+        left = np.flatnonzero(distances_m(path, nodes_W).max(axis=1) > limits.corridor_m)
+        if not len(left):
+            return _timed(path, limits)
+        nodes_W = np.insert(nodes_W, left + 1, 0.5 * (nodes_W[left] + nodes_W[left + 1]), axis=0)
+    # So narrow a corridor that it is flown from rest to rest, along the straight legs.
+    legs = [least_snap(points_W[i : i + 2], np.ones(1)) for i in range(len(points_W) - 1)]
+    whole = _timed(legs[0], limits)
+    for leg in legs[1:]:
+        whole = whole.followed_by(_timed(leg, limits))
+    return whole
 
 
-def with_stops(points_W: np.ndarray, limits: Limits) -> SnapPath:
-    """The closed form, with rests at the ends of every leg that would be left."""
-    stops: set[int] = set()
-    while True:
-        program = SnapProgram(points_W, leg_times_s(points_W, limits, stops), stops=stops)
-        path = program.path(program.least())
-        left = np.flatnonzero(corridor.distances_m(path, points_W).max(axis=1) > limits.corridor_m)
-        more = {int(n) for leg in left for n in (leg, leg + 1)} - stops - {0, len(points_W) - 1}
-        if not more:
-            return path
-        stops |= more
+def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
+    """Through all nodes, a segment between two, from rest to rest."""
+    unit_s = float(np.mean(times_s))
+    times = times_s / unit_s
+    known = np.full((AT_NODE * len(nodes_W), 3), np.nan)
+    known[::AT_NODE] = nodes_W
+    known[1:AT_NODE] = known[1 - AT_NODE :] = 0.0
+    spans = [slice(AT_NODE * i, AT_NODE * (i + 2)) for i in range(len(times))]
+    to_coefficients = [_to_coefficients(time) for time in times]
+    cost, weights = np.zeros((len(known), len(known))), snap_weights()
+    for span, time, to_c in zip(spans, times, to_coefficients):
+        cost[span, span] += 2.0 * to_c.T @ weights @ to_c / time**7
+    is_free = np.isnan(known[:, 0])
+    free, fixed = np.flatnonzero(is_free), np.flatnonzero(~is_free)
+    if len(free):
+        known[free] = np.linalg.solve(cost[np.ix_(free, free)], -cost[np.ix_(free, fixed)] @ known[fixed])
+    return SnapPath(times_s, np.array([to_c @ known[span] for span, to_c in zip(spans, to_coefficients)]))
 
 
-def leg_times_s(points_W: np.ndarray, limits: Limits, stops: set[int] | None = None) -> np.ndarray:
-    """A first guess: at the speed limit, and longer by what slowing down for the turn at each end costs."""
-    legs = np.diff(points_W, axis=0)
+def _to_coefficients(time: float) -> np.ndarray:
+    """From the values at both ends of a segment."""
+    at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(AT_NODE)])
+    inverse: np.ndarray = np.linalg.inv(at_ends)
+    return inverse
+
+
+def distances_m(path: SnapPath, nodes_W: np.ndarray) -> np.ndarray:
+    """How far the path is from the straight leg, at the samples of each segment."""
+    p_W = path.sampled(0)
+    a, leg = nodes_W[:-1, None], np.diff(nodes_W, axis=0)[:, None]
+    offset = p_W - a
+    along = np.clip((offset * leg).sum(axis=2) / (leg * leg).sum(axis=2), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - along[:, :, None] * leg, axis=2))
+
+
+def leg_times_s(nodes_W: np.ndarray, limits: Limits) -> np.ndarray:
+    """A first guess: with half of the acceleration from corner to corner, each of them as fast as an arc allows
+
+    v = sqrt(a R)     R (1 / cos(turn / 2) - 1) = the corridor's radius
+    """
+    legs = np.diff(nodes_W, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
-    slow = np.ones(len(points_W))  # share of the speed that is lost: all where it rests
-    for i in range(1, len(points_W) - 1):
-        if stops is None or i not in stops:
-            slow[i] = 0.5 * (1.0 - legs[i - 1] @ legs[i] / (lengths[i - 1] * lengths[i]))
-    reached = np.minimum(limits.speed_mps, np.sqrt(limits.accel_mps2 * lengths))
-    times: np.ndarray = lengths / reached + 0.5 * (slow[:-1] + slow[1:]) * reached / limits.accel_mps2
-    return times
+    cosines = (legs[:-1] * legs[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
+    half = np.sqrt(np.clip(0.5 * (1.0 + cosines), 1e-12, 1.0))  # cosine of half the turn
+    radius_m = limits.corridor_m / np.maximum(1.0 / half - 1.0, STRAIGHT_ON)
+    v = np.minimum(limits.speed_mps, np.sqrt(limits.accel_mps2 * radius_m))
+    v, a = np.array([0.0, *v, 0.0]), 0.5 * limits.accel_mps2
+    for here, there, i in [(i, i + 1, i) for i in range(len(legs))] + [(i + 1, i, i) for i in range(len(legs))][::-1]:
+        v[there] = min(v[there], math.sqrt(v[here] ** 2 + 2.0 * a * lengths[i]))
+    first, last = v[:-1], v[1:]
+    top = np.minimum(limits.speed_mps, np.sqrt(a * lengths + 0.5 * (first**2 + last**2)))
+    cruise_m = lengths - (2.0 * top**2 - first**2 - last**2) / (2.0 * a)
+    return np.asarray((2.0 * top - first - last) / a + cruise_m / top)
 
 
 def _timed(path: SnapPath, limits: Limits) -> SnapPath:

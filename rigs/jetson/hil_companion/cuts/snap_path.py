@@ -59,12 +59,6 @@ class SnapPath:
         by_time: np.ndarray = by_s / self.durations_s[:, None, None] ** k
         return by_time
 
-    def snap_cost(self) -> float:
-        """Integral of the squared 4th derivative over time."""
-        weights = snap_weights()
-        costs = np.einsum("ica,cd,ida->i", self.coefficients, weights, self.coefficients)
-        return float(np.sum(costs / self.durations_s**7))
-
     def stretched(self, factor: float) -> SnapPath:
         """The same way in `factor` times the time: v / factor, a / factor^2; what was of least snap stays so."""
         return SnapPath(self.durations_s * factor, self.coefficients)
