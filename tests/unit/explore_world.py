@@ -13,6 +13,7 @@ from tests.unit.companion_bench import CLIENT  # puts the client on the path
 
 from hil_companion.explore.explorer import Explorer  # isort: skip
 from hil_companion.explore.settings import FlightSettings  # isort: skip
+from hil_companion.explore.slam_settings import SlamSettings  # isort: skip
 from hil_companion.explore.true_pose import TruePose  # isort: skip
 from hil_companion.frame import Frame, Sample  # isort: skip
 
@@ -23,6 +24,7 @@ DT_NS = 100_000_000
 _BEAMS = 720
 _ANGLES = (np.arange(_BEAMS) + 0.5) * (2.0 * math.pi / _BEAMS)
 _FAR_M = 30.0
+_GROUND_M = 12.0  # where the lower ring meets it
 
 
 def ranges_m(boxes: Sequence[Box], x: float, y: float, angles: np.ndarray = _ANGLES) -> np.ndarray:
@@ -61,7 +63,15 @@ class Flat:
         self.path_m = 0.0
         self.fastest_mps = 0.0
         chosen = {"height_m": HEIGHT_M, "hover_s": 0.5} | self.settings
-        self.localiser: Any = TruePose(None, HEIGHT_M, half_m=40.0)
+        lidar = SlamSettings(
+            particles=1,
+            area_m=80.0,
+            flight_height_m=HEIGHT_M,
+            lidar_p_BL=(0.0, 0.0, 0.0),
+            lidar_elevation_deg=(-math.degrees(math.atan2(HEIGHT_M, _GROUND_M)), 0.0),
+            lidar_rings_sure=True,
+        )
+        self.localiser: Any = TruePose(lidar, start_W=(*self.start_W, HEIGHT_M, 0.0), seed=1)
         self.explorer = Explorer(FlightSettings(**chosen), self.localiser, self.goal_W)
         self.frames = 0
 
@@ -73,16 +83,20 @@ class Flat:
         seen = far < _FAR_M
         level = far[seen, None] * np.stack([np.cos(_ANGLES[seen]), np.sin(_ANGLES[seen])], axis=1)
         # No two sweeps are alike: one that is, while the vehicle moves, is a LiDAR that hangs.
-        ground = (12.0 + 0.002 * (n % 5)) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+        ground = (_GROUND_M + 0.002 * (n % 5)) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
         points: np.ndarray | None = np.vstack(
             [
                 np.column_stack([level, np.zeros(len(level))]),
                 np.column_stack([ground, np.full(_BEAMS, -HEIGHT_M)]),
             ]
         )
-        points = self.lidar(t_ns * 1e-9, points)
+        beam = np.concatenate([np.flatnonzero(seen), np.arange(_BEAMS)])  # which is its time, too
+        order = np.argsort(beam, kind="stable")
+        points = self.lidar(t_ns * 1e-9, points[order])
         if points is not None:
-            arrays = {"points_L": points.astype(np.float32), "time_offset_ns": np.zeros(len(points), np.int32)}
+            upper = (points[:, 2] > -0.5 * HEIGHT_M).astype(np.uint8)
+            arrays = {"points_L": points.astype(np.float32), "time_offset_ns": np.resize(beam[order], len(points))}
+            arrays["ring"] = upper
             samples["lidar"] = Sample("lidar", n, t_ns, t_ns, {}, arrays)
         header = {"frame": n, "tick": n, "t_ns": t_ns, "t_sent_ns": 0, "dropped": 0}
         return Frame(header, samples, in_ring=False, t_received_ns=0)

@@ -40,24 +40,12 @@ def flown(circle: Circle) -> InertialFilter:
 
 
 def swept(circle: Circle, inertial: InertialFilter, elevation_deg: tuple[float, ...] = RINGS_DEG) -> Sweep:
-    sample = circle.sweep(T_NS)
-    return make_sweep(
-        inertial,
-        t_ns=T_NS,
-        points_L=sample["points_L"],
-        ring=sample["ring"],
-        time_offset_ns=sample["time_offset_ns"],
-        p_BL=circle.lidar_p_BL,
-        q_BL=(1.0, 0.0, 0.0, 0.0),
-        elevation_deg=elevation_deg,
-    )
+    settings = SlamSettings(lidar_p_BL=circle.lidar_p_BL, lidar_elevation_deg=elevation_deg)
+    return make_sweep(inertial, circle.sweep(T_NS), settings)
 
 
-def scanned(sweep: Sweep) -> Scan:
-    return make_scan(
-        sweep, z_m=HEIGHT_M, ground_z_m=0.0, height_z_m=HEIGHT_M, band_half_m=1.0, map_range_m=30.0,
-        match_range_m=75.0, match_points=200, cell_m=0.25,
-    )  # fmt: skip
+def scanned(sweep: Sweep, height_m: float = HEIGHT_M) -> Scan:
+    return make_scan(sweep, SlamSettings(flight_height_m=height_m), HEIGHT_M)
 
 
 def in_world(xy: np.ndarray, p: np.ndarray, yaw: float) -> np.ndarray:
@@ -98,10 +86,7 @@ def test_a_beam_says_free_only_while_it_is_at_the_height_of_the_flight() -> None
     inertial = flown(circle)
     sweep = swept(circle, inertial)
     for height_m, nearest, farthest in ((HEIGHT_M, 5.0, 30.0), (HEIGHT_M + 2.0, 0.0, 0.0)):
-        scan = make_scan(
-            sweep, z_m=HEIGHT_M, ground_z_m=0.0, height_z_m=height_m, band_half_m=1.0, map_range_m=30.0,
-            match_range_m=75.0, match_points=200, cell_m=0.25,
-        )  # fmt: skip
+        scan = scanned(sweep, height_m)
         assert scan.reach_m.max() <= farthest
         assert np.median(scan.reach_m) >= nearest
     # Nothing is free beyond a wall.

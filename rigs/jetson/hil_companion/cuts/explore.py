@@ -19,6 +19,8 @@ from hil_companion.errors import OptionError
 from hil_companion.explore.explorer import Explorer
 from hil_companion.explore.pictures import Pictures
 from hil_companion.explore.settings import FlightSettings, number
+from hil_companion.explore.slam import Slam
+from hil_companion.explore.slam_settings import SlamSettings, lidar_settings
 from hil_companion.explore.true_pose import TruePose
 from hil_companion.frame import Frame
 from hil_companion.protocol import Welcome
@@ -90,24 +92,19 @@ class Explore:
         x, y, _, _ = self._start
         half_m = max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M
         half_m = min(max(half_m, _LEAST_HALF_M), _MOST_HALF_M)
-        made = self._make_localiser(settings, calibration, half_m)
+        made = self._make_localiser(settings, calibration, 2.0 * half_m)
         goal_W, mapped_W = (float(goal[0]), float(goal[1])), (x - half_m, y - half_m, x + half_m, y + half_m)
         self._explorer = Explorer(settings, made, goal_W, calibration, mapped_W=mapped_W, lidar=self._lidar)
         if self._folder is not None:
             self._pictures = Pictures(self._folder, every_s=self._picture_every_s, camera=self._camera)
 
-    def _make_localiser(self, settings: FlightSettings, calibration: Mapping[str, Any], half_m: float) -> Any:
-        """`half_m`: the map has to reach so far from the start."""
-        if self._localiser == "truth":
-            half_m += max(abs(self._start[0]), abs(self._start[1]))  # its grid is about the origin
-            return TruePose(calibration, settings.height_m, slab_m=settings.slab_m, half_m=half_m, lidar=self._lidar)
-        from hil_companion.explore.slam import Slam
-        from hil_companion.explore.slam_settings import SlamSettings, lidar_settings
-
-        told: dict[str, Any] = {"area_m": 2.0 * half_m, "lidar_topic": self._lidar, **lidar_settings(calibration)}
+    def _make_localiser(self, settings: FlightSettings, calibration: Mapping[str, Any], area_m: float) -> Slam:
+        told: dict[str, Any] = {"area_m": area_m, "lidar_topic": self._lidar, **lidar_settings(calibration)}
         told.update(flight_height_m=settings.height_m, band_half_m=settings.slab_m)
+        told.update(self._slam)
         x, y, z, yaw = self._start
-        return Slam(_made(SlamSettings, "slam", {**told, **self._slam}), start_W=(x, y, z, yaw), seed=self._seed)
+        kind, alone = (TruePose, {"particles": 1}) if self._localiser == "truth" else (Slam, {})
+        return kind(_made(SlamSettings, "slam", {**told, **alone}), start_W=(x, y, z, yaw), seed=self._seed)
 
     def __call__(self, frame: Frame) -> Desired | None:
         assert self._explorer is not None

@@ -110,11 +110,18 @@ class InertialFilter:
                 tilt_variance += self._unseen(rest_s)
             moment = _coasted(moment, to_ns, self._row_ns)
             self._past.append(moment)
-        self.t_ns = moment.t_ns
-        self.p, self.v, self.q = np.array(moment.p), np.array(moment.v), moment.q
+        self.stand_at(moment)
         self._force_W = f_sum / used if used else None
         force_W = self._force_W if self._force_W is not None else np.array([0.0, 0.0, G_MPS2])
-        self._spread((self.t_ns - began) * 1e-9, force_W, coasted_s, braked_s, tilt_variance)
+        self._spread((moment.t_ns - began) * 1e-9, force_W, coasted_s, braked_s, tilt_variance)
+
+    def stand_at(self, moment: Moment) -> None:
+        self.t_ns, self.p, self.v, self.q = moment.t_ns, np.array(moment.p), np.array(moment.v), moment.q
+
+    def remember(self, moment: Moment) -> None:
+        """Where the vehicle is is known otherwise, at all times up to now."""
+        self.last_imu_ns = moment.t_ns
+        self._past.append(moment)
 
     @property
     def tilt_sigma_rad(self) -> float:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hil_companion.explore.slam_settings import SlamSettings
 from hil_companion.explore.sweep import Sweep
 
 _LEAN = 0.35  # horizontal over vertical distance of two returns of something upright, at most
@@ -41,32 +42,22 @@ class Scan(NamedTuple):
     above_m: tuple[float, float] = (0.0, 0.0)  # mean and spread of how high over the body the upright points lie
 
 
-def make_scan(
-    sweep: Sweep,
-    *,
-    z_m: float,
-    ground_z_m: float,
-    height_z_m: float,
-    band_half_m: float,
-    map_range_m: float,
-    match_range_m: float,
-    match_points: int,
-    cell_m: float,
-) -> Scan:
+def make_scan(sweep: Sweep, s: SlamSettings, z_m: float) -> Scan:
     """`z_m`: the body's height in W."""
     p, there = sweep.p_H, sweep.range_m > 0.0
     z = p[:, :, 2] + np.float32(z_m)
     r = np.hypot(p[:, :, 0], p[:, :, 1])
-    xy, normal, up_m = _upright(p, r, z, there, ground_z_m, match_range_m)
+    xy, normal, up_m = _upright(p, r, z, there, s.ground_z_m, s.match_range_m)
     above_m = (float(up_m.mean()) - z_m, float(up_m.std())) if len(up_m) else (0.0, 0.0)
-    xy, normal = _one_a_cell(xy, normal, cell_m)
-    some = _spread(len(xy), match_points)
-    low, high = height_z_m - band_half_m, height_z_m + band_half_m
-    low = max(low, ground_z_m + _ABOVE_GROUND_M)
-    band = there & (z >= low) & (z <= high) & (r <= map_range_m)
-    reach_m = _reach(sweep, r, z, band, z_m, height_z_m, _FREE_SHARE * band_half_m, map_range_m, cell_m)
+    xy, normal = _one_a_cell(xy, normal, s.cell_m)
+    some = _spread(len(xy), s.match_points)
+    height_z_m = s.ground_z_m + s.flight_height_m
+    low, high = height_z_m - s.band_half_m, height_z_m + s.band_half_m
+    low = max(low, s.ground_z_m + _ABOVE_GROUND_M)
+    band = there & (z >= low) & (z <= high) & (r <= s.map_range_m)
+    reach_m = _reach(sweep, r, z, band, z_m, s)
     band_xy = p[:, :, :2][band].astype(float)
-    band_xy, _ = _one_a_cell(band_xy, np.zeros_like(band_xy), 0.5 * cell_m)
+    band_xy, _ = _one_a_cell(band_xy, np.zeros_like(band_xy), 0.5 * s.cell_m)
     return Scan(xy[some], normal[some], xy, band_xy, reach_m, above_m)
 
 
@@ -132,20 +123,11 @@ def _spread(n: int, most: int) -> np.ndarray:
     return np.arange(n) if n <= most else (np.arange(most) * n) // most
 
 
-def _reach(
-    sweep: Sweep,
-    r: np.ndarray,
-    z: np.ndarray,
-    band: np.ndarray,
-    z_m: float,
-    height_z_m: float,
-    half_m: float,
-    most_m: float,
-    cell_m: float,
-) -> np.ndarray:
+def _reach(sweep: Sweep, r: np.ndarray, z: np.ndarray, band: np.ndarray, z_m: float, s: SlamSettings) -> np.ndarray:
     """How far each azimuth is free: the farthest that a beam within the band went, less what was met in the band."""
     reach = np.zeros(_BINS, np.float32)
-    ray = sweep.ray_H
+    ray, most_m = sweep.ray_H, s.map_range_m
+    height_z_m, half_m = s.ground_z_m + s.flight_height_m, _FREE_SHARE * s.band_half_m
     begin_z = z_m + float(sweep.origin_H[2])
     above, below = height_z_m + half_m - begin_z, begin_z - (height_z_m - half_m)
     if above <= 0.0 or below <= 0.0:
@@ -170,7 +152,7 @@ def _reach(
     if band.any():
         seen = np.arctan2(sweep.p_H[:, :, 1][band], sweep.p_H[:, :, 0][band])
         seen_at = ((seen + math.pi) * scale).astype(np.int64) % _BINS
-        near = r[band] - 1.0 * cell_m
+        near = r[band] - s.cell_m
         stop = np.full(_BINS, np.inf, np.float32)
         order = np.argsort(-near, kind="stable")
         stop[seen_at[order]] = near[order]

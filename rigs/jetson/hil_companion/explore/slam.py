@@ -33,7 +33,7 @@ from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw, wrapped
 from hil_companion.explore.scan import Scan, ground_offset_m, make_scan
 from hil_companion.explore.search import search
 from hil_companion.explore.slam_settings import SlamSettings
-from hil_companion.explore.sweep import Sweep, make_sweep
+from hil_companion.explore.sweep import make_sweep
 
 _TURNS = 3  # frames in which every particle's map is brought up to date once
 _STILL_M, _STILL_RAD, _STILL_FRAMES = 0.08, 0.04, 9  # nearer to the last insertion than that, maps wait
@@ -45,6 +45,7 @@ _WINDOW_M, _WINDOW_RAD = (1.0, 12.0), (0.06, 0.3)  # least and most of a search,
 _LEAST_SHARE = 0.5  # of the points on the map, for a search to have found
 _GROUND_SIGMA_M = 0.15  # of the ground's height as a sweep has it: things on it, tilt
 _BARO_SIGMA_M = 0.25
+_GPS_SPEED_SIGMA_MPS = 0.15
 _GPS_GATE = 5.0
 _GPS_LOST_S = 0.6
 _SURE_M = 0.5  # of a position, that may begin a new part of the map
@@ -119,16 +120,14 @@ class Slam:
     # What the sensors say.
 
     def _take_imu(self, frame: Any) -> None:
-        topic = self.settings.imu_topic
-        if topic in frame:
-            imu = frame[topic]
+        if "imu" in frame:
+            imu = frame["imu"]
             self._inertial.take(imu["t_capture_ns"], imu["gyro_radps"], imu["accel_mps2"], upto_ns=int(frame.t_ns))
 
     def _take_gps(self, frame: Any) -> None:
-        topic = self.settings.gps_topic
-        if topic not in frame:
+        if "gps" not in frame:
             return
-        for t_ns, p_W, v_W, sigma_m in self._gps.of(frame[topic]):
+        for t_ns, p_W, v_W, sigma_m in self._gps.of(frame["gps"]):
             sigma_m = max(0.2, sigma_m if self.settings.gps_sigma_m is None else self.settings.gps_sigma_m)
             if p_W is None:
                 self.particles.first_fix(sigma_m * sigma_m)
@@ -139,8 +138,7 @@ class Slam:
         del self._fixes[:-64], self._speeds[:-64]
 
     def _take_baro(self, frame: Any) -> None:
-        topic = self.settings.baro_topic
-        height = self._baro.of(frame[topic]) if topic in frame else None
+        height = self._baro.of(frame["baro"]) if "baro" in frame else None
         if height is not None:
             self._heights.append((*height, _BARO_SIGMA_M**2))
             del self._heights[:-64]
@@ -168,18 +166,7 @@ class Slam:
         self._inertial.advance(sweep_ns)
         self._inertial.level()
         self._aid()
-        sweep = make_sweep(
-            self._inertial,
-            t_ns=sweep_ns,
-            points_L=lidar["points_L"],
-            ring=lidar["ring"],
-            time_offset_ns=lidar["time_offset_ns"],
-            p_BL=s.lidar_p_BL,
-            q_BL=s.lidar_q_BL,
-            elevation_deg=s.lidar_elevation_deg,
-            rings_sure=s.lidar_rings_sure,
-            decimation=s.decimation,
-        )
+        sweep = make_sweep(self._inertial, lidar, s)
         predicted, motion = self._moved(before)
         if sweep.returns < _LEAST_RETURNS or self._inertial.tilt_sigma_rad > _LEVEL_RAD:
             self.particles.pose = predicted
@@ -188,7 +175,7 @@ class Slam:
         too_high_m = ground_offset_m(sweep, z_m=float(self._inertial.p[2]), ground_z_m=s.ground_z_m)
         if too_high_m is not None:
             self._inertial.correct_position((2,), np.array([-too_high_m]), np.array([_GROUND_SIGMA_M**2]))
-        scan = self._scan(sweep)
+        scan = make_scan(sweep, s, float(self._inertial.p[2]))
         if not self.maps.version:
             self.particles.pose = predicted
             self._sweep_ns = sweep_ns
@@ -246,20 +233,6 @@ class Slam:
             return predicted, motion
         wide = np.diag([self.settings.cell_m**2, self.settings.cell_m**2, 0.01**2])
         return predicted + (found.pose - predicted[best]), motion + wide
-
-    def _scan(self, sweep: Sweep) -> Scan:
-        s = self.settings
-        return make_scan(
-            sweep,
-            z_m=float(self._inertial.p[2]),
-            ground_z_m=s.ground_z_m,
-            height_z_m=s.ground_z_m + s.flight_height_m,
-            band_half_m=s.band_half_m,
-            map_range_m=s.map_range_m,
-            match_range_m=s.match_range_m,
-            match_points=s.match_points,
-            cell_m=s.cell_m,
-        )
 
     def _stand(self) -> tuple[np.ndarray, float, int, float]:
         i = self._inertial
@@ -355,7 +328,7 @@ class Slam:
     def _aid(self) -> None:
         """Velocity by GPS, height by barometer."""
         i = self._inertial
-        variance = np.full(3, self.settings.gps_speed_sigma_mps**2)
+        variance = np.full(3, _GPS_SPEED_SIGMA_MPS**2)
         for t_ns, speed in self._speeds:
             then = i.then(t_ns)
             if then is not None:

@@ -27,15 +27,11 @@ class SlamSettings:
     match_range_m: float = 75.0  # beyond it nothing is matched
     match_points: int = 200
     decimation: int = 1  # every which azimuth of a sweep is used
-    imu_topic: str = "imu"
-    gps_topic: str = "gps"
-    baro_topic: str = "baro"
     lidar_topic: str = "lidar"
     lidar_p_BL: tuple[float, float, float] = (0.0, 0.0, 0.12)
     lidar_q_BL: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
     lidar_elevation_deg: tuple[float, ...] = VLP16_DEG  # of each ring; empty: unknown, and no beam without echo counts
     lidar_rings_sure: bool = False  # the elevations are told by who made the data: returns beside their ring are errors
-    gps_speed_sigma_mps: float = 0.15
     gps_sigma_m: float | None = None  # None: what the receiver says
     lidar_lost_s: float = 0.35  # without a usable sweep for so long, the LiDAR is lost
 
@@ -72,17 +68,15 @@ def _whole(least: int, most: int) -> tuple[str, Callable[[Any], bool]]:
     return f"{least} to {most}", good
 
 
-_ABOVE_ZERO: tuple[str, Callable[[Any], bool]] = "above 0", lambda v: _number(v) and v > 0.0
-_TOPIC: tuple[str, Callable[[Any], bool]] = "a topic", lambda v: isinstance(v, str) and v != ""
 _MEANT: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "particles": _whole(1, 1000),
     "match_points": _whole(10, 5000),
     "decimation": _whole(1, 16),
     **dict.fromkeys(
-        ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m"), _ABOVE_ZERO
+        ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m", "lidar_lost_s"),
+        ("above 0", lambda v: _number(v) and v > 0.0),
     ),
-    **dict.fromkeys(("gps_speed_sigma_mps", "lidar_lost_s"), _ABOVE_ZERO),
-    **dict.fromkeys(("imu_topic", "gps_topic", "baro_topic", "lidar_topic"), _TOPIC),
+    "lidar_topic": ("a topic", lambda v: isinstance(v, str) and v != ""),
     "gps_sigma_m": ("null or above 0", lambda v: v is None or (_number(v) and v > 0.0)),
     "ground_z_m": ("a number", _number),
     "lidar_p_BL": ("three numbers", lambda v: _numbers(v) and len(v) == 3),

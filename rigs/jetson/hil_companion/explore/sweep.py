@@ -12,16 +12,18 @@ A slot without a return is told from one of which nothing is known: its beam was
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Sequence
+from typing import Any, NamedTuple, Sequence
 
 import numpy as np
 
 from hil_companion.explore.inertial import InertialFilter
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
+from hil_companion.explore.slam_settings import SlamSettings
 
 AZIMUTHS = 720
 _TABLE_S = 1e-3  # resolution of the motion table; half of it at 1 rad/s and 40 m: 2 cm
 _MOST_SWEEP_S = 0.2
+_MOST_M = 200.0  # of a range
 _ALIVE = 4  # neighbours to each side among which a return must be for a beam to count as sent
 _BAD, _EMPTY = -1.0, 0.0
 _MOST_RINGS = 256
@@ -39,35 +41,22 @@ class Sweep(NamedTuple):
     returns: int  # finite ones
 
 
-def make_sweep(
-    inertial: InertialFilter,
-    *,
-    t_ns: int,
-    points_L: np.ndarray,
-    ring: np.ndarray,
-    time_offset_ns: np.ndarray,
-    p_BL: Sequence[float],
-    q_BL: Sequence[float],
-    elevation_deg: Sequence[float],
-    rings_sure: bool = False,
-    decimation: int = 1,
-    most_m: float = 200.0,
-) -> Sweep:
-    """`inertial` stands at `t_ns`. Never fails on what a broken LiDAR sends: what makes no sense is left out.
-    `rings_sure`: the elevations are this very LiDAR's, so what lies beside its ring makes none."""
-    azimuths = AZIMUTHS // decimation
-    points = np.asarray(points_L, np.float32).reshape(-1, 3)
-    ring = np.asarray(ring).reshape(-1).astype(np.int64)
-    offset = np.asarray(time_offset_ns).reshape(-1)
+def make_sweep(inertial: InertialFilter, lidar: Any, settings: SlamSettings) -> Sweep:
+    """`inertial` stands at the capture. Never fails on what a broken LiDAR sends: what makes no sense is left out."""
+    elevation_deg: Sequence[float] = settings.lidar_elevation_deg
+    azimuths = AZIMUTHS // settings.decimation
+    points = np.asarray(lidar["points_L"], np.float32).reshape(-1, 3)
+    ring = np.asarray(lidar["ring"]).reshape(-1).astype(np.int64)
+    offset = np.asarray(lidar["time_offset_ns"]).reshape(-1)
     n = min(len(points), len(ring), len(offset))
     points, ring, offset = points[:n], ring[:n], offset[:n]
     with np.errstate(invalid="ignore", over="ignore"):
         level_m = np.hypot(points[:, 0], points[:, 1])
         range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
-        good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < most_m)
+        good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < _MOST_M)
     if len(elevation_deg):
         beside = good & ~on_ring(points, ring, elevation_deg)
-        if rings_sure:
+        if settings.lidar_rings_sure:
             good &= ~beside
         elif np.count_nonzero(beside) > _STRANGE * max(1, np.count_nonzero(good)):
             elevation_deg = ()  # another device than was said: no beam without echo is believed in
@@ -87,9 +76,9 @@ def make_sweep(
         _doubt(slots, rank, ring, offset, good, known, azimuth, azimuths)
     chosen = np.flatnonzero(good)[keep]
     times = offset[chosen] * 1e-9
-    R_BL, t_BL = matrix_of(q_BL), np.array(p_BL)
+    R_BL, t_BL = matrix_of(settings.lidar_q_BL), np.array(settings.lidar_p_BL)
     R_HB = _level(inertial.R)
-    turn, move = _motion(inertial, t_ns)
+    turn, move = _motion(inertial)
     step = np.clip((-times / _TABLE_S + 0.5).astype(np.int64), 0, len(turn) - 1)
     R_HL = np.matmul(np.matmul(R_HB, turn), R_BL).astype(np.float32)
     t_HL = (np.matmul(turn, t_BL) + move) @ R_HB.T
@@ -141,7 +130,7 @@ def _doubt(
 ) -> None:
     """Slots of returns without a sensible range: their azimuth is told by their time, from those that have one."""
     bad = known & ~good
-    if len(azimuth) >= 16:
+    if len(azimuth) >= 16 and np.ptp(offset[good]) > 0:
         # A spinning head: azimuth is linear in time. Two returns far apart in time fix it up to whole turns.
         t = offset[good].astype(float)
         angle = np.unwrap(azimuth * (2.0 * math.pi / azimuths))
@@ -172,8 +161,9 @@ def _level(R_WB: np.ndarray) -> np.ndarray:
     return np.asarray(np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ R_WB)
 
 
-def _motion(inertial: InertialFilter, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and shift from B then to B at `t_ns`, for every step of the table backwards."""
+def _motion(inertial: InertialFilter) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and shift from B then to B where the filter stands, for every step of the table backwards."""
+    t_ns = inertial.t_ns or 0
     moments = inertial.past(t_ns - int(_MOST_SWEEP_S * 1e9))
     moments = [m for m in moments if m.t_ns <= t_ns] or [inertial.moment()]
     q = np.array([m.q for m in moments])
