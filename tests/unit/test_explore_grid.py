@@ -10,9 +10,8 @@ import pytest
 
 from tests.unit.companion_bench import CLIENT
 
-from hil_companion.explore.grid import GridView  # isort: skip
-from hil_companion.explore.inflation import berth, distances_m, prices, sigma_m  # isort: skip
-from hil_companion.explore.plan_map import SURE, clean  # isort: skip
+from hil_companion.explore.maps import GridView  # isort: skip
+from hil_companion.explore.plan_map import SURE, berth, clean, distances_m, prices, sigma_m  # isort: skip
 from hil_companion.explore.moving import Moving  # isort: skip
 from hil_companion.explore.plan_map import PlanMap, TooFar, make_map  # isort: skip
 from hil_companion.explore.route import Router, path_cost  # isort: skip

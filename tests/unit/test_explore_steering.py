@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion.errors import OptionError  # isort: skip
-from hil_companion.explore.nearby import BlindSpot  # isort: skip
-from hil_companion.explore.inflation import Berth, berth  # isort: skip
-from hil_companion.explore.nearby import Nearby, Sweeps  # isort: skip
+from hil_companion.explore.senses import BlindSpot  # isort: skip
+from hil_companion.explore.plan_map import Berth, berth  # isort: skip
+from hil_companion.explore.senses import Nearby, Sweeps  # isort: skip
 from hil_companion.explore.plan_map import PlanMap  # isort: skip
 from hil_companion.explore.steering import RetreatRule  # isort: skip
 from hil_companion.explore.settings import FlightSettings  # isort: skip

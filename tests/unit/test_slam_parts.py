@@ -14,7 +14,7 @@ from sim.scene.scene import Site
 from sim.sensors.catalog import make_sensor
 from tests.unit.slam_yard import HEIGHT_M, IMU_NS, RINGS_DEG, Circle, wall_distance_m
 
-from hil_companion.explore.fresh import FreshSweeps  # isort: skip
+from hil_companion.explore.sweep import FreshSweeps  # isort: skip
 from hil_companion.explore.geodesy import LocalPlane  # isort: skip
 from hil_companion.explore.inertial import InertialFilter  # isort: skip
 from hil_companion.explore.maps import Maps  # isort: skip

@@ -152,13 +152,13 @@ def overview(explorer: Explorer) -> View | None:
     estimate = explorer.estimate
     if estimate is None or not all(math.isfinite(float(v)) for v in (*estimate.p_W, estimate.yaw_rad)):
         return None
-    particles = getattr(estimate, "particles_xy", None)
+    particles = estimate.particles_xy
     return View(
         p_W=[float(v) for v in estimate.p_W],
         yaw_rad=float(estimate.yaw_rad),
         goal_W=explorer.goal_W,
         plan_W=np.asarray(explorer.route.points_W, float).reshape(-1, 2) if explorer.route.found else None,
-        particles_W=None if particles is None else particles[np.isfinite(particles).all(axis=1)],
+        particles_W=particles[np.isfinite(particles).all(axis=1)],
         grid=_grid(explorer),
     )
 

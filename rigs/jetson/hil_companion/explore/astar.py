@@ -17,8 +17,6 @@ from typing import Tuple
 import cv2
 import numpy as np
 
-from hil_companion.explore.inflation import coarser
-
 Cell = Tuple[int, int]  # row, column
 BLOCK = 4  # fine cells to a coarse one, along each side
 _BAND = 1  # coarse cells on each side of the coarse path
@@ -110,6 +108,14 @@ def plan(price: np.ndarray, start: Cell, goal: Cell) -> list[Cell] | None:
     # The coarse path went where the fine cells have no way through.
     found = search(price, start, goal)
     return None if found is None else found[0]
+
+
+def coarser(price: np.ndarray, blocks: int) -> np.ndarray:
+    """Of every block of cells the cheapest. Optimistic: what cannot be passed here, cannot be in the finer grid."""
+    height, width = price.shape
+    padded = np.pad(price, ((0, -height % blocks), (0, -width % blocks)), constant_values=np.inf)
+    h, w = padded.shape
+    return np.asarray(padded.reshape(h // blocks, blocks, w // blocks, blocks).min(axis=(1, 3)))
 
 
 def connected(price: np.ndarray, start: Cell, goal: Cell) -> bool:

@@ -25,11 +25,8 @@ from typing import Any, Callable, Mapping
 import numpy as np
 
 from hil_companion.desired import Desired
-from hil_companion.explore.grid import Estimate, Localiser
 from hil_companion.explore.ground import GROUND, UNKNOWN, Ground, Landing
-from hil_companion.explore.inflation import Berth, berth, sigma_m
 from hil_companion.explore.moving import Moving
-from hil_companion.explore.nearby import Nearby
 from hil_companion.explore.outcome import (
     FLYING,
     GOAL,
@@ -38,10 +35,11 @@ from hil_companion.explore.outcome import (
     STUCK,
     FlightReport,
 )
-from hil_companion.explore.plan_map import PlanMap, TooFar, make_map
+from hil_companion.explore.plan_map import Berth, PlanMap, TooFar, berth, make_map, sigma_m
 from hil_companion.explore.route import NO_WAY, Route, Router
-from hil_companion.explore.senses import Senses
+from hil_companion.explore.senses import Nearby, Senses
 from hil_companion.explore.settings import FlightSettings
+from hil_companion.explore.slam import Slam, SlamEstimate
 from hil_companion.explore.steering import RetreatRule, Steering
 from hil_companion.frame import Frame
 
@@ -62,7 +60,7 @@ class Explorer:
     def __init__(
         self,
         settings: FlightSettings,
-        localiser: Localiser,
+        localiser: Slam,
         goal_W: tuple[float, float],
         calibration: Mapping[str, Any] | None = None,
         *,
@@ -75,7 +73,7 @@ class Explorer:
         self.settings, self.goal_W = settings, goal_W
         self.report = FlightReport()
         self.finished = False
-        self.estimate: Estimate | None = None
+        self.estimate: SlamEstimate | None = None
         self.map: PlanMap | None = None
         self.route: Route = NO_WAY
         self._localiser = localiser
@@ -142,7 +140,7 @@ class Explorer:
             v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
         return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
 
-    def _look(self, frame: Frame, estimate: Estimate, p_W: np.ndarray) -> None:
+    def _look(self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray) -> None:
         before = self._senses.near
         self._senses.look(frame, estimate)
         near = self._senses.near
@@ -173,7 +171,7 @@ class Explorer:
         return self._desired(self._steering.slew(v_xy, dt_s), p_W[2], estimate.yaw_rad, dt_s)
 
     def _fly(
-        self, frame: Frame, estimate: Estimate, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float
+        self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float
     ) -> np.ndarray:
         s = self.settings
         lost = self._senses.lost(frame.t_ns)
@@ -214,7 +212,7 @@ class Explorer:
     def _plan(
         self,
         frame: Frame,
-        estimate: Estimate,
+        estimate: SlamEstimate,
         near: Nearby,
         p_W: np.ndarray,
         around: Berth,
@@ -344,7 +342,7 @@ class Explorer:
         yaw = self._steering.turn(yaw_rad, v_xy, dt_s)
         return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), climb), yaw_rad=yaw)
 
-    def _usable(self, estimate: Estimate) -> bool:
+    def _usable(self, estimate: SlamEstimate) -> bool:
         """Whether the estimate can be that of this vehicle."""
         p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
         values = (*p_W, *v_W, estimate.yaw_rad, estimate.roll, estimate.pitch)

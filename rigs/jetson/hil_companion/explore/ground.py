@@ -16,9 +16,8 @@ import math
 import cv2
 import numpy as np
 
-from hil_companion.explore.inflation import Berth
 from hil_companion.explore.outcome import GOAL
-from hil_companion.explore.plan_map import PlanMap
+from hil_companion.explore.plan_map import Berth, PlanMap
 from hil_companion.explore.settings import FlightSettings
 
 GROUND, OBSTACLE, UNKNOWN = "ground", "obstacle", "unknown"

@@ -16,13 +16,14 @@ names any more are taken again.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hil_companion.explore.grid import GridView
 from hil_companion.explore.scan import Scan
 
+OCCUPIED, FREE = 0.8, -0.5  # log-odds beyond which a cell counts as one of them
 STEP = 0.05  # log-odds
 _MET, _PASSED = 24, -6
 _LEAST, _MOST = -40, 70
@@ -32,6 +33,41 @@ _BINS = 720
 SIDE = 32
 CELLS = SIDE * SIDE
 SHIFT, LOW_BITS = 5, 31
+
+
+@dataclass(frozen=True)
+class GridView:
+    """Rows go north (y), columns east (x). A copy of its own that no later update touches."""
+
+    log_odds: np.ndarray  # (H, W) float32
+    origin_W: tuple[float, float]  # x, y of the corner of cell (0, 0)
+    cell_m: float
+    version: int  # another one for another content
+
+    @property
+    def occupied(self) -> np.ndarray:
+        return self.log_odds > OCCUPIED
+
+    @property
+    def free(self) -> np.ndarray:
+        return self.log_odds < FREE
+
+    @property
+    def unknown(self) -> np.ndarray:
+        return (self.log_odds <= OCCUPIED) & (self.log_odds >= FREE)
+
+    def cell_of(self, x: float, y: float) -> tuple[int, int]:
+        """Row and column of a place; may lie outside."""
+        return (
+            int(np.floor((y - self.origin_W[1]) / self.cell_m)),
+            int(np.floor((x - self.origin_W[0]) / self.cell_m)),
+        )
+
+    def centres(self, mask: np.ndarray) -> np.ndarray:
+        """x, y (n, 2) of the middles of the cells of a mask."""
+        rows, columns = np.nonzero(mask)
+        xy: Any = np.stack([columns, rows], axis=-1)
+        return (xy + 0.5) * self.cell_m + np.array(self.origin_W)
 
 
 class Tiles:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hil_companion.explore.grid import GridView
+from hil_companion.explore.maps import GridView
 from hil_companion.explore.plan_map import occupied_mask
 
 SURELY_FREE = -1.0  # log-odds

@@ -135,8 +135,7 @@ class Pictures:
             cv2.polylines(picture, [at(explorer.route.points_W)], False, _PLAN, 2, cv2.LINE_AA)
         if len(self._flown) > 1:
             cv2.polylines(picture, [at(self._flown)], False, _FLOWN, 1, cv2.LINE_AA)
-        particles = getattr(estimate, "particles_xy", None)
-        for x, y in at(particles).tolist() if particles is not None else ():
+        for x, y in at(estimate.particles_xy).tolist():
             cv2.circle(picture, (x, y), 2, _PARTICLE, -1)
         goal = at([explorer.goal_W])[0].tolist()
         cv2.drawMarker(picture, tuple(goal), _GOAL, cv2.MARKER_TILTED_CROSS, 14, 2)
@@ -165,9 +164,6 @@ class Pictures:
 
 def _draw_spread(page: np.ndarray, estimate: Any) -> None:
     """The particles, magnified, in the lower right corner."""
-    particles = getattr(estimate, "particles_xy", None)
-    if particles is None:
-        return
     side = _SPREAD_PX
     corner = page[-side:, -side:]
     corner[...] = 255
@@ -175,7 +171,7 @@ def _draw_spread(page: np.ndarray, estimate: Any) -> None:
     middle = side // 2
     cv2.line(corner, (0, middle), (side, middle), _UNKNOWN, 1)
     cv2.line(corner, (middle, 0), (middle, side), _UNKNOWN, 1)
-    xy = np.asarray(particles, float)
+    xy = estimate.particles_xy
     off = (xy - xy.mean(axis=0)) * side  # the estimate is a frame ahead of them
     for x, y in off[np.isfinite(off).all(axis=1)].tolist():
         if max(abs(x), abs(y)) < middle:

@@ -17,8 +17,8 @@ from typing import Any, Sequence
 import cv2
 import numpy as np
 
-from hil_companion.explore.grid import GridView
-from hil_companion.explore.inflation import Berth, distances_m, prices
+from hil_companion.explore.maps import GridView
+from hil_companion.explore.settings import FlightSettings
 
 PLAN_CELL_M = 0.5
 _MARGIN_M = 8.0  # round everything: the way round the outermost wall
@@ -28,7 +28,52 @@ FREE, UNKNOWN_BAND = -0.3, 0.3  # log-odds: free below, occupied above
 SURE, SURELY_FREE = 2.5, -1.4  # log-odds of cells that no cleaning takes away, or fills
 _VOTES = 8  # cells on a line
 _SHORTEST_M, _GAP_M = 2.0, 0.8  # a gap that small is no way through for anything with a clearance
+MOST_SIGMA_M = 0.4  # more uncertainty than this is flown with slower, not with a wider berth: streets are not wider
+_NEAR_PRICE = 1.5  # a metre at `hard` counts as 1 + this
 _SPECK_CELLS = 2  # in the nine round a cell, itself included
+
+
+@dataclass(frozen=True)
+class Berth:
+    """Distances of the vehicle's middle to obstacles [m]."""
+
+    red_m: float  # the clearance is nearly used up: stop, back off
+    orange_m: float  # move away from the obstacle
+    hard_m: float  # nothing is planned nearer
+    comfort_m: float
+
+
+def sigma_m(covariance_xy: np.ndarray) -> float:
+    """The larger half axis; infinite where it is no covariance."""
+    a, b, d = float(covariance_xy[0][0]), float(covariance_xy[0][1]), float(covariance_xy[1][1])
+    largest = 0.5 * (a + d) + math.sqrt(max(0.25 * (a - d) * (a - d) + b * b, 0.0))
+    return math.sqrt(largest) if largest >= 0.0 and math.isfinite(largest) else math.inf
+
+
+def berth(settings: FlightSettings, sigma: float, cell_m: float) -> Berth:
+    """For this uncertainty of the position."""
+    least = settings.vehicle_radius_m + settings.clearance_m
+    spread = 2.0 * min(sigma, MOST_SIGMA_M)
+    hard = least + spread + settings.slow_mps * settings.reaction_s + 0.7072 * cell_m
+    comfort = hard + settings.speed_mps * settings.reaction_s
+    red = least + 0.1
+    # Measured by the newest sweep, which no error of the position touches.
+    return Berth(red, max(red + 0.1, hard - 0.5 * spread - 0.1), hard, comfort)
+
+
+def distances_m(occupied: np.ndarray, cell_m: float) -> np.ndarray:
+    """From the middle of every cell to the nearest occupied one's; large where there is none."""
+    if not occupied.any():
+        return np.full(occupied.shape, 1e3, np.float32)
+    free = np.where(occupied, 0, 1).astype(np.uint8)
+    return np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, 5), np.float32) * np.float32(cell_m)
+
+
+def prices(distance_m: np.ndarray, unknown: np.ndarray, around: Berth, unknown_price: float) -> np.ndarray:
+    """Of a metre in every cell: 1 in known free space far from anything, infinite nearer than `hard`."""
+    near = np.clip((around.comfort_m - distance_m) / max(around.comfort_m - around.hard_m, 1e-6), 0.0, 1.0)
+    price = 1.0 + _NEAR_PRICE * near * near + unknown_price * unknown
+    return np.where(distance_m < around.hard_m, np.inf, price).astype(np.float64)
 
 
 def occupied_mask(log_odds: np.ndarray) -> np.ndarray:

@@ -13,8 +13,7 @@ import cv2
 import numpy as np
 
 from hil_companion.explore.astar import plan
-from hil_companion.explore.inflation import Berth
-from hil_companion.explore.plan_map import PlanMap
+from hil_companion.explore.plan_map import Berth, PlanMap
 
 _BETTER = 0.93  # a new way's cost over that of the old one
 _BETTER_M = 1.5

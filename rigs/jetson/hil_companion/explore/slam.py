@@ -22,18 +22,16 @@ from typing import Any
 
 import numpy as np
 
-from hil_companion.explore.fresh import FreshSweeps
 from hil_companion.explore.geodesy import BaroHeights, GpsFixes
-from hil_companion.explore.grid import GridView
 from hil_companion.explore.inertial import InertialFilter
-from hil_companion.explore.maps import Maps
+from hil_companion.explore.maps import GridView, Maps
 from hil_companion.explore.matcher import Match, match
 from hil_companion.explore.particles import Particles
 from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw, wrapped
 from hil_companion.explore.scan import Scan, ground_offset_m, make_scan
 from hil_companion.explore.search import search
 from hil_companion.explore.slam_settings import SlamSettings
-from hil_companion.explore.sweep import make_sweep
+from hil_companion.explore.sweep import FreshSweeps, make_sweep
 
 _TURNS = 3  # frames in which every particle's map is brought up to date once
 _STILL_M, _STILL_RAD, _STILL_FRAMES = 0.08, 0.04, 9  # nearer to the last insertion than that, maps wait

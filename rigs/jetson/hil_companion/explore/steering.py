@@ -29,10 +29,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil_companion.explore.inflation import Berth
-from hil_companion.explore.nearby import Nearby
-from hil_companion.explore.plan_map import PlanMap
+from hil_companion.explore.plan_map import Berth, PlanMap
 from hil_companion.explore.route import nearest_on
+from hil_companion.explore.senses import Nearby
 from hil_companion.explore.settings import FlightSettings
 
 _LOOK_FIRST_M, _LOOK_S, _LOOK_MOST_M = 0.8, 0.5, 2.5

@@ -28,6 +28,9 @@ _ALIVE = 4  # neighbours to each side among which a return must be for a beam to
 _BAD, _EMPTY = -1.0, 0.0
 _MOST_RINGS = 256
 _STRANGE = 0.01  # share of returns beside their ring that may be errors of the wire
+_MOVED_M = 0.2
+_AT_REST_M, _DIFFERENT = 0.05, 5  # so many sweeps that differ though the vehicle stays where it is: there is noise
+_EVERY = 7  # which point is compared
 _OFF_M, _OFF_RAD = 0.05, 0.015  # of a return from its ring, since beams do not begin in one point
 
 
@@ -222,3 +225,41 @@ def on_ring(points_L: np.ndarray, ring: np.ndarray, elevation_deg: Sequence[floa
         level_m = np.hypot(points_L[:, 0], points_L[:, 1])
         off_m = np.abs(points_L[:, 2] - slope * level_m)
         return np.asarray(known & (off_m <= _OFF_M + _OFF_RAD * (level_m + np.abs(points_L[:, 2]))))
+
+
+class FreshSweeps:
+    """Which sweeps are new, asked once for each, in order. A LiDAR that hangs sends the same one again, with its old
+    stamp or with a new one.
+
+    A noisy sensor never repeats a sweep. Of a LiDAR without noise the very same points are no news where the vehicle
+    has moved since they first came.
+    """
+
+    def __init__(self) -> None:
+        self._t_ns: int | None = None
+        self._points = b""
+        self._first_W = np.zeros(3)  # where the vehicle was when these points first came
+        self._rest_W = np.zeros(3)
+        self._different = 0
+
+    @property
+    def _noisy(self) -> bool:
+        return self._different >= _DIFFERENT
+
+    def take(self, sweep: Any, *, now_ns: int, p_W: np.ndarray) -> bool:
+        """Whether it shows what is there now; `p_W`: where the vehicle is."""
+        t_ns = int(sweep.t_capture_ns)
+        if t_ns > now_ns or (self._t_ns is not None and t_ns <= self._t_ns):
+            return False
+        points = np.asarray(sweep["points_L"], np.float32).reshape(-1, 3)[::_EVERY].tobytes()
+        here_W = np.array(p_W, float)
+        if points != self._points:
+            self._points, self._first_W = points, here_W
+            if not self._noisy:
+                stays = float(np.linalg.norm(here_W - self._rest_W)) < _AT_REST_M
+                self._different = self._different + 1 if stays else 0
+                self._rest_W = self._rest_W if stays else here_W
+        elif len(points) and (self._noisy or not float(np.linalg.norm(here_W - self._first_W)) < _MOVED_M):
+            return False
+        self._t_ns = t_ns
+        return True
