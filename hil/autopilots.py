@@ -116,7 +116,7 @@ def _hitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         start_process=start,
         params=None if autopilot.is_mock else autopilot.params,
         on_event=around.on_event,
-        native_sender=not config.faults.links,
+        own_sender=not config.faults.links,
         silence_limit_s=autopilot.reply_timeout_s,
         heartbeat_limit_s=autopilot.connect_timeout_s,
         reconnect_s=autopilot.reconnect_s,

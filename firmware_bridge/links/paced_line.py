@@ -1,5 +1,5 @@
-"""Writes frames at their deadlines: through the native real-time thread, or, where something sits between the bench
-and the wire (declared link faults), from here, as soon as a frame is ready. Keeps count of how late they left.
+"""Writes frames at their deadlines: through a real-time process of its own, or, where something sits between the
+bench and the wire (declared link faults), from here, as soon as a frame is ready. Keeps count of how late they left.
 """
 
 from __future__ import annotations
@@ -7,36 +7,34 @@ from __future__ import annotations
 import errno
 import os
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from firmware_bridge._native import RealtimeSender
+from firmware_bridge.links.realtime_sender import RealtimeSender
 from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import LinkClosed
 from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_MS
 
 # A thread that was held up must not let go of a burst: PX4 would take old samples for new ones.
-_SLOTS = 16
 _STALE_NS = 20 * NS_PER_MS
-_COUNTS = ("pushed", "sent", "dropped", "refused", "stalled")
 
 
 @dataclass
 class SendStats:
-    """Counts of frames since the line was opened. `pushed` = `sent` + `dropped` + `pending`."""
+    """Counts of frames since the line was opened. `pushed` = `sent` + `dropped` + `pending`, unless it was renewed."""
 
     # Of the frames sent: right before the write that took the last byte, minus deadline.
     lateness: LatencyHistogram = field(default_factory=LatencyHistogram)
     pushed: int = 0
     sent: int = 0
     dropped: int = 0  # left out: stale, or the line was full until a period after the deadline
-    refused: int = 0  # never taken: no slot was free
+    refused: int = 0  # never taken: too many were in line
     stalled: int = 0  # had to wait for room in the line
     pending: int = 0
     longest_gap_ns: int = 0  # from one sample written to the next: what the autopilot did without
     late_2ms: int = 0
     late_20ms: int = 0
-    scheduling: str = "no thread of its own: declared faults sit on the line"  # what the sender was granted, in words
+    scheduling: str = "no process of its own: declared faults sit on the line"  # what the sender was granted, in words
 
     def count_lateness(self, lateness_ns: int) -> None:
         self.lateness.add(lateness_ns)
@@ -46,6 +44,7 @@ class SendStats:
 
 def sending_failure(sender: RealtimeSender, port: str) -> LinkClosed | None:
     """The error to raise if the sender has ended by itself; None while it has not."""
+    sender.collect()
     if sender.error is None:
         return None
     code, deadline_ns = sender.error
@@ -61,31 +60,30 @@ def sending_failure(sender: RealtimeSender, port: str) -> LinkClosed | None:
 class PacedLine:
     """The outgoing half of `transport`, which is open."""
 
-    def __init__(self, transport: Transport, *, period_ns: int, native: bool = True) -> None:
+    def __init__(self, transport: Transport, *, period_ns: int, own_process: bool = True) -> None:
         self._period_ns = period_ns
-        self._native = native
-        self._stats = SendStats()  # of the senders that have ended, and the lateness of all
-        self._begin(transport)
+        self._own_process = own_process
+        self._stats = SendStats()
+        self.renew(transport)
 
-    def _begin(self, transport: Transport) -> None:
+    def renew(self, transport: Transport) -> None:
+        """Write to `transport` from now on, which has been opened (again, after `stop`); counting goes on."""
         self._transport = transport
         fd = transport.fileno()
         self._sender = (
-            RealtimeSender(fd, period_ns=self._period_ns, slots=_SLOTS, stale_ns=_STALE_NS)
-            if self._native and fd is not None
+            RealtimeSender(fd, self._stats, period_ns=self._period_ns, stale_ns=_STALE_NS)
+            if self._own_process and fd is not None
             else None
         )
 
     def push(self, deadline_ns: int, data: bytes, *, keep: bool) -> None:
         """Send `data` at `deadline_ns`; with `keep` also if it is late. LinkClosed where that is known at once."""
-        stats = self._stats
         if self._sender is not None:
-            self._sender.push(deadline_ns, data, keep)
-            for lateness_ns in self._sender.take_lateness():
-                stats.count_lateness(lateness_ns)
+            self._sender.push(deadline_ns, data, keep=keep)
             return
         late_ns = max(0, time.monotonic_ns() - deadline_ns)
         self._transport.write(data)
+        stats = self._stats
         stats.count_lateness(late_ns)
         stats.pushed += 1
         stats.sent += 1
@@ -99,22 +97,8 @@ class PacedLine:
         if self._sender is not None:
             self._sender.stop()
 
-    def renew(self, transport: Transport) -> None:
-        """The line was stopped and its transport has been opened again; counting goes on."""
-        self._stats = replace(self.stats(), pending=0)
-        self._begin(transport)
-
     def stats(self) -> SendStats:
-        """The counts as they stand now. Exact once the sender has stopped, else each is of its own instant."""
-        before, sender = self._stats, self._sender
-        if sender is None:
-            return before
-        for lateness_ns in sender.take_lateness():
-            before.count_lateness(lateness_ns)
-        return replace(
-            before,
-            pending=sender.pending,
-            longest_gap_ns=max(before.longest_gap_ns, sender.longest_gap_ns),
-            scheduling=sender.scheduling,
-            **{name: getattr(before, name) + getattr(sender, name) for name in _COUNTS},
-        )
+        """The counts as they stand now; they go on counting."""
+        if self._sender is not None:
+            self._sender.collect()
+        return self._stats

@@ -3,7 +3,7 @@
 Order of a tick, k * period after the start on the wall clock:
 
     begin   listen until the lead before the deadline; what the autopilot commanded last is latched
-    send    the tick's samples go to a real-time thread, which writes them at the deadline: late is what hurts the
+    send    the tick's samples go to a real-time process, which writes them at the deadline: late is what hurts the
             autopilot's estimator, which stamps samples on arrival
     wait    nothing: an answer belongs to no tick
 
@@ -55,13 +55,13 @@ class RealtimeLink(AutopilotLink):
         start_process: Callable[[], ChildProcess] | None = None,
         deaf: bool = False,
         on_event: Callable[[str, str], None] | None = None,
-        native_sender: bool = True,
+        own_sender: bool = True,
         reconnect_s: float = 10.0,
     ) -> None:
         self._wires = wires
         self._period_ns = period_ns
         self._gap_ns = gap_ns
-        self._native_sender = native_sender
+        self._own_sender = own_sender
         self._silence_limit_ns = int(silence_limit_s * NS_PER_S)
         self._heartbeat_limit_s = heartbeat_limit_s
         self._reconnect_s = reconnect_s
@@ -134,7 +134,7 @@ class RealtimeLink(AutopilotLink):
 
     def _await_far_side(self) -> None:
         self._await_autopilot()
-        self._line = PacedLine(self._wires[0], period_ns=self._period_ns, native=self._native_sender)
+        self._line = PacedLine(self._wires[0], period_ns=self._period_ns, own_process=self._own_sender)
         self._heard_ns = self._commanded_ns = time.monotonic_ns()
 
     def close(self) -> None:

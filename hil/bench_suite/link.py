@@ -1,7 +1,7 @@
 """`hil bench link`: how punctual samples leave in real time, what messages cost, and real firmware where it is named.
 
-Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebody reads, by the native real-time
-           thread. Error: the lateness that one write in a thousand exceeds.
+Pacing     HIL_SENSOR-sized writes at 250 Hz into a pseudo-terminal that somebody reads, by the real-time
+           process. Error: the lateness that one write in a thousand exceeds.
 HITL       the mock Pixhawk free-running over a pseudo-terminal, a whole flight. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
@@ -22,11 +22,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge._native import RealtimeSender
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, HIL_SENSOR, actuator_frame, hil_sensor_payload
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
+from firmware_bridge.links.paced_line import SendStats
 from firmware_bridge.links.processor import RealtimeProducer
+from firmware_bridge.links.realtime_sender import RealtimeSender
 from hil.bench import run_bench
 from hil.bench_suite.link_companion import measure_flights
 from hil.bench_suite.link_latency import latency_rows
@@ -56,7 +57,7 @@ def measure(*, quick: bool, say: Callable[[str], None]) -> BenchmarkResult:
     p999_ms = lateness.quantile_ns(0.999) / NS_PER_MS
     figures = {q: lateness.quantile_ns(v) / 1000 for q, v in (("p50_us", 0.5), ("p99_us", 0.99), ("p999_us", 0.999))}
     details = {**figures, "max_us": lateness.max_ns / 1000, "scheduling": how}
-    result.rows.append(Row("samples at 250 Hz", "native thread", p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
+    result.rows.append(Row("samples at 250 Hz", "own process", p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
     result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms"))
     say("messages")
     _messages(result)
@@ -93,7 +94,8 @@ def _pace(seconds: float) -> tuple[LatencyHistogram, float, str]:
                 return
 
     threading.Thread(target=drain, daemon=True).start()
-    sender = RealtimeSender(far, period_ns=_PERIOD_NS, slots=16, stale_ns=20 * NS_PER_MS)
+    sent = SendStats()
+    sender = RealtimeSender(far, sent, period_ns=_PERIOD_NS, stale_ns=20 * NS_PER_MS)
     schedule = DeadlineSchedule(period_ns=_PERIOD_NS, lead_ns=1_500_000)
     began = time.process_time()
     try:
@@ -107,15 +109,12 @@ def _pace(seconds: float) -> tuple[LatencyHistogram, float, str]:
         cpu_s = time.process_time() - began
         time.sleep(0.05)
         sender.stop()
-        lateness = LatencyHistogram()
-        for lateness_ns in sender.take_lateness():
-            lateness.add(lateness_ns)
     finally:
         stop.set()
         os.write(far, b"\0")  # wakes the reader
         os.close(far)
         os.close(near)
-    return lateness, cpu_s, sender.scheduling
+    return sent.lateness, cpu_s, sent.scheduling
 
 
 def _messages(result: BenchmarkResult) -> None:

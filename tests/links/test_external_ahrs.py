@@ -172,7 +172,7 @@ class Bench:
             wires["sensor"],
             wires["mavlink"],
             on_event=lambda kind, text: self.events.append((kind, text)),
-            native_sender=False,
+            own_sender=False,
             **(usual | settings),
         )
         self.link.open()

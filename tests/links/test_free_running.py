@@ -169,7 +169,7 @@ def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) ->
         lambda: driven.now_ns(),
         lambda t_ns, kind, text: told.append((t_ns, kind, text)),
     )
-    driven = drive(wire, native_sender=False, reconnect_s=60.0)
+    driven = drive(wire, own_sender=False, reconnect_s=60.0)
     driven.link.open()
     driven.run(100)
     assert {kind for kind, _ in driven.events} <= {"slip"}
