@@ -55,23 +55,23 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     return digest(tmp_path_factory.mktemp("reference"), LOOPBACK)
 
 
-def test_twenty_runs(reference: str, tmp_path: Path) -> None:
-    digests = {digest(tmp_path / str(n), LOOPBACK, "record.mcap=false") for n in range(20)}
+@pytest.mark.parametrize("runs", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_run_after_run(reference: str, tmp_path: Path, runs: int) -> None:
+    digests = {digest(tmp_path / str(n), LOOPBACK, "record.mcap=false") for n in range(runs)}
     assert digests == {reference}
 
 
-@pytest.mark.parametrize("cores", [0, 1, 2])
+@pytest.mark.parametrize("cores", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1))])
 def test_over_the_pty_with_busy_cores(reference: str, tmp_path: Path, cores: int) -> None:
     with busy(cores):
         assert digest(tmp_path) == reference
 
 
-MASKS = [
-    cpu_masks.GLIBC,
-    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX_Usable,-FMA4_Usable"},  # older spelling
-    cpu_masks.NUMPY,
-    {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "12345"},
-]
+THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "12345"}
+# The older spelling of glibc's tunables.
+USABLE = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2_Usable,-FMA_Usable,-AVX_Usable,-FMA4_Usable"}
+ALONE = [cpu_masks.GLIBC, USABLE, cpu_masks.NUMPY, THREADS]
+MASKS = [cpu_masks.ALL | THREADS, *(pytest.param(mask, marks=pytest.mark.slow) for mask in ALONE)]
 
 
 @pytest.mark.parametrize("environment", MASKS, ids=lambda e: ",".join(e))
@@ -83,22 +83,15 @@ def test_another_seed_is_another_flight(reference: str, tmp_path: Path) -> None:
     assert digest(tmp_path, LOOPBACK, seed=2) != reference
 
 
-def test_recorders_do_not_matter(reference: str, tmp_path: Path) -> None:
-    assert digest(tmp_path, LOOPBACK, "record.tlog=true", "record.mcap=false") == reference
-
-
-def test_a_further_sensor_changes_no_other_streams_noise(reference: str, tmp_path: Path) -> None:
+def test_neither_recorders_nor_a_further_sensor_matter(reference: str, tmp_path: Path) -> None:
     # The digest covers what every other sensor told the autopilot: one changed draw would show.
     extra = ["sensors.imu2={preset: icm20689}", "sensors.gps2={preset: m8n, rate_hz: 5}"]
-    assert digest(tmp_path, LOOPBACK, *extra) == reference
+    assert digest(tmp_path, LOOPBACK, *extra, "record.tlog=true", "record.mcap=false") == reference
 
 
 def test_skipping_is_free_of_consequences(reference: str, tmp_path: Path) -> None:
-    assert digest(tmp_path / "contact", LOOPBACK, "physics.contact_skipping=false") == reference
-    extra = "sensors.gps2={preset: m8n, rate_hz: 5}"
-    outcome = run_bench(
-        load_bench(settings=[*SETTINGS, LOOPBACK, extra, "record.mcap=false"]), tmp_path / "pruned", quiet=True
-    )
+    settings = ["physics.contact_skipping=false", "sensors.gps2={preset: m8n, rate_hz: 5}", "record.mcap=false"]
+    outcome = run_bench(load_bench(settings=[*SETTINGS, LOOPBACK, *settings]), tmp_path, quiet=True)
     assert outcome.run["digest"] == reference
     assert outcome.run["sensors"]["gps2"] == {"samples": 0, "skipped": 120, "ms": {"p50": 0.0, "p99": 0.0}}
     assert {"what": "gps2", "why": "nobody consumes gps2", "saved": "120 samples"} in outcome.run["skipped"]

@@ -76,27 +76,22 @@ def test_people_get_a_page_with_pictures(flown: Path) -> None:
     assert (flown / "flight.png").stat().st_size > 20_000
 
 
-def test_replay_says_identical_and_names_the_first_difference(flown: Path, tmp_path: Path) -> None:
-    done = hil("replay", str(flown), "--out", str(tmp_path / "again"))
+def test_replay_says_identical_and_names_the_first_difference(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    run_bench(load_bench(settings=["duration_s=6", "record.report=false"]), out, quiet=True)
+    done = hil("replay", str(out), "--out", str(tmp_path / "again"))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "identical" in done.stdout
     # Another seed is another flight: the first sample of a noisy sensor tells.
-    bench = (flown / "bench.yaml").read_text()
-    other = tmp_path / "other"
-    other.mkdir()
-    for file in flown.iterdir():
-        if file.is_file():
-            (other / file.name).write_bytes(file.read_bytes())
-    (other / "bench.yaml").write_text(bench.replace("seed: 1\n", "seed: 2\n"))
-    done = hil("replay", str(other), "--out", str(tmp_path / "other-again"))
+    bench = out / "bench.yaml"
+    bench.write_text(bench.read_text().replace("seed: 1\n", "seed: 2\n"))
+    done = hil("replay", str(out), "--out", str(tmp_path / "other"))
     assert done.returncode == 1, done.stdout + done.stderr
     assert "first difference at tick 0" in done.stdout
     assert "port /" in done.stdout
 
 
-@pytest.mark.parametrize(
-    "seed", [seed if seed <= 3 else pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 11)]
-)
+@pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, *range(3, 11)))])
 def test_ten_seeds_of_ten(seed: int, tmp_path: Path) -> None:
     bench = load_bench(seed=seed, settings=["autopilot.transport=loopback", "record.mcap=false", "record.report=false"])
     outcome = run_bench(bench, tmp_path, quiet=True)
@@ -112,26 +107,15 @@ def test_ten_seeds_of_ten(seed: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "seed"),
     [
-        (["vehicle=iris", "autopilot.airframe=iris"], 3),
-        (["mission=rigs/missions/square.waypoints"], 4),
-        (["mission=rigs/missions/survey.plan"], 5),
-        (["tick_hz=100"], 6),
-        (["tick_hz=1000", "duration_s=200"], 7),
+        (["vehicle=iris", "autopilot.airframe=iris", "mission=rigs/missions/square.waypoints"], 3),
+        (["mission=rigs/missions/survey.plan", "tick_hz=100"], 5),
+        pytest.param(["tick_hz=1000", "duration_s=200"], 7, marks=pytest.mark.slow),
     ],
 )
 def test_other_vehicles_and_missions(settings: list[str], seed: int, tmp_path: Path) -> None:
     common = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
     outcome = run_bench(load_bench(seed=seed, settings=[*common, *settings]), tmp_path, quiet=True)
     assert outcome.status == "PASS", (outcome.run["error"], outcome.run["verdict"], outcome.run["mission"])
-
-
-def test_a_vehicle_that_misses_its_limits_is_a_fail_not_an_error(tmp_path: Path) -> None:
-    settings = ["autopilot.transport=loopback", "limits.max_cross_track_m=0.001", "record.report=false"]
-    outcome = run_bench(load_bench(settings=settings), tmp_path, quiet=True)
-    assert outcome.status == "FAIL"
-    assert outcome.exit_status == 1
-    assert outcome.run["error"] is None
-    assert "max_cross_track_m" in outcome.run["verdict"]["reasons"][0]
 
 
 def test_a_run_without_mission_stays_on_the_ground(tmp_path: Path) -> None:
