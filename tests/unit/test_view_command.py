@@ -99,12 +99,6 @@ def test_wrong_options_are_refused(tmp_path: Path, options: dict[str, str], mess
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_place_of_ones_own(tmp_path: Path) -> None:
-    files, _ = view(tmp_path, at="0,-9,2")
-    assert (tmp_path / "here_depth.png") in files
-    assert [path.name for path in files].count("here.png") == 1
-
-
 def test_an_unknown_scene_is_named_with_the_nearest(capfd: pytest.CaptureFixture[str]) -> None:
     assert run_command_line(["view", "airfeild"]) == 2
     assert "did you mean 'airfield'?" in capfd.readouterr().err
@@ -149,9 +143,8 @@ def test_a_sweep_becomes_a_picture_whatever_it_holds(tmp_path: Path, n: int) -> 
         assert cv2.imread(str(tmp_path / name)).shape[1] > 1200
 
 
-@pytest.mark.parametrize("size", ["1x1", "1x400"])
-def test_odd_sizes_are_drawn_too(tmp_path: Path, size: str) -> None:
-    files, _ = view(tmp_path, at="0,0,2", look="0,0", size=size)
+def test_an_odd_size_is_drawn_too(tmp_path: Path) -> None:
+    files, _ = view(tmp_path, at="0,0,2", look="0,0", size="1x400")
     assert cv2.imread(str(files[0])).shape[0] < 5000
 
 
@@ -162,10 +155,3 @@ def test_variants_of_a_scene_on_one_sheet(tmp_path: Path) -> None:
     one, other = (cv2.imread(str(file)) for file in files[1:])
     assert one.shape == other.shape == (24, 32, 3)
     assert not np.array_equal(one, other)
-
-
-def test_wrong_looks_are_told(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="quality: must be 'low', 'medium'"):
-        view(tmp_path, settings=["quality=best"])
-    with pytest.raises(ConfigError, match="foo: unknown key"):
-        view(tmp_path, settings=["foo=1"])
