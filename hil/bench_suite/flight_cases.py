@@ -12,10 +12,9 @@ so RK4 is shown with plain `filter` too, which it integrates with the stages.
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -133,28 +132,11 @@ def start_state(vehicle: Vehicle) -> Float64:
     return np.array([0, 0, 300.0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, *([speed] * len(vehicle.rotors))])
 
 
-class Stepper(Protocol):
-    """A flight under way."""
-
-    @property
-    def state(self) -> Float64:
-        """p, q, v, w and, maybe, more."""
-
-    def advance(self, controls: Sequence[float]) -> None:
-        """One tick with these commands."""
-
-    def close(self) -> None:
-        """No more ticks."""
-
-
-class _TickByTick(ABC):
-    """A method that can be asked for one tick after the other."""
+class _TickByTick:
+    """A method that can be asked for one tick after the other; one flight at a time."""
 
     name: str
-
-    @abstractmethod
-    def begin(self, flight: Flight) -> Stepper:
-        """A flight to be flown tick by tick; one at a time."""
+    begin: Callable[[Flight], _OwnStepper | _MujocoStepper]
 
     def fly(self, flight: Flight, *, record: bool) -> Float64:
         """States (p, q, v, w) at every tick if `record`, else only the last, [n, 13]."""
@@ -177,7 +159,7 @@ class ThisProject(_TickByTick):
         self.method = method
         self.name = f"this project, {'order 8' if method == 'order8' else 'classical RK4'} @ {step_ms:g} ms"
 
-    def begin(self, flight: Flight) -> Stepper:
+    def begin(self, flight: Flight) -> _OwnStepper:
         return _OwnStepper(flight, self.method, self.step_ns)
 
 
@@ -214,7 +196,7 @@ class PlainMujoco(_TickByTick):
         shown = integrator if lag == "filterexact" else f"{integrator} {lag}"
         self.name = f"MuJoCo {shown} @ {step_ms:g} ms"
 
-    def begin(self, flight: Flight) -> Stepper:
+    def begin(self, flight: Flight) -> _MujocoStepper:
         text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
         text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
         one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'

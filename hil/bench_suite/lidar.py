@@ -12,7 +12,7 @@ What is out of reach must cost next to nothing: 200 shapes in reach of 100 m, al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,10 +20,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.bench_suite.raster_cases import GROUPS, world_of
+from hil.bench_suite.raster_cases import GROUPS, random_geoms, world_with
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from hil.bench_suite.timing import best_times
 from hil.signals._kernel import det_cos, det_sin
+from hil.signals.samples import Vec3
 from sim._kernels import RayCaster, coherent_order
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose
@@ -39,24 +40,18 @@ _NO_LIMIT_M = 1e9
 _REACH_M = 100.0
 _SAMPLE = 37  # every which ray is also cast by mj_ray; no divisor of a pattern
 PATTERNS = {"16x900": (16, 900, 15.0), "32x1024": (32, 1024, 20.0), "64x2048": (64, 2048, 22.5)}
-_KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 
-@dataclass(frozen=True)
 class Place:
-    """A scene made ready for both, and where to look from."""
+    """A scene as it is at t = 0, made ready for both, and where to look from."""
 
-    name: str
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    geometry: FrameGeometry
-    caster: RayCaster
-    origins_W: tuple[tuple[float, float, float], ...]
-
-    @property
-    def geoms(self) -> int:
-        """How many there are."""
-        return int(self.model.ngeom)
+    def __init__(self, name: str, world: World, origins_W: tuple[Vec3, ...]) -> None:
+        self.name, self.origins_W = name, origins_W
+        self.model, self.geoms = world.model, int(world.model.ngeom)
+        self.geometry = FrameGeometry(world)
+        self.caster = RayCaster(self.geometry.native)
+        self.data = WorldPose(world).at(0)
+        mujoco.mj_forward(self.model, self.data)  # mj_multiRay also needs the bounding volumes of bodies
 
 
 @dataclass(frozen=True)
@@ -136,12 +131,12 @@ def _compare(place: Place, pattern: str, *, turns: int) -> tuple[Row, Row, int]:
     )
 
 
-def _cast(place: Place, origin: tuple[float, float, float], rays: Rays, reach_m: float = _NO_LIMIT_M) -> Hits:
+def _cast(place: Place, origin: Vec3, rays: Rays, reach_m: float = _NO_LIMIT_M) -> Hits:
     place.caster.cast(np.array([origin]), rays.directions_W, 0.0, reach_m, rays.range_m, rays.geom, order=rays.order)
     return rays.range_m, rays.geom
 
 
-def _multi_ray(place: Place, origin: tuple[float, float, float], rays: Rays) -> Hits:
+def _multi_ray(place: Place, origin: Vec3, rays: Rays) -> Hits:
     model, data, n, flat = place.model, place.data, len(rays.geom), rays.directions_W.reshape(-1)
     mujoco.mj_multiRay(
         model, data, np.array(origin), flat, GROUPS, True, -1, rays.geom, rays.range_m, None, n, _NO_LIMIT_M
@@ -199,7 +194,7 @@ def _checks(rows: dict[tuple[str, str], tuple[Row, Row]], disagreements: int) ->
 def _out_of_reach(result: BenchmarkResult, *, turns: int) -> float:
     """Times that 200 shapes in reach take longer among 20,000 than alone, a sweep of 16 x 900."""
     rays = pattern_rays("16x900")
-    places = [shapes(count, far_beyond_m=_REACH_M * 1.5, near=200) for count in (201, 20_000)]
+    places = [shapes(200, beyond=beyond) for beyond in (0, 19_800)]
     times: dict[str, list[float]] = {place.name: [] for place in places}
     apart, changed = 0.0, 0
     for origin in places[0].origins_W:
@@ -220,39 +215,13 @@ def _out_of_reach(result: BenchmarkResult, *, turns: int) -> float:
 def park() -> Place:
     """city_park, its people where they are at t = 0."""
     world = load_world(load_scene("city_park"))
-    return _place("city_park", world, ((0.3, 0.2, 1.5), (10.0, 5.0, 8.0), (-20.0, 13.0, 3.0)))
+    return Place("city_park", world, ((0.3, 0.2, 1.5), (10.0, 5.0, 8.0), (-20.0, 13.0, 3.0)))
 
 
-def shapes(count: int, *, far_beyond_m: float | None = None, near: int = 0) -> Place:
-    """`count` shapes of all kinds within 80 x 80 m and 9 m up.
-
-    With `far_beyond_m` only the first `near` of them are there, all others between that distance and ten times it.
-    """
-    name = f"{count} geoms" if far_beyond_m is None else f"{count} geoms, {near} in reach"
-    world = world_of("".join(_lines(count, far_beyond_m, near)))
-    return _place(name, world, ((0.3, 0.2, 2.0), (15.0, -12.0, 6.0), (-25.0, 20.0, 1.0)))
-
-
-def _place(name: str, world: World, origins_W: tuple[tuple[float, float, float], ...]) -> Place:
-    geometry = FrameGeometry(world)  # as it is at t = 0
-    data = WorldPose(world).at(0)
-    mujoco.mj_forward(world.model, data)  # mj_multiRay also needs the bounding volumes of bodies
-    return Place(name, world.model, data, geometry, RayCaster(geometry.native), origins_W)
-
-
-def _lines(count: int, far_beyond_m: float | None, near: int) -> Iterator[str]:
-    rng = np.random.default_rng(count if far_beyond_m is None else near)
-    ball = rng.normal(size=(40, 3))
-    ball /= np.linalg.norm(ball, axis=1)[:, None]
-    yield f'<mujoco><asset><mesh name="stone" vertex="{" ".join(f"{x:.5f}" for x in ball.ravel())}"/></asset>'
-    yield '<worldbody><geom name="ground" type="plane" size="0 0 1"/>'
-    for i in range(count - 1):
-        kind = _KINDS[i % len(_KINDS)]
-        x, y, z = rng.uniform(-1.0, 1.0, 3) * (40.0, 40.0, 4.0) + (0.0, 0.0, 4.5)
-        if far_beyond_m is not None and i >= near:
-            distance, angle = far_beyond_m * rng.uniform(1.1, 10.0), rng.uniform(0.0, 2.0 * np.pi)
-            x, y = distance * np.cos(angle), distance * np.sin(angle)
-        size = 'mesh="stone"' if kind == "mesh" else 'size="{:.3f} {:.3f} {:.3f}"'.format(*rng.uniform(0.1, 1.2, 3))
-        quat = "{:.4f} {:.4f} {:.4f} {:.4f}".format(*rng.normal(size=4))
-        yield f'<geom name="shape_{i}" type="{kind}" {size} pos="{x:.3f} {y:.3f} {z:.3f}" quat="{quat}"/>'
-    yield "</worldbody></mujoco>"
+def shapes(count: int, *, beyond: int = 0) -> Place:
+    """`count` geoms, a plane among them, within 80 x 80 m and 9 m up, and so many more out of reach."""
+    random = np.random.Generator(np.random.Philox(count))
+    geoms = random_geoms(random, count - 1, (-40, -40, 0.5), (40, 40, 8.5), largest_m=1.2)
+    geoms += random_geoms(random, beyond, (1.5 * _REACH_M, -1000, 0.5), (15.0 * _REACH_M, 1000, 8.5), largest_m=1.2)
+    name = f"{count} geoms" + (f", {beyond} more out of reach" if beyond else "")
+    return Place(name, world_with(geoms), ((0.3, 0.2, 2.0), (15.0, -12.0, 6.0), (-25.0, 20.0, 1.0)))

@@ -117,51 +117,55 @@ def world_of(mjcf: str) -> World:
         return load_world(load_scene(str(scene)))
 
 
+def world_with(geoms: Sequence[str]) -> World:
+    """A World of geoms over a plane, in the sun."""
+    return world_of(
+        '<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>'
+        '<light directional="true" dir="-0.4 0.3 -0.9" castshadow="true"/>'
+        f'<geom name="ground" type="plane" size="0 0 1"/>{"".join(geoms)}</worldbody></mujoco>'
+    )
+
+
 def field_case(count: int, *, seed: int, views: int) -> Case:
     """`count` random primitives on 80 x 80 m, seen from the rim: more are seen, and more hide behind others."""
     random = np.random.Generator(np.random.Philox(seed))
-    things = _things(random, count, (-40, -40, 0.5), (40, 40, 12))
+    things = random_geoms(random, count, (-40, -40, 0.5), (40, 40, 12))
     poses = []
     for i in range(views):
         azimuth = 360.0 * i / views
         p_W = -50.0 * np.array([np.cos(np.deg2rad(azimuth)), np.sin(np.deg2rad(azimuth)), 0.0]) + [0, 0, 8.0]
         poses.append(View(i * 100_000_000, camera_pose(p_W, looking(azimuth, 10.0))))
-    return Case(f"field of {count}", world_of(_mjcf(things)), tuple(poses))
+    return Case(f"field of {count}", world_with(things), tuple(poses))
 
 
 def hidden_case(visible: int, hidden: int, *, where: str, seed: int) -> Case:
     """`visible` geoms before the camera, a wall among them, and `hidden` more: "behind a wall" or "out of view"."""
     random = np.random.Generator(np.random.Philox(seed))
-    things = _things(random, visible - 1, (4, -8, 0.5), (24, 8, 10))
+    things = random_geoms(random, visible - 1, (4, -8, 0.5), (24, 8, 10))
     things.append('<geom type="box" size="0.5 60 40" pos="30 0 30"/>')
     # Behind the wall: within its shadow as seen from the camera, x to 100 m. Out of view: behind the camera.
     box = ((32, -50, 1), (100, 50, 50)) if where == "behind a wall" else ((-100, -50, 1), (-5, 50, 50))
-    things += _things(random, hidden, *box)
+    things += random_geoms(random, hidden, *box)
     view = View(0, camera_pose(np.array([0.0, 0.0, 5.0]), looking(0.0, 0.0)))
     name = f"{visible} visible" + (f", {hidden} {where}" if hidden else "")
-    return Case(name, world_of(_mjcf(things)), (view,))
+    return Case(name, world_with(things), (view,))
 
 
-def _things(random: np.random.Generator, count: int, low: Sequence[float], high: Sequence[float]) -> list[str]:
+def random_geoms(
+    random: np.random.Generator, count: int, low: Sequence[float], high: Sequence[float], *, largest_m: float = 0.6
+) -> list[str]:
+    """Primitives of all kinds, as MJCF."""
     kinds = (("sphere", 1), ("box", 3), ("capsule", 2), ("cylinder", 2), ("ellipsoid", 3))
     things = []
     for i in range(count):
         kind, sizes = kinds[i % len(kinds)]
-        size, position = random.uniform(0.1, 0.6, sizes), random.uniform(low, high)
+        size, position = random.uniform(0.1, largest_m, sizes), random.uniform(low, high)
         turn, colour = random.normal(size=4), [*random.uniform(0.2, 1.0, 3), 1.0]
         things.append(
             f'<geom type="{kind}" size="{_text(size)}" pos="{_text(position)}" quat="{_text(turn)}" '
             f'rgba="{_text(colour)}"/>'
         )
     return things
-
-
-def _mjcf(things: Sequence[str]) -> str:
-    return (
-        '<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody>'
-        '<light directional="true" dir="-0.4 0.3 -0.9" castshadow="true"/>'
-        f'<geom name="ground" type="plane" size="0 0 1"/>{"".join(things)}</worldbody></mujoco>'
-    )
 
 
 def _text(values: Sequence[float] | Float64) -> str:

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bench_suite.lidar import pattern_rays
 from hil.bench_suite.raster import buffers
 from hil.bench_suite.raster_cases import SCENES, Case, View, scene_case
 from hil.bench_suite.result import BenchmarkResult, Check, Row
@@ -177,12 +178,7 @@ def _pictures(
 
 def lidar_rules(case: Case) -> list[Rule]:
     """The rules of rays in one scene, by the caster's own switches."""
-    azimuth, elevation = np.meshgrid(
-        np.linspace(-np.pi, np.pi, 900, endpoint=False), np.deg2rad(np.linspace(-15, 15, 16))
-    )
-    level = np.cos(elevation)
-    rays = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = pattern_rays("16x900").directions_W
 
     def sweeps(*, max_range: bool = True, tree: bool = True) -> Iterator[tuple[float, Outputs]]:
         geometry = FrameGeometry(case.world)
