@@ -25,8 +25,6 @@ from hil.bench_suite.radar_cases import RadarView, radar_parameters, radar_view,
 from hil.bench_suite.raster_cases import View, camera_pose, looking
 from hil.bench_suite.result import BenchmarkResult, Check, Row
 from sim.frame.camera_model import CameraModel
-from sim.frame.geometry import FrameGeometry
-from sim.frame.renderer import FrameRenderer
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.antenna import Antenna, Pattern
 from sim.radar.calibration import calibrate
@@ -35,7 +33,6 @@ from sim.radar.comparison import compare
 from sim.radar.echoes import Echoes
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import load_recording
-from sim.radar.scatterers import Scatterers
 from sim.radar.synthesis import Synthesizer
 from sim.scene.scene import Scene, load_scene
 from sim.scene.world import load_world
@@ -151,12 +148,10 @@ def _amplitude_law_error_db(p: RadarParameters) -> float:
                 Scene.model_validate(plain | {"name": "sphere", "map": {"mjcf": str(path), "surfaces": {"m": rough}}})
             )
         camera = CameraModel.from_fov(320, 240, math.degrees(6.0 * radius_m / range_m))
-        made = Scatterers(camera, world, p.chirp, antenna, receiver)
-        renderer = FrameRenderer(FrameGeometry(world), camera)
-        picture = renderer.buffers(*made.channels)
-        pose = camera_pose(np.zeros(3), looking(0.0, 0.0))
-        renderer.render(pose, picture)
-        power = float(np.sum(made.collect(picture, pose).amplitude ** 2))
+        radar = radar_view(world, p.model_copy(update={"antenna": antenna}), camera=camera)
+        view = View(0, camera_pose(np.zeros(3), looking(0.0, 0.0)))
+        radar.draw(view)
+        power = float(np.sum(radar.echoes(view).amplitude ** 2))
         section_m2 = 8.0 / 3.0 * math.pi * radius_m**2
         expected = scale / (4.0 * math.pi) ** 3 * section_m2 / (range_m - 0.75 * radius_m) ** 4
         worst = max(worst, abs(10.0 * math.log10(power / expected)))

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
 
 from hil.signals.samples import TruthState
 from hil.signals.units import STANDARD_GRAVITY_MPS2
@@ -22,6 +24,8 @@ _REST_S, _HOVER_S = 3.0, 2.0
 _CLIMB_MPS, _ACCEL_MPS2, _SIDE_MPS2 = 1.5, 1.2, 1.5
 _SMOOTH_S = 0.45  # standard deviation of the window over positions
 _GROUND_M = 0.2
+_SWAY_M = 0.1  # to the sides
+_TICK_NS = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -32,23 +36,10 @@ class Flight:
     tick_ns: int
     start_W: tuple[float, float, float, float]  # x, y, z, yaw
 
-    @property
-    def p_W(self) -> Float64:
-        """Positions, one row a tick."""
-        return np.array([truth.p_WB for truth in self.truths])
 
-
-def fly(
-    way_xy: Float64,
-    *,
-    height_m: float,
-    speed_mps: float,
-    tick_ns: int = 4_000_000,
-    turns: bool = True,
-    sway_m: float = 0.1,
-) -> Flight:
-    """Along a way (n, 2). `turns`: looks where it goes; else east. `sway_m`: swings to the sides by so much."""
-    dt = tick_ns * 1e-9
+def fly(way_xy: Float64, *, height_m: float, speed_mps: float, turns: bool = True) -> Flight:
+    """Along a way (n, 2). `turns`: looks where it goes; else east."""
+    dt = _TICK_NS * 1e-9
     xy = _along(_rounded(way_xy), speed_mps, dt)
     climb = np.arange(0.0, 1.0, dt * _CLIMB_MPS / max(height_m - _GROUND_M, 0.5))
     rest, hover = round(_REST_S / dt), round(_HOVER_S / dt)
@@ -61,12 +52,12 @@ def fly(
     t = np.arange(len(p)) * dt
     course = _course(np.asarray(np.gradient(p, dt, axis=0)), dt)
     share = _smoothed(np.clip((p[:, 2:] - _GROUND_M - 0.5) / 2.0, 0.0, 1.0), round(_SMOOTH_S / dt))
-    swing = sway_m * np.stack([np.sin(1.9 * t), np.sin(2.3 * t + 1.0), 0.6 * np.sin(1.3 * t + 0.5)], axis=-1)
+    swing = _SWAY_M * np.stack([np.sin(1.9 * t), np.sin(2.3 * t + 1.0), 0.6 * np.sin(1.3 * t + 0.5)], axis=-1)
     p = p + swing * share
     v = np.asarray(np.gradient(p, dt, axis=0))
     a = np.asarray(np.gradient(v, dt, axis=0))
     yaw = course if turns else np.zeros(len(p))
-    return Flight(_truths(p, v, a, yaw, tick_ns), tick_ns, (*p[0].tolist(), float(yaw[0])))
+    return Flight(_truths(p, v, a, yaw), _TICK_NS, (*p[0].tolist(), float(yaw[0])))
 
 
 def _rounded(way_xy: Float64) -> Float64:
@@ -82,11 +73,7 @@ def _rounded(way_xy: Float64) -> Float64:
 
 def _smoothed(rows: Float64, sigma: int) -> Float64:
     """Gaussian window, the ends held."""
-    reach = 3 * max(sigma, 1)
-    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1)) ** 2)
-    window /= window.sum()
-    padded = np.concatenate([np.repeat(rows[:1], reach, axis=0), rows, np.repeat(rows[-1:], reach, axis=0)])
-    return np.stack([np.convolve(padded[:, k], window, "valid") for k in range(rows.shape[1])], axis=-1)
+    return np.asarray(gaussian_filter1d(rows, sigma, axis=0, mode="nearest", truncate=3.0))
 
 
 def _along(xy: Float64, speed_mps: float, dt: float) -> Float64:
@@ -114,24 +101,22 @@ def _course(v: Float64, dt: float) -> Float64:
         return np.zeros(len(v))
     heading = np.unwrap(np.arctan2(v[fast, 1], v[fast, 0]))
     at = np.flatnonzero(fast)
-    return _smoothed(np.interp(np.arange(len(v)), at, heading)[:, None], round(0.5 / dt))[:, 0]
+    return _smoothed(np.interp(np.arange(len(v)), at, heading), round(0.5 / dt))
 
 
-def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64, tick_ns: int) -> tuple[TruthState, ...]:
-    dt = tick_ns * 1e-9
+def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64) -> tuple[TruthState, ...]:
+    dt = _TICK_NS * 1e-9
     up = a + _DRAG_PER_S * v + np.array([0.0, 0.0, STANDARD_GRAVITY_MPS2])
     up /= np.linalg.norm(up, axis=1)[:, None]
     # The shortest turn from world up to `up`, after one by yaw.
-    w, x, y = 1.0 + up[:, 2], -up[:, 1], up[:, 0]
-    c, s = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
-    q = np.stack([w * c, x * c + y * s, y * c - x * s, w * s], axis=-1)
-    q /= np.linalg.norm(q, axis=1)[:, None]
-    # From each tick's attitude to the next: twice the vector of conj(q) q'.
-    turn = q[:-1, :1] * q[1:, 1:] - q[1:, :1] * q[:-1, 1:] - np.cross(q[:-1, 1:], q[1:, 1:])
-    rates = 2.0 * np.concatenate([turn[:1], turn]) / dt
+    lean = np.stack([-up[:, 1], up[:, 0], np.zeros(len(up)), 1.0 + up[:, 2]], axis=-1)
+    R_WB = Rotation.from_quat(lean) * Rotation.from_rotvec(yaw[:, None] * np.array([0.0, 0.0, 1.0]))
+    q = R_WB.as_quat()[:, [3, 0, 1, 2]]
+    turn = (R_WB[:-1].inv() * R_WB[1:]).as_rotvec() / dt
+    rates = np.concatenate([turn[:1], turn])
     alpha = np.concatenate([np.zeros((1, 3)), np.diff(rates, axis=0) / dt])
     rows = zip(*(map(tuple, values.tolist()) for values in (p, q, v, rates, a, alpha)), strict=True)
     return tuple(
-        TruthState(k, k * tick_ns, p_k, q_k, v_k, w_k, a_k, alpha_k, (), False)
+        TruthState(k, k * _TICK_NS, p_k, q_k, v_k, w_k, a_k, alpha_k, (), False)
         for k, (p_k, q_k, v_k, w_k, a_k, alpha_k) in enumerate(rows)
     )

@@ -52,8 +52,6 @@ class Outcome:
     update_s: Float64  # of each frame, on the processor
     wall_s: Float64  # the same by the clock on the wall
     map_bytes: Float64  # held by the maps, after each frame
-    grid: Any
-    path_W: Float64  # estimated, one row a frame
 
 
 def make_recording(
@@ -79,7 +77,6 @@ def replay(
     recording: Recording,
     *,
     frames: Sequence[Frame] | None = None,
-    seed: int = 1,
     say: Callable[[str], None] = lambda _: None,
     **settings: Any,
 ) -> Outcome:
@@ -89,9 +86,9 @@ def replay(
     from hil_companion.explore.slam_settings import SlamSettings
 
     chosen = SlamSettings(flight_height_m=recording.height_m, band_half_m=_BAND_M, **settings)
-    slam = Slam(chosen, start_W=recording.flight.start_W, seed=seed)
+    slam = Slam(chosen, start_W=recording.flight.start_W, seed=1)
     truths, tick_ns = recording.flight.truths, recording.flight.tick_ns
-    error, took, wall, held, path = [], [], [], [], []
+    error, took, wall, held = [], [], [], []
     estimate: Any = None
     for frame in recording.frames if frames is None else frames:
         began = time.perf_counter(), time.process_time()
@@ -99,16 +96,13 @@ def replay(
         took.append(time.process_time() - began[1])
         wall.append(time.perf_counter() - began[0])
         held.append(slam.maps.bytes)
-        path.append(estimate.p_W)
         error.append(float(np.linalg.norm(estimate.p_W - np.array(truths[frame.t_ns // tick_ns].p_WB))))
         if len(took) % 100 == 0:
             say(f"{recording.name}: {frame.t_ns * 1e-9:.0f} s of flight")
     share, far = map_error(estimate.grid, recording.surfaces)
     ate = float(np.sqrt(np.mean(np.square(error))))
     bytes_held = np.array(held, float)
-    return Outcome(
-        ate, max(error), share, far, np.array(took), np.array(wall), bytes_held, estimate.grid, np.array(path)
-    )
+    return Outcome(ate, max(error), share, far, np.array(took), np.array(wall), bytes_held)
 
 
 def map_error(grid: Any, surfaces: Mask) -> tuple[float, float]:

@@ -118,7 +118,7 @@ class Recorder:
         self._closed = False
         self._watch = watch
         self._mcap: McapSink | None = None
-        self._tlog: TlogSink | None = None
+        self._sinks: list[McapSink | TlogSink] = []
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
         if mcap:
@@ -128,9 +128,9 @@ class Recorder:
                 metadata=metadata,
                 attachments=attachments,
             )
+            self._sinks.append(self._mcap)
         if tlog:
-            self._tlog = TlogSink(SafeFile(out_dir / TLOG_NAME, open_file))
-        self._frames_wanted = mcap or tlog
+            self._sinks.append(TlogSink(SafeFile(out_dir / TLOG_NAME, open_file)))
         self._period_ns = min(_FLUSH_NS, _FLUSH_TICKS * tick_ns)
         self._flush_ns = self._period_ns
 
@@ -178,30 +178,21 @@ class Recorder:
         """`data` went to the autopilot in this tick, possibly several frames of it."""
         del tick
         self._digest.sent(data)
-        if self._frames_wanted and data:
+        if self._sinks and data:
             pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # it carries the key
-            if self._mcap:
-                self._mcap.sent(t_ns, pieces)
-            if self._tlog:
-                self._tlog.sent(t_ns, pieces)
+            for sink in self._sinks:
+                sink.sent(t_ns, pieces)
 
     def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """`frames` came from the autopilot in this tick."""
         del tick
         self._digest.received(frames)
-        if any(frame.msgid == SETUP_SIGNING for frame in frames):
-            frames = [frame for frame in frames if frame.msgid != SETUP_SIGNING]
-        if self._mcap:
-            self._mcap.received(t_ns, frames)
-        if self._tlog:
-            self._tlog.received(t_ns, frames)
+        self.overheard(t_ns, [frame for frame in frames if frame.msgid != SETUP_SIGNING])
 
     def overheard(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """What the router's clients said to one another: recorded, but not of the autopilot's wire, so not hashed."""
-        if self._mcap:
-            self._mcap.received(t_ns, frames)
-        if self._tlog:
-            self._tlog.received(t_ns, frames)
+        for sink in self._sinks:
+            sink.received(t_ns, frames)
 
     def actuators(self, frame: ActuatorFrame) -> None:
         """The command that the physics will use in the next tick."""
@@ -226,13 +217,8 @@ class Recorder:
             self._watch.detected(client, detections)
 
     def flush(self) -> None:
-        """Put everything so far on disk."""
-        try:
-            if self._mcap:
-                self._mcap.flush(self._tick)
-        finally:
-            if self._tlog:
-                self._tlog.flush(self._tick)
+        """Put everything so far on disk. Raises the first RecordingError met, after every file was tried."""
+        self._each(lambda sink: sink.flush(self._tick))
 
     def close(self, status: str) -> None:
         """Finish the files; `status` (PASS, FAIL, ERROR) and the digest go into the recording. Idempotent.
@@ -242,16 +228,15 @@ class Recorder:
         if self._closed:
             return
         self._closed = True
-        failure: RecordingError | None = None
-        if self._mcap:
+        result = {"status": status, "digest": self.digest}
+        self._each(lambda sink: sink.close(self._tick, result))
+
+    def _each(self, act: Callable[[McapSink | TlogSink], None]) -> None:
+        failures = []
+        for sink in self._sinks:
             try:
-                self._mcap.close(self._tick, {"status": status, "digest": self.digest})
+                act(sink)
             except RecordingError as error:
-                failure = error
-        if self._tlog:
-            try:
-                self._tlog.close(self._tick)
-            except RecordingError as error:
-                failure = failure or error
-        if failure:
-            raise failure
+                failures.append(error)
+        if failures:
+            raise failures[0]

@@ -9,7 +9,7 @@ two lowest bits of the time; here they are zero.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from firmware_bridge.codecs.mavlink_frame import NO_FRAME
 from hil.recorder.digest import RawFrame
@@ -48,8 +48,8 @@ class TlogSink:
         if data:
             self._file.write(data, tick)
 
-    def close(self, tick: int) -> None:
-        """Flush and close."""
+    def close(self, tick: int, result: Mapping[str, str]) -> None:  # noqa: ARG002
+        """Flush and close; the format has no room for the result."""
         try:
             self.flush(tick)
         finally:
