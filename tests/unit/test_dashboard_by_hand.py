@@ -9,7 +9,6 @@ import pytest
 
 from firmware_bridge.faults.link_fault import LinkFault
 from hil.companion.link_faults import CompanionFault
-from hil.dashboard.choices import run_arguments
 from hil.dashboard.faults_by_hand import fault_of
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
@@ -57,8 +56,3 @@ def test_all_else_as_before() -> None:
 def test_nonsense_is_refused(asked: dict[str, Any]) -> None:
     with pytest.raises((ValueError, TypeError, KeyError, pydantic.ValidationError)):
         fault_of(asked, 1.0)
-
-
-def test_true_is_no_pace() -> None:
-    with pytest.raises(ValueError, match="pace"):
-        run_arguments({"pace": True}, None)

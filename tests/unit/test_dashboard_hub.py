@@ -176,6 +176,7 @@ def test_eight_hours_of_updates_leave_nothing_behind() -> None:
         {"seed": 1.5},
         {"seed": True},
         {"pace": float("inf")},
+        {"pace": True},
         {"pace": "1; rm"},
     ],
 )
