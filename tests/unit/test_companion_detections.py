@@ -46,10 +46,10 @@ def test_what_a_cut_tells_arrives_as_it_is() -> None:
     boxes = [Seen("person", PERSON.box_px, 0.75, 12.5, -1.25, (3.0, 4.0, 0.5)), Seen("vehicle", CAR.box_px, 0.5)]
     found = [Found(3, "person", 9_000_000, (3.0, 4.0, 0.5), (0.5, 0.0, 0.0), 7, 0.4)]
     mine = Told("front/rgb", 8_000_000, (320, 240), boxes, found)
-    message = decode_client(protocol.done(3, detections=mine.as_map(), **TIMES))
+    message = decode_client(protocol.message("done", frame=3, detections=mine.as_map(), **TIMES))
     assert isinstance(message, Done)
     assert message.detections == SEEN
-    silent = decode_client(protocol.done(3, **TIMES))
+    silent = decode_client(protocol.message("done", frame=3, **TIMES))
     assert isinstance(silent, Done)
     assert silent.detections is None
 
@@ -77,7 +77,7 @@ def test_what_a_cut_tells_arrives_as_it_is() -> None:
 )
 def test_what_makes_no_sense_is_refused(wrong: Any, names: str) -> None:
     with pytest.raises(CodecError, match=names):
-        decode_client(protocol.done(3, detections=wrong, **TIMES))
+        decode_client(protocol.message("done", frame=3, detections=wrong, **TIMES))
 
 
 def test_a_cut_is_told_of_its_own_nonsense_and_the_surest_boxes_go() -> None:

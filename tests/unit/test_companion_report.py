@@ -27,10 +27,10 @@ REPORT = {"outcome": "goal", "left_m": 0.25, "replans": 7, "sure": True}
 
 
 def test_a_report_crosses_the_wire_as_it_is() -> None:
-    message = decode_client(protocol.done(3, report=REPORT, **TIMES))
+    message = decode_client(protocol.message("done", frame=3, report=REPORT, **TIMES))
     assert isinstance(message, Done)
     assert message.report == REPORT
-    silent = decode_client(protocol.done(3, **TIMES))
+    silent = decode_client(protocol.message("done", frame=3, **TIMES))
     assert isinstance(silent, Done)
     assert silent.report is None
 
@@ -53,7 +53,7 @@ def test_what_is_no_report_is_refused_on_both_sides(wrong: dict[str, Any]) -> No
     with pytest.raises(CutError):
         checked_report(wrong)
     with pytest.raises(CodecError):
-        decode_client(protocol.done(3, report=wrong, **TIMES))
+        decode_client(protocol.message("done", frame=3, report=wrong, **TIMES))
 
 
 def test_long_texts_are_cut_by_the_client_and_refused_by_the_bench() -> None:
@@ -62,7 +62,7 @@ def test_long_texts_are_cut_by_the_client_and_refused_by_the_bench() -> None:
         report_from_map({"why": "x" * 201})
     with pytest.raises(CodecError):
         report_from_map("goal")
-    assert msgpack.unpackb(protocol.done(1, report={}, **TIMES))["report"] == {}
+    assert msgpack.unpackb(protocol.message("done", frame=1, report={}, **TIMES))["report"] == {}
 
 
 def test_the_trace_keeps_it(tmp_path: Path) -> None:

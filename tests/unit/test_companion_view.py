@@ -26,7 +26,7 @@ assert CLIENT.is_dir()  # importing it has put the client's package where it is 
 def sent(**parts: Any) -> View:
     """Through the wire."""
     made = shown.View(**{"p_W": (1.0, 2.0, 3.0), "yaw_rad": 0.5, **parts})
-    decoded = decode_client(protocol.view(7, 9_000_000, made.as_map()))
+    decoded = decode_client(protocol.message("view", frame=7, t_ns=9_000_000, **made.as_map()))
     assert isinstance(decoded, View)
     return decoded
 
@@ -63,7 +63,7 @@ def test_the_worst_map_fits_into_a_message() -> None:
     cells = np.random.default_rng(1).integers(0, 4, (256, 256)).astype(np.uint8)
     noise = np.random.default_rng(2).normal(size=(256, 2))
     made = shown.View((0.0, 0.0, 0.0), 0.0, None, noise, noise, shown.Grid(cells, (0.0, 0.0), 0.2))
-    packet = protocol.view(2**62, 2**62, made.as_map())
+    packet = protocol.message("view", frame=2**62, t_ns=2**62, **made.as_map())
     assert len(packet) < 48 << 10
     assert isinstance(decode_client(packet), View)
 

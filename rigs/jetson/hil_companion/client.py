@@ -22,6 +22,7 @@ import zmq
 
 from hil_companion import protocol
 from hil_companion.barrier import Barrier
+from hil_companion.checks import Fields
 from hil_companion.connection import BYE_LINGER_MS, Connection, Keys, PathLike
 from hil_companion.desired import Desired
 from hil_companion.detections import Detections
@@ -86,7 +87,7 @@ class Client:
         keys = None if key is None or bench_key is None else Keys(key, bench_key)
         self = cls(context, keys, max_message_bytes)
         self._hold = hold
-        self._hello = {"name": name, "topics": topics, "control": control, "credit": credit}
+        self._hello = {"name": name, "topics": list(topics), "control": control, "credit": credit}
         try:
             self._join(address, schema, shared_memory and can_map(), wait_s)
         except BaseException:
@@ -121,7 +122,8 @@ class Client:
     def _join(self, address: str, schema: str | None, shared_memory: bool, wait_s: float) -> None:
         """Say hello until there is a welcome, and then to each port."""
         speaking = self._open(address)
-        greeting = protocol.hello(schema=schema, shared_memory=shared_memory, **self._hello)
+        known = {"magic": protocol.MAGIC, "version": protocol.VERSION, **self._hello}
+        greeting = protocol.message("hello", schema=schema, shared_memory=shared_memory, **known)
         speaking.send(greeting)
         greeted = max(1, speaking.handshakes)
         deadline_s = time.monotonic() + wait_s
@@ -143,9 +145,8 @@ class Client:
         if self.welcome.ring is not None:
             self._ring = RingView(self.welcome.ring)
         # Each port learns by a hello of its own who is at the other end.
-        greeting = protocol.hello(
-            schema=self.welcome.schema, shared_memory=False, session=self.welcome.session, **self._hello
-        )
+        known.update(schema=self.welcome.schema, session=self.welcome.session, shared_memory=False)
+        greeting = protocol.message("hello", **known)
         for port in sorted(set(self.welcome.ports.values())):
             self._open(reachable(port, address)).send(greeting)
 
@@ -248,7 +249,7 @@ class Client:
             if frame is not None:
                 self._ready.append(frame)
         elif kind == "pong":
-            self.clock.add(protocol.read_pong(header), t_received_ns)
+            self.clock.add(header, t_received_ns)
         elif kind == "end":
             self.end = protocol.read_end(header)
         elif kind == "refused":
@@ -281,43 +282,38 @@ class Client:
             raise CompanionError(f"frame {frame.frame} has been answered before")
         self._unanswered.remove(frame)
         self._last_t2_ns = t2_ns
-        wanted = None if desired is None else desired.as_map()
-        if wanted is not None and self._hold:
-            wanted["hold"] = True
-        self._say(
-            protocol.done(
-                frame.frame,
-                t_received_ns=frame.t_received_ns,
-                t_sent_ns=time.monotonic_ns(),
-                t2_ns=t2_ns,
-                desired=wanted,
-                finished=finished,
-                report=None if report is None else checked_report(report),
-                detections=None if detections is None else detections.as_map(),
-            )
-        )
+        answer: dict[str, Any] = {"frame": frame.frame, "t_received_ns": frame.t_received_ns, "t2_ns": t2_ns}
+        answer.update(desired=None if desired is None else desired.as_map(), finished=finished)
+        if desired is not None and self._hold:
+            answer["desired"]["hold"] = True
+        if report is not None:
+            answer["report"] = checked_report(report)
+        if detections is not None:
+            answer["detections"] = detections.as_map()
+        self._say("done", t_sent_ns=time.monotonic_ns(), **answer)
 
     def show(self, frame: Frame, view: View) -> None:
         """Let people see this; it decides nothing. A bench that wants none (`welcome.views_every_ns` 0) gets none."""
         if not isinstance(view, View):
             raise CutError(f"a CUT shows a View or None, not {type(view).__name__}")
         if self.welcome.views_every_ns > 0:
-            self._say(protocol.view(frame.frame, frame.t_ns, view.as_map()))
+            self._say("view", frame=frame.frame, t_ns=frame.t_ns, **view.as_map())
 
     def give_credit(self, n: int = 1) -> None:
         """Let the bench send more frames ahead of the answers."""
-        self._say(protocol.credit(n))
+        self._say("credit", n=n)
 
     def ping(self) -> None:
         """Ask for the bench's clock; the answer goes into `clock`. Done every second by itself."""
         self._next_ping_s = time.monotonic() + PING_EVERY_S
         self._pings += 1
-        self._say(
-            protocol.ping(self._pings, time.monotonic_ns(), self.clock.bench_minus_client_ns, self.clock.round_trip_ns)
-        )
+        clock, known = self.clock, {}
+        if clock.round_trip_ns is not None:
+            known = {"bench_minus_client_ns": clock.bench_minus_client_ns, "round_trip_ns": clock.round_trip_ns}
+        self._say("ping", id=self._pings, t_client_ns=time.monotonic_ns(), **known)
 
-    def _say(self, message: bytes) -> None:
-        self._connections[0].send(message)
+    def _say(self, kind: str, **entries: Any) -> None:
+        self._connections[0].send(protocol.message(kind, **entries))
 
     # --- leaving ---
 
@@ -328,7 +324,7 @@ class Client:
         self._closed = True
         if self.end is None and self._connections:
             with contextlib.suppress(ConnectionLost):  # nobody may be there to hear it
-                self._say(protocol.bye(reason))
+                self._say("bye", reason=reason[:200])
         for connection in self._connections:
             connection.close(BYE_LINGER_MS)
         if self._own_context:
@@ -356,10 +352,11 @@ class BenchClock:
     def __init__(self) -> None:
         self._seen: deque[tuple[int, int]] = deque(maxlen=PONGS_KEPT)  # round trip, offset
 
-    def add(self, pong: protocol.Pong, t_received_ns: int) -> None:
-        round_trip_ns = (t_received_ns - pong.t_client_ns) - (pong.t_bench_sent_ns - pong.t_bench_received_ns)
-        there_ns = pong.t_bench_received_ns - pong.t_client_ns
-        back_ns = pong.t_bench_sent_ns - t_received_ns
+    def add(self, pong: protocol.Header, t_received_ns: int) -> None:
+        """BadMessage."""
+        at = Fields(pong, "pong")
+        t0, t1, t2 = (at.integer(f"t_{name}_ns") for name in ("client", "bench_received", "bench_sent"))
+        round_trip_ns, there_ns, back_ns = (t_received_ns - t0) - (t2 - t1), t1 - t0, t2 - t_received_ns
         if round_trip_ns >= 0:  # below 0: an answer that no clock can have given
             self._seen.append((round_trip_ns, (there_ns + back_ns) // 2))
 
@@ -380,8 +377,9 @@ def reachable(port: str, address: str) -> str:
 
 
 def _refused(header: protocol.Header) -> Refused:
-    refusal = protocol.read_refusal(header)
-    return SchemaChanged(refusal.text) if refusal.code == "schema" else Refused(refusal.code, refusal.text)
+    at = Fields(header, "refused")
+    code, text = at.text("code", 40), at.text("text")
+    return SchemaChanged(text) if code == "schema" else Refused(code, text)
 
 
 def _nobody(speaking: Connection, wait_s: float) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Any, Dict, Mapping, Sequence
+from typing import Any, Dict, Mapping
 
 import msgpack
 
@@ -32,8 +32,9 @@ _REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}\Z")
 Header = Dict[str, Any]
 
 
-def pack(header: Mapping[str, Any]) -> bytes:
-    data: bytes = msgpack.packb(header, use_bin_type=True)
+def message(kind: str, **entries: Any) -> bytes:
+    """A header of this kind."""
+    data: bytes = msgpack.packb({"k": kind, **entries}, use_bin_type=True)
     return data
 
 
@@ -50,68 +51,6 @@ def unpack(data: Any) -> Header:
     if not isinstance(header, dict) or not isinstance(header.get("k"), str):
         raise BadMessage("a header that does not say its kind (k)")
     return header
-
-
-# --- out ---
-
-
-def hello(
-    name: str,
-    topics: Sequence[str],
-    *,
-    schema: str | None,
-    control: bool,
-    credit: int,
-    shared_memory: bool,
-    session: str | None = None,
-) -> bytes:
-    """The first word on a connection; with the session, on a port: says whose connection that is."""
-    return pack(
-        {
-            "k": "hello",
-            "magic": MAGIC,
-            "version": VERSION,
-            "schema": schema,
-            "name": name,
-            "topics": list(topics),
-            "control": control,
-            "credit": credit,
-            "shared_memory": shared_memory,
-            **({} if session is None else {"session": session}),
-        }
-    )
-
-
-def credit(n: int) -> bytes:
-    return pack({"k": "credit", "n": n})
-
-
-def done(
-    frame: int,
-    *,
-    t_received_ns: int,
-    t_sent_ns: int,
-    t2_ns: int,
-    desired: Header | None,
-    finished: bool,
-    report: Mapping[str, Any] | None = None,
-    detections: Mapping[str, Any] | None = None,
-) -> bytes:
-    """`report`: what the CUT has to say of itself so far; left out where there is nothing new. `detections`: in a
-    picture of this frame."""
-    return pack(
-        {
-            "k": "done",
-            "frame": frame,
-            "t_received_ns": t_received_ns,
-            "t_sent_ns": t_sent_ns,
-            "t2_ns": t2_ns,
-            "desired": desired,
-            "finished": finished,
-            **({} if report is None else {"report": dict(report)}),
-            **({} if detections is None else {"detections": detections}),
-        }
-    )
 
 
 def checked_report(report: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,26 +70,6 @@ def checked_report(report: Mapping[str, Any]) -> dict[str, Any]:
         else:
             raise CutError(f"report {name} {value!r}: a text, a boolean or a finite number is needed")
     return made
-
-
-def view(frame: int, t_ns: int, shown: Mapping[str, Any]) -> bytes:
-    """What the CUT shows of itself (`hil_companion.view`), after this frame."""
-    return pack({"k": "view", "frame": frame, "t_ns": t_ns, **shown})
-
-
-def ping(number: int, t_client_ns: int, bench_minus_client_ns: int | None, round_trip_ns: int | None) -> bytes:
-    """The last two, where they are known, tell the bench what earlier pings have shown of the clocks."""
-    entries = {"k": "ping", "id": number, "t_client_ns": t_client_ns}
-    if bench_minus_client_ns is not None and round_trip_ns is not None:
-        entries.update(bench_minus_client_ns=bench_minus_client_ns, round_trip_ns=round_trip_ns)
-    return pack(entries)
-
-
-def bye(reason: str) -> bytes:
-    return pack({"k": "bye", "reason": reason[:200]})
-
-
-# --- in ---
 
 
 @dataclass(frozen=True)
@@ -177,20 +96,6 @@ class Welcome:
     ring: Ring | None
     control: bool
     views_every_ns: int = 0  # simulated time from one `view` to the next; 0: the bench wants none
-
-
-@dataclass(frozen=True)
-class Refusal:
-    code: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Pong:
-    id: int
-    t_client_ns: int
-    t_bench_received_ns: int
-    t_bench_sent_ns: int
 
 
 @dataclass(frozen=True)
@@ -247,16 +152,6 @@ def _ring(entries: Header | None) -> Ring | None:
     if not name or "/" in name or name.startswith("."):
         raise at.wrong("name", "the plain name of a shared memory")
     return Ring(name, at.integer("bytes", 1))
-
-
-def read_refusal(header: Header) -> Refusal:
-    at = Fields(header, "refused")
-    return Refusal(at.text("code", 40), at.text("text"))
-
-
-def read_pong(header: Header) -> Pong:
-    at = Fields(header, "pong")
-    return Pong(*(at.integer(n) for n in ("id", "t_client_ns", "t_bench_received_ns", "t_bench_sent_ns")))
 
 
 def read_end(header: Header) -> End:

@@ -11,10 +11,10 @@ import math
 import sys
 import time
 import traceback
-from typing import Any, Callable, Mapping, Optional, Sequence
+from dataclasses import dataclass
+from typing import Any, Callable, Mapping, Optional
 
 from hil_companion.client import DEFAULT_WAIT_S, Client
-from hil_companion.connection import PathLike
 from hil_companion.desired import Desired
 from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
 from hil_companion.frame import Frame
@@ -33,30 +33,17 @@ def run(
     address: str,
     *,
     name: str,
-    topics: Sequence[str] = ("*",),
-    control: bool = False,
-    hold: bool = False,
-    credit: int = 1,
-    shared_memory: bool = True,
-    key: PathLike | None = None,
-    bench_key: PathLike | None = None,
     wait_s: float = DEFAULT_WAIT_S,
     reconnect_s: float = math.inf,
     say: Callable[[str], None] | None = None,
+    **options: Any,
 ) -> int:
-    """Run until the bench ends. The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`."""
+    """Run until the bench ends; `options`: `topics`, `control` and others of `Client.connect`.
+
+    The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`.
+    """
     tell = to_stderr if say is None else say
-    options = {
-        "name": name,
-        "topics": topics,
-        "control": control,
-        "hold": hold,
-        "credit": credit,
-        "shared_memory": shared_memory,
-        "key": key,
-        "bench_key": bench_key,
-    }
-    runner = Runner(cut, address, options, wait_s=wait_s, reconnect_s=reconnect_s, say=tell)
+    runner = Runner(cut, address, {"name": name, **options}, wait_s, reconnect_s, tell)
     try:
         runner.run()
         status = END_STATUS
@@ -77,28 +64,19 @@ def run(
     return status
 
 
+@dataclass
 class Runner:
-    """One CUT, one bench, as many connections as it takes."""
+    """One CUT, one bench, as many connections as it takes. `options`: of `Client.connect`."""
 
-    def __init__(
-        self,
-        cut: Cut,
-        address: str,
-        options: Any,
-        *,
-        wait_s: float,
-        reconnect_s: float,
-        say: Callable[[str], None],
-    ) -> None:
-        self.frames = 0
-        self._cut = cut
-        self._address = address
-        self._options = options
-        self._wait_s = wait_s
-        self._reconnect_s = reconnect_s
-        self._say = say
-        self._session: str | None = None
-        self._schema: str | None = None
+    _cut: Cut
+    _address: str
+    _options: dict[str, Any]
+    _wait_s: float
+    _reconnect_s: float
+    _say: Callable[[str], None]
+    frames: int = 0
+    _session: str | None = None
+    _schema: str | None = None
 
     def run(self) -> None:
         """Until the bench ends. CompanionError."""
