@@ -286,16 +286,16 @@ class Row:
     ok: bool
 
 
-def row_within(
-    name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False
-) -> tuple[Row, str | None]:
-    """The measurement as a row, and why it fails, if it does. The limit is the most it may be, or the `least`."""
-    ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
-    row = Row(name, value, limit, unit, ok)
-    if ok:
-        return row, None
-    measured = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
-    return row, f"{name} {measured}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip()
+def rows_within(*measured: tuple[str, float | None, float | None, str, bool]) -> tuple[list[Row], list[str]]:
+    """Measurements as rows, and why some fail: name, value, limit, unit, and whether the limit is the least."""
+    rows, reasons = [], []
+    for name, value, limit, unit, least in measured:
+        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+        rows.append(Row(name, value, limit, unit, ok))
+        if not ok:
+            was = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
+            reasons.append(f"{name} {was}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+    return rows, reasons
 
 
 @dataclass(frozen=True)

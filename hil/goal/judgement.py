@@ -28,7 +28,7 @@ from hil.goal.shortest_path import length_m, shortest_path
 from hil.goal.true_slice import true_slice
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_S
-from hil.verdict import AIRBORNE_M, Row, row_within
+from hil.verdict import AIRBORNE_M, Row, rows_within
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
@@ -137,23 +137,17 @@ class GoalMeasurement:
 
 
 def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
-    rows: list[Row] = []
     reasons: list[str] = []
     if result.outcome != goal.outcome:
         said = f"ended as {result.outcome!r}" if result.outcome else "said of no outcome"
         why = f" ({result.why})" if result.why else ""
         reasons.append(f"the client {said}{why}, where {goal.outcome!r} is wanted")
     at_goal = goal.outcome == AT_GOAL
-
-    def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
-        found, why = row_within(name, value, limit, unit, least=least)
-        rows.append(found)
-        if why is not None:
-            reasons.append(why)
-
-    row("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m")
     flown = result.clearance_m is not None or at_goal  # it may have ended before it was half as high as it was to fly
-    row("clearance_m", result.clearance_m, goal.min_clearance_m if flown else None, "m", least=True)
-    row("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "")
-    row("contacts", float(result.contacts), 0.0, "")
-    return rows, reasons
+    rows, failed = rows_within(
+        ("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m", False),
+        ("clearance_m", result.clearance_m, goal.min_clearance_m if flown else None, "m", True),
+        ("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "", False),
+        ("contacts", float(result.contacts), 0.0, "", False),
+    )
+    return rows, [*reasons, *failed]

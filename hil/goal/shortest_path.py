@@ -1,7 +1,7 @@
 """The shortest way through a place whose map is known: what a flight through the unknown is compared with.
 
-The explorer's own A* (`hil_companion.explore.astar`) over cells that are at least `berth_m` from anything, all at one
-price, then pulled straight between cells that see each other.
+The explorer's own A* over cells that are at least `berth_m` from anything, all at one price, and its straightening
+between cells that see each other (`hil_companion.explore`).
 What is found is no shorter than the shortest way, and seldom more than a per cent longer.
 """
 
@@ -24,8 +24,11 @@ def shortest_path(place: TrueSlice, start_W: Point, goal_W: Point, *, berth_m: f
     """Points from start to goal; None where there is no way. Both ends count as free where they are."""
     use_client()
     from hil_companion.explore.astar import connected, search
+    from hil_companion.explore.plan_map import PlanMap
+    from hil_companion.explore.route import straightened
 
-    free = _free(place, berth_m)
+    distance_m = _distance_m(place)
+    free = distance_m >= berth_m
     start, goal = place.cell_of(*start_W), place.cell_of(*goal_W)
     if not (place.inside(*start) and place.inside(*goal)):
         return None
@@ -34,40 +37,20 @@ def shortest_path(place: TrueSlice, start_W: Point, goal_W: Point, *, berth_m: f
     found = search(price, start, goal) if connected(price, start, goal) else None
     if found is None:
         return None
-    points = [start_W, *(place.centre_of(*cell) for cell in found[0][1:-1]), goal_W]
-    return min((_pulled(place, free, points), _pulled(place, free, points[::-1])[::-1]), key=length_m)
+    points = np.array([start_W, *(place.centre_of(*cell) for cell in found[0][1:-1]), goal_W])
+    full = PlanMap(distance_m, ~free, price, place.origin_W, place.cell_m, 1, np.zeros((0, 4)))
+    ways = (straightened(full, points), straightened(full, points[::-1])[::-1])
+    return min(([(float(x), float(y)) for x, y in way] for way in ways), key=length_m)
 
 
 def length_m(points: list[Point]) -> float:
     return sum(math.dist(a, b) for a, b in pairwise(points))
 
 
-def _free(place: TrueSlice, berth_m: float) -> NDArray[np.bool_]:
+def _distance_m(place: TrueSlice) -> NDArray[np.float32]:
+    """Of every cell's middle from the nearest occupied cell's."""
     if not place.occupied.any():
-        return np.ones(place.occupied.shape, np.bool_)
+        return np.full(place.occupied.shape, 1e3, np.float32)
     clear = np.where(place.occupied, 0, 1).astype(np.uint8)
     # Surfaces lie anywhere in their cells: on the average half a cell nearer than the cell's middle tells.
-    distance = cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * place.cell_m
-    return np.asarray(distance >= berth_m, np.bool_)
-
-
-def _pulled(place: TrueSlice, free: NDArray[np.bool_], points: list[Point]) -> list[Point]:
-    """Without the points between two that see each other; the farthest that is seen each time."""
-    kept, here = [points[0]], 0
-    while here < len(points) - 1:
-        there = here + 1
-        for candidate in range(len(points) - 1, here + 1, -1):
-            if _sees(place, free, points[here], points[candidate]):
-                there = candidate
-                break
-        kept.append(points[there])
-        here = there
-    return kept
-
-
-def _sees(place: TrueSlice, free: NDArray[np.bool_], a: Point, b: Point) -> bool:
-    count = max(2, math.ceil(4.0 * math.dist(a, b) / place.cell_m))
-    share = np.linspace(0.0, 1.0, count)
-    column = np.floor((a[0] + share * (b[0] - a[0]) - place.origin_W[0]) / place.cell_m).astype(int)
-    row = np.floor((a[1] + share * (b[1] - a[1]) - place.origin_W[1]) / place.cell_m).astype(int)
-    return bool(free[row, column].all())
+    return np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * place.cell_m, np.float32)

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +29,7 @@ from hil.signals.detections import Detections, FoundObject
 from hil.signals.errors import RecordingError
 from hil.signals.samples import TruthState
 from hil.signals.time import NS_PER_S
-from hil.verdict import AIRBORNE_M, Row, row_within
+from hil.verdict import AIRBORNE_M, Row, rows_within
 from sim.frame.source import FrameSource
 from sim.scene.world import World
 
@@ -189,14 +190,12 @@ def _summed(
     visible = [one for one in results if one.visible]
     found = [one for one in visible if one.error_m is not None]
     errors = sorted(one.error_m for one in found if one.error_m is not None)
-    middle = len(errors) // 2
-    median = None if not errors else errors[middle] if len(errors) % 2 else 0.5 * (errors[middle - 1] + errors[middle])
     return SearchResult(
         client,
         len(visible),
         len(found),
         len(found) / len(visible) if visible else None,
-        median,
+        statistics.median(errors) if errors else None,
         errors[-1] if errors else None,
         len(wrong),
         sum(max(0, len(one.objects) - 1) for one in results),
@@ -208,24 +207,19 @@ def _summed(
 
 def judged(result: SearchResult, search: Search) -> tuple[list[Row], list[str]]:
     """Rows and reasons."""
-    rows: list[Row] = []
     reasons: list[str] = []
-
-    def row(name: str, value: float | None, limit: float | None, unit: str, *, least: bool = False) -> None:
-        found, why = row_within(name, value, limit, unit, least=least)
-        rows.append(found)
-        if why is not None:
-            reasons.append(why)
-
     if not result.client:
         reasons.append("no client said what it had found: start one that does (companion.start: [detect])")
     elif not result.visible:
         reasons.append(f"nobody of class {search.label!r} was to be seen: fly where there are some")
-    row("found_share", result.found_share, search.min_found_share, "", least=True)
-    row("search_error_m", result.error_m, search.max_error_m, "m")
     wrong = result.false_objects + (result.doubles if search.doubles_count else 0)
-    row("false_objects", float(wrong), None if search.max_false is None else float(search.max_false), "")
-    return rows, reasons
+    most_wrong = None if search.max_false is None else float(search.max_false)
+    rows, failed = rows_within(
+        ("found_share", result.found_share, search.min_found_share, "", True),
+        ("search_error_m", result.error_m, search.max_error_m, "m", False),
+        ("false_objects", float(wrong), most_wrong, "", False),
+    )
+    return rows, [*reasons, *failed]
 
 
 def search_figure(result: SearchResult, search: Search, flown_m: Sequence[tuple[float, float]]) -> Any:

@@ -291,34 +291,6 @@ def test_a_started_client_that_does_not_exist(tmp_path: Path) -> None:
     assert_error(outcome, "LinkClosed", "companion Cut", "no.such")
 
 
-def test_two_clients_with_one_name(tmp_path: Path, port: int) -> None:
-    def second() -> None:
-        with RawClient(f"tcp://127.0.0.1:{port}") as first, RawClient(f"tcp://127.0.0.1:{port}") as client:
-            first.hello("twin", topics=["truth"])
-            first.expect("welcome")
-            client.hello("twin", topics=["truth"])
-            assert client.expect("refused")["code"] == "name"
-            assert first.expect("end")["k"] == "end"
-
-    with beside(second):
-        outcome = run_on(tmp_path, port, "clients: 2", "companion.connect_timeout_s=2")
-    assert_error(outcome, "HandshakeError", "1 of 2 clients", "twin", "turned away: name")
-
-
-def test_a_client_that_wants_what_is_not_drawn_is_refused_in_flight(tmp_path: Path, port: int) -> None:
-    def late() -> None:
-        with RawClient(f"tcp://127.0.0.1:{port}") as client:
-            until((tmp_path / "run" / "companion.jsonl").exists)  # from then on it is planned
-            client.hello("late", topics=["imu"])
-            answer = client.expect("refused")
-            assert (answer["code"], "planned without" in answer["text"]) == ("topic", True)
-
-    with beside(late):
-        outcome = run_on(tmp_path, port, PILOT, "duration_s=6", "pace=2")
-    assert outcome.run["error"] is None, outcome.run["error"]
-    assert any("topic" in text for text in outcome.run["companion"]["refused"])
-
-
 @pytest.mark.parametrize("arrangement", ["shared_memory", "one_port"])
 def test_a_port_in_use(arrangement: str, tmp_path: Path, port: int) -> None:
     with socket.socket(socket.AF_UNIX if arrangement == "shared_memory" else socket.AF_INET) as other:
@@ -384,9 +356,3 @@ def test_a_bench_that_is_killed_takes_its_clients_with_it(tmp_path: Path, port: 
     outcome = fly(tmp_path / "next", PILOT, settings=(f"companion.port={port}", "duration_s=1"))
     assert outcome.run["error"] is None
     assert not path.exists()
-
-
-def test_a_frame_that_does_not_fit_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CompanionServer, "send", lambda *_a, **_k: [])
-    outcome = fly(tmp_path, PILOT, settings=LIMITS)
-    assert_error(outcome, "LinkClosed", "frame 0 cannot be given to it")

@@ -5,17 +5,11 @@ Every test ends with a healthy client that is served as before.
 
 from __future__ import annotations
 
-import os
-import resource
-import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import msgpack
 import numpy as np
@@ -83,88 +77,6 @@ def test_stalled_client_is_dropped_by_the_caller_and_returns_on_the_same_connect
         join(server, client)
         step(server, client, 1)
         server.drop("nobody", "is not here")
-
-
-def test_killed_process_is_noticed_and_a_stopped_one_is_the_callers_to_drop() -> None:
-    code = (
-        "import sys, zmq, msgpack\n"
-        "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=3, schema=None, name=sys.argv[2],"
-        " topics=['*'], control=False, credit=4, shared_memory=True)))\n"
-        "while True: s.recv_multipart()\n"
-    )
-    with (
-        serving() as server,
-        healthy(server) as fly,
-    ):
-        children = [
-            subprocess.Popen([sys.executable, "-c", code, server.endpoint, name]) for name in ("killed", "stopped")
-        ]
-        try:
-            until(server, lambda: len(server.living) == 3)
-            children[0].send_signal(signal.SIGKILL)
-            children[1].send_signal(signal.SIGSTOP)
-            server.send(frame_of(0), to=["killed", "stopped"])
-            until(server, lambda: "killed" in server.lost)
-            assert server.poll(0.05) == []
-            server.drop("stopped", "no answer")
-            fly()
-        finally:
-            for child in children:
-                child.kill()
-                child.wait()
-
-
-@pytest.mark.parametrize("known", [False, True], ids=["unknown", "client"])
-def test_ten_thousand_messages_of_garbage(known: bool) -> None:
-    rng = np.random.default_rng(3)
-    kinds = ["hello", "credit", "done", "ping", "bye", "frame", "", "x" * 100]
-
-    def value(depth: int = 0) -> Any:
-        pick = int(rng.integers(0, 9 if depth < 3 else 6))
-        plain = [None, True, int(rng.integers(-(2**62), 2**62)), NAN, "text", b"bytes"]
-        if pick < 6:
-            return plain[pick]
-        if pick == 6:
-            return [value(depth + 1) for _ in range(3)]
-        return {key: value(depth + 1) for key in ("frame", "n", "desired", "id", "p_W")}
-
-    def garbage(i: int) -> bytes:
-        if i % 2:
-            return rng.bytes(int(rng.integers(0, 60)))
-        message = {
-            "k": kinds[i // 2 % len(kinds)],
-            **{k: value() for k in ("n", "frame", "t2_ns", "id", "name", "magic")},
-        }
-        return msgpack.packb(message)
-
-    with serving() as server, healthy(server) as fly, RawClient(server.endpoint) as client:
-        if known:
-            join(server, client)
-        sent = threading.Event()
-
-        def flood() -> None:
-            wire = client.socket
-            for i in range(10_000):
-                while True:
-                    try:
-                        wire.send(garbage(i), zmq.NOBLOCK)
-                        break
-                    except zmq.Again:
-                        time.sleep(0.0005)
-                while wire.poll(0):
-                    wire.recv_multipart()
-            sent.set()
-
-        thread = threading.Thread(target=flood)
-        thread.start()
-        until(server, sent.is_set)
-        thread.join()
-        fly()
-        assert server.malformed >= 10
-        if known:
-            assert "without sense in a row" in server.lost["cut"] or "connection" in server.lost["cut"]
-            assert server.stats()["cut"].malformed == 10
 
 
 @pytest.mark.parametrize(
@@ -284,20 +196,6 @@ def test_answering_a_frame_twice_gives_no_second_credit() -> None:
         assert [(c.name, c.credit) for c in server.clients] == [("cut", 1)]
 
 
-def test_hundred_megabytes_in_one_part_never_get_in() -> None:
-    with serving() as server, healthy(server) as fly, RawClient(server.endpoint) as client:
-        join(server, client)
-        before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        big = np.zeros(100 << 20, np.uint8)
-        before_kb = max(before_kb, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-        client.socket.send(big, copy=False)
-        until(server, lambda: "cut" in server.lost)
-        fly()
-        # Zeros of the sender are not resident before they are read; what it reads is bounded by the socket's buffers.
-        grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
-        assert grown_kb < 50_000
-
-
 @pytest.mark.parametrize("message", ["ping", "nonsense"])
 def test_flood_of_small_messages_does_not_starve_the_others(message: str) -> None:
     raw = msgpack.packb({"k": "ping", "id": 1, "t_client_ns": 1}) if message == "ping" else b"\xc1"
@@ -371,57 +269,6 @@ def test_unknown_client_on_a_sensors_port_gets_nothing() -> None:
             server.send(frame_of(0))
             assert imu.expect("frame")["frame"] == 0
             assert thief.silent()
-
-
-def test_slots_of_a_killed_client_are_free_again_and_nothing_stays_in_shared_memory(tmp_path: Path) -> None:
-    before = set(os.listdir("/dev/shm"))
-    bind = f"ipc://{tmp_path}/bench"
-    code = (
-        "import os, sys, zmq, msgpack\n"
-        "s = zmq.Context().socket(zmq.DEALER); s.connect(sys.argv[1])\n"
-        "s.send(msgpack.packb(dict(k='hello', magic='hil-companion', version=3, schema=None, name='killed',"
-        " topics=['imu'], control=False, credit=64, shared_memory=True)))\n"
-        "ring = msgpack.unpackb(s.recv())['ring']\n"
-        "import mmap; m = mmap.mmap(os.open('/dev/shm/' + ring['name'], os.O_RDONLY), 4096, prot=mmap.PROT_READ)\n"
-        "while True: s.recv()\n"
-    )
-    with serving(arrangement="shared_memory", bind=bind, ring_bytes=4096) as server, RawClient(bind) as client:
-        join(server, client, credit=1, topics=["imu"])
-        child = subprocess.Popen([sys.executable, "-c", code, bind])
-        try:
-            until(server, lambda: "killed" in server.living)
-            number = 0
-            while server.send(frame_of(number), to=["killed"]):
-                number += 1
-            assert number == 4096 // 128  # a frame of that topic has 120 bytes
-            assert server.send(frame_of(number)) == []  # full: dropped, nobody waits
-            child.kill()
-            until(server, lambda: "killed" in server.lost)
-            for k in range(50, 100):
-                step(server, client, k)
-        finally:
-            child.kill()
-            child.wait()
-    assert set(os.listdir("/dev/shm")) <= before
-
-
-def test_nothing_stays_in_shared_memory_of_a_killed_bench(tmp_path: Path) -> None:
-    code = (
-        "import sys, time\n"
-        "from firmware_bridge.companion.shared_ring import SharedRing\n"
-        "print(SharedRing(4096).name, flush=True); time.sleep(60)\n"
-    )
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    assert child.stdout is not None
-    name = child.stdout.readline().strip()
-    assert Path("/dev/shm", name).exists()
-    child.kill()
-    child.wait()
-    child.stdout.close()
-    end_s = time.monotonic() + 10.0
-    while Path("/dev/shm", name).exists():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 def test_close_does_not_wait_for_clients_that_do_not_read() -> None:

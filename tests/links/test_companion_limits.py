@@ -9,7 +9,6 @@ import stat
 import tempfile
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 import zmq
@@ -20,7 +19,7 @@ from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.sockets import RECEIVE_HWM
 from hil.companion.settings import link_settings
 from hil.config.schema import Companion
-from hil.signals.errors import PortBusy, PortNotFound
+from hil.signals.errors import PortNotFound
 from tests.links.companion_world import FACTS, RawClient, answered, frame_of, join, serving, step, until
 
 
@@ -121,11 +120,6 @@ def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: p
     assert sorted(Path("/dev/shm").iterdir()) == before
 
 
-def test_size_of_the_ring_is_a_setting() -> None:
-    assert link_settings(Companion(ring_mb=5)).ring_bytes == 5 << 20
-    assert link_settings(Companion()).ring_bytes == 64 << 20
-
-
 def test_local_socket_is_the_users_own_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     settings = link_settings(Companion(port=0, clients=1))
@@ -179,28 +173,6 @@ def test_what_nobody_reads_waits_with_its_sender(way: str, tmp_path: Path) -> No
         until(server, lambda: "cut" in server.lost)
         assert server.lost["cut"].startswith("10 messages without sense in a row")
         step(server, other, 1, "other")
-
-
-def test_port_in_use_says_how_to_do_without(tmp_path: Path) -> None:
-    bind = f"ipc://{tmp_path}/socket"
-    with serving(arrangement="shared_memory", bind=bind, ring_bytes=1 << 20) as server, RawClient(bind) as client:
-        with pytest.raises(PortBusy, match=r"--set companion\.port=0"), serving(arrangement="shared_memory", bind=bind):
-            pass
-        join(server, client)  # and the first one goes on
-
-
-def test_silence_is_waited_for_no_longer_than_asked() -> None:
-    """The poller counts whole milliseconds: it must never be asked for more than is left."""
-    with serving() as server:
-        asked: list[int] = []
-        assert server._sockets is not None
-        poller = server._sockets._poller
-        server._sockets._poller = SimpleNamespace(poll=lambda ms: asked.append(ms) or poller.poll(ms))  # type: ignore[assignment, func-returns-value]
-        server.poll(0.0024)
-        assert set(asked) <= {1, 2}
-        asked.clear()
-        server.poll(0.0008)
-        assert asked == []
 
 
 def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path) -> None:

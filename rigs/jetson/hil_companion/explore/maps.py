@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -118,17 +118,6 @@ class Tiles:
         return cells, int(rows[0]) * SIDE, int(columns[0]) * SIDE
 
 
-class Window(NamedTuple):
-    """The tiles about a vehicle, and what a scan's beams say of their cells."""
-
-    first: np.ndarray  # column and row of the first cell
-    size: np.ndarray  # columns and rows
-    wide: int  # tiles in a row
-    change: np.ndarray  # (tiles, cells) int8
-    touched: np.ndarray  # (tiles,) whether a beam passed there
-    places: np.ndarray  # (tiles,) where they lie in the area
-
-
 class Maps:
     """Maps of all particles. `centre_W`: the middle of the area."""
 
@@ -164,19 +153,14 @@ class Maps:
         band = self.cells(_placed(scan.band_xy, pose, c, s))
         centres = np.floor(self.cells(pose[:, :2])).astype(int)
         turns = np.rint(pose[:, 2] * (_BINS / (2.0 * math.pi))).astype(int)
-        # Particles of one cell and half degree see the same cells pass: most of them, most of the time.
-        groups: dict[tuple[int, int, int], list[int]] = {}
-        for k in range(len(pose)):
-            groups.setdefault((int(centres[k, 0]), int(centres[k, 1]), int(turns[k])), []).append(k)
         who, places, changes = [], [], []
-        for (column, row, turn), members in groups.items():
-            window = self._passed(np.array([column, row]), turn, scan.reach_m)
-            if window is not None:
-                for k in members:
-                    at, change = _with_met(window, band[k])
-                    who.append(np.full(len(at), particles[k]))
-                    places.append(at)
-                    changes.append(change)
+        for k, particle in enumerate(particles):
+            passed = self._passed(centres[k], int(turns[k]), scan.reach_m)
+            if passed is not None:
+                at, change = self._with_met(*passed, band[k])
+                who.append(np.full(len(at), particle))
+                places.append(at)
+                changes.append(change)
         if who:
             tiles = self.grid.own(np.concatenate(who), np.concatenate(places))
             total = np.add(self.grid.pool[tiles], np.concatenate(changes), dtype=np.int16)
@@ -263,40 +247,39 @@ class Maps:
         y = _high(packed) + gain * (new_y - _high(packed))
         pool[spot] = _packed(x, y, np.minimum(count + 1.0, _MOST_COUNT))
 
-    def _passed(self, centre: np.ndarray, turn: int, reach_m: np.ndarray) -> Window | None:
-        """The cells about a place that beams passed, by tile; None outside the area."""
+    def _passed(
+        self, centre: np.ndarray, turn: int, reach_m: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """The cells about a place that beams passed: column and row of the first tile, columns and rows of tiles, and
+        the change of their cells (tiles, cells); None outside the area."""
         across = self.grid.across
         low = np.clip((centre - self._reach_cells) >> SHIFT, 0, across)
         high = np.clip(((centre + self._reach_cells) >> SHIFT) + 1, 0, across)
         if (high <= low).any():
             return None
-        first, size = low * SIDE, (high - low) * SIDE
-        rows = slice(first[1] - centre[1] + self._middle, first[1] - centre[1] + self._middle + size[1])
-        columns = slice(first[0] - centre[0] + self._middle, first[0] - centre[0] + self._middle + size[0])
+        begin, end = low * SIDE - centre + self._middle, high * SIDE - centre + self._middle
+        part = (slice(begin[1], end[1]), slice(begin[0], end[0]))
         reach = np.roll(reach_m, turn) * (16.0 / self.cell_m)
         # A cell's far corner counts, hence the half cell.
         limit = np.clip(reach - 8.0, 0.0, 65535.0).astype(np.uint16)
-        passed = self._far[rows, columns] < limit[self._azimuth[rows, columns]]
+        passed = self._far[part] < limit[self._azimuth[part]]
         change = passed.astype(np.int8) * np.int8(_PASSED)
-        tall, wide = int(high[1] - low[1]), int(high[0] - low[0])
+        wide, tall = (int(n) for n in high - low)
         change = change.reshape(tall, SIDE, wide, SIDE).transpose(0, 2, 1, 3).reshape(tall * wide, CELLS)
-        index = np.arange(tall * wide)
-        return Window(
-            first, size, wide, change, change.any(axis=1), (low[1] + index // wide) * across + low[0] + index % wide
-        )
+        return low, high - low, change
 
-
-def _with_met(window: Window, band: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Tiles that a scan changes (their places), and by how much; `band`: what was met, in fractional cells."""
-    met = np.floor(band).astype(int) - window.first
-    met = met[((met >= 0) & (met < window.size)).all(axis=1)]
-    tile = (met[:, 1] >> SHIFT) * window.wide + (met[:, 0] >> SHIFT)
-    touched = window.touched.copy()
-    touched[tile] = True
-    number = np.cumsum(touched) - 1
-    change = window.change[touched]
-    change[number[tile], ((met[:, 1] & LOW_BITS) << SHIFT) | (met[:, 0] & LOW_BITS)] = _MET
-    return window.places[touched], change
+    def _with_met(
+        self, low: np.ndarray, size: np.ndarray, change: np.ndarray, band: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Tiles that a scan changes (their places in the area), and by how much; `band`: what was met, in fractional
+        cells."""
+        met = np.floor(band).astype(int) - low * SIDE
+        met = met[((met >= 0) & (met < size * SIDE)).all(axis=1)]
+        tile = (met[:, 1] >> SHIFT) * size[0] + (met[:, 0] >> SHIFT)
+        change[tile, ((met[:, 1] & LOW_BITS) << SHIFT) | (met[:, 0] & LOW_BITS)] = _MET
+        touched = np.flatnonzero(change.any(axis=1))
+        row, column = np.divmod(touched, size[0])
+        return (low[1] + row) * self.grid.across + low[0] + column, change[touched]
 
 
 def _placed(xy: np.ndarray, pose: np.ndarray, c: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ same cost would otherwise be flown by turns.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -147,9 +147,7 @@ def _with_escape(around: PlanMap, berth: Berth, start_W: np.ndarray) -> PlanMap:
     open_m = max(min(here_m, berth.red_m) - 0.6 * around.plan_cell_m, 0.3)
     price = np.where(near & ~np.isfinite(around.price) & (pooled >= open_m), _ESCAPE_PRICE, around.price)
     price[row, column] = min(price[row, column], _ESCAPE_PRICE)
-    return PlanMap(
-        around.distance_m, around.unknown, price, around.origin_W, around.cell_m, around.blocks, around.segments_W
-    )
+    return replace(around, price=price)
 
 
 def _free_goal(around: PlanMap, berth: Berth, goal_W: tuple[float, float], move_m: float) -> tuple[float, float] | None:

@@ -109,14 +109,9 @@ def _elevations(
 def _nearest(slot: np.ndarray, range_m: np.ndarray, slots: np.ndarray) -> np.ndarray:
     """Fill `slots` with the smallest range of each, and say which return it was."""
     holder = np.full(len(slots), -1, np.int64)
-    left = np.arange(len(slot))
-    while len(left):  # as often as a slot has returns: three times
-        holder[slot[left]] = left
-        held = holder[slot]
-        left = np.flatnonzero(range_m < range_m[held])
-        # Of equal or smaller ranges one stays; each turn the held range falls, so this ends.
-    keep = holder[holder >= 0]
-    keep = np.sort(keep)
+    order = np.argsort(-range_m, kind="stable")
+    holder[slot[order]] = order  # of each slot the nearest comes last
+    keep = np.sort(holder[holder >= 0])
     slots[slot[keep]] = range_m[keep]
     return keep
 
