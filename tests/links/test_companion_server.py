@@ -22,7 +22,7 @@ from firmware_bridge.codecs.companion import (
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.clock_offset import ClockOffset
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
-from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys, read_pair
+from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import Block, SharedRing
@@ -98,24 +98,6 @@ def test_frames_go_against_credits_and_drops_are_told() -> None:
         answered(server)
         stats = server.stats()["cut"]
         assert (stats.frames, stats.dropped, stats.answered, stats.skipped) == (4, 3, 2, 2)
-
-
-def test_two_clients_share_a_frame_and_each_gets_its_topics() -> None:
-    with serving() as server, RawClient(server.endpoint) as a, RawClient(server.endpoint) as b:
-        join(server, a, "a", topics=["front/*"])
-        join(server, b, "b", topics=["front/depth", "imu"])
-        assert server.topics == {"front/rgb", "front/depth", "imu"}
-        assert server.send(frame_of(0)) == ["a", "b"]
-        for client, names in ((a, ["rgb", "depth"]), (b, ["depth", "accel_mps2"])):
-            header, parts = client.receive()
-            described = [x for s in header["samples"] for x in s["arrays"]]
-            assert [x["name"] for x in described] == names
-            for x in described:
-                got = np.ndarray(x["shape"], x["dtype"], parts[0], x["offset"])
-                np.testing.assert_array_equal(got, arrays_of(0)[x["name"]], strict=True)
-        b.done(0)
-        a.done(0)
-        assert {r.client for r in answered(server, 2)} == {"a", "b"}
 
 
 def test_several_ports_each_carry_their_sensor() -> None:
@@ -235,28 +217,6 @@ def test_ring_goes_round_a_slot_that_is_not_given_back() -> None:
         ring.close()
     assert not Path("/dev/shm", name).exists()
     ring.close()
-
-
-def test_arrays_of_every_kind_lie_in_the_ring_as_they_are() -> None:
-    arrays = [
-        np.arange(6, dtype=np.complex64).reshape(2, 3),
-        np.array([True, False]),
-        np.arange(5, dtype=np.float16),
-        np.zeros((0, 3), np.float32),
-        np.array(2.5),
-    ]
-    block = Block()
-    offsets = [block.add(a) for a in arrays]
-    assert all(offset % 64 == 0 for offset in offsets)
-    ring = SharedRing(4096)
-    try:
-        start = ring.put(block, ["x"])
-        assert start is not None
-        held = Path("/dev/shm", ring.name).read_bytes()
-        for array, offset in zip(arrays, offsets, strict=True):
-            assert held[start + offset : start + offset + array.nbytes] == array.tobytes()
-    finally:
-        ring.close()
 
 
 def test_ping_is_answered_with_the_benchs_clock() -> None:
@@ -389,31 +349,6 @@ def test_desired_state_survives_its_map() -> None:
             desired_from_map(desired_map(ahead) | {"ahead": wrong})
     with pytest.raises(CodecError, match="thrust with p_W: either an attitude is flown, or a path"):
         desired_from_map(desired_map(path) | {"a_W": None, "yaw_rad": None, "thrust": 0.4, "w_B": [0.0, 0.0, 0.1]})
-
-
-def test_keys_let_in_whom_they_should(tmp_path: Path) -> None:
-    folder = tmp_path / "keys"
-    make_keys(folder, ["jetson"])
-    bench, jetson = read_bench_keys(folder), read_pair(folder, "jetson")
-    with (
-        serving(keys=folder, arrangement="ports", bind="tcp://0.0.0.0:*") as server,
-        RawClient(
-            server.endpoint.replace("0.0.0.0", "127.0.0.1"),
-            curve_serverkey=bench.public,
-            curve_publickey=jetson.public,
-            curve_secretkey=jetson.secret,
-        ) as client,
-    ):
-        client.hello(topics=["imu"])
-        until(server, lambda: server.topics == {"imu"})
-        port = client.expect("welcome")["ports"]["imu"].replace("0.0.0.0", "127.0.0.1")
-        with RawClient(
-            port, curve_serverkey=bench.public, curve_publickey=jetson.public, curve_secretkey=jetson.secret
-        ) as imu:
-            imu.hello(topics=["imu"])
-            until(server, lambda: server.living == ("cut",))
-            server.send(frame_of(0))
-            assert imu.expect("frame")["frame"] == 0
 
 
 def test_key_files(tmp_path: Path) -> None:

@@ -524,11 +524,6 @@ def test_a_cut_that_fails_is_told_in_one_line_and_says_bye(cut: Any, words: str)
     assert "\n" not in said[-1]
 
 
-def test_statuses() -> None:
-    assert run_quietly(Counter(), "tcp://127.0.0.1:1", wait_s=0.1)[0] == ERROR_STATUS
-    assert run_quietly(Counter(), "tcp://127.0.0.1:1", name="no good")[0] == OPTION_STATUS
-
-
 def test_the_command_ends_with_a_bye_when_it_is_told_to() -> None:
     def script(bench: Bench) -> None:
         bench.send(bench.greet(), frame(0))

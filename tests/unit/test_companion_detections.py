@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,9 @@ from mcap_ros2.decoder import DecoderFactory
 from firmware_bridge.codecs.companion import Done, decode_client
 from firmware_bridge.codecs.companion_detections import detections_from_map, detections_map
 from firmware_bridge.codecs.errors import CodecError
-from hil.companion.answers import Answer, Client
-from hil.companion.stage import CompanionStage, Waiting
-from hil.companion.trace import TracedAnswers, TraceWriter
 from hil.dashboard.client_views import boxes_of
 from hil.recorder.recorder import Recorder
 from hil.signals.detections import Detection, Detections, FoundObject
-from hil.signals.samples import TruthState
-from hil.signals.time import RateAccumulator
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion import protocol  # isort: skip
@@ -93,69 +87,6 @@ def test_a_cut_is_told_of_its_own_nonsense_and_the_surest_boxes_go() -> None:
     many = [Seen("person", (0.0, 0.0, 1.0, 1.0), i / 400) for i in range(400)]
     kept = detections_from_map(Told("front/rgb", 0, (4, 3), many).as_map()).boxes
     assert [box.score for box in kept] == [i / 400 for i in range(399, 271, -1)]
-
-
-def _stage(answers: Any, seen: list[tuple[str, Detections, int]], trace: TraceWriter | None = None) -> CompanionStage:
-    return CompanionStage(
-        answers,
-        mode="lockstep",
-        topics=["front/rgb"],
-        rate=RateAccumulator(event_mhz=125_000, tick_mhz=250_000),
-        waiting=Waiting(0.01, 0.01, True),
-        on_detections=lambda client, detections, t_ns: seen.append((client, detections, t_ns)),
-        detected_then=getattr(answers, "detected_then", lambda _t_ns: ()),
-        trace=trace,
-    )
-
-
-class _Seeing:
-    """A pilot and a looker-on, who both see the same in every second frame."""
-
-    def clients(self, frame: int) -> list[Client]:
-        topics = frozenset({"front/rgb"})
-        return [Client("pilot", topics, True), Client("watcher", topics, False)]
-
-    def gone(self, client: str) -> str | None:
-        return None
-
-    def send(self, client: str, frame: Any, dropped: int) -> bool:
-        return True
-
-    def wait(self, client: str, frame: int, limit_s: float) -> Answer:
-        return Answer(frame, None, False, 5, detections=SEEN if frame % 2 == 0 else None)
-
-    def take(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
-        return []
-
-    def lose(self, client: str, why: str, back_within_s: float) -> bool:
-        return False
-
-
-def test_a_replay_sees_what_the_run_saw_of_pilots_and_of_lookers_on(tmp_path: Path) -> None:
-    path = tmp_path / "companion.jsonl"
-    live: list[tuple[str, Detections, int]] = []
-    writer = TraceWriter(path, [_Seeing().clients(0)[0]], ["front/rgb"])
-    stage = _stage(_Seeing(), live, writer)
-    still = (0.0, 0.0, 0.0)
-    truths = [
-        TruthState(k, 4_000_000 * k, still, (1.0, 0.0, 0.0, 0.0), still, still, still, still, (0.0,) * 4, False)
-        for k in range(8)
-    ]
-    for truth in truths:
-        stage.step(truth, ())
-    writer.close()
-    assert [client for client, *_ in live] == ["pilot", "watcher"] * 2
-    again: list[tuple[str, Detections, int]] = []
-    replayed = _stage(TracedAnswers(path), again)
-    for truth in truths:
-        replayed.step(truth, ())
-    assert again == live
-    broken = path.read_text().splitlines()
-    row = json.loads(broken[2])
-    row["detections"]["size_px"] = [-1, 2]
-    path.write_text("\n".join([*broken[:2], json.dumps(row), *broken[3:]]) + "\n")
-    with pytest.raises(Exception, match=r"companion\.jsonl:3"):
-        TracedAnswers(path)
 
 
 def test_official_readers_see_the_boxes(tmp_path: Path) -> None:

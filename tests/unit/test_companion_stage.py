@@ -17,6 +17,7 @@ from hil.companion.answers import Answer, Client
 from hil.companion.stage import CompanionStage, TimeMode, Waiting
 from hil.companion.trace import TracedAnswers, TraceWriter
 from hil.signals.desired import DesiredState
+from hil.signals.detections import Detections
 from hil.signals.errors import LinkClosed, LockstepLost, RecordingError
 from hil.signals.samples import ImuSample, Sample, TruthState
 from hil.signals.time import RateAccumulator
@@ -104,6 +105,7 @@ class Flight:
     desired: list[tuple[DesiredState, int]] = field(default_factory=list)
     events: list[tuple[str, str]] = field(default_factory=list)
     reports: list[tuple[str, Any, int]] = field(default_factory=list)
+    seen: list[tuple[str, Any, int]] = field(default_factory=list)
     tick: int = 0
 
     def __post_init__(self) -> None:
@@ -116,6 +118,8 @@ class Flight:
             link_delay_ns=self.link_delay_ns,
             desire=self._desire,
             on_report=lambda client, report, t_ns: self.reports.append((client, report, t_ns)),
+            on_detections=lambda client, detections, t_ns: self.seen.append((client, detections, t_ns)),
+            detected_then=getattr(self.clients, "detected_then", lambda _t_ns: ()),
             on_event=lambda _t_ns, kind, text: self.events.append((kind, text)),
             trace=self.trace,
         )
@@ -568,3 +572,26 @@ def test_what_clients_say_of_themselves_is_kept_whoever_they_are() -> None:
     assert sorted(name for name, _, t_ns in flight.reports if t_ns == FRAME_NS) == ["pilot", "watcher"]
     assert len(flight.reports) == 4  # nothing new, nothing said
     assert flight.stage.all_seats["watcher"].report == {"n": 1, "watcher": True}
+
+
+def test_a_replay_sees_what_the_run_saw_of_pilots_and_of_lookers_on(tmp_path: Path) -> None:
+    """Both see the same in every second frame."""
+    path, seen = tmp_path / "companion.jsonl", Detections("imu", 8_000_000, (320, 240))
+
+    def sees(frame: CompanionFrame) -> Answer:
+        return replace(answer(frame.frame), detections=seen if frame.frame % 2 == 0 else None)
+
+    trace = TraceWriter(path, [PILOT], ["truth", "imu"])
+    live = Flight(Clients({"pilot": sees, "watcher": sees}, there=[PILOT, WATCHER]), "lockstep", trace=trace)
+    live.fly(31)
+    trace.close()
+    assert [client for client, *_ in live.seen] == ["pilot", "watcher"] * 2
+    again = Flight(TracedAnswers(path), "lockstep")
+    again.fly(31)
+    assert again.seen == live.seen
+    broken = path.read_text().splitlines()
+    row = json.loads(broken[2])
+    row["detections"]["size_px"] = [-1, 2]
+    path.write_text("\n".join([*broken[:2], json.dumps(row), *broken[3:]]) + "\n")
+    with pytest.raises(RecordingError, match=r"companion\.jsonl:3"):
+        TracedAnswers(path)

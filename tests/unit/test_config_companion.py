@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from firmware_bridge.companion.keys import make_keys
 from hil.companion import link
-from hil.companion.started import StartedClient
 from hil.config import Bench, load_bench
 from hil.config.schema import Companion
 from hil.signals.errors import ConfigError, LinkClosed
@@ -166,19 +166,13 @@ def test_a_started_client_has_its_own_settings_over_those_of_all(
 ) -> None:
     started: list[tuple[str, Mapping[str, Any]]] = []
 
-    class Seen(StartedClient):
-        def __init__(self, cut: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
-            started.append((cut, settings))
-
-        def check(self) -> None:
+    def start(cut: str, _address: str, _out: Path, settings: Mapping[str, Any], _keys: Path | None) -> Any:
+        started.append((cut, settings))
+        if len(started) == 2:
             raise LinkClosed("companion", "it is not there")
+        return SimpleNamespace(running=False, close=lambda: None)
 
-        running = False
-
-        def close(self) -> None:
-            pass
-
-    monkeypatch.setattr(link, "StartedClient", Seen)
+    monkeypatch.setattr(link, "StartedClient", start)
     lines = [
         "port: 0",
         "settings: {out: a, keep_mb: 1}",

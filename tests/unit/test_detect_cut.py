@@ -13,8 +13,7 @@ import pytest
 from tests.unit.detect_stand_in import PERSON, StandIn
 from tests.unit.test_locate import HEIGHT, WIDTH, calibration
 
-from hil_companion.catalog import SHIPPED, make_cut  # isort: skip
-from hil_companion.cuts.detect import Detect  # isort: skip
+from hil_companion.catalog import make_cut  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
 from hil_companion.frame import Frame, Sample  # isort: skip
 
@@ -156,8 +155,3 @@ def test_a_depth_topic_that_is_none_and_a_truth_that_is_missing_are_said() -> No
 def test_settings_that_cannot_be_are_refused_in_words(setting: str, words: str) -> None:
     with pytest.raises(OptionError, match=words):
         make_cut("detect", [setting])
-
-
-def test_detect_is_shipped_and_only_looks_on() -> None:
-    assert SHIPPED["detect"].endswith(":Detect")
-    assert Detect.control is False

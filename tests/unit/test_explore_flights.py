@@ -46,22 +46,22 @@ def test_walled_in_there_is_no_path() -> None:
     assert flat.least_m >= CLEAR_M
 
 
-def _none(t_s: float, points: np.ndarray) -> np.ndarray | None:
-    return None if t_s > 2.0 else points
+LOSSES: dict[str, Any] = {
+    "none": lambda _points: None,
+    "nan": lambda points: np.full_like(points, math.nan),
+    "empty": lambda points: points[:0],
+    "ranges of zero": np.zeros_like,
+}
 
 
-def _nan(t_s: float, points: np.ndarray) -> np.ndarray | None:
-    return np.full_like(points, math.nan) if t_s > 2.0 else points
+@pytest.mark.parametrize("loss", LOSSES)
+def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: str) -> None:
+    def lidar(t_s: float, points: np.ndarray) -> Any:
+        return LOSSES[loss](points) if t_s > 2.0 else points
 
-
-def _empty(t_s: float, points: np.ndarray) -> np.ndarray | None:
-    return points[:0] if t_s > 2.0 else points
-
-
-@pytest.mark.parametrize("loss", [_none, _nan, _empty])
-def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: Any) -> None:
-    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=loss).fly(40.0)
+    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=lidar).fly(40.0)
     assert flat.outcome == "lidar_lost"
+    assert flat.explorer.report.retreats == 0
     assert flat.explorer.finished
     assert flat.least_m >= CLEAR_M
     assert float(np.hypot(*flat.v[:2])) < 0.05
@@ -81,16 +81,6 @@ def test_who_is_driven_to_and_fro_is_stuck() -> None:
             break
     assert flat.outcome == "stuck"
     assert "to and fro" in flat.explorer.report.why
-
-
-def _zero(t_s: float, points: np.ndarray) -> np.ndarray | None:
-    return np.zeros_like(points) if t_s > 2.0 else points
-
-
-def test_ranges_of_zero_are_no_points() -> None:
-    flat = Flat(((9.0, -4.0, 10.0, 4.0),), (20.0, 0.0), lidar=_zero).fly(20.0)
-    assert flat.outcome == "lidar_lost"
-    assert flat.explorer.report.retreats == 0
 
 
 def test_a_lidar_that_hangs_is_a_lost_one() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from sim.frame.mount import Mount
 use_client()
 
 from hil_companion.detect.detection import Detection  # noqa: E402
-from hil_companion.errors import CutError  # noqa: E402
 from hil_companion.explore.inertial import Moment  # noqa: E402
 from hil_companion.locate.camera import Camera  # noqa: E402
 from hil_companion.locate.geolocation import Geolocation, RadarView, depth_in, ground_range  # noqa: E402
@@ -45,13 +43,6 @@ def test_a_ray_through_the_middle_of_the_picture_is_the_axis_and_lenses_are_undo
     bent = Camera("front", calibration((-0.2, 0.05, 0.001, -0.002, 0.0)))
     places = np.array([[12.0, 20.0], [160.0, 120.0], [300.0, 200.0]])
     assert bent.pixels(bent.rays_C(places) * 7.0) == pytest.approx(places, abs=0.02)
-
-
-def test_what_is_no_camera_is_said() -> None:
-    with pytest.raises(CutError, match="lidar"):
-        Camera("lidar", {"kind": "lidar", "p_BC": [0, 0, 0]})
-    with pytest.raises(CutError, match="nothing of a camera"):
-        Camera("front", None)
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 1.0])
@@ -249,11 +240,6 @@ def test_own_pose_follows_gps_and_says_when_it_is_lost() -> None:
             assert own.sigma_m < 0.3
     assert not own.ok
     assert own.at(t_ns) is None
-
-
-def test_a_detector_without_a_place_still_tells_ranges() -> None:
-    box = SimpleNamespace(box_px=(100.0, 100.0, 120.0, 150.0))
-    assert depth_in(np.full((HEIGHT, WIDTH), 8.0), box.box_px) == 8.0
 
 
 @pytest.mark.parametrize("near", range(1, 36))
