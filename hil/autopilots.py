@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.devices.inventory import find_devices
+from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.ardupilot_eahrs import HeldPty, arducopter_on_ptys, sitl_parameters
 from firmware_bridge.links.ardupilot_sitl import TCP_PORT, ardupilot_sitl, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -34,8 +38,11 @@ from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, BenchConfig
 from hil.signals.errors import PortNotFound
 from hil.signals.geodesy import LocalFrame
+from hil.signals.rotation import yaw_of
+from sim.scene.scene import Site
 
 LOG_NAME = "autopilot.log"
+State = NDArray[np.float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), and what else there is
 WORK_FOLDER = "autopilot"  # of firmware that the bench starts: parameters, missions, its own logs
 
 
@@ -193,6 +200,21 @@ def _ardupilot_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
         arguments=autopilot.arguments,
         **settings,
     )
+
+
+def home_of(site: Site, state: State) -> tuple[float, float, float, float]:
+    """Latitude and longitude [deg], altitude [m MSL], heading [deg from north] of a vehicle in this state."""
+    x, y, z, *q_WB = state[:7].tolist()
+    yaw_deg = math.degrees(yaw_of(q_WB))
+    return *LocalFrame(site).geodetic_from_enu((x, y, z)), (90.0 - yaw_deg) % 360.0
+
+
+def geodetic_from_W(autopilot_kind: str, site: Site, state: State) -> GeodeticFromW:
+    """Where on Earth the autopilot has a point of the world, once it has been flown there from this state."""
+    if autopilot_kind != "ardupilot_sitl":
+        return LocalFrame(site).geodetic_from_enu
+    x, y, z = state[:3].tolist()
+    return ardupilot_sitl_world(Place(*home_of(site, state)[:3]), (x, y, z))
 
 
 def unknown_parameters(bench: Bench, out: Path) -> list[str]:

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from hil.autopilots import Surroundings, make_autopilot, unknown_parameters
+from hil.autopilots import Surroundings, home_of, make_autopilot, unknown_parameters
 from hil.commanders import Commanders
 from hil.companion.answer_sinks import AnswerSinks
 from hil.config import Bench, save_bench
 from hil.first_error import FirstError
-from hil.frame_stages import draws_elsewhere, is_wanted, make_frames, needs_frames
-from hil.home import home_of
+from hil.frame_stages import draws_elsewhere, is_wanted, make_frames, needs_frames, stage_specs
 from hil.injector import Injector
 from hil.judging import Judging
 from hil.missions.path import Leg, planned_path
@@ -39,7 +38,6 @@ from hil.stages import Skipped, StagePlan, plan_stages
 from hil.summary import FREE_RUNNING, summarise, timing_of
 from hil.tick_loop import fly_ticks
 from hil.verdict import Verdict
-from hil.wiring import stage_specs
 from sim.frame.source import FrameSource
 from sim.physics.quadrotor import QuadrotorPhysics
 

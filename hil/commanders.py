@@ -6,18 +6,21 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.ground_station.actions import ActionSource, Record
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.manual.manual_control import ManualControlSource
+from firmware_bridge.manual.hid_gamepad import HidGamepad, open_gamepad
+from firmware_bridge.manual.keyboard import KeyboardSticks, Terminal
+from firmware_bridge.manual.manual_control import ARDUCOPTER_MODES, PX4_MODES, ManualControlSource, buttons_of
+from firmware_bridge.manual.sticks import StickLost
 from firmware_bridge.router import Router, RouterSource
 from firmware_bridge.router_signing import AutopilotSide, ClientSide, SignedCommands, read_key
-from hil.config import Bench
-from hil.home import State, geodetic_from_W
-from hil.manual_flight import make_manual, make_page_manual
+from hil.autopilots import State, geodetic_from_W
+from hil.config import Bench, BenchConfig
+from hil.dashboard.page_sticks import PageSticks, page_buttons
 from hil.missions.script import Injected, flight_actions
 from hil.recorder.recorder import Recorder
 from hil.scheduler import CommandSource
@@ -35,6 +38,7 @@ _ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
 _GRID_NS = NS_PER_S
 # A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
+_BACK_TO_MISSION = {"px4": (4.0, 4.0), "ardupilot": (3.0, 0.0)}  # custom mode of what was taken over from
 
 
 class Commanders:
@@ -82,11 +86,11 @@ class Commanders:
             )
             self.sources.append(self._actions)
         if config.manual.device is not None:
-            self.manual = make_manual(config)
+            self.manual = _manual(config)
             stack.callback(self.manual.close)
             self.sources.append(self.manual)
         if live is not None:
-            self.page_manual = make_page_manual(config, live.sticks)
+            self.page_manual = _page_manual(config, live.sticks)
             self.sources.append(self.page_manual)
         autopilot_signs = None
         if config.autopilot.signing_key_file is not None:
@@ -183,6 +187,43 @@ def _pilot(bench: Bench, state: State, on_event: Callable[[int, str, str], None]
         grid_ns=grid_ns,
         on_event=on_event,
     )
+
+
+def _manual_settings(config: BenchConfig) -> dict[str, Any]:
+    copter = config.autopilot.kind.startswith("ardupilot")
+    return {
+        "modes": ARDUCOPTER_MODES if copter else PX4_MODES,
+        "rate_hz": config.manual.rate_hz,
+        "neutral_s": config.manual.neutral_s,
+        "target_sysid": None,
+    }
+
+
+def _page_manual(config: BenchConfig, sticks: PageSticks) -> ManualControlSource:
+    """The source of MANUAL_CONTROL for the sticks of the dashboard. Silent until somebody holds their switch."""
+    settings = _manual_settings(config)
+    firmware = "ardupilot" if config.autopilot.kind.startswith("ardupilot") else "px4"
+    modes = settings["modes"] = settings["modes"] | {"mission": _BACK_TO_MISSION[firmware]}
+    return ManualControlSource(sticks, buttons=page_buttons(modes), **settings)
+
+
+def _manual(config: BenchConfig) -> ManualControlSource:
+    """The source of MANUAL_CONTROL. A gamepad that is not there yet is waited for in flight.
+
+    ManualControlError: the keyboard is no terminal, or the gamepad cannot be flown with.
+    """
+    settings = _manual_settings(config)
+    if config.manual.device == "keyboard":
+        return ManualControlSource(KeyboardSticks(Terminal()), **settings)
+
+    def reopen() -> HidGamepad:
+        return open_gamepad(needs_dead_man=config.manual.needs_dead_man)
+
+    try:
+        pad = reopen()
+    except StickLost:
+        return ManualControlSource(None, reopen=reopen, **settings)
+    return ManualControlSource(pad, reopen=reopen, buttons=buttons_of(pad.mapping), **settings)
 
 
 def _record_events(source: ManualControlSource, recorder: Recorder, truth: TruthState) -> None:  # noqa: ARG001

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from hil.child_environment import child_environment
 from hil.signals.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
@@ -57,7 +56,6 @@ def server_process(
         command,
         stdin=subprocess.PIPE,
         pass_fds=(listening.fileno(), wire.fileno()),
-        env=child_environment(),
         start_new_session=True,  # Ctrl-C is for the run; the page then shows how it ended
     )
     assert server.stdin is not None

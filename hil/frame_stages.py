@@ -1,4 +1,6 @@
-"""Cameras, LiDARs and radars in the wiring of a bench: one stage per channel, so that what nobody reads is not made.
+"""The stages of a bench and what flows between them, for `plan_stages` to find out what nobody needs.
+
+Cameras, LiDARs and radars have one stage per channel, so that what nobody reads is not made.
 
 A camera `front` with the channels rgb and depth is the stages `front/rgb` and `front/depth`; its samples hold the
 channels that the plan kept. So it is with the outputs of a radar: `radar/raw`, `radar/points`. A LiDAR is one stage.
@@ -6,11 +8,12 @@ channels that the plan kept. So it is with the outputs of a radar: `radar/raw`, 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from hil.config import Bench, BenchConfig, SensorConfig
 from hil.recorder.frame_description import FrameDescription, Projection, Sweep
-from hil.signals.samples import Quat, TruthState, Vec3
+from hil.signals.samples import ActuatorFrame, Quat, TruthState, Vec3
 from hil.stages import Port, StagePlan, StageSpec
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.camera_model import CameraModel
@@ -18,7 +21,9 @@ from sim.frame.source import FrameSource, SharedFrames
 from sim.radar.chirp import Chirp
 from sim.sensors.catalog import KINDS
 
-_TRUTH = Port("truth", TruthState)
+TRUTH = "truth"
+_TRUTH = Port(TRUTH, TruthState)
+_ACTUATORS = Port("actuators", ActuatorFrame)
 
 
 def output_ports(name: str, sensor: SensorConfig) -> tuple[Port, ...]:
@@ -29,12 +34,26 @@ def output_ports(name: str, sensor: SensorConfig) -> tuple[Port, ...]:
     return tuple(Port(f"{name}/{part}", kind.sample_type) for part in getattr(sensor.parameters, kind.parts))
 
 
-def sensor_stages(config: BenchConfig) -> list[StageSpec]:
-    """The stages of all sensors, in the order of the bench file."""
+def available_ports(config: BenchConfig) -> dict[str, Port]:
+    """Topic -> port, of everything that a companion's clients can subscribe to: the true state and every sensor."""
+    ports = {port.name: port for name, sensor in config.sensors.items() for port in output_ports(name, sensor)}
+    return {TRUTH: _TRUTH} | ports
+
+
+def stage_specs(config: BenchConfig, topics: Collection[str] = ()) -> list[StageSpec]:
+    """The wiring of a bench: physics -> sensors -> autopilot -> (one tick later) physics; the recorder reads all, the
+    companion its `topics`."""
+    to_autopilot = tuple(
+        port for name in config.autopilot_sensors().values() for port in output_ports(name, config.sensors[name])
+    )
+    ports = available_ports(config)
+    companion = [StageSpec("companion", inputs=tuple(ports[topic] for topic in sorted(topics)), sink=True)]
     return [
-        StageSpec(port.name, inputs=(_TRUTH,), outputs=(port,))
-        for name, sensor in config.sensors.items()
-        for port in output_ports(name, sensor)
+        StageSpec("physics", delayed_inputs=(_ACTUATORS,), outputs=(_TRUTH,)),
+        *(StageSpec(name, inputs=(_TRUTH,), outputs=(port,)) for name, port in ports.items() if name != TRUTH),
+        StageSpec("autopilot", inputs=to_autopilot, outputs=(_ACTUATORS,), sink=True),
+        StageSpec("recorder", inputs=(_TRUTH, *recorded_ports(config), _ACTUATORS), sink=True),
+        *(companion if topics else ()),
     ]
 
 

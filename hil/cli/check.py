@@ -15,8 +15,8 @@ def check(
 ) -> None:
     """Validate a bench without running it: print every problem, exit 2 if there is any."""
     from hil.config import load_bench
+    from hil.frame_stages import stage_specs
     from hil.stages import plan_stages
-    from hil.wiring import stage_specs
 
     with told(CONFIG_STATUS):
         bench = load_bench(config, rig=rig, scene=scene, mission=mission, settings=settings or ())

@@ -1,4 +1,8 @@
-"""`hil companion`."""
+"""`hil companion`: a client under test on this machine.
+
+The client lives in `rigs/jetson`, as a package of its own that knows nothing of the bench, so that it can be copied to
+a companion computer, where `python -m hil_companion` is the same. From here it is found by that path.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +39,16 @@ def companion(
     reconnect: Annotated[float, typer.Option(help="Seconds to come back after a loss; default for ever.")] = math.inf,
 ) -> None:
     """Run a client under test against a bench."""
-    from hil.companion_command import run_companion
+    from hil.companion.started import use_client
 
-    status = run_companion(
+    use_client()
+    from hil_companion.command import start, topic_list
+
+    status: int = start(
         name,
         connect,
         name=client_name,
-        topics=topics or (),
+        topics=topic_list(topics or ()),
         key=key,
         bench_key=bench_key,
         settings=settings or (),

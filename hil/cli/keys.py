@@ -18,7 +18,14 @@ def keys(
     ] = None,
 ) -> None:
     """Key pairs for the companion link: of the bench and of its clients. Overwrites nothing."""
-    from hil.companion_command import make_key_pairs
+    from firmware_bridge.companion.keys import BENCH, make_keys
 
     with told():
-        make_key_pairs(folder, names or (), console)
+        for file in make_keys(folder, names or ()):
+            console.print(str(file), markup=False)
+    for name in names or ():
+        console.print(
+            f"{name}: take {name}.key and {BENCH}.pub to its machine, then remove {name}.key here; "
+            f"whoever's .pub stays here may connect",
+            markup=False,
+        )

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
 from hil.cli.options import (
     ConfigArgument,
@@ -25,7 +27,6 @@ from hil.cli.options import (
     error_console,
 )
 from hil.entry import CONFIG_STATUS, ERROR_STATUS
-from hil.headline import print_result
 from hil.run_folder import leave_config_error, new_run_dir
 from hil.signals.errors import ConfigError, HilError
 
@@ -81,7 +82,7 @@ def run(
                 stack.callback(live.close)
             result = run_bench(bench, folder, quiet=quiet, live=live)
             with contextlib.suppress(OSError, ValueError):
-                print_result(console, error_console, result.run, folder, time.monotonic() - began_s)
+                _print_result(result.run, folder, time.monotonic() - began_s)
     except HilError as error:  # not even the folder could be written, or the page not be served
         complain(error)
         raise typer.Exit(ERROR_STATUS) from None
@@ -90,3 +91,39 @@ def run(
             raise
     assert result is not None
     raise typer.Exit(result.exit_status)
+
+
+def _print_result(run: dict[str, object], folder: Path, took_s: float) -> None:
+    """The headline of a run, as a person wants to read it."""
+    colour = {"PASS": "green", "FAIL": "yellow"}.get(str(run["status"]), "red")
+    table = Table.grid(padding=(0, 2))
+    mission: dict[str, object] = run["mission"]  # type: ignore[assignment]
+    verdict: dict[str, list[dict[str, object]]] = run["verdict"]  # type: ignore[assignment]
+    if mission["waypoints"]:
+        table.add_row("waypoints", f"{mission['reached']} of {mission['waypoints']}")
+    for row in verdict["rows"]:
+        if row["value"] is not None:
+            limit = f"(limit {row['limit']:g})" if row["limit"] is not None else "(not judged)"
+            table.add_row(
+                str(row["name"]).rsplit("_", 1)[0].replace("_", " "), f"{row['value']:.3f} {row['unit']} {limit}"
+            )
+    table.add_row(
+        "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
+    )
+    companion: dict[str, object] | None = run.get("companion")  # type: ignore[assignment]
+    if companion:
+        from hil.report.page import console_rows
+
+        for label, text in console_rows(companion):
+            table.add_row(label, text)
+    same = "" if run["deterministic"] else "  (not deterministic)"
+    console.print(f"[bold {colour}]{run['status']}[/]")
+    error: dict[str, str] | None = run["error"]  # type: ignore[assignment]
+    if error:
+        error_console.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
+    for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
+        console.print(f"  {reason}", markup=False)
+    console.print(table)
+    # Unbroken lines, so that they can be copied, compared and searched for.
+    console.print(f"digest   {run['digest']}{same}", markup=False)
+    console.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)

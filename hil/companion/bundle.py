@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
-from hil.companion.topics import TRUTH
+from hil.frame_stages import TRUTH
 from hil.signals.samples import FRAME_SAMPLES, ImageSample, RadarSample, Sample, TruthState
 
 _MOST_ROWS = 4096  # of a topic in one frame, the newest: what goes with a frame's header has a limit

@@ -20,10 +20,10 @@ from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
 from hil.companion.started import StartedClient, close_all
 from hil.companion.timing import ClientTiming, TimedPilot, TimingLog
-from hil.companion.topics import available_ports
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
 from hil.companion.view_log import VIEWS_EVERY_NS, ViewLog
 from hil.config import BenchConfig
+from hil.frame_stages import available_ports
 from hil.signals.desired import DesiredState
 from hil.signals.detections import Detections
 from hil.signals.errors import RecordingError

@@ -9,7 +9,6 @@ import socket
 import sys
 from collections.abc import Sequence
 
-from hil.child_environment import child_environment
 from hil.dashboard.hub import Hub
 
 _LAST_BYTES = 4000  # of what the run printed as errors
@@ -60,7 +59,6 @@ class RunProcess:
                 stdout=asyncio.subprocess.DEVNULL,
                 stderr=asyncio.subprocess.PIPE,
                 pass_fds=(theirs.fileno(),),
-                env=child_environment(),
             )
         except OSError as error:
             ours.close()

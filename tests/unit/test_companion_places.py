@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from firmware_bridge.ground_station.projections import Place, ardupilot_ned
+from hil.autopilots import geodetic_from_W
 from hil.config import load_bench
-from hil.home import geodetic_from_W
 from hil.signals.geodesy import LocalFrame
 
 START_W = (3.0, -4.0, 0.25)

@@ -12,11 +12,11 @@ import yaml
 import hil.bench
 from hil.bench import run_bench
 from hil.config import load_bench
+from hil.frame_stages import stage_specs
 from hil.recorder.reading import read_messages
 from hil.recorder.recorder import MCAP_NAME
 from hil.replay import compare, replay
 from hil.stages import plan_stages
-from hil.wiring import stage_specs
 from tests.unit.frame_world import FormulaFrames
 
 FLIGHT = ["duration_s=1", "autopilot.transport=loopback", "record.tlog=false", "record.report=false"]
