@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import sys
 import time
+import traceback
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +21,6 @@ from hil.autopilots import Surroundings, home_of, make_autopilot, unknown_parame
 from hil.commanders import Commanders
 from hil.companion.answer_sinks import AnswerSinks
 from hil.config import Bench, save_bench
-from hil.first_error import FirstError
 from hil.frame_stages import draws_elsewhere, is_wanted, make_frames, needs_frames, stage_specs
 from hil.injector import Injector
 from hil.judging import Judging
@@ -29,15 +28,14 @@ from hil.missions.path import Leg, planned_path
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
 from hil.restartable_physics import make_physics
-from hil.scheduler import AutopilotPorts, Scheduler
+from hil.scheduler import Scheduler
 from hil.sensor_slots import SensorSlots
 from hil.signals.classes import Classes
-from hil.signals.errors import RecordingError
+from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import Vec3
 from hil.stages import Skipped, StagePlan, plan_stages
 from hil.summary import FREE_RUNNING, summarise, timing_of
 from hil.tick_loop import fly_ticks
-from hil.verdict import Verdict
 from sim.frame.source import FrameSource
 from sim.physics.quadrotor import QuadrotorPhysics
 
@@ -47,6 +45,7 @@ if TYPE_CHECKING:
     from hil.dashboard.live_run import LiveRun
 
 RUN_JSON_NAME = "run.json"
+_TRACEBACK_NAME = "traceback.txt"
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, live: LiveRun | N
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
-    run = _Run(bench, out, quiet=quiet, live=live)
+    run = BenchRun(bench, out, quiet=quiet, live=live)
     # What an earlier run left here must not pass for this one's result, however this one ends.
     run.write_provisional()
     return run.result()
@@ -86,21 +85,53 @@ def fly(
     out: Path,
     recorder: Recorder,
     over: Callable[[Reached, bool], bool],
-    live: LiveRun | None = None,
 ) -> None:
     """Fly `bench` with everything it tells going to `recorder`, without run.json, report and saved bench.
 
     After every tick `over` says whether that was enough; it gets who tells the waypoints reached, and whether the
-    mission has ended. `live`: the dashboard follows it. Raises HilError, whatever `recorder` and `over` raise, and
-    KeyboardInterrupt.
+    mission has ended. Raises HilError, whatever `recorder` and `over` raise, and KeyboardInterrupt.
     """
-    run = _Run(bench, out, quiet=True, recorder=recorder, over=over, live=live)
+    run = BenchRun(bench, out, quiet=True, recorder=recorder, over=over)
     with ExitStack() as stack:
         run.build(stack)
         run.fly()
 
 
-class _Run:
+class FirstError:
+    """What went wrong with the bench: the first error counts, whatever fails after it.
+
+    `error` is (type, message) for run.json, None while all is well; `cause` one word, where the error has one.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self._traceback = out / _TRACEBACK_NAME
+        self.error: tuple[str, str] | None = None
+        self.cause = ""
+
+    def forget_traceback(self) -> None:
+        """Remove that of an earlier run."""
+        with suppress(OSError):
+            self._traceback.unlink(missing_ok=True)
+
+    def guard(self, step: Callable[[], object]) -> None:
+        """Run one step of the run; an error of it becomes the run's, if it is the first."""
+        error: tuple[str, str] | None = None
+        try:
+            step()
+        except HilError as problem:
+            error = (type(problem).__name__, str(problem))
+            self.cause = self.cause or getattr(problem, "cause", "")
+        except KeyboardInterrupt as stop:
+            error = ("Interrupted", str(stop) or "stopped from the keyboard")
+        except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
+            with suppress(OSError):
+                self._traceback.write_text(traceback.format_exc())
+            text = f"{type(problem).__name__}: {problem} (a defect of the bench; details in {_TRACEBACK_NAME})"
+            error = ("InternalError", text)
+        self.error = self.error or error
+
+
+class BenchRun:
     """One run on its way: what was built, and what came of it."""
 
     def __init__(
@@ -149,12 +180,12 @@ class _Run:
             self.failure.guard(lambda: recorder.close(status))
             status = "ERROR" if self.failure.error else status
         self.timing_s["total"] = time.monotonic() - began_s
-        run = self._summary(verdict, status)
+        run = summarise(self, verdict, status)
         if self.config.record.report and self.recorder is not None:
             self.failure.guard(lambda: self._write_report(run))
             if self.failure.error is not None and status != "ERROR":
                 status = "ERROR"
-                run = self._summary(verdict, status)
+                run = summarise(self, verdict, status)
         write_run_json(self.out / RUN_JSON_NAME, run)
         if self.live is not None:
             self.live.finish(run)
@@ -165,41 +196,8 @@ class _Run:
         self.failure.forget_traceback()
         self.failure.error = ("Killed", "the run is still going on, or it was killed before it could say how it ended")
         verdict = self.judging.verdict(self.commanders.records)
-        write_run_json(self.out / RUN_JSON_NAME, self._summary(verdict, "ERROR"))
+        write_run_json(self.out / RUN_JSON_NAME, summarise(self, verdict, "ERROR"))
         self.failure.error = None
-
-    def _summary(self, verdict: Verdict, status: str) -> dict[str, Any]:
-        router = self.commanders.router
-        routed: dict[str, Any] = {} if router is None else {"router": router.report()}
-        if self.companion is not None:
-            routed["companion"] = self.companion.report()
-        routed |= self.judging.run_keys()
-        if self.live is not None and self.live.commands:
-            routed["by_hand"] = self.live.commands
-        wire = self.injector.wire if self.injector is not None else None
-        return routed | summarise(
-            self.bench,
-            verdict,
-            status=status,
-            error=self.failure.error,
-            cause=self.failure.cause,
-            scheduler=self.scheduler,
-            link=self.link,
-            physics=self.physics,
-            slots=self.sensors.slots if self.sensors is not None else [],
-            digest=self.recorder.digest if self.recorder else "0" * 32,
-            outside_input=self.commanders.from_outside
-            or (self.live is not None and self.live.altered)
-            or self.drawn_elsewhere
-            or self.config.companion.times_count,
-            left_out=self.skipped,
-            posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
-            radars=self.sensors.radars if self.sensors is not None else {},
-            timing_s=self.timing_s,
-            link_faults=wire.faults if wire is not None else self.config.faults.links,
-            fault_hits=wire.hits() if wire is not None else {},
-            actions=self.commanders.records,
-        )
 
     def _prepare_and_fly(self) -> None:
         began_s = time.monotonic()
@@ -268,10 +266,9 @@ class _Run:
             inject=injector.inject,
         )
         home = home_of(self.bench.scene.site, self.physics.state)
-        self.link = make_autopilot(self.bench, Surroundings(self.out, injector.wrap, self._event, home))
+        self.link = make_autopilot(self.bench, Surroundings(self.out, injector.wrap, self.event, home))
         stack.callback(self.link.close)
         self.link.open()
-        chosen = config.autopilot_sensors()
         # Who flies for samples alone has nothing judged.
         observers = self.judging.observers(of_flight=self.over is None) + self.commanders.observers(self.recorder)
         self.scheduler = Scheduler(
@@ -279,13 +276,7 @@ class _Run:
             physics=self.physics,
             sensors=self.sensors.slots,
             link=self.link,
-            ports=AutopilotPorts(
-                imu=chosen["imu"],
-                gps=chosen.get("gps"),
-                baro=chosen.get("barometer"),
-                mag=chosen.get("magnetometer"),
-                ranging=[chosen[kind] for kind in ("range_finder", "optical_flow") if kind in chosen],
-            ),
+            ports=config.autopilot_sensors(),
             commands=self.commanders.sources,
             recorder=self.recorder,
             observers=observers,
@@ -373,7 +364,7 @@ class _Run:
         assert self.companion is not None
         self.companion.close("ERROR" if sys.exc_info()[0] is not None else "over")
 
-    def _start_again(self) -> None:
+    def start_again(self) -> None:
         """The autopilot has rebooted: the vehicle goes back to where it began, and the bench's time goes on."""
         assert self.scheduler is not None
         physics: Any = self.physics
@@ -383,7 +374,7 @@ class _Run:
     def _now_ns(self) -> int:
         return self.scheduler.t_ns if self.scheduler is not None else 0
 
-    def _event(self, kind: str, text: str) -> None:
+    def event(self, kind: str, text: str) -> None:
         """Something that a link has to say about this run."""
         if self.recorder is not None:
             self.recorder.event(self._now_ns(), kind, text)
@@ -392,23 +383,13 @@ class _Run:
         assert self.scheduler is not None
         began_s = time.monotonic()
         try:
-            fly_ticks(
-                self.scheduler,
-                self.config,
-                self.link,
-                over=self._over,
-                until_disarmed=self.commanders.station is None,
-                status=self.commanders.status,
-                before_tick=None if self.live is None else self.live.before_tick,
-                start_again=self._start_again,
-                warn=partial(self._event, "warning"),
-                quiet=self.quiet,
-            )
+            fly_ticks(self)
         finally:
             held_s = 0.0 if self.live is None else self.live.held_s
             self.timing_s["flight"] = time.monotonic() - began_s - held_s
 
-    def _over(self) -> bool:
+    def enough(self) -> bool:
+        """Whether the flight is over."""
         commanders = self.commanders
         if self.over is not None and self.over(lambda: commanders.reached, commanders.done):
             return True
@@ -420,7 +401,7 @@ class _Run:
             self.scheduler.flush()
         self.commanders.record_texts(self.recorder)
         for name in unknown_parameters(self.bench, self.out):
-            self._event("warning", f"the firmware has no parameter {name}: autopilot.params has set nothing")
+            self.event("warning", f"the firmware has no parameter {name}: autopilot.params has set nothing")
         if isinstance(self.link, FREE_RUNNING) and self.scheduler is not None:
             for finding in self.link.findings():
                 self.recorder.event(self.scheduler.t_ns, finding.level, finding.text)

@@ -33,38 +33,21 @@ from __future__ import annotations
 
 import heapq
 import time
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.recorder.recorder import Recorder
 from hil.signals.latency import LatencyHistogram
-from hil.signals.samples import (
-    ActuatorFrame,
-    BaroSample,
-    GpsSample,
-    ImuSample,
-    MagSample,
-    Sample,
-    TruthState,
-    Vec3,
-)
+from hil.signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 from hil.signals.time import RateAccumulator
+from sim.physics.quadrotor import PhysicsEvent
 
 _BACK_S = 0.0005  # before a tick's deadline the companion is no longer served
+_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
+_RANGING_KINDS = ("range_finder", "optical_flow")
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
-
-
-class Event(Protocol):
-    """Something worth a line in the recording."""
-
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def text(self) -> str: ...
 
 
 class Physics(Protocol):
@@ -72,7 +55,7 @@ class Physics(Protocol):
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState: ...
 
-    def take_events(self) -> Sequence[Event]:
+    def take_events(self) -> Sequence[PhysicsEvent]:
         """What the vehicle was made to undergo since the last call: faults, gusts."""
         ...
 
@@ -124,18 +107,6 @@ class SensorSlot:
         self.timing = LatencyHistogram()
 
 
-class AutopilotPorts:
-    """Names of the ports whose samples go to the autopilot. None where the rig has no such sensor."""
-
-    __slots__ = ("baro", "gps", "imu", "mag", "ranging")
-
-    def __init__(
-        self, *, imu: str, gps: str | None, baro: str | None, mag: str | None, ranging: Sequence[str] = ()
-    ) -> None:
-        self.imu, self.gps, self.baro, self.mag = imu, gps, baro, mag
-        self.ranging = tuple(ranging)  # range finder and optical flow
-
-
 class ReleaseQueue:
     """Holds captured samples until they arrive. Release order is (t_available_ns, port, seq): total and repeatable."""
 
@@ -168,7 +139,7 @@ class Scheduler:
         physics: Physics,
         sensors: Sequence[SensorSlot],
         link: AutopilotLink,
-        ports: AutopilotPorts,
+        ports: Mapping[str, str],
         commands: Sequence[CommandSource],
         recorder: Recorder,
         observers: Sequence[Callable[[TruthState], None]] = (),
@@ -176,6 +147,7 @@ class Scheduler:
         pace: float | None = None,
         wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
     ) -> None:
+        """`ports`: kind -> port of the sensors whose samples go to the autopilot; an imu is always among them."""
         self.tick_ns = tick_ns
         self.tick = 0  # the next tick to run
         self.late = 0  # ticks that began after their wall-clock deadline (paced runs only)
@@ -194,7 +166,7 @@ class Scheduler:
         self._record_first = link.caps.busy_processors > 1
         # Where the autopilot may take the processor from under the bench, only processor time is the bench's own.
         self._own_clock = time.thread_time_ns if link.caps.busy_processors > 1 else time.perf_counter_ns
-        self._ports = ports
+        self._kinds = {port: kind for kind, port in ports.items()}
         self._commands = tuple(commands)
         self._recorder = recorder
         self._observers = tuple(observers)
@@ -238,7 +210,7 @@ class Scheduler:
         t1 = clock()
         self._sample(self._sensors, truth, t1)
         released = self._queue.release(t_ns)
-        imu, gps, baro, mag, ranging = self._for_autopilot(released)
+        newest, ranging = self._for_autopilot(released)
 
         t2 = clock()
         extra = b""
@@ -255,6 +227,7 @@ class Scheduler:
         r3 = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
+        imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
         sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
 
         t4 = clock()
@@ -356,28 +329,17 @@ class Scheduler:
         if actuators is not None:
             self._recorder.actuators(actuators)
 
-    def _for_autopilot(
-        self, released: list[tuple[str, Sample]]
-    ) -> tuple[ImuSample | None, GpsSample | None, BaroSample | None, MagSample | None, Sequence[Sample]]:
-        """The newest released sample of each port the autopilot listens to; of range and flow, all."""
-        imu: ImuSample | None = None
-        gps: GpsSample | None = None
-        baro: BaroSample | None = None
-        mag: MagSample | None = None
+    def _for_autopilot(self, released: list[tuple[str, Sample]]) -> tuple[dict[str, Any], list[Sample]]:
+        """By kind the newest released sample of each sensor that the autopilot listens to; of range and flow, all."""
+        newest: dict[str, Any] = {}
         ranging: list[Sample] = []
-        ports = self._ports
         for port, sample in released:
-            if port == ports.imu:
-                imu = sample  # type: ignore[assignment]
-            elif port == ports.gps:
-                gps = sample  # type: ignore[assignment]
-            elif port == ports.baro:
-                baro = sample  # type: ignore[assignment]
-            elif port == ports.mag:
-                mag = sample  # type: ignore[assignment]
-            elif port in ports.ranging:
+            kind = self._kinds.get(port)
+            if kind in _RANGING_KINDS:
                 ranging.append(sample)
-        return imu, gps, baro, mag, ranging
+            elif kind is not None:
+                newest[kind] = sample
+        return newest, ranging
 
     def _wait_for_deadline(self, tick_wall_ns: float) -> None:
         """Sleep until this tick's wall-clock time. A late tick is counted and the schedule kept, not stretched."""

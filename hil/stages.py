@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 
 from hil.signals.errors import WiringError
 from hil.signals.samples import SAMPLE_FIELDS
@@ -62,7 +63,7 @@ class StagePlan:
 def plan_stages(stages: Sequence[StageSpec]) -> StagePlan:
     """Check the wiring, drop what no sink needs, and order the rest.
 
-    Order is topological; ties are broken by the order of declaration, so a plan is a pure function of its input.
+    The order is topological, and a pure function of the input.
     Raises WiringError: duplicate stage names, a port written twice, an input nobody writes, a type mismatch, a loop.
     """
     producer = _producers(stages)
@@ -118,25 +119,8 @@ def _demanded(stages: Iterable[StageSpec], producer: dict[str, str], by_name: di
 
 
 def _topological(stages: Sequence[StageSpec], producer: dict[str, str]) -> tuple[str, ...]:
-    kept = {stage.name for stage in stages}
-    waits_for = {s.name: [producer[p.name] for p in s.inputs if producer[p.name] in kept] for s in stages}
-    order: list[str] = []
-    done: set[str] = set()
-    while len(order) < len(stages):
-        ready = next((s.name for s in stages if s.name not in done and done.issuperset(waits_for[s.name])), None)
-        if ready is None:
-            raise WiringError("algebraic loop: " + " -> ".join(_loop(waits_for, done)))
-        order.append(ready)
-        done.add(ready)
-    return tuple(order)
-
-
-def _loop(waits_for: dict[str, list[str]], done: set[str]) -> list[str]:
-    """One closed path through the stages that wait for each other, in the direction of the data."""
-    name = next(n for n in waits_for if n not in done)
-    path: list[str] = []
-    while name not in path:
-        path.append(name)
-        name = next(n for n in waits_for[name] if n not in done)
-    loop = [*path[path.index(name) :], name]
-    return loop[::-1]
+    sorter = TopologicalSorter({stage.name: [producer[port.name] for port in stage.inputs] for stage in stages})
+    try:
+        return tuple(sorter.static_order())
+    except CycleError as loop:
+        raise WiringError("algebraic loop: " + " -> ".join(loop.args[1])) from None

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.ground_station.actions import Record
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.free_running import FreeRunningLink
-from hil.config import Bench, BenchConfig
-from hil.scheduler import PHASES, Scheduler, SensorSlot
+from hil.config import BenchConfig
+from hil.scheduler import PHASES, Scheduler
 from hil.signals.latency import LatencyHistogram
 from hil.signals.time import NS_PER_S, RateAccumulator
-from hil.stages import Skipped
 from hil.verdict import Verdict
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.radar import Radar
 
 if TYPE_CHECKING:
+    from hil.bench import BenchRun
     from hil.report.page import Timing
 
+_OF_THE_MISSION = (
+    "completed", "waypoints", "reached", "max_cross_track_m", "final_error_m", "altitude_error_m", "landing_speed_mps",
+    "landed_tilt_deg", "landed",
+)  # fmt: skip
+_OF_THE_LINK = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")
 # The links to autopilots that wait for nobody, which keep statistics of punctuality.
 FREE_RUNNING = (FreeRunningLink, ExternalAhrsLink)
 
@@ -43,91 +45,42 @@ def timing_of(scheduler: Scheduler | None, link: AutopilotLink | None) -> Timing
     return timing
 
 
-def summarise(
-    bench: Bench,
-    verdict: Verdict,
-    *,
-    status: str,
-    error: tuple[str, str] | None,
-    cause: str = "",
-    scheduler: Scheduler | None,
-    link: AutopilotLink | None,
-    physics: QuadrotorPhysics | None,
-    slots: Sequence[SensorSlot],
-    digest: str,
-    outside_input: bool,
-    left_out: Sequence[Skipped],
-    posings: tuple[int, int] = (0, 0),
-    radars: Mapping[str, Radar] | None = None,
-    timing_s: Mapping[str, float],
-    link_faults: Sequence[LinkFault] = (),
-    fault_hits: Mapping[int, int] | None = None,
-    actions: Sequence[Record] = (),
-) -> dict[str, Any]:
-    """The content of run.json. Parts that a failed run never built are None."""
-    config, m = bench.config, verdict.measurements
-    sim_s = (scheduler.tick * config.tick_ns if scheduler else 0) / NS_PER_S
-    wall_s = timing_s.get("flight", 0.0)
+def summarise(run: BenchRun, verdict: Verdict, status: str) -> dict[str, Any]:
+    """The content of run.json. Of a run that failed on its way some parts were never built."""
+    config, m, failure = run.config, verdict.measurements, run.failure
+    scheduler, link, router, live = run.scheduler, run.link, run.commanders.router, run.live
+    ticks = scheduler.tick if scheduler else 0
+    sim_s = ticks * config.tick_ns / NS_PER_S
+    wall_s = run.timing_s.get("flight", 0.0)
     stats = link.stats if link else None
     rtt = stats.rtt if stats else None
-    ticks = scheduler.tick if scheduler else 0
-    skipped: list[dict[str, Any]] = [
-        {"what": s.stage, "why": s.reason, "saved": f"{_samples_due(config, s.stage, ticks)} samples"} for s in left_out
-    ]
-    if physics is not None:
-        skips = physics.skips
-        skipped.append(
-            {
-                "what": "contact",
-                "why": "nothing within reach",
-                "saved": f"{skips.skipped} of {skips.skipped + skips.queried + skips.touching} collision queries",
-                "ticks_skipped": skips.skipped,
-                "ticks_queried": skips.queried,
-                "ticks_touching": skips.touching,
-            }
-        )
-        posed, poses = physics.actor_poses
-        if poses:
-            saved = f"{poses - posed} of {poses} poses for contact"
-            skipped.append({"what": "actors", "why": "out of the vehicle's reach", "saved": saved})
-    brought, unposed = posings
-    if brought or unposed:
-        skipped.append(
-            {
-                "what": "posing of people and vehicles",
-                "why": "out of every sensor's sight",
-                "saved": f"{unposed} of {brought + unposed} posings",
-            }
-        )
-    skipped += radar_rows(radars or {})
-    sampled = {slot.port: slot for slot in slots}
+    slots = {slot.port: slot for slot in run.sensors.slots} if run.sensors is not None else {}
+    radars = run.sensors.radars if run.sensors is not None else {}
+    wire = run.injector.wire if run.injector is not None else None
+    hits = wire.hits() if wire is not None else {}
+    outside_input = (
+        run.commanders.from_outside
+        or (live is not None and live.altered)
+        or run.drawn_elsewhere
+        or config.companion.times_count
+    )
     return {
         "schema": 1,
         "status": status,
         "error": None
-        if error is None
-        else {"type": error[0], "message": error[1], **({"cause": cause} if cause else {})},
-        "digest": digest,
+        if failure.error is None
+        else dict(zip(("type", "message"), failure.error, strict=True))
+        | ({"cause": failure.cause} if failure.cause else {}),
+        "digest": run.recorder.digest if run.recorder else "0" * 32,
         "deterministic": bool(link is not None and link.caps.deterministic and not outside_input),
         "seed": config.seed,
         "rig": config.rig,
-        "scene": bench.scene.name,
-        "randomize": bench.drawn(),
+        "scene": run.bench.scene.name,
+        "randomize": run.bench.drawn(),
         "sim_s": sim_s,
         "wall_s": wall_s,
         "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
-        "mission": {
-            "completed": m.completed,
-            "waypoints": m.waypoints,
-            "reached": m.reached,
-            "max_cross_track_m": m.max_cross_track_m,
-            "final_error_m": m.final_error_m,
-            "altitude_error_m": m.altitude_error_m,
-            "landing_speed_mps": m.landing_speed_mps,
-            "landed_tilt_deg": m.landed_tilt_deg,
-            "landed": m.landed,
-            "file": config.mission,
-        },
+        "mission": {name: getattr(m, name) for name in _OF_THE_MISSION} | {"file": config.mission},
         "autopilot": {
             "kind": config.autopilot.kind,
             "steps": stats.steps if stats else 0,
@@ -137,43 +90,29 @@ def summarise(
                 "p99": rtt.quantile_ns(0.99) / 1000 if rtt else None,
                 "max": rtt.max_ns / 1000 if rtt else None,
             },
-            "link": {
-                "tx_bytes": stats.tx_bytes,
-                "rx_bytes": stats.rx_bytes,
-                "bad_crc": stats.bad_crc,
-                "garbage_bytes": stats.garbage_bytes,
-                "lost_frames": stats.lost_frames,
-                "bad_controls": stats.bad_controls,
-            }
-            if stats
-            else {},
+            "link": {name: getattr(stats, name) for name in _OF_THE_LINK} if stats else {},
             **({"realtime": _realtime(link)} if isinstance(link, FREE_RUNNING) else {}),
         },
         "faults": {
             "links": [
-                {"kind": fault.kind, "hits": (fault_hits or {}).get(index, 0)}
-                for index, fault in enumerate(link_faults)
+                {"kind": fault.kind, "hits": hits.get(index, 0)}
+                for index, fault in enumerate(wire.faults if wire is not None else config.faults.links)
             ],
         },
         "sensors": {
             name: {
-                "samples": sampled[name].samples if name in sampled else 0,
-                "skipped": 0 if name in sampled else _samples_due(config, name, ticks),
+                "samples": slots[name].samples if name in slots else 0,
+                "skipped": 0 if name in slots else _samples_due(config, name, ticks),
                 "ms": {
-                    "p50": sampled[name].timing.quantile_ns(0.5) * 1e-6 if name in sampled else 0.0,
-                    "p99": sampled[name].timing.quantile_ns(0.99) * 1e-6 if name in sampled else 0.0,
+                    "p50": slots[name].timing.quantile_ns(0.5) * 1e-6 if name in slots else 0.0,
+                    "p99": slots[name].timing.quantile_ns(0.99) * 1e-6 if name in slots else 0.0,
                 },
-                **({"radar": radar_counts(radars[name])} if radars and name in radars else {}),
+                **({"radar": radar_counts(radars[name])} if name in radars else {}),
             }
             for name in config.sensors
         },
-        "skipped": skipped,
-        "verdict": {
-            "reasons": list(verdict.reasons),
-            "rows": [
-                {"name": r.name, "value": r.value, "limit": r.limit, "unit": r.unit, "ok": r.ok} for r in verdict.rows
-            ],
-        },
+        "skipped": _skipped_rows(run, ticks) + radar_rows(radars),
+        "verdict": {"reasons": list(verdict.reasons), "rows": [asdict(row) for row in verdict.rows]},
         "actions": [
             {
                 "name": record.name,
@@ -181,17 +120,50 @@ def summarise(
                 "outcome": record.outcome,
                 "required": record.required,
             }
-            for record in actions
+            for record in run.commanders.records
         ],
         "timing": {
-            "setup_s": timing_s.get("setup", 0.0),
-            "total_s": timing_s.get("total", 0.0),
+            "setup_s": run.timing_s.get("setup", 0.0),
+            "total_s": run.timing_s.get("total", 0.0),
             "paced_ticks_late": scheduler.late if scheduler else 0,
             "own_us": _quantiles(scheduler.own_ns) if scheduler else None,
             "step_us": _quantiles(scheduler.step_ns) if scheduler else None,
             "phase_us": {name: _quantiles(scheduler.phase_ns[name]) for name in PHASES} if scheduler else None,
         },
+        **({} if router is None else {"router": router.report()}),
+        **({} if run.companion is None else {"companion": run.companion.report()}),
+        **({} if live is None or not live.commands else {"by_hand": live.commands}),
+        **run.judging.run_keys(),
     }
+
+
+def _skipped_rows(run: BenchRun, ticks: int) -> list[dict[str, Any]]:
+    """What was left out because nobody needed it, and what that saved."""
+    rows: list[dict[str, Any]] = [
+        {"what": s.stage, "why": s.reason, "saved": f"{_samples_due(run.config, s.stage, ticks)} samples"}
+        for s in run.skipped
+    ]
+    if run.physics is not None:
+        skips = run.physics.skips
+        rows.append(
+            {
+                "what": "contact",
+                "why": "nothing within reach",
+                "saved": f"{skips.skipped} of {skips.skipped + skips.queried + skips.touching} collision queries",
+                "ticks_skipped": skips.skipped,
+                "ticks_queried": skips.queried,
+                "ticks_touching": skips.touching,
+            }
+        )
+        posed, poses = run.physics.actor_poses
+        if poses:
+            saved = f"{poses - posed} of {poses} poses for contact"
+            rows.append({"what": "actors", "why": "out of the vehicle's reach", "saved": saved})
+    posed, unposed = (run.frames.posed, run.frames.unposed) if run.frames is not None else (0, 0)
+    if posed or unposed:
+        saved = f"{unposed} of {posed + unposed} posings"
+        rows.append({"what": "posing of people and vehicles", "why": "out of every sensor's sight", "saved": saved})
+    return rows
 
 
 def _realtime(link: FreeRunningLink | ExternalAhrsLink) -> dict[str, Any]:

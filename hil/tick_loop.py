@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -13,57 +12,33 @@ from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.links.processor import RealtimeProducer, SharedProcessor
 from hil.config import BenchConfig
 from hil.progress import Progress
-from hil.scheduler import Scheduler
 from hil.signals.time import NS_PER_S
 from hil.summary import FREE_RUNNING
+
+if TYPE_CHECKING:
+    from hil.bench import BenchRun
 
 # So long after the motors stopped [ns of simulated time] a flight that nobody scripted is over.
 _AFTER_DISARM_NS = 3 * NS_PER_S
 
 
-class FlightOver:
-    """Says when a flight that somebody else commands has ended: armed once, and disarmed for a while."""
+def fly_ticks(run: BenchRun) -> None:
+    """Step until the run has had enough, or the time of the bench is up.
 
-    def __init__(self, tick_ns: int) -> None:
-        self._after_ticks = _AFTER_DISARM_NS // tick_ns
-        self._flown = False
-        self._disarmed_tick = 0
-
-    def after(self, tick: int, armed: bool) -> bool:
-        if armed:
-            self._flown = True
-            self._disarmed_tick = tick
-            return False
-        return self._flown and tick - self._disarmed_tick >= self._after_ticks
-
-
-def fly_ticks(
-    scheduler: Scheduler,
-    config: BenchConfig,
-    link: AutopilotLink | None,
-    *,
-    over: Callable[[], bool],
-    until_disarmed: bool,
-    status: Callable[[], tuple[str, int, int]],
-    before_tick: Callable[[], None] | None,
-    start_again: Callable[[], None],
-    warn: Callable[[str], None],
-    quiet: bool,
-) -> None:
-    """Step until `over` says so, or the time of the bench is up.
-
-    `until_disarmed`: nobody scripts the flight, so it ends a while after the vehicle was disarmed, too; not where the
-    autopilot may reboot, for whoever reboots it decides. `start_again` serves an autopilot that has rebooted.
+    Where nobody scripts the flight it ends a while after the vehicle was disarmed, too; not where the autopilot may
+    reboot, for whoever reboots it decides.
     """
+    scheduler, config, live = run.scheduler, run.config, run.live
+    assert scheduler is not None
     end_tick = round(config.duration_s * config.tick_hz)
-    flight_over = FlightOver(config.tick_ns)
-    until_disarmed = until_disarmed and config.autopilot.on_restart != "reset"
+    until_disarmed = run.commanders.station is None and config.autopilot.on_restart != "reset"
+    after_ticks, armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
     progress = Progress(
         tick_ns=config.tick_ns,
         sim_limit_ns=end_tick * config.tick_ns,
-        status=status,
+        status=run.commanders.status,
         title=f"{config.rig}: {config.mission or 'no mission'}",
-        quiet=quiet,
+        quiet=run.quiet,
     )
     # Garbage is collected before and after, not during: a pause of the collector is jitter on the link, and
     # a tick makes no reference cycles.
@@ -71,23 +46,27 @@ def fly_ticks(
     gc.freeze()
     gc.disable()
     try:
-        with progress, _processor(link, config) as processor:
+        with progress, _processor(run.link, config) as processor:
             shared_ticks = config.tick_hz if isinstance(processor, SharedProcessor) else 0
             while scheduler.tick < end_tick:
-                if before_tick is not None:
-                    before_tick()
+                if live is not None:
+                    live.before_tick()
                 try:
                     scheduler.step()
                 except RestartRequested:
-                    start_again()
+                    run.start_again()
                     continue
                 progress.tick(scheduler.tick)
                 if shared_ticks and scheduler.tick % shared_ticks == 0:
                     given_up = processor.watch(shared_ticks * scheduler.tick_ns)
                     if given_up is not None:
                         shared_ticks = 0
-                        warn(given_up)
-                if over() or (until_disarmed and flight_over.after(scheduler.tick, scheduler.actuators.armed)):
+                        run.event("warning", given_up)
+                if run.enough():
+                    break
+                if scheduler.actuators.armed:
+                    armed_tick = scheduler.tick
+                elif until_disarmed and armed_tick is not None and scheduler.tick >= armed_tick + after_ticks:
                     break
     finally:
         gc.enable()

@@ -1,7 +1,7 @@
 """What travels between stages: immutable samples with capture time, arrival time and sequence number.
 
-World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up), SI units. `SAMPLE_FIELDS` states
-unit and frame of every field; `tests/unit/test_samples.py` checks that none is missing.
+World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up), SI units. Every field is annotated with
+its unit and, where it has one, its frame ("B->W": rotates B into W); `SAMPLE_FIELDS` holds them as a table.
 
 Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias. Frames
 (`ImageSample`, `PointCloudSample`, `RadarSample`) carry numpy arrays instead: each sample owns its arrays, shares them
@@ -11,88 +11,90 @@ with no other and gives them out read-only. Two frames are equal if all their by
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
+Count = Annotated[int, "1"]
+Ns = Annotated[int, "ns"]
 
 
 class TruthState(NamedTuple):
     """State of the vehicle at one tick, without error. Only the recorder and reports may look at it."""
 
-    tick: int
-    t_ns: int
-    p_WB: Vec3  # position of the body origin in W [m]
-    q_WB: Quat  # attitude, w-x-y-z, rotates B into W, unit norm, w >= 0 not enforced
-    v_WB_W: Vec3  # velocity in W [m/s]
-    w_WB_B: Vec3  # angular velocity in B [rad/s]
-    a_WB_W: Vec3  # acceleration of the body origin in W [m/s2], averaged over the step just taken
-    alpha_WB_B: Vec3  # angular acceleration in B [rad/s2], averaged over the step just taken
-    rotor_speed_radps: tuple[float, ...]  # one per rotor, >= 0
-    in_contact: bool  # something touched during the step just taken
+    tick: Count
+    t_ns: Ns
+    p_WB: Annotated[Vec3, "m", "W"]  # position of the body origin in W
+    q_WB: Annotated[Quat, "1", "B->W"]  # attitude, w-x-y-z, rotates B into W, unit norm, w >= 0 not enforced
+    v_WB_W: Annotated[Vec3, "m/s", "W"]  # velocity in W
+    w_WB_B: Annotated[Vec3, "rad/s", "B"]  # angular velocity in B
+    a_WB_W: Annotated[Vec3, "m/s2", "W"]  # acceleration of the body origin in W, averaged over the step just taken
+    alpha_WB_B: Annotated[Vec3, "rad/s2", "B"]  # angular acceleration in B, averaged over the step just taken
+    rotor_speed_radps: Annotated[tuple[float, ...], "rad/s", "rotor"]  # one per rotor, >= 0
+    in_contact: Annotated[bool, "bool"]  # something touched during the step just taken
 
 
 class ImuSample(NamedTuple):
     """Inertial measurement in B (FLU). Accel is specific force: (0, 0, +9.81) at rest, level."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    accel_mps2: Vec3
-    gyro_radps: Vec3
-    temperature_degc: float
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    accel_mps2: Annotated[Vec3, "m/s2", "B"]
+    gyro_radps: Annotated[Vec3, "rad/s", "B"]
+    temperature_degc: Annotated[float, "degC"]
 
 
 class MagSample(NamedTuple):
     """Magnetic field in B (FLU)."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    field_tesla: Vec3
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    field_tesla: Annotated[Vec3, "T", "B"]
 
 
 class BaroSample(NamedTuple):
     """Static pressure; the altitude is that of the standard atmosphere at this pressure."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    pressure_pa: float
-    pressure_altitude_m: float
-    temperature_degc: float
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    pressure_pa: Annotated[float, "Pa"]
+    pressure_altitude_m: Annotated[float, "m", "MSL"]
+    temperature_degc: Annotated[float, "degC"]
 
 
 class GpsSample(NamedTuple):
     """GNSS fix: geodetic position on WGS-84, velocity in W (ENU)."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float  # above mean sea level
-    v_W: Vec3  # [m/s]
-    horizontal_accuracy_m: float  # 1 sigma
-    vertical_accuracy_m: float  # 1 sigma
-    fix_type: int  # MAVLink GPS_FIX_TYPE: 3 = 3-D fix
-    satellites: int
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    latitude_deg: Annotated[float, "deg", "WGS-84"]
+    longitude_deg: Annotated[float, "deg", "WGS-84"]
+    altitude_m: Annotated[float, "m", "MSL"]  # above mean sea level
+    v_W: Annotated[Vec3, "m/s", "W"]
+    horizontal_accuracy_m: Annotated[float, "m", "W"]  # 1 sigma
+    vertical_accuracy_m: Annotated[float, "m", "W"]  # 1 sigma
+    fix_type: Count  # MAVLink GPS_FIX_TYPE: 3 = 3-D fix
+    satellites: Count
 
 
 class RangeSample(NamedTuple):
     """Distance along the sensor's axis, which points down (-z of B)."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    distance_m: float  # where `quality` is 0: what the device sends when it has no distance
-    min_distance_m: float
-    max_distance_m: float
-    sigma_m: float  # 1 sigma of the distance
-    quality: int  # 0: no valid distance, 100: best
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    distance_m: Annotated[float, "m", "B"]  # where `quality` is 0: what the device sends when it has no distance
+    min_distance_m: Annotated[float, "m", "B"]
+    max_distance_m: Annotated[float, "m", "B"]
+    sigma_m: Annotated[float, "m", "B"]  # 1 sigma of the distance
+    quality: Count  # 0: no valid distance, 100: best
 
 
 class FlowSample(NamedTuple):
@@ -102,15 +104,15 @@ class FlowSample(NamedTuple):
     (w_x + v_y / d, w_y - v_x / d). Subtracting the integrated gyro leaves the translation.
     """
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    integration_ns: int
-    flow_rad: tuple[float, float]
-    gyro_rad: Vec3  # its own gyro, integrated over the same time
-    quality: int  # 0: no flow, 255: best
-    distance_m: float  # below 0: not known
-    temperature_degc: float
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    integration_ns: Ns
+    flow_rad: Annotated[tuple[float, float], "rad", "B"]
+    gyro_rad: Annotated[Vec3, "rad", "B"]  # its own gyro, integrated over the same time
+    quality: Count  # 0: no flow, 255: best
+    distance_m: Annotated[float, "m", "B"]  # below 0: not known
+    temperature_degc: Annotated[float, "degC"]
 
 
 class ImageSample(NamedTuple):
@@ -119,40 +121,30 @@ class ImageSample(NamedTuple):
     Camera frame C is the optical one: x right, y down, z along the view. What each channel holds: `CHANNEL_UNITS`.
     """
 
-    seq: int
-    t_capture_ns: int  # middle of the exposure, of the middle row
-    t_available_ns: int
-    p_WC: Vec3  # at t_capture
-    q_WC: Quat  # rotates C into W
-    channels: Mapping[str, NDArray[Any]]  # read-only
-
-    def __eq__(self, other: object) -> bool:
-        return same_frame(self, other)
-
-    def __ne__(self, other: object) -> bool:
-        return not same_frame(self, other)
+    seq: Count
+    t_capture_ns: Ns  # middle of the exposure, of the middle row
+    t_available_ns: Ns
+    p_WC: Annotated[Vec3, "m", "W"]  # at t_capture
+    q_WC: Annotated[Quat, "1", "C->W"]  # rotates C into W
+    channels: Annotated[Mapping[str, NDArray[Any]], "CHANNEL_UNITS", "C"]  # read-only
 
 
 class PointCloudSample(NamedTuple):
     """One sweep of a LiDAR: the returns in the order in which they came. Frame L is the LiDAR's at t_capture."""
 
-    seq: int
-    t_capture_ns: int
-    t_available_ns: int
-    p_WL: Vec3  # at t_capture
-    q_WL: Quat  # rotates L into W
-    points_L: NDArray[np.float32]  # (n, 3) [m]: range times the direction of its beam in L, each at its own time
-    range_m: NDArray[np.float32]  # (n,)
-    intensity: NDArray[np.float32]  # (n,) 0 to 1
-    ring: NDArray[Any]  # (n,) uint8 or uint16: which laser
-    time_offset_ns: NDArray[np.int32]  # (n,) of the firing, from t_capture
-    segmentation: NDArray[np.uint8]  # (n,) class of what was hit
-
-    def __eq__(self, other: object) -> bool:
-        return same_frame(self, other)
-
-    def __ne__(self, other: object) -> bool:
-        return not same_frame(self, other)
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    p_WL: Annotated[Vec3, "m", "W"]  # at t_capture
+    q_WL: Annotated[Quat, "1", "L->W"]  # rotates L into W
+    points_L: Annotated[
+        NDArray[np.float32], "m", "L"
+    ]  # (n, 3): range times the direction of its beam in L, each at its own time
+    range_m: Annotated[NDArray[np.float32], "m", "along the ray"]  # (n,)
+    intensity: Annotated[NDArray[np.float32], "1"]  # (n,) 0 to 1
+    ring: Annotated[NDArray[Any], "1"]  # (n,) uint8 or uint16: which laser
+    time_offset_ns: Annotated[NDArray[np.int32], "ns"]  # (n,) of the firing, from t_capture
+    segmentation: Annotated[NDArray[np.uint8], "class id"]  # (n,) class of what was hit
 
 
 class RadarSample(NamedTuple):
@@ -162,28 +154,24 @@ class RadarSample(NamedTuple):
     `RADAR_UNITS`.
     """
 
-    seq: int
-    t_capture_ns: int  # middle of the frame
-    t_available_ns: int
-    p_WR: Vec3  # at t_capture
-    q_WR: Quat  # rotates R into W
-    channels: Mapping[str, NDArray[Any]]  # read-only
-
-    def __eq__(self, other: object) -> bool:
-        return same_frame(self, other)
-
-    def __ne__(self, other: object) -> bool:
-        return not same_frame(self, other)
+    seq: Count
+    t_capture_ns: Ns  # middle of the frame
+    t_available_ns: Ns
+    p_WR: Annotated[Vec3, "m", "W"]  # at t_capture
+    q_WR: Annotated[Quat, "1", "R->W"]  # rotates R into W
+    channels: Annotated[Mapping[str, NDArray[Any]], "RADAR_UNITS", "R"]  # read-only
 
 
 class ActuatorFrame(NamedTuple):
     """Commands of the flight controller, latched for one tick."""
 
-    tick: int
-    t_ns: int
-    controls: tuple[float, ...]  # normalised 0..1 for motors, 16 of them, in the autopilot's order
-    armed: bool
-    mode: int  # MAVLink MAV_MODE bits as received
+    tick: Count
+    t_ns: Ns
+    controls: Annotated[
+        tuple[float, ...], "1", "rotor"
+    ]  # normalised 0..1 for motors, 16 of them, in the autopilot's order
+    armed: Annotated[bool, "bool"]
+    mode: Annotated[int, "bits"]  # MAVLink MAV_MODE bits as received
 
 
 FrameSample = ImageSample | PointCloudSample | RadarSample
@@ -215,6 +203,10 @@ def same_frame(a: object, b: object) -> bool:
     )
 
 
+for _frame_type in FRAME_SAMPLES:  # a tuple's own comparison would fail at the arrays
+    _frame_type.__eq__ = same_frame  # type: ignore[method-assign]
+    _frame_type.__ne__ = lambda a, b: not same_frame(a, b)  # type: ignore[method-assign]
+
 # Channels of an ImageSample: unit and frame of what a pixel holds.
 CHANNEL_UNITS: dict[str, tuple[str, str]] = {
     "rgb": ("sRGB, 0 to 255", "-"),
@@ -236,71 +228,17 @@ RADAR_UNITS: dict[str, tuple[str, str]] = {
     "tracks": ("m, m/s", "R"),  # one record a track
 }
 
-# field -> (unit, frame). Frame "-" where none applies.
-_STAMP = {"seq": ("1", "-"), "t_capture_ns": ("ns", "-"), "t_available_ns": ("ns", "-")}
+
+def _units_and_frames(sample_type: Any) -> dict[str, tuple[str, str]]:
+    """field -> (unit, frame), from the annotations."""
+    found = {}
+    for name, hint in get_type_hints(sample_type, include_extras=True).items():
+        unit, *frame = hint.__metadata__
+        found[name] = (unit, frame[0] if frame else "-")
+    return found
+
+
+# Of every type that may flow between stages: field -> (unit, frame), frame "-" where none applies.
 SAMPLE_FIELDS: dict[type, dict[str, tuple[str, str]]] = {
-    TruthState: {
-        "tick": ("1", "-"),
-        "t_ns": ("ns", "-"),
-        "p_WB": ("m", "W"),
-        "q_WB": ("1", "B->W"),
-        "v_WB_W": ("m/s", "W"),
-        "w_WB_B": ("rad/s", "B"),
-        "a_WB_W": ("m/s2", "W"),
-        "alpha_WB_B": ("rad/s2", "B"),
-        "rotor_speed_radps": ("rad/s", "rotor"),
-        "in_contact": ("bool", "-"),
-    },
-    ImuSample: _STAMP | {"accel_mps2": ("m/s2", "B"), "gyro_radps": ("rad/s", "B"), "temperature_degc": ("degC", "-")},
-    MagSample: _STAMP | {"field_tesla": ("T", "B")},
-    BaroSample: _STAMP
-    | {"pressure_pa": ("Pa", "-"), "pressure_altitude_m": ("m", "MSL"), "temperature_degc": ("degC", "-")},
-    GpsSample: _STAMP
-    | {
-        "latitude_deg": ("deg", "WGS-84"),
-        "longitude_deg": ("deg", "WGS-84"),
-        "altitude_m": ("m", "MSL"),
-        "v_W": ("m/s", "W"),
-        "horizontal_accuracy_m": ("m", "W"),
-        "vertical_accuracy_m": ("m", "W"),
-        "fix_type": ("1", "-"),
-        "satellites": ("1", "-"),
-    },
-    RangeSample: _STAMP
-    | {
-        "distance_m": ("m", "B"),
-        "min_distance_m": ("m", "B"),
-        "max_distance_m": ("m", "B"),
-        "sigma_m": ("m", "B"),
-        "quality": ("1", "-"),
-    },
-    FlowSample: _STAMP
-    | {
-        "integration_ns": ("ns", "-"),
-        "flow_rad": ("rad", "B"),
-        "gyro_rad": ("rad", "B"),
-        "quality": ("1", "-"),
-        "distance_m": ("m", "B"),
-        "temperature_degc": ("degC", "-"),
-    },
-    ImageSample: _STAMP | {"p_WC": ("m", "W"), "q_WC": ("1", "C->W"), "channels": ("CHANNEL_UNITS", "C")},
-    PointCloudSample: _STAMP
-    | {
-        "p_WL": ("m", "W"),
-        "q_WL": ("1", "L->W"),
-        "points_L": ("m", "L"),
-        "range_m": ("m", "along the ray"),
-        "intensity": ("1", "-"),
-        "ring": ("1", "-"),
-        "time_offset_ns": ("ns", "-"),
-        "segmentation": ("class id", "-"),
-    },
-    RadarSample: _STAMP | {"p_WR": ("m", "W"), "q_WR": ("1", "R->W"), "channels": ("RADAR_UNITS", "R")},
-    ActuatorFrame: {
-        "tick": ("1", "-"),
-        "t_ns": ("ns", "-"),
-        "controls": ("1", "rotor"),
-        "armed": ("bool", "-"),
-        "mode": ("bits", "-"),
-    },
+    sample_type: _units_and_frames(sample_type) for sample_type in (TruthState, *get_args(Sample), ActuatorFrame)
 }

@@ -23,7 +23,7 @@ from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, load_bench
 from hil.missions.path import planned_path
-from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
+from hil.scheduler import Scheduler, SensorSlot
 from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
 from hil.signals.time import NS_PER_S, RateAccumulator
 from hil.verdict import FlightMeasurement, judge
@@ -109,7 +109,7 @@ class Flight:
                 physics=self.physics,
                 sensors=self.slots,
                 link=self.link,
-                ports=AutopilotPorts(imu="imu", gps="gps", baro="baro", mag="mag"),
+                ports={"imu": "imu", "gps": "gps", "barometer": "baro", "magnetometer": "mag"},
                 commands=[self.station],
                 recorder=self.recorder,  # type: ignore[arg-type]
                 observers=[self.measurement.add],

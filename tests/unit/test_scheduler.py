@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from firmware_bridge.links.autopilot_link import LinkCaps
-from hil.scheduler import AutopilotPorts, Scheduler, SensorSlot
+from hil.scheduler import Scheduler, SensorSlot
 from hil.signals.errors import LockstepLost, ModelRangeError
 from hil.signals.samples import ActuatorFrame, BaroSample, ImuSample, TruthState
 from hil.signals.time import RateAccumulator
@@ -102,7 +102,7 @@ def make(script: Script, *, baro: bool = False) -> Scheduler:
         physics=script,
         sensors=sensors,
         link=script,  # type: ignore[arg-type]
-        ports=AutopilotPorts(imu="imu", gps=None, baro="baro", mag=None),
+        ports={"imu": "imu", "barometer": "baro"},
         commands=[script],
         recorder=ScriptRecorder(script),  # type: ignore[arg-type]
     )
@@ -189,7 +189,7 @@ def test_a_paced_run_never_runs_ahead_of_the_wall_clock() -> None:
         physics=script,
         sensors=[],
         link=script,  # type: ignore[arg-type]
-        ports=AutopilotPorts(imu="imu", gps=None, baro=None, mag=None),
+        ports={"imu": "imu"},
         commands=[],
         recorder=ScriptRecorder(script),  # type: ignore[arg-type]
         pace=2.0,

@@ -15,7 +15,7 @@ from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.bench import run_bench
 from hil.config import load_bench
-from hil.scheduler import PHASES, AutopilotPorts, Scheduler, SensorSlot
+from hil.scheduler import PHASES, Scheduler, SensorSlot
 from hil.signals.errors import LockstepLost
 from hil.signals.samples import ActuatorFrame, ImageSample, ImuSample, TruthState
 from hil.signals.time import RateAccumulator
@@ -103,7 +103,7 @@ def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
         physics=script,
         sensors=[*more, SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
         link=script,  # type: ignore[arg-type]
-        ports=AutopilotPorts(imu="imu", gps=None, baro=None, mag=None),
+        ports={"imu": "imu"},
         commands=[script],
         recorder=script.recorder,
         **settings,
