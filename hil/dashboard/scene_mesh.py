@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import struct
-from itertools import pairwise
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from hil.signals.rotation import yaw_of
 from sim.frame.meshes import height_field_triangles, mesh_triangles
@@ -107,48 +107,34 @@ def _corners(model: Any, geom: int) -> NDArray[Any] | None:
         x, y = (float(half) if half > 0 else _GROUND_M for half in size[:2])
         return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, -y, 0), (x, y, 0), (-x, y, 0)], np.float64)
     if kind == _GEOM.mjGEOM_BOX:
-        return _BOX * size
+        return _hull(np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0) * size
     if kind == _GEOM.mjGEOM_CYLINDER:
-        return _turned([(0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (0.0, -1.0)]) * (size[0], size[0], size[1])
+        return _hull(_rings([(1.0, 1.0), (1.0, -1.0)])) * (size[0], size[0], size[1])
     if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
         radii = np.full(3, size[0]) if kind == _GEOM.mjGEOM_SPHERE else size
-        return _turned([(math.sin(a), math.cos(a)) for a in np.linspace(0.0, math.pi, 7)]) * radii
+        return _hull(_rings([(math.sin(a), math.cos(a)) for a in np.linspace(0.0, math.pi, 7)])) * radii
     if kind == _GEOM.mjGEOM_CAPSULE:
         r, half = float(size[0]), float(size[1])
         angles = np.linspace(0.0, math.pi, 8)
         outline = [(r * math.sin(a), r * math.cos(a) + (half if a < math.pi / 2 else -half)) for a in angles]
-        return _turned(outline)
+        return _hull(_rings(outline))
     return None
 
 
-def _turned(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
-    """An outline of (radius, height), from the top down, turned about z."""
-    angles = np.linspace(0.0, 2.0 * math.pi, _ROUND + 1)
-    cos, sin = np.cos(angles), np.sin(angles)
-    found = []
-    for (r0, z0), (r1, z1) in pairwise(outline):
-        for k in range(_ROUND):
-            a, b = (r0 * cos[k], r0 * sin[k], z0), (r0 * cos[k + 1], r0 * sin[k + 1], z0)
-            c, d = (r1 * cos[k], r1 * sin[k], z1), (r1 * cos[k + 1], r1 * sin[k + 1], z1)
-            found += ([a, c, d] if r1 > 0 else []) + ([a, d, b] if r0 > 0 else [])
-    return np.array(found, np.float64)
+def _rings(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
+    """Points on circles of (radius, height) about z."""
+    angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
+    return np.array([(r * math.cos(angle), r * math.sin(angle), z) for r, z in outline for angle in angles])
 
 
-def _box() -> NDArray[np.float64]:
-    found = []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            centre = np.zeros(3)
-            centre[axis] = side
-            first, second = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
-            if side < 0:
-                first, second = second, first
-            p = [centre + s * first + t * second for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-            found += [p[0], p[1], p[2], p[0], p[2], p[3]]
-    return np.array(found)
-
-
-_BOX = _box()
+def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The convex hull of points, three rows a triangle, counter-clockwise from outside."""
+    hull = ConvexHull(points)
+    corners: NDArray[np.float64] = points[hull.simplices]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("ij,ij->i", normal, hull.equations[:, :3]) < 0.0
+    corners[inward] = corners[inward][:, ::-1]
+    return corners.reshape(-1, 3)
 
 
 def _colour(model: Any, geom: int) -> NDArray[np.uint8]:
