@@ -145,7 +145,7 @@ def _draw(
             files.append(path)
         cloud = _sweep(scene, frames, points[0])
 
-        def radar_panel(panel: frame_pictures.Panel) -> None:
+        def radar_panel(panel: Any) -> None:
             name = f"radar at {points[0].name}, range-Doppler"
             radar_pictures.draw_map(panel, heard[0].channels["range_doppler"], radar.chirp, name, plain_axes=True)
 

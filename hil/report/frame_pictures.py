@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -45,18 +45,10 @@ _SLOWEST_MPS = 0.5  # end of the colour bar of speed at least
 _MOST_NAMES = 14  # in a legend
 _LARGEST_CLOUD_M = 120.0
 _INK = "#20262e"
-_WIDTH_IN, _HEAD_IN, _MARGIN_IN = 13.5, 0.42, 0.08  # of a figure; dots per inch: hil.report.figures
-_FOOT_IN = 0.25  # the numbers under an axis of the last row
+_WIDTH_IN, _HEAD_IN, _SPACE_IN = 13.5, 0.5, 0.45  # of a figure; of its title; under a picture
 _PICTURE_PART = 0.76  # of a panel's width; beside it the legend
-_FLATTEST, _TALLEST = 0.1, 2.5  # pictures beyond this are stretched to it
+_FLATTEST, _TALLEST = 0.1, 2.5  # pictures beyond this have no more room
 _WIDEST_IN = 6.2  # picture, where there is only one
-
-
-class Panel(NamedTuple):
-    """Room for a picture, and beside it for what explains it."""
-
-    axes: Axes
-    aside: Axes
 
 
 def coloured(channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> Rgb:
@@ -101,10 +93,10 @@ def _class_colours(classes: Classes, count: int) -> Rgb:
     return colours
 
 
-def draw_channel(panel: Panel, channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> None:
+def draw_channel(panel: Axes, channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> None:
     """One channel, with its colour bar or legend beside it."""
-    _show(panel.axes, coloured(channel, picture, classes))
-    panel.axes.set_title(TITLES[channel], fontsize=9.5, loc="left")
+    _show(panel, coloured(channel, picture, classes))
+    panel.set_title(TITLES[channel], fontsize=9.5, loc="left")
     unit = CHANNEL_UNITS[channel][0]
     if channel in _DISTANCES:
         colour_bar(panel, _far(picture), _DISTANCE_MAP, f"[{unit}]", "max")
@@ -138,7 +130,7 @@ def sheet_figure(
     cloud: PointCloudSample | None,
     classes: Classes = _NO_CLASSES,
     *,
-    more: Sequence[Callable[[Panel], None]] = (),
+    more: Sequence[Callable[[Axes], None]] = (),
 ) -> Figure:
     """Every channel of the first view; colour of the others, a sweep of a LiDAR and what `more` draws below."""
     first, title, channels = views[0]
@@ -151,13 +143,13 @@ def sheet_figure(
         draw_channel(next(rest), name, channels[name], classes)
     for point, _, pictures in views[1:]:
         panel = next(rest)
-        _show(panel.axes, pictures["rgb"])
-        panel.axes.set_title(f"colour from {point.name}", fontsize=9.5, loc="left")
+        _show(panel, pictures["rgb"])
+        panel.set_title(f"colour from {point.name}", fontsize=9.5, loc="left")
     for sweep in clouds:
         panel = next(rest)
         draw_cloud(panel, sweep)
-        panel.axes.set(xlabel="", ylabel="")
-        panel.axes.set_title(
+        panel.set(xlabel="", ylabel="")
+        panel.set_title(
             f"LiDAR at {first.name}, from above [m], {len(sweep.range_m)} returns", fontsize=9.5, loc="left"
         )
     for draw in more:
@@ -167,17 +159,17 @@ def sheet_figure(
 
 def cloud_figure(title: str, sample: PointCloudSample, classes: Classes = _NO_CLASSES) -> Figure:
     """One sweep from above, by height and by class."""
-    figure, panels = make_panels(title, 2, 1.0, columns=2, space_in=0.6)
+    figure, panels = make_panels(title, 2, 1.0, columns=2)
     draw_cloud(panels[0], sample)
     draw_cloud(panels[1], sample, classes, by_class=True)
     return figure
 
 
 def draw_cloud(
-    panel: Panel, sample: PointCloudSample, classes: Classes = _NO_CLASSES, *, by_class: bool = False
+    panel: Axes, sample: PointCloudSample, classes: Classes = _NO_CLASSES, *, by_class: bool = False
 ) -> None:
     """A sweep from above, forward up."""
-    axes, points = panel.axes, sample.points_L
+    axes, points = panel, sample.points_L
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     if by_class:
         ids = sample.segmentation
@@ -221,59 +213,46 @@ def _fast(picture: NDArray[Any]) -> Normalize:
     return Normalize(-most, most)
 
 
-def make_panels(
-    title: str, count: int, ratio: float, *, columns: int = 3, space_in: float = 0.34, left_in: float = _MARGIN_IN
-) -> tuple[Figure, list[Panel]]:
-    """A figure of `count` panels for pictures of this height to width; `left_in`: for the numbers beside an axis."""
+def make_panels(title: str, count: int, ratio: float, *, columns: int = 3) -> tuple[Figure, list[Axes]]:
+    """A figure of `count` panels for pictures of this height to width, with room beside each for what explains it."""
     columns = min(columns, count)
-    ratio = min(max(ratio, _FLATTEST), _TALLEST)
     rows = math.ceil(count / columns)
-    cell_in = _WIDTH_IN / columns
-    picture_in = min(cell_in * _PICTURE_PART, _WIDEST_IN)
-    row_in = picture_in * ratio + space_in
-    height_in = rows * row_in + _HEAD_IN + _FOOT_IN
-    figure = Figure(figsize=(_WIDTH_IN, height_in))
-    figure.text(0.01, 1.0 - 0.1 / height_in, title, va="top", fontsize=11, fontweight="bold", color=_INK)
-    panels = []
-    for place in range(count):
-        row, column = divmod(place, columns)
-        left = (column * cell_in + left_in) / _WIDTH_IN
-        bottom = 1.0 - (_HEAD_IN + (row + 1) * row_in - 0.12) / height_in
-        size = (picture_in / _WIDTH_IN, picture_in * ratio / height_in)
-        aside_in = cell_in - picture_in - _MARGIN_IN - left_in
-        axes = figure.add_axes((left, bottom, *size))
-        aside = figure.add_axes((left + size[0] + 0.06 / _WIDTH_IN, bottom, aside_in / _WIDTH_IN, size[1]))
-        aside.set_axis_off()
-        panels.append(Panel(axes, aside))
-    return figure, panels
+    picture_in = min(_WIDTH_IN / columns * _PICTURE_PART, _WIDEST_IN)
+    height_in = rows * (picture_in * min(max(ratio, _FLATTEST), _TALLEST) + _SPACE_IN) + _HEAD_IN
+    figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=_INK)
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for unused in panels[count:]:
+        unused.set_visible(False)
+    return figure, panels[:count]
 
 
 def _show(axes: Axes, rgb: Rgb) -> None:
-    axes.imshow(rgb, interpolation="nearest", aspect="auto")
+    axes.imshow(rgb, interpolation="nearest", aspect="equal")
     axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
 
 
-def colour_bar(panel: Panel, norm: Normalize, name: str, label: str, extend: str) -> None:
+def colour_bar(panel: Axes, norm: Normalize, name: str, label: str, extend: str) -> None:
     """Beside a picture: what its colours mean."""
-    figure: Any = panel.axes.figure
-    place = panel.aside.inset_axes((0.0, 0.02, 0.11, 0.96))
+    figure: Any = panel.figure
+    place = panel.inset_axes((1.02, 0.02, 0.04, 0.96))
     bar = figure.colorbar(ScalarMappable(norm, name), cax=place, extend=extend)
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7.5)
     bar.outline.set_visible(False)
 
 
-def _names(panel: Panel, ids: NDArray[Any], classes: Classes) -> None:
+def _names(panel: Axes, ids: NDArray[Any], classes: Classes) -> None:
     found, counts = np.unique(ids, return_counts=True)
     if not found.size:
         return
     often = found[np.argsort(counts, kind="stable")[::-1]][:_MOST_NAMES]
     colours = _class_colours(classes, 256) / 255.0
-    panel.aside.legend(
+    panel.legend(
         handles=[Patch(color=colours[i], label=classes.name(i)) for i in sorted(int(i) for i in often)],
         loc="upper left",
-        bbox_to_anchor=(-0.06, 1.02),
+        bbox_to_anchor=(1.0, 1.02),
         fontsize=7.5,
         handlelength=0.9,
         handleheight=0.9,
@@ -283,6 +262,6 @@ def _names(panel: Panel, ids: NDArray[Any], classes: Classes) -> None:
     )
 
 
-def note(panel: Panel, text: str) -> None:
+def note(panel: Axes, text: str) -> None:
     """Beside a picture: a few words."""
-    panel.aside.text(0.0, 1.0, text, va="top", ha="left", fontsize=7.5, color="#5b636e")
+    panel.text(1.02, 1.0, text, transform=panel.transAxes, va="top", ha="left", fontsize=7.5, color="#5b636e")

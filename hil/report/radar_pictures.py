@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hil.report.frame_pictures import Panel, colour_bar, draw_channel, make_panels, note
+from hil.report.frame_pictures import colour_bar, draw_channel, make_panels, note
 from sim.radar.chirp import Chirp
 
 POWER_MAP = "inferno"
@@ -24,7 +24,6 @@ _DEEPEST_DB = 70.0  # below the peak
 _FLOOR_PERCENTILE = 20.0
 _QUIETEST = 1e-12  # counts squared
 _RATIO = 0.8
-_AXIS_IN = 0.55
 
 Power = NDArray[np.floating[Any]]
 _TRACK = "#35d0ff"
@@ -41,10 +40,10 @@ def radar_figure(
     from_above = "points" in channels or "tracks" in channels
     seen = rgb is not None
     count = seen + (power is not None) + from_above
-    figure, panels = make_panels(title, count, _RATIO, columns=2, space_in=0.6, left_in=_AXIS_IN)
+    figure, panels = make_panels(title, count, _RATIO, columns=2)
     if rgb is not None:
         draw_channel(panels[0], "rgb", rgb)
-        panels[0].axes.set_aspect("equal", anchor="N")
+        panels[0].set_aspect("equal", anchor="N")
     if power is not None:
         draw_map(panels[seen], power, chirp)
     if from_above:
@@ -76,19 +75,17 @@ def colours_of(level_db: Power) -> Normalize:
     return Normalize(min(floor, peak - 1.0), peak)
 
 
-def draw_map(
-    panel: Panel, power: Power, chirp: Chirp, name: str = "range-Doppler", *, plain_axes: bool = False
-) -> None:
+def draw_map(panel: Axes, power: Power, chirp: Chirp, name: str = "range-Doppler", *, plain_axes: bool = False) -> None:
     """A map: range to the right, speed upwards, approaching below. `plain_axes`: what they are in the title."""
     level = decibels(power)
     norm = colours_of(level)
-    show_levels(panel.axes, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
+    show_levels(panel, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
     if plain_axes:
         name += " [m] by [m/s]"
-        panel.axes.tick_params(axis="y", direction="in", pad=-22.0, labelcolor="white")
+        panel.tick_params(axis="y", direction="in", pad=-22.0, labelcolor="white")
     else:
-        panel.axes.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
-    panel.axes.set_title(name, fontsize=9.5, loc="left")
+        panel.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
+    panel.set_title(name, fontsize=9.5, loc="left")
     colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
 
 
@@ -116,9 +113,9 @@ def show_levels(
     axes.tick_params(labelsize=7.5)
 
 
-def draw_from_above(panel: Panel, points: NDArray[Any] | None, tracks: NDArray[Any] | None, chirp: Chirp) -> None:
+def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[Any] | None, chirp: Chirp) -> None:
     """Points by their speed, tracks with theirs as arrows; forward is up."""
-    axes = panel.axes
+    axes = panel
     norm = Normalize(-chirp.max_speed_mps, chirp.max_speed_mps)
     found = []
     if points is not None:
