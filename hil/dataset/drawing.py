@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hil.dataset.formats import voc
 from hil.dataset.formats.coco import CocoPicture, coco_picture
 from hil.dataset.formats.euroc import ROOT
-from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels
+from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
 from hil.dataset.formats.looks import camera_looks, cloud_look, radar_look
 from hil.dataset.formats.pictures import DepthScale, PictureEncoder
@@ -202,7 +202,7 @@ class StoringWork:
         file_name = f"{t_ns}.png"
         self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, d.catalogue.classes))
         self._write(f"{voc.CLASS_MASKS}/{file_name}", d.encoder.indexed_png(sample.channels["segmentation"]))
-        masks = d.labels.mask_texts(sample.channels["instance"], labels)
+        masks = mask_texts(sample.channels["instance"], labels)
         self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
         self._pixels += labels.class_pixels

@@ -4,15 +4,14 @@
 namespace nb = nanobind;
 
 void bind_actors(nb::module_ &m);
+void bind_dataset_pictures(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
 void bind_frame(nb::module_ &m);
 void bind_gait(nb::module_ &m);
 void bind_image_noise(nb::module_ &m);
 void bind_imu(nb::module_ &m);
-void bind_instance_scan(nb::module_ &m);
 void bind_lidar_receiver(nb::module_ &m);
-void bind_picture_values(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
 void bind_radar_processing(nb::module_ &m);
@@ -25,15 +24,14 @@ void bind_sweep_rays(nb::module_ &m);
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
     bind_actors(m);
+    bind_dataset_pictures(m);
     bind_dryden(m);
     bind_extinction(m);
     bind_frame(m);
     bind_gait(m);
     bind_image_noise(m);
     bind_imu(m);
-    bind_instance_scan(m);
     bind_lidar_receiver(m);
-    bind_picture_values(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);
     bind_radar_processing(m);

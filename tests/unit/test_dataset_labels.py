@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from hil.dataset.formats.coco import CocoPicture, coco_parts, coco_picture
-from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, hidden_share
+from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.dataset.formats.split import split_frames
 from hil.dataset.formats.voc import annotation_xml, image_sets
 from hil.signals.classes import Classes
@@ -44,7 +44,7 @@ def test_boxes_and_masks_agree_with_the_pictures_pixel_for_pixel(data: st.DataOb
     shape = (data.draw(st.integers(1, 30)), data.draw(st.integers(1, 30)))
     instance = data.draw(arrays(np.uint16, shape, elements=st.sampled_from([0, 1, 2, 3, 4, 60000])))
     labels = labels_of(instance)
-    masks = [[int(n) for n in text.split(",")] for text in LabelReader(CATALOGUE).mask_texts(instance, labels)]
+    masks = [[int(n) for n in text.split(",")] for text in mask_texts(instance, labels)]
     assert [o.instance for o in labels.objects] == sorted(set(instance.ravel().tolist()) - {0, 1})
     for o, counts in zip(labels.objects, masks, strict=True):
         mask = instance == o.instance
@@ -110,7 +110,6 @@ def test_a_wall_that_recedes_does_not_hide_what_touches_it() -> None:
 
 def test_without_depth_nothing_is_hidden_and_no_rim_is_not_hidden() -> None:
     assert labels_of(np.full((3, 3), 2, np.uint16)).objects[0].hidden == 0.0
-    assert hidden_share(0, 0) == 0.0
 
 
 def test_more_instances_than_at_first_thought() -> None:
@@ -120,7 +119,7 @@ def test_more_instances_than_at_first_thought() -> None:
     labels = reader.read({"instance": instance, "segmentation": np.full((20, 50), 2, np.uint8)})
     assert [o.instance for o in labels.objects] == list(range(1, 1001))
     assert all(o.area_px == 1 for o in labels.objects)
-    assert len(reader.mask_texts(instance, labels)) == 1000
+    assert len(mask_texts(instance, labels)) == 1000
 
 
 def test_refusals() -> None:
@@ -176,11 +175,10 @@ def coco_file(pictures: list[CocoPicture]) -> str:
 
 
 def coco_of(frames: list[UInt16]) -> tuple[str, list[CocoPicture]]:
-    reader = LabelReader(CATALOGUE)
     pictures = []
     for i, instance in enumerate(frames):
         labels = labels_of(instance)
-        pictures.append(coco_picture(i, f"{i}.png", labels, reader.mask_texts(instance, labels), t_ns=i * 10))
+        pictures.append(coco_picture(i, f"{i}.png", labels, mask_texts(instance, labels), t_ns=i * 10))
     return coco_file(pictures), pictures
 
 
@@ -199,7 +197,7 @@ def test_coco_holds_what_was_seen() -> None:
 def test_coco_refusals() -> None:
     instance = scene()[0]
     labels = labels_of(instance)
-    masks = LabelReader(CATALOGUE).mask_texts(instance, labels)
+    masks = mask_texts(instance, labels)
     twice = labels._replace(objects=labels.objects * 2)
     with pytest.raises(RecordingError, match="two objects of instance 2"):
         coco_picture(0, "0.png", twice, masks * 2, t_ns=0)

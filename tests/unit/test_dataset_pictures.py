@@ -25,7 +25,6 @@ from hil.dataset.formats.pictures import (
 )
 from hil.dataset.formats.png import encode_png
 from hil.signals.errors import RecordingError
-from tests.cpu_masks import output_of
 
 SIDES = st.integers(1, 40)
 
@@ -96,25 +95,6 @@ def test_normals_come_back_and_nothing_stays_nothing() -> None:
     assert np.array_equal(values, normal_values(picture))
     back = np.where((values == 0).all(axis=2, keepdims=True), 0.0, (values.astype(float) - 128.0) / 127.0)
     assert np.abs(back - picture).max() <= 0.5 / 127 + 1e-6
-
-
-VALUES = """
-import zlib
-import numpy as np
-from hil.dataset.formats.pictures import DepthScale, normal_values
-k = np.arange(53 * 71 * 3, dtype=np.float64)
-normal = (((k * 0.6180339887498949) % 2.2) - 1.1).astype(np.float32).reshape(53, 71, 3)
-normal[::5, ::3] = 0.0
-normal[1, 1] = np.nan
-depth = (((k[: 53 * 71] * 0.7548776662466927) % 1.0) * 90.0 - 5.0).astype(np.float32).reshape(53, 71)
-depth[0, :4] = np.inf, -np.inf, np.nan, 1e30
-print(zlib.crc32(normal_values(normal)), zlib.crc32(DepthScale().values(depth)))
-"""
-
-
-def test_values_are_the_same_with_every_instruction_set() -> None:
-    best = output_of(VALUES)
-    assert best == output_of(VALUES, {"HIL_ISA": "base"}) == output_of(VALUES, {"HIL_ISA": "avx2"})
 
 
 def test_class_picture_with_palette_reads_as_ids_and_colours() -> None:

@@ -28,7 +28,7 @@ class CocoPicture(NamedTuple):
 
 
 def coco_picture(frame: int, file_name: str, labels: PictureLabels, masks: Sequence[str], *, t_ns: int) -> CocoPicture:
-    """`frame` counts from 0; `masks`: of `labels.objects`, by `LabelReader.mask_texts`. RecordingError."""
+    """`frame` counts from 0; `masks`: of `labels.objects`, by `labels.mask_texts`. RecordingError."""
     if len(masks) != len(labels.objects):
         raise RecordingError(f"COCO: frame {frame} has {len(labels.objects)} objects, but {len(masks)} masks")
     image_id = frame + 1

@@ -3,11 +3,10 @@
 * Box: exactly the extent of the instance's visible pixels.
 * Truncated: the box touches the picture's border.
 * Hidden: share of the instance's rim (pairs of neighbouring pixels, one its own, one not) where the neighbour is in
-  front, told from depth (sim/native/frame/instance_scan.hpp). The renderer has
-  no amodal picture in the frame's time, so the hidden share of the area is not known; `hidden_share` is the one place
-  that stands in for it. Checked once against amodal pictures, each thing drawn alone: of 117 things of 64 pixels and
-  more in four views of city_park, `occluded` was right (5 % of the area hidden) for 108, 7 too many and 2 too few; the
-  two shares correlate by 0.72.
+  front, told from depth (sim/native/bind_dataset_pictures.cpp). The renderer has no amodal picture in the frame's time,
+  so the hidden share of the area is not known; this stands in for it. Checked once against amodal pictures, each thing
+  drawn alone: of 117 things of 64 pixels and more in four views of city_park, `occluded` was right (5 % of the area
+  hidden) for 108, 7 too many and 2 too few; the two shares correlate by 0.72.
 """
 
 from __future__ import annotations
@@ -22,10 +21,9 @@ from numpy.typing import NDArray
 
 from hil.signals.classes import Classes
 from hil.signals.errors import RecordingError
-from sim._kernels import InstanceScan
+from sim._kernels import run_length_texts, scan_instances
 
 OCCLUDED_FROM = 0.05  # hidden share of the rim
-_COLUMNS = 8
 
 # Surfaces without end or edge: seen, coloured, counted, but no objects to put a box round.
 STUFF = frozenset(
@@ -112,28 +110,24 @@ class Catalogue:
 
 
 class LabelReader:
-    """Pictures to labels. One per worker: it keeps buffers."""
+    """Pictures to labels."""
 
     def __init__(self, catalogue: Catalogue) -> None:
         self.catalogue = catalogue
-        self._scan = InstanceScan()
-        self._rows = np.empty((256, _COLUMNS), np.int32)
 
     def read(self, channels: Mapping[str, NDArray[Any]]) -> PictureLabels:
         """From `segmentation`, `instance` and, for what is hidden, `depth`. Raises RecordingError."""
         segmentation, instance = channels["segmentation"], channels["instance"]
-        counts = np.empty(256, np.int64)
         try:
-            found = self._scan.scan(instance, segmentation, channels.get("depth"), self._rows, counts)
-            if found > len(self._rows):
-                self._rows = np.empty((2 * found, _COLUMNS), np.int32)
-                found = self._scan.scan(instance, segmentation, channels.get("depth"), self._rows, counts)
+            if not instance.size or instance.shape != segmentation.shape:
+                raise ValueError("instance and segmentation are empty or differ in size")
+            rows = scan_instances(instance, channels.get("depth"))
         except (ValueError, TypeError) as error:
             raise RecordingError(f"labels: the pictures cannot be read: {error}") from error
         height, width = instance.shape
         objects = []
         catalogue = self.catalogue
-        for identity, area, x_min, y_min, x_max, y_max, rim, before in self._rows[:found].tolist():
+        for identity, area, x_min, y_min, x_max, y_max, rim, before in rows:
             class_id = catalogue.class_of_instance.get(identity)
             if class_id is None:
                 raise RecordingError(
@@ -143,18 +137,12 @@ class LabelReader:
             if class_id not in catalogue.object_classes:
                 continue
             truncated = x_min == 0 or y_min == 0 or x_max == width - 1 or y_max == height - 1
-            hidden = hidden_share(rim, before)
-            objects.append(
-                ObjectLabel(identity, class_id, x_min, y_min, x_max, y_max, area, truncated, hidden),
-            )
-        return PictureLabels(width, height, tuple(objects), counts)
-
-    def mask_texts(self, instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[str, ...]:
-        """Run lengths of each object's pixels, column by column, beginning with those that are not its own: counts
-        with commas between them."""
-        return self._scan.run_length_texts(instance, np.array([label.instance for label in labels.objects], np.uint16))
+            hidden = before / rim if rim else 0.0
+            objects.append(ObjectLabel(identity, class_id, x_min, y_min, x_max, y_max, area, truncated, hidden))
+        return PictureLabels(width, height, tuple(objects), np.bincount(segmentation.ravel(), minlength=256))
 
 
-def hidden_share(rim: int, before: int) -> float:
-    """Of `rim` pairs of neighbours along an instance's edge, `before` have the other thing in front."""
-    return before / rim if rim else 0.0
+def mask_texts(instance: NDArray[np.uint16], labels: PictureLabels) -> tuple[str, ...]:
+    """Run lengths of each object's pixels, column by column, beginning with those that are not its own: counts
+    with commas between them."""
+    return tuple(run_length_texts(instance, [label.instance for label in labels.objects]))

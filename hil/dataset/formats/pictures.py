@@ -43,9 +43,11 @@ class DepthScale:
     def values(self, depth_m: NDArray[np.float32]) -> UInt16:
         """What the picture holds."""
         _check("depth", depth_m, np.float32, 1)
-        values = np.empty(depth_m.shape, np.uint16)
-        _kernels.depth_values(depth_m, 1.0 / self.step_m, values)  # a surface closer than half a step is not nothing
-        return values
+        steps = depth_m * np.float64(1.0 / self.step_m)
+        steps += 0.5
+        np.clip(steps, 1, FARTHER, out=steps)  # a surface closer than half a step is not nothing
+        steps[~np.isfinite(depth_m)] = NOTHING
+        return steps.astype(np.uint16)
 
 
 class PictureEncoder:
