@@ -21,7 +21,7 @@ from hil.dataset.formats.coco import CocoPicture, coco_picture
 from hil.dataset.formats.euroc import ROOT
 from hil.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
-from hil.dataset.formats.looks import camera_looks, cloud_look, radar_look
+from hil.dataset.formats.looks import camera_looks, cloud_looks, radar_looks
 from hil.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.dataset.formats.radar_npy import npy
 from hil.dataset.frame_chunk import EncodedFrames, pack_frames
@@ -216,17 +216,17 @@ class StoringWork:
         if self.plan.config.dataset.lidar_csv:
             self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
         if self._batch.index == 0 and self._samples[name] == 1:
-            self._preview(name, [cloud_look(sample.points_L, sample.segmentation, self._d.catalogue.classes)])
+            self._preview(name, cloud_looks(sample.points_L, sample.segmentation, self._d.catalogue.classes))
 
     def _radar(self, name: str, sample: RadarSample) -> None:
         for channel, array in sample.channels.items():
             self._data(name, channel, sample.t_capture_ns, "npy", npy(array))
         if self._batch.index == 0 and self._samples[name] == 1 and "range_doppler" in sample.channels:
-            self._preview(name, [radar_look(sample.channels["range_doppler"])])
+            self._preview(name, radar_looks(sample.channels["range_doppler"]))
 
-    def _preview(self, name: str, looks: list[Any]) -> None:
-        for look in looks:
-            self._write(f"{PREVIEW}/{name}-{look.key}.png", look.data)
+    def _preview(self, name: str, looks: dict[str, bytes]) -> None:
+        for look, data in looks.items():
+            self._write(f"{PREVIEW}/{name}-{look}", data)
 
     def _record(self, chunk: StoredChunk) -> BatchRecord:
         pixels: NDArray[np.int64] = self._pixels

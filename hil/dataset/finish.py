@@ -12,15 +12,7 @@ from typing import Any
 
 from hil.dataset.formats import voc
 from hil.dataset.formats.coco import CocoPicture, coco_parts
-from hil.dataset.formats.datasheet import (
-    LICENCE,
-    LIMITS,
-    PAGE_NAME,
-    Datasheet,
-    SamplePicture,
-    SensorRow,
-    datasheet_html,
-)
+from hil.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, datasheet_html
 from hil.dataset.formats.euroc import ROOT
 from hil.dataset.formats.labels import Catalogue
 from hil.dataset.formats.split import GUARD, SETS, Split, equal_segments, split_frames, split_text
@@ -120,7 +112,7 @@ def finish(
     if plan.labelled is not None:
         _link(root / voc.IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
     previews = [file.path for record in records[:1] for file in record.files if file.path.startswith(PREVIEW)]
-    page = datasheet_html(_sheet(plan, root, counted, split, catalogue, tables, made, previews))
+    page = _page(plan, root, counted, split, catalogue, tables, made, previews)
     late.append(tree.write(PAGE_NAME, page.encode()))
     recording.finish({"frames": str(plan.frames), "batches": str(len(records))})
     listed = sorted([*files, *late], key=lambda file: file.path)
@@ -192,7 +184,7 @@ def _link(link: Path, target: str) -> None:
         raise unwritable(link, error) from error
 
 
-def _sheet(
+def _page(
     plan: DatasetPlan,
     root: Path,
     counted: Counted,
@@ -201,7 +193,7 @@ def _sheet(
     tables: Tables,
     made: Mapping[str, Any],
     previews: Sequence[str],
-) -> Datasheet:
+) -> str:
     config = plan.config
     by_class: dict[int, list[int]] = {}
     columns = {name: i for i, name in enumerate((*SETS, GUARD))}
@@ -221,13 +213,14 @@ def _sheet(
         course = (
             f"{trajectory.preset}, {trajectory.side_m:g} m, at {trajectory.height_m:g} m, {trajectory.speed_mps:g} m/s"
         )
-    return Datasheet(
+    return datasheet_html(
         title=f"{plan.bench.scene.name}, {frames} frames",
         about=[
             f"Labelled data of several sensors on a simulated {config.vehicle}, flown by a {config.autopilot.kind} "
             f"flight controller over {plan.bench.scene.name}.",
             "All sensors share one clock: times are simulated nanoseconds after "
             f"{made['epoch_ns']} ns, and samples of one time are of one moment.",
+            f"{frames} frames over {(counted.frame_t_ns[-1] - counted.frame_t_ns[0]) / NS_PER_S:.2f} s.",
         ],
         made={
             "scene": plan.bench.scene.name,
@@ -237,8 +230,6 @@ def _sheet(
             "bench": f"bench.yaml, sha256 {made['config_sha256']}",
             "again": f"hil dataset bench.yaml --frames {frames}",
         },
-        frames=frames,
-        duration_s=(counted.frame_t_ns[-1] - counted.frame_t_ns[0]) / NS_PER_S,
         sensors=_sensor_rows(plan, counted, tables),
         classes=catalogue.classes,
         class_pixels=counted.pixels,
@@ -250,13 +241,14 @@ def _sheet(
     )
 
 
-def _sample(root: Path, path: str) -> SamplePicture:
-    sensor, _, key = Path(path).stem.rpartition("-")
-    return SamplePicture(f"{sensor}: {_TITLES.get(key, key)}", (root / path).read_bytes(), key)
+def _sample(root: Path, path: str) -> tuple[str, str, bytes]:
+    name, _, kind = Path(path).name.rpartition(".")
+    sensor, _, key = name.rpartition("-")
+    return f"{sensor}: {_TITLES[key]}", kind, (root / path).read_bytes()
 
 
-def _sensor_rows(plan: DatasetPlan, counted: Counted, tables: Tables) -> list[SensorRow]:
-    rows = []
+def _sensor_rows(plan: DatasetPlan, counted: Counted, tables: Tables) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
     for name, sensor in plan.config.sensors.items():
         p = sensor.parameters
         holds = ", ".join(getattr(p, "channels", None) or getattr(p, "outputs", None) or (sensor.kind,))
@@ -265,7 +257,7 @@ def _sensor_rows(plan: DatasetPlan, counted: Counted, tables: Tables) -> list[Se
         parts = getattr(p, "channels", None) or getattr(p, "outputs", None) or ("",)
         folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, part)}" for part in parts))
         samples = counted.samples.get(name, tables.rows.get(plan.folder(name), 0))
-        rows.append(SensorRow(name + part, folders, holds, sensor.rate_hz, samples))
+        rows.append((name + part, folders, holds, f"{sensor.rate_hz:g}", str(samples)))
     return rows
 
 

@@ -52,7 +52,8 @@ class BatchRecord:
 
 
 _JSON = TypeAdapter(BatchRecord)
-_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR)  # the last: other columns
+# The last two: other columns, and a head that names a version which this library only reads.
+_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_READONLY)
 
 
 class Journal:
@@ -107,6 +108,7 @@ def _opened(path: Path) -> sqlite3.Connection:
     db.execute("PRAGMA synchronous = NORMAL")
     columns = "number INTEGER PRIMARY KEY, offset INTEGER, crc32 INTEGER, record BLOB"
     db.execute(f"CREATE TABLE IF NOT EXISTS batch ({columns})")
+    db.execute("PRAGMA user_version = 1")  # a head that forbids writing shows here
     db.execute(_ALL)
     if db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
         damaged = sqlite3.DatabaseError("the database is damaged")

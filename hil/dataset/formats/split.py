@@ -4,7 +4,7 @@ Neighbouring frames show nearly the same, so a split frame by frame tests on wha
 one set, and where two sets meet, the first `guard_frames` of the later segment belong to none. The frames of all sets
 are counted without the guards.
 
-Of every five segments in a row the second validates, the fourth tests and the others train; of fewer than five, in turn.
+Of every five segments in a row the second validates, the fourth tests and the others train.
 """
 
 from __future__ import annotations
