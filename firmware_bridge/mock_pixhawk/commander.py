@@ -41,7 +41,7 @@ class Commander:
         navigator: Navigator,
         offboard: Offboard,
         *,
-        say: Callable[[Severity, str], None],
+        say: Callable[[int, str], None],
         silence: Callable[[], None],
         offboard_silence: bool,
         hitl: bool = False,
@@ -107,7 +107,7 @@ class Commander:
             return "no offboard setpoints"
         return None
 
-    def set_mode(self, mode: Mode, now_us: int) -> Result:
+    def set_mode(self, mode: Mode, now_us: int) -> int:
         """A mode asked for by an operator."""
         vehicle = self._vehicle
         if not vehicle.armed:
@@ -131,18 +131,18 @@ class Commander:
         self._guidance.take_over()
         self._modes[mode].start(now_us)
 
-    def reposition(self, point: Point, speed_mps: float | None, yaw: float | None, now_us: int) -> Result:
+    def reposition(self, point: Point, speed_mps: float | None, yaw: float | None, now_us: int) -> int:
         """DO_REPOSITION: fly to `point` and hold there. Only in flight."""
         if not self._vehicle.armed or self._vehicle.landed:
             return Result.DENIED
         result = self.set_mode(Mode.LOITER, now_us)
-        if result is Result.ACCEPTED:
+        if result == Result.ACCEPTED:
             self.hold.go_to(point, speed_mps, yaw)
         return result
 
     # -- arming -------------------------------------------------------------------------------------------------
 
-    def arm(self, now_us: int, *, force: bool = False) -> Result:
+    def arm(self, now_us: int, *, force: bool = False) -> int:
         """Arm in the present mode, or say why not."""
         vehicle = self._vehicle
         if vehicle.armed:
@@ -173,7 +173,7 @@ class Commander:
         self._enter(mode, now_us)
         return Result.ACCEPTED
 
-    def disarm(self, now_us: int, *, force: bool = False) -> Result:
+    def disarm(self, now_us: int, *, force: bool = False) -> int:
         """Disarm; in the air only by force."""
         vehicle = self._vehicle
         if not vehicle.armed:

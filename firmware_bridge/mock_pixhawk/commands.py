@@ -59,7 +59,7 @@ class Commands:
         self._commander, self._navigator = commander, navigator
         self._vehicle, self._estimate, self._streams = vehicle, estimate, streams
         self._reboot = reboot
-        self._handlers: dict[int, Callable[[Command, int], Result]] = {
+        self._handlers: dict[int, Callable[[Command, int], int]] = {
             Cmd.COMPONENT_ARM_DISARM: self._arm_disarm,
             Cmd.DO_SET_MODE: self._set_mode,
             Cmd.NAV_TAKEOFF: self._takeoff,
@@ -78,7 +78,7 @@ class Commands:
             Cmd.REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
         }
 
-    def run(self, command: Command, now_us: int) -> Result:
+    def run(self, command: Command, now_us: int) -> int:
         """Carry out `command`. Infinite parameters are refused for all commands."""
         handler = self._handlers.get(command.command)
         if handler is None:
@@ -87,11 +87,11 @@ class Commands:
             return Result.DENIED
         return handler(command, now_us)
 
-    def set_mode(self, mode: Mode, now_us: int) -> Result:
+    def set_mode(self, mode: Mode, now_us: int) -> int:
         """The mode asked for by a SET_MODE message."""
         return self._commander.set_mode(mode, now_us)
 
-    def _arm_disarm(self, c: Command, now_us: int) -> Result:
+    def _arm_disarm(self, c: Command, now_us: int) -> int:
         force = c.p2 == _FORCE
         if c.p1 == 1.0:
             return self._commander.arm(now_us, force=force)
@@ -99,13 +99,13 @@ class Commands:
             return self._commander.disarm(now_us, force=force)
         return Result.DENIED
 
-    def _set_mode(self, c: Command, now_us: int) -> Result:
-        if not int(_finite(c.p1)) & BaseMode.CUSTOM:
+    def _set_mode(self, c: Command, now_us: int) -> int:
+        if not int(_finite(c.p1)) & BaseMode.CUSTOM_MODE_ENABLED:
             return Result.DENIED
         mode = mode_from_px4(int(_finite(c.p2)) & 0xFF, int(_finite(c.p3)) & 0xFF)
         return Result.DENIED if mode is None else self._commander.set_mode(mode, now_us)
 
-    def _takeoff(self, c: Command, now_us: int) -> Result:
+    def _takeoff(self, c: Command, now_us: int) -> int:
         if self._vehicle.armed and not self._vehicle.landed:
             return Result.TEMPORARILY_REJECTED
         estimate = self._estimate
@@ -119,7 +119,7 @@ class Commands:
             self._commander.takeoff.altitude_d_m = self._vehicle.home.d_m - c.z
         return self._commander.set_mode(Mode.TAKEOFF, now_us)
 
-    def _reposition(self, c: Command, now_us: int) -> Result:
+    def _reposition(self, c: Command, now_us: int) -> int:
         estimate, vehicle = self._estimate, self._vehicle
         if not estimate.has_origin:
             return Result.TEMPORARILY_REJECTED
@@ -137,10 +137,10 @@ class Commands:
         yaw = el.wrap_pi(c.p4) if abs(c.p4) < 100.0 else None
         return self._commander.reposition((n, e, estimate.origin_alt_m - alt), speed, yaw, now_us)
 
-    def _change_speed(self, c: Command, now_us: int) -> Result:  # noqa: ARG002
+    def _change_speed(self, c: Command, now_us: int) -> int:  # noqa: ARG002
         return Result.ACCEPTED if self._navigator.change_speed(c.p2) else Result.DENIED
 
-    def _set_home(self, c: Command, now_us: int) -> Result:  # noqa: ARG002
+    def _set_home(self, c: Command, now_us: int) -> int:  # noqa: ARG002
         if c.p1 == 1.0:
             done = self._commander.set_home(None)
         elif isfinite(c.x) and isfinite(c.y) and isfinite(c.z) and abs(c.x) <= 90.0 and abs(c.y) <= 180.0:
@@ -149,19 +149,19 @@ class Commands:
             return Result.DENIED
         return Result.ACCEPTED if done else Result.TEMPORARILY_REJECTED
 
-    def _set_mission_current(self, c: Command, now_us: int) -> Result:
+    def _set_mission_current(self, c: Command, now_us: int) -> int:
         if not self._navigator.set_current(int(_finite(c.p1))):
             return Result.DENIED
         self._streams.send_once(MSGID["MISSION_CURRENT"], now_us)
         return Result.ACCEPTED
 
-    def _terminate(self, c: Command, now_us: int) -> Result:
+    def _terminate(self, c: Command, now_us: int) -> int:
         if c.p1 < 0.5:
             return Result.DENIED
         self._commander.terminate(now_us)
         return Result.ACCEPTED
 
-    def _reboot_shutdown(self, c: Command, now_us: int) -> Result:  # noqa: ARG002
+    def _reboot_shutdown(self, c: Command, now_us: int) -> int:  # noqa: ARG002
         """Parameter 1: 0 nothing, 1 reboot. There is no power switch and no bootloader here."""
         if self._vehicle.armed:
             return Result.DENIED
@@ -170,20 +170,20 @@ class Commands:
             return Result.ACCEPTED
         return Result.ACCEPTED if c.p1 == 0.0 else Result.DENIED
 
-    def _mission_start(self, c: Command, now_us: int) -> Result:
+    def _mission_start(self, c: Command, now_us: int) -> int:
         if not self._navigator.items:
             return Result.DENIED
         first = int(_finite(c.p1))
         if first > 0 and not self._navigator.set_current(first):
             return Result.DENIED
         result = self._commander.set_mode(Mode.MISSION, now_us)
-        return self._commander.arm(now_us) if result is Result.ACCEPTED else result
+        return self._commander.arm(now_us) if result == Result.ACCEPTED else result
 
-    def _get_home(self, c: Command, now_us: int) -> Result:  # noqa: ARG002
+    def _get_home(self, c: Command, now_us: int) -> int:  # noqa: ARG002
         sent = self._streams.send_once(MSGID["HOME_POSITION"], now_us)
         return Result.ACCEPTED if sent else Result.TEMPORARILY_REJECTED
 
-    def _set_interval(self, c: Command, now_us: int) -> Result:
+    def _set_interval(self, c: Command, now_us: int) -> int:
         msgid = int(_finite(c.p1))
         if c.p2 != c.p2:
             return Result.DENIED
@@ -195,10 +195,10 @@ class Commands:
             period_us = int(min(c.p2, float(_MAX_INTERVAL_US)))
         return Result.ACCEPTED if self._streams.set_interval(msgid, period_us, now_us) else Result.UNSUPPORTED
 
-    def _request_message(self, c: Command, now_us: int) -> Result:
+    def _request_message(self, c: Command, now_us: int) -> int:
         return Result.ACCEPTED if self._streams.send_once(int(_finite(c.p1)), now_us) else Result.UNSUPPORTED
 
-    def _capabilities(self, c: Command, now_us: int) -> Result:
+    def _capabilities(self, c: Command, now_us: int) -> int:
         if c.p1 == 1.0:
             self._streams.send_once(MSGID["AUTOPILOT_VERSION"], now_us)
         return Result.ACCEPTED

@@ -57,7 +57,7 @@ class Failsafe:
         sensors: SensorIntake,
         offboard: Offboard,
         params: ParamTable,
-        say: Callable[[Severity, str], None],
+        say: Callable[[int, str], None],
         *,
         hitl: bool = False,
     ) -> None:

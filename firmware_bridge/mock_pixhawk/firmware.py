@@ -20,7 +20,7 @@ from firmware_bridge.mock_pixhawk.commands import Commands
 from firmware_bridge.mock_pixhawk.estimate import Estimate, declination_deg
 from firmware_bridge.mock_pixhawk.failsafe import Failsafe
 from firmware_bridge.mock_pixhawk.guidance import PERIOD_US, Guidance
-from firmware_bridge.mock_pixhawk.ids import MissionState, Severity
+from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.mission_store import MissionStore
 from firmware_bridge.mock_pixhawk.navigator import Navigator
 from firmware_bridge.mock_pixhawk.offboard import Offboard
@@ -261,7 +261,7 @@ class Firmware:
     def _start_param_list(self) -> None:
         self.timers.start(self._param_timer, _PARAM_PERIOD_US, self.vehicle.now_us)
 
-    def _mission_state(self) -> tuple[int, int, MissionState]:
+    def _mission_state(self) -> tuple[int, int, int]:
         return self.navigator.current_seq(), len(self.navigator.items), self.navigator.state()
 
     def _on_mission(self) -> None:

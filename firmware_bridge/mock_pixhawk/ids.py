@@ -1,158 +1,32 @@
-"""The MAVLink numbers the mock autopilot speaks (https://mavlink.io/en/messages/common.html), by name."""
+"""The MAVLink numbers the mock autopilot speaks (https://mavlink.io/en/messages/common.html), by pymavlink's names."""
 
 from __future__ import annotations
 
-from enum import IntEnum, IntFlag
+from firmware_bridge.codecs.dialect import dialect
+
+
+class Numbers:
+    """The entries of one enum as plain integers, by name without the prefix: `Cmd.NAV_LAND` is MAV_CMD_NAV_LAND."""
+
+    def __init__(self, enum: str, prefix: str) -> None:
+        self.__dict__.update({entry.name.removeprefix(prefix): value for value, entry in dialect.enums[enum].items()})
+
+    def __getattr__(self, name: str) -> int:
+        raise AttributeError(f"pymavlink has no {name} here")
+
+
+Cmd = Numbers("MAV_CMD", "MAV_CMD_")
+Result = Numbers("MAV_RESULT", "MAV_RESULT_")
+MissionResult = Numbers("MAV_MISSION_RESULT", "MAV_MISSION_")
+MissionState = Numbers("MISSION_STATE", "MISSION_STATE_")  # of MISSION_CURRENT
+Severity = Numbers("MAV_SEVERITY", "MAV_SEVERITY_")
+BaseMode = Numbers("MAV_MODE_FLAG", "MAV_MODE_FLAG_")
+SystemState = Numbers("MAV_STATE", "MAV_STATE_")
+LandedState = Numbers("MAV_LANDED_STATE", "MAV_LANDED_STATE_")
+Sensor = Numbers("MAV_SYS_STATUS_SENSOR", "MAV_SYS_STATUS_")
+Capability = Numbers("MAV_PROTOCOL_CAPABILITY", "MAV_PROTOCOL_CAPABILITY_")
 
 SYSTEM_TYPE_QUADROTOR = 2
 AUTOPILOT_PX4 = 12
 COMPONENT_AUTOPILOT = 1
 MISSION_TYPE_MISSION, MISSION_TYPE_FENCE, MISSION_TYPE_RALLY, MISSION_TYPE_ALL = 0, 1, 2, 255
-
-
-class Cmd(IntEnum):
-    """MAV_CMD."""
-
-    NAV_WAYPOINT = 16
-    NAV_LOITER_UNLIM = 17
-    NAV_LOITER_TIME = 19
-    NAV_RETURN_TO_LAUNCH = 20
-    NAV_LAND = 21
-    NAV_TAKEOFF = 22
-    NAV_ROI = 80
-    NAV_DELAY = 93
-    CONDITION_DELAY = 112
-    CONDITION_YAW = 115
-    DO_SET_MODE = 176
-    DO_JUMP = 177
-    DO_CHANGE_SPEED = 178
-    DO_SET_HOME = 179
-    DO_FLIGHTTERMINATION = 185
-    DO_REPOSITION = 192
-    DO_SET_ROI_LOCATION = 195
-    DO_SET_ROI_NONE = 197
-    DO_SET_ROI = 201
-    DO_DIGICAM_CONTROL = 203
-    DO_MOUNT_CONTROL = 205
-    DO_SET_CAM_TRIGG_DIST = 206
-    DO_SET_CAM_TRIGG_INTERVAL = 214
-    DO_SET_MISSION_CURRENT = 224
-    PREFLIGHT_REBOOT_SHUTDOWN = 246
-    MISSION_START = 300
-    COMPONENT_ARM_DISARM = 400
-    GET_HOME_POSITION = 410
-    SET_MESSAGE_INTERVAL = 511
-    REQUEST_MESSAGE = 512
-    REQUEST_PROTOCOL_VERSION = 519
-    REQUEST_AUTOPILOT_CAPABILITIES = 520
-    SET_CAMERA_MODE = 530
-    DO_GIMBAL_MANAGER_PITCHYAW = 1000
-    IMAGE_START_CAPTURE = 2000
-    IMAGE_STOP_CAPTURE = 2001
-    VIDEO_START_CAPTURE = 2500
-    VIDEO_STOP_CAPTURE = 2501
-
-
-class Result(IntEnum):
-    """MAV_RESULT."""
-
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-    FAILED = 4
-
-
-class MissionResult(IntEnum):
-    """MAV_MISSION_RESULT."""
-
-    ACCEPTED = 0
-    ERROR = 1
-    UNSUPPORTED_FRAME = 2
-    UNSUPPORTED = 3
-    NO_SPACE = 4
-    INVALID = 5
-    INVALID_PARAM1 = 6
-    INVALID_PARAM2 = 7
-    INVALID_PARAM3 = 8
-    INVALID_PARAM4 = 9
-    INVALID_PARAM5_X = 10
-    INVALID_PARAM6_Y = 11
-    INVALID_PARAM7 = 12
-    INVALID_SEQUENCE = 13
-    DENIED = 14
-    OPERATION_CANCELLED = 15
-
-
-class MissionState(IntEnum):
-    """MISSION_STATE of MISSION_CURRENT."""
-
-    NO_MISSION = 1
-    NOT_STARTED = 2
-    ACTIVE = 3
-    PAUSED = 4
-    COMPLETE = 5
-
-
-class Severity(IntEnum):
-    """MAV_SEVERITY."""
-
-    EMERGENCY = 0
-    ALERT = 1
-    CRITICAL = 2
-    ERROR = 3
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-
-
-class BaseMode(IntFlag):
-    """MAV_MODE_FLAG."""
-
-    CUSTOM = 1
-    AUTO = 4
-    GUIDED = 8
-    STABILIZE = 16
-    HIL = 32
-    MANUAL_INPUT = 64
-    ARMED = 128
-
-
-class SystemState(IntEnum):
-    """MAV_STATE."""
-
-    BOOT = 1
-    STANDBY = 3
-    ACTIVE = 4
-    CRITICAL = 5
-    EMERGENCY = 6
-    FLIGHT_TERMINATION = 8
-
-
-class LandedState(IntEnum):
-    """MAV_LANDED_STATE."""
-
-    ON_GROUND = 1
-    IN_AIR = 2
-    TAKEOFF = 3
-    LANDING = 4
-
-
-class Sensor(IntFlag):
-    """MAV_SYS_STATUS_SENSOR, those that the mock has."""
-
-    GYRO = 0x01
-    ACCEL = 0x02
-    MAG = 0x04
-    ABS_PRESSURE = 0x08
-    GPS = 0x20
-    ANGULAR_RATE_CONTROL = 0x400
-    ATTITUDE_STABILIZATION = 0x800
-    YAW_POSITION = 0x1000
-    Z_ALTITUDE_CONTROL = 0x2000
-    XY_POSITION_CONTROL = 0x4000
-    MOTOR_OUTPUTS = 0x8000
-    RC_RECEIVER = 0x10000
-    AHRS = 0x200000
-    BATTERY = 0x2000000
-    PREARM_CHECK = 0x10000000

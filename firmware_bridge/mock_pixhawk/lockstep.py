@@ -48,7 +48,7 @@ class Lockstep:
 
     def greet(self) -> None:
         """What PX4 says before it has heard anything: it asks for HIL_STATE_QUATERNION, and one HEARTBEAT."""
-        request = (0, 0, int(Cmd.SET_MESSAGE_INTERVAL), 0, float(_HIL_STATE_QUATERNION), _HIL_SENSOR_INTERVAL_US)
+        request = (0, 0, Cmd.SET_MESSAGE_INTERVAL, 0, float(_HIL_STATE_QUATERNION), _HIL_SENSOR_INTERVAL_US)
         self._outbox.send(_CommandLong(*request, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._firmware.send_heartbeat()
 

@@ -69,11 +69,11 @@ def value_or(value: float, default: float) -> float:
     return default if value != value else value
 
 
-def _bad_params(item: MissionItem, count: int) -> tuple[MissionResult, str]:
+def _bad_params(item: MissionItem, count: int) -> tuple[int, str]:
     params = (item.param1, item.param2, item.param3, item.param4)
     for number, value in enumerate(params):
         if value in (float("inf"), float("-inf")):
-            return MissionResult(MissionResult.INVALID_PARAM1 + number), f"param{number + 1} is infinite"
+            return MissionResult.INVALID_PARAM1 + number, f"param{number + 1} is infinite"
     if item.command == Cmd.DO_JUMP and not 0 <= item.param1 < count:
         return MissionResult.INVALID_PARAM1, f"jump to item {item.param1:g} of {count}"
     if item.command in (Cmd.NAV_WAYPOINT, Cmd.NAV_LOITER_TIME, Cmd.CONDITION_DELAY) and item.param1 < 0.0:
@@ -85,7 +85,7 @@ def _bad_params(item: MissionItem, count: int) -> tuple[MissionResult, str]:
     return _OK
 
 
-def _bad_place(item: MissionItem) -> tuple[MissionResult, str]:
+def _bad_place(item: MissionItem) -> tuple[int, str]:
     if item.frame not in GLOBAL_FRAMES:
         return MissionResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
     if place_is_open(item):
@@ -100,7 +100,7 @@ def _bad_place(item: MissionItem) -> tuple[MissionResult, str]:
     return _OK
 
 
-def refusal(item: MissionItem, count: int) -> tuple[MissionResult, str]:
+def refusal(item: MissionItem, count: int) -> tuple[int, str]:
     """(ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else the result and why not."""
     if item.command not in SUPPORTED:
         return MissionResult.UNSUPPORTED, f"command {item.command} is not supported"

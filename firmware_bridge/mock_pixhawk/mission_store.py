@@ -75,8 +75,8 @@ class MissionStore:
         self._asked_us = self._now_us
         self._send(_RequestInt(*self._partner, seq=len(self._incoming or ()), mission_type=MISSION_TYPE_MISSION))
 
-    def _ack(self, partner: tuple[int, int], result: MissionResult, kind: int = MISSION_TYPE_MISSION) -> None:
-        self._send(_Ack(*partner, type=int(result), mission_type=kind))
+    def _ack(self, partner: tuple[int, int], result: int, kind: int = MISSION_TYPE_MISSION) -> None:
+        self._send(_Ack(*partner, type=result, mission_type=kind))
 
     def on_count(self, message: Any, sender: tuple[int, int], now_us: int) -> None:
         """MISSION_COUNT: an upload begins."""
@@ -149,7 +149,7 @@ class MissionStore:
                 self._request()
             return
         result, why = refusal(item, self._expected)
-        if result is not MissionResult.ACCEPTED:
+        if result != MissionResult.ACCEPTED:
             self._incoming = None
             self._warn(f"Mission rejected: item {item.seq}: {why}")
             self._ack(sender, result)

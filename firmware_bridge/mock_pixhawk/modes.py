@@ -25,23 +25,23 @@ class ModeTraits(NamedTuple):
     base_mode: int  # MAV_MODE_FLAG bits besides CUSTOM and ARMED
 
 
-_HAND = BaseMode.MANUAL_INPUT | BaseMode.STABILIZE
-_AUTO = BaseMode.AUTO | BaseMode.STABILIZE | BaseMode.GUIDED
+_HAND = BaseMode.MANUAL_INPUT_ENABLED | BaseMode.STABILIZE_ENABLED
+_AUTO = BaseMode.AUTO_ENABLED | BaseMode.STABILIZE_ENABLED | BaseMode.GUIDED_ENABLED
 
 
 class Mode(Enum):
     """The modes of the mock autopilot. Traits are in `.value`, short-cuts below."""
 
-    MANUAL = ModeTraits("Manual", 1, 0, False, True, True, int(_HAND))
-    ALTCTL = ModeTraits("Altitude", 2, 0, False, True, True, int(_HAND))
-    POSCTL = ModeTraits("Position", 3, 0, True, True, True, int(_HAND | BaseMode.GUIDED))
-    TAKEOFF = ModeTraits("Takeoff", MAIN_AUTO, 2, True, False, True, int(_AUTO))
-    LOITER = ModeTraits("Hold", MAIN_AUTO, 3, True, False, True, int(_AUTO))
-    MISSION = ModeTraits("Mission", MAIN_AUTO, 4, True, False, True, int(_AUTO))
-    RTL = ModeTraits("Return", MAIN_AUTO, 5, True, False, False, int(_AUTO))
-    LAND = ModeTraits("Land", MAIN_AUTO, 6, True, False, False, int(_AUTO))
-    OFFBOARD = ModeTraits("Offboard", 6, 0, False, False, True, int(_AUTO))
-    STABILIZED = ModeTraits("Stabilized", 7, 0, False, True, True, int(_HAND))
+    MANUAL = ModeTraits("Manual", 1, 0, False, True, True, _HAND)
+    ALTCTL = ModeTraits("Altitude", 2, 0, False, True, True, _HAND)
+    POSCTL = ModeTraits("Position", 3, 0, True, True, True, _HAND | BaseMode.GUIDED_ENABLED)
+    TAKEOFF = ModeTraits("Takeoff", MAIN_AUTO, 2, True, False, True, _AUTO)
+    LOITER = ModeTraits("Hold", MAIN_AUTO, 3, True, False, True, _AUTO)
+    MISSION = ModeTraits("Mission", MAIN_AUTO, 4, True, False, True, _AUTO)
+    RTL = ModeTraits("Return", MAIN_AUTO, 5, True, False, False, _AUTO)
+    LAND = ModeTraits("Land", MAIN_AUTO, 6, True, False, False, _AUTO)
+    OFFBOARD = ModeTraits("Offboard", 6, 0, False, False, True, _AUTO)
+    STABILIZED = ModeTraits("Stabilized", 7, 0, False, True, True, _HAND)
 
     @property
     def label(self) -> str:

@@ -101,7 +101,7 @@ class Navigator:
             self._guidance.brake()
         return True
 
-    def state(self) -> MissionState:
+    def state(self) -> int:
         """MISSION_CURRENT.mission_state."""
         if not self.items:
             return MissionState.NO_MISSION

@@ -59,15 +59,15 @@ class Outbox:
 
     # -- STATUSTEXT ---------------------------------------------------------------------------------------------
 
-    def say(self, severity: Severity, text: str) -> None:
+    def say(self, severity: int, text: str) -> None:
         """STATUSTEXT, in chunks of 50 characters where it is longer. The field holds bytes: other than ASCII is '?'."""
         text = text.encode("ascii", "replace").decode("ascii")
         if len(text) <= _TEXT_LENGTH:
-            self.send(_Text(int(severity), text))
+            self.send(_Text(severity, text))
             return
         self._text_id = self._text_id % 65535 + 1
         for chunk, at in enumerate(range(0, len(text), _TEXT_LENGTH)):
-            self.send(_Text(int(severity), text[at : at + _TEXT_LENGTH], self._text_id, chunk))
+            self.send(_Text(severity, text[at : at + _TEXT_LENGTH], self._text_id, chunk))
 
     def warn(self, text: str) -> None:
         """STATUSTEXT of severity WARNING."""

@@ -111,8 +111,8 @@ class Services:
 
     # -- commands -----------------------------------------------------------------------------------------------
 
-    def _acknowledge(self, command: int, result: Result, sender: Sender) -> None:
-        self._send(_Ack(command, int(result), 0, 0, *sender))
+    def _acknowledge(self, command: int, result: int, sender: Sender) -> None:
+        self._send(_Ack(command, result, 0, 0, *sender))
 
     def _command_long(self, m: Any, sender: Sender, now_us: int) -> None:
         c = Command(m.command, m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7, -1)

@@ -6,7 +6,6 @@ Default rates are modest; a ground station raises them with SET_MESSAGE_INTERVAL
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from enum import IntFlag
 from functools import partial
 from math import nan, sqrt
 from typing import Any
@@ -17,8 +16,8 @@ from firmware_bridge.mock_pixhawk.ids import (
     AUTOPILOT_PX4,
     SYSTEM_TYPE_QUADROTOR,
     BaseMode,
+    Capability,
     LandedState,
-    MissionState,
     Sensor,
     SystemState,
 )
@@ -49,29 +48,22 @@ DEFAULT_PERIOD_US = {
 }
 _HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with a clock of its own asks for the other side's
 
-_PRESENT = int(
-    Sensor.GYRO
-    | Sensor.ACCEL
-    | Sensor.MAG
-    | Sensor.ABS_PRESSURE
-    | Sensor.GPS
-    | Sensor.AHRS
-    | Sensor.BATTERY
-    | Sensor.MOTOR_OUTPUTS
-    | Sensor.PREARM_CHECK
-    | Sensor.ANGULAR_RATE_CONTROL
-    | Sensor.ATTITUDE_STABILIZATION
-    | Sensor.YAW_POSITION
-    | Sensor.Z_ALTITUDE_CONTROL
-    | Sensor.XY_POSITION_CONTROL
+_CONTROLS = (
+    Sensor.SENSOR_MOTOR_OUTPUTS
+    | Sensor.SENSOR_ANGULAR_RATE_CONTROL
+    | Sensor.SENSOR_ATTITUDE_STABILIZATION
+    | Sensor.SENSOR_YAW_POSITION
+    | Sensor.SENSOR_Z_ALTITUDE_CONTROL
+    | Sensor.SENSOR_XY_POSITION_CONTROL
 )
 _SENSOR_BITS = (
-    (ACCEL, Sensor.ACCEL),
-    (GYRO, Sensor.GYRO),
-    (MAG, Sensor.MAG),
-    (BARO, Sensor.ABS_PRESSURE),
-    (GPS, Sensor.GPS),
+    (ACCEL, Sensor.SENSOR_3D_ACCEL),
+    (GYRO, Sensor.SENSOR_3D_GYRO),
+    (MAG, Sensor.SENSOR_3D_MAG),
+    (BARO, Sensor.SENSOR_ABSOLUTE_PRESSURE),
+    (GPS, Sensor.SENSOR_GPS),
 )
+_PRESENT = sum(bit for _, bit in _SENSOR_BITS) | Sensor.AHRS | Sensor.SENSOR_BATTERY | Sensor.PREARM_CHECK | _CONTROLS
 _ESTIMATOR_ALL = 0x1 | 0x2 | 0x4 | 0x8 | 0x10 | 0x20 | 0x100 | 0x200
 _ESTIMATOR_ATTITUDE = 0x1 | 0x20
 _CELL_FULL_MV, _CELL_EMPTY_MV, _CELLS = 4050, 3600, 4
@@ -103,12 +95,12 @@ class Telemetry:
         vehicle: Vehicle,
         estimate: Estimate,
         sensors: SensorIntake,
-        mission: Callable[[], tuple[int, int, MissionState]],
+        mission: Callable[[], tuple[int, int, int]],
         *,
         hil: bool = False,
     ) -> None:
         self._v, self._estimate, self._sensors, self._mission = vehicle, estimate, sensors, mission
-        self._base_mode = int(BaseMode.CUSTOM | BaseMode.HIL if hil else BaseMode.CUSTOM)
+        self._base_mode = BaseMode.CUSTOM_MODE_ENABLED | (BaseMode.HIL_ENABLED if hil else 0)
         self.makers: dict[int, Callable[[int], Any]] = {}
         self.periods_us: dict[int, int] = {}  # by message id
         for name, period_us in (DEFAULT_PERIOD_US | (_HITL_PERIOD_US if hil else {})).items():
@@ -121,7 +113,7 @@ class Telemetry:
         v = self._v
         base = self._base_mode | v.mode.value.base_mode
         if v.armed:
-            base |= BaseMode.ARMED
+            base |= BaseMode.SAFETY_ARMED
         if v.terminated:
             state = SystemState.FLIGHT_TERMINATION
         elif v.failsafe:
@@ -133,9 +125,9 @@ class Telemetry:
         return cls(
             type=SYSTEM_TYPE_QUADROTOR,
             autopilot=AUTOPILOT_PX4,
-            base_mode=int(base),
+            base_mode=base,
             custom_mode=v.mode.custom_mode,
-            system_status=int(state),
+            system_status=state,
             mavlink_version=3,
         )
 
@@ -148,15 +140,14 @@ class Telemetry:
         if self._estimate.attitude_ok:
             healthy |= Sensor.AHRS
         if v.battery_remaining > 0.07:
-            healthy |= Sensor.BATTERY
-        controls = Sensor.MOTOR_OUTPUTS | Sensor.ANGULAR_RATE_CONTROL | Sensor.ATTITUDE_STABILIZATION
-        healthy |= controls | Sensor.YAW_POSITION | Sensor.Z_ALTITUDE_CONTROL | Sensor.XY_POSITION_CONTROL
+            healthy |= Sensor.SENSOR_BATTERY
+        healthy |= _CONTROLS
         if v.ready or v.armed:
             healthy |= Sensor.PREARM_CHECK
         return cls(
             onboard_control_sensors_present=_PRESENT,
             onboard_control_sensors_enabled=_PRESENT,
-            onboard_control_sensors_health=int(healthy),
+            onboard_control_sensors_health=healthy,
             load=300,
             voltage_battery=_CELLS * self._cell_mv(),
             current_battery=1500 if v.armed else 100,
@@ -240,7 +231,7 @@ class Telemetry:
 
     def _mission_current(self, cls: Any, now_us: int) -> Any:  # noqa: ARG002
         seq, total, state = self._mission()
-        return cls(seq, total if total else _UNKNOWN_U16, int(state), 1 if self._v.mode is Mode.MISSION else 2)
+        return cls(seq, total if total else _UNKNOWN_U16, state, 1 if self._v.mode is Mode.MISSION else 2)
 
     def _vfr_hud(self, cls: Any, now_us: int) -> Any:  # noqa: ARG002
         e = self._estimate
@@ -334,7 +325,7 @@ class Telemetry:
             state = LandedState.LANDING
         else:
             state = LandedState.IN_AIR
-        return cls(0, int(state))
+        return cls(0, state)
 
 
 _Version = message_class("AUTOPILOT_VERSION")
@@ -344,27 +335,27 @@ _SOFTWARE = 1 << 24 | 15 << 16 | 0 << 8 | _RELEASE  # behaves as PX4 1.15.0
 _VENDOR, _PRODUCT = 0x26AC, 0x0011  # 3D Robotics, Pixhawk: what QGroundControl shows as PX4 FMU
 
 
-class Capability(IntFlag):
-    """MAV_PROTOCOL_CAPABILITY, those the mock has. No FTP: clients then do not ask for files."""
-
-    PARAM_FLOAT = 2
-    MISSION_INT = 4
-    COMMAND_INT = 8
-    PARAM_ENCODE_BYTEWISE = 16
-    SET_ATTITUDE_TARGET = 64
-    SET_POSITION_TARGET_LOCAL_NED = 128
-    SET_POSITION_TARGET_GLOBAL_INT = 256
-    FLIGHT_TERMINATION = 2048
-    MAVLINK2 = 8192
+# What the mock has. No FTP: clients then do not ask for files.
+_CAPABILITIES = sum(
+    getattr(Capability, name)
+    for name in (
+        "PARAM_FLOAT",
+        "MISSION_INT",
+        "COMMAND_INT",
+        "PARAM_ENCODE_BYTEWISE",
+        "SET_ATTITUDE_TARGET",
+        "SET_POSITION_TARGET_LOCAL_NED",
+        "SET_POSITION_TARGET_GLOBAL_INT",
+        "FLIGHT_TERMINATION",
+        "MAVLINK2",
+    )
+)
 
 
 def autopilot_version(sysid: int) -> Any:
     """The message. The unique id is the system id: the mock has no serial number."""
-    capabilities = 0
-    for capability in Capability:
-        capabilities |= int(capability)
     return _Version(
-        capabilities=capabilities,
+        capabilities=_CAPABILITIES,
         uid=sysid,
         flight_sw_version=_SOFTWARE,
         middleware_sw_version=_SOFTWARE,

