@@ -21,7 +21,7 @@ from firmware_bridge.devices.inventory import (
     usb_ids,
 )
 from firmware_bridge.devices.usb_boards import PX4
-from firmware_bridge.devices.watch import DeviceWatch, Plugged, Unplugged
+from firmware_bridge.devices.watch import Change, DeviceWatch
 from firmware_bridge.links.hitl_setup import HitlSetup
 from firmware_bridge.transports.serial import SerialTransport
 from hil.signals.errors import HandshakeError
@@ -72,10 +72,10 @@ def print_devices(
         return
 
 
-def _print_event(console: Console, event: Plugged | Unplugged, *, as_json: bool) -> None:
+def _print_event(console: Console, event: Change, *, as_json: bool) -> None:
     if as_json:
         item = Devices(**{_PLACES[event.kind]: (event.item,)}).as_json()[_PLACES[event.kind]][0]  # type: ignore[arg-type]
-        what = "plugged" if isinstance(event, Plugged) else "unplugged"
+        what = "unplugged" if event.unplugged else "plugged"
         console.print(json.dumps({"event": what, "kind": event.kind, "device": item}), markup=False, soft_wrap=True)
     else:
         console.print(f"{time.strftime('%H:%M:%S')}  {event}", markup=False, soft_wrap=True)

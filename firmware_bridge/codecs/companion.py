@@ -261,27 +261,7 @@ def decode_client(raw: bytes | memoryview) -> ClientMessage:
 
 
 def encode_welcome(welcome: Welcome) -> bytes:
-    return pack(
-        {
-            "k": "welcome",
-            "version": VERSION,
-            "schema": welcome.schema,
-            "session": welcome.session,
-            "mode": welcome.mode,
-            "tick_ns": welcome.tick_ns,
-            "rate_hz": welcome.rate_hz,
-            "topics": {
-                name: {"type": t.type, "fields": {f: list(u) for f, u in t.fields.items()}}
-                for name, t in welcome.topics.items()
-            },
-            "sensors": welcome.sensors,
-            "waypoints_W": [list(p) for p in welcome.waypoints_W],
-            "ports": welcome.ports,
-            "ring": None if welcome.ring is None else asdict(welcome.ring),
-            "control": welcome.control,
-            "views_every_ns": welcome.views_every_ns,
-        }
-    )
+    return pack({"k": "welcome", "version": VERSION, **asdict(welcome)})
 
 
 def encode_refused(code: str, text: str) -> bytes:
@@ -289,15 +269,8 @@ def encode_refused(code: str, text: str) -> bytes:
 
 
 def encode_pong(ping: Ping, t_bench_received_ns: int, t_bench_sent_ns: int) -> bytes:
-    return pack(
-        {
-            "k": "pong",
-            "id": ping.id,
-            "t_client_ns": ping.t_client_ns,
-            "t_bench_received_ns": t_bench_received_ns,
-            "t_bench_sent_ns": t_bench_sent_ns,
-        }
-    )
+    times = {"t_bench_received_ns": t_bench_received_ns, "t_bench_sent_ns": t_bench_sent_ns}
+    return pack({"k": "pong", "id": ping.id, "t_client_ns": ping.t_client_ns, **times})
 
 
 def encode_end(status: str, text: str) -> bytes:

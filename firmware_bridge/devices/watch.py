@@ -24,25 +24,15 @@ _SEEN_BY = {
 
 
 @dataclass(frozen=True)
-class Plugged:
-    """Something is there that was not. `kind`: autopilot, serial port or gamepad."""
+class Change:
+    """Something was plugged in, or `unplugged`: then `item` is as it was last seen."""
 
-    kind: str
+    kind: str  # autopilot, serial port or gamepad
     item: Item
+    unplugged: bool
 
     def __str__(self) -> str:
-        return f"plugged in: {describe(self.item)}"
-
-
-@dataclass(frozen=True)
-class Unplugged:
-    """Something is gone. `item` is as it was last seen."""
-
-    kind: str
-    item: Item
-
-    def __str__(self) -> str:
-        return f"unplugged: {describe(self.item)}"
+        return f"{'unplugged' if self.unplugged else 'plugged in'}: {describe(self.item)}"
 
 
 class DeviceWatch:
@@ -54,7 +44,7 @@ class DeviceWatch:
         self._settling: set[_Key] = set()
         self.devices = Devices()  # of the last look
 
-    def poll(self) -> list[Plugged | Unplugged]:
+    def poll(self) -> list[Change]:
         """Look and compare."""
         self.devices = devices = self._find()
         now = _items(devices)
@@ -66,7 +56,7 @@ class DeviceWatch:
             # A look that failed says nothing about what is there.
             if key not in now and devices.failed & _SEEN_BY[kind]:
                 now[key] = (kind, item)
-        events: list[Plugged | Unplugged] = [Unplugged(*known[key]) for key in known if key not in now]
+        events: list[Change] = [Change(*known[key], unplugged=True) for key in known if key not in now]
         waiting: set[_Key] = set()
         for key in [key for key in now if key not in known]:
             kind, item = now[key]
@@ -75,7 +65,7 @@ class DeviceWatch:
                 waiting.add(key)
                 del now[key]
                 continue
-            events.append(Plugged(kind, item))
+            events.append(Change(kind, item, unplugged=False))
         self._settling = waiting
         self._known = now
         return events

@@ -25,17 +25,15 @@ FlightCore::FlightCore(const Params &params) : params_(params), ekf_(params_), c
     publish_control();
 }
 
-FlightCore::ParamResult FlightCore::set_param(std::size_t index, double value) {
-    if (index >= kParamCount) return ParamResult::NoSuchIndex;
-    if (!within_limits(kParamTable[index], value)) return ParamResult::OutOfRange;
+bool FlightCore::set_param(std::size_t index, double value) {
     const double old = params_[index];
     params_[index] = value;
     if (index >= THR_MDL_FAC && !mixer_.configure(params_)) {
         params_[index] = old;
-        return ParamResult::BadGeometry;
+        return false;
     }
     if (index == EKF_MAG_DECL && value != old && land_.landed() && ekf_.yaw_aligned()) ekf_.realign_yaw();
-    return ParamResult::Ok;
+    return true;
 }
 
 bool FlightCore::set_setpoint(const Setpoint &sp) {

@@ -64,9 +64,9 @@ class FlightCore {
     FlightCore(const FlightCore &) = delete;
     FlightCore &operator=(const FlightCore &) = delete;
 
-    enum class ParamResult { Ok, NoSuchIndex, OutOfRange, BadGeometry };
-    // Unchanged unless Ok.
-    ParamResult set_param(std::size_t index, double value);
+    // Of an entry of kParamTable, whose limits the caller has seen to. False, and nothing changed, if the rotors could no
+    // longer produce roll, pitch, yaw and thrust.
+    bool set_param(std::size_t index, double value);
     double param(std::size_t index) const { return params_[index]; }
 
     void step(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F);

@@ -133,12 +133,6 @@ inline constexpr std::array<ParamInfo, kParamCount> kParamTable{{
 #undef X
 }};
 
-// Limits give way by a float32 rounding: parameters come over a wire that knows only float32. NaN is outside.
-inline bool within_limits(const ParamInfo &p, double value) {
-    const double lo = p.minimum < 0.0 ? -p.minimum : p.minimum, hi = p.maximum < 0.0 ? -p.maximum : p.maximum;
-    return value >= p.minimum - 1.0e-7 * lo && value <= p.maximum + 1.0e-7 * hi;
-}
-
 using Params = std::array<double, kParamCount>;
 
 inline constexpr std::size_t kMaxRotors = 8;
