@@ -47,13 +47,6 @@ FLIGHTS: dict[str, list[dict[str, Any]]] = {
     "stall for good": [{"kind": "stall", "at_s": 5, "direction": "from_autopilot"}],
     "unplug": [{"kind": "unplug", "at_s": 5, "for_s": 1}],
 }
-SLOW_FLIGHTS: dict[str, list[dict[str, Any]]] = {
-    f"{kind} {direction} {unit}": rated(kind, direction=direction, unit=unit)
-    for kind in KINDS
-    for direction in ("to_autopilot", "from_autopilot")
-    for unit in ("message", "byte")
-    if unit == "message" or kind in ("drop", "corrupt")
-}
 
 
 def fly(flights: dict[str, list[dict[str, Any]]], folder: Path) -> dict[str, dict[str, Any]]:
@@ -144,12 +137,3 @@ def test_a_pulled_plug_is_named(flown: dict[str, dict[str, Any]]) -> None:
     assert run["error"]["type"] == "LinkClosed"
     assert "unplugged by the declared link fault 0 at 5 s" in run["error"]["message"]
     assert run["sim_s"] == pytest.approx(5.0, abs=0.01)
-
-
-@pytest.mark.slow
-def test_each_way_alone_and_by_the_byte(tmp_path: Path) -> None:
-    names = list(SLOW_FLIGHTS)
-    for begin in range(0, len(names), 7):
-        part = {name: SLOW_FLIGHTS[name] for name in names[begin : begin + 7]}
-        for run in fly(part, tmp_path).values():
-            judge(run, hit_at_least=1)

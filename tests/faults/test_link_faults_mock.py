@@ -301,11 +301,3 @@ def test_over_a_serial_line_the_same_hits_and_errors_as_in_memory(kind: str) -> 
         at_last = [event for event in flight.recorder.events if event[0] == lost_ns]
         ends.append((lost_ns, before, at_last[:1]))
     assert ends[0] == ends[1]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
-def test_over_a_serial_line_a_delay_changes_nothing(undisturbed: Flight) -> None:
-    flight = Flight([LinkFault(kind="delay", at_s=START_S, rate=0.01, delay_s=0.0005)], process=True, reply_limit_s=60)
-    flight.fly(END_S)
-    assert flight.wire.hits()[0] >= 1
-    assert flight.state == undisturbed.state

@@ -13,6 +13,7 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.mock_pixhawk.line import SendBuffer
 from tests.unit.mock_pixhawk_world import World
 
 LIMIT_S = 20.0
@@ -208,3 +209,27 @@ def test_start_up_imports_nothing_heavy():
     script = "import sys, firmware_bridge.mock_pixhawk.__main__; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert [name for name in heavy if name in modules] == []
+
+
+def test_what_does_not_fit_is_dropped_whole_and_the_rest_arrives_in_order():
+    near, far = os.pipe()
+    os.set_blocking(far, False)
+    os.set_blocking(near, False)
+    buffer = SendBuffer(far, size=1000)
+    sent = 0
+    while not buffer.dropped:
+        buffer.write(bytes([sent % 251]) * 300)
+        sent += 1
+    assert buffer.dropped == 300
+    assert len(buffer.pending) <= 1000
+    arrived = b""
+    while True:
+        try:
+            arrived += os.read(near, 65536)
+        except BlockingIOError:
+            if not buffer.pending:
+                break
+            buffer.write(b"")
+    os.close(near)
+    os.close(far)
+    assert arrived == b"".join(bytes([k % 251]) * 300 for k in range(sent - 1))

@@ -7,7 +7,7 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.phased_flight import Phase
-from firmware_bridge.ground_station.progress import is_waypoint
+from firmware_bridge.ground_station.progress import Progress, is_waypoint
 from firmware_bridge.ground_station.station import GroundStation
 from hil.signals.errors import HandshakeError
 from hil.signals.mission import MissionItem
@@ -265,3 +265,19 @@ def test_other_vehicles_and_components_are_not_listened_to():
     station.step(0, FrameParser().feed(b"".join(vehicle.out)))
     assert station.phase is Phase.CONNECTING
     assert not station.armed
+
+
+def test_with_jumps_only_the_vehicle_knows_when_all_is_flown() -> None:
+    def item(seq: int, command: int) -> MissionItem:
+        return MissionItem(seq, 3, command, 0, 1, 0.0, 0.0, 0.0, 0.0, 473977420, 85455940, 10.0)
+
+    class Reached:
+        def __init__(self, seq: int) -> None:
+            self.seq = seq
+
+    plain, jumping = Progress([item(0, 22), item(1, 16)]), Progress([item(0, 22), item(1, 16), item(2, 177)])
+    for progress in (plain, jumping):
+        for seq in (0, 1):
+            progress.on_item_reached(Reached(seq))
+    assert plain.completed
+    assert not jumping.completed

@@ -8,7 +8,7 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import NAME
-from firmware_bridge.router import HIL_FAMILY, PX4_ENDPOINTS, Endpoint, Router
+from firmware_bridge.router import Endpoint, Router
 from hil.signals.errors import PortBusy, PortNotFound
 from tests.links.router_client import UdpClient, command, framed, heartbeat, raw, until
 
@@ -85,19 +85,6 @@ def test_only_whole_valid_frames_go_on(router, client):
     client.say(b"GET / HTTP/1.1\r\n\r\n" + bytes(broken) + HELLO + b"\xfd\x09", to)
     assert collect(router, len(HELLO)) == HELLO
     assert router.stats.damaged_bytes > 0
-
-
-def test_hil_messages_from_clients_are_refused(router, client):
-    fake_sensor = raw(CLIENT, "HIL_SENSOR", 0, *[0.0] * 13, 0x1FFF, 0)
-    client.say(fake_sensor + ARM, router.local_addresses[0])
-    assert collect(router, len(ARM)) == ARM
-    assert router.stats.rejected == 1
-
-
-def test_the_hil_family():
-    assert {NAME[msgid] for msgid in HIL_FAMILY} >= {
-        "HIL_SENSOR", "HIL_GPS", "HIL_STATE_QUATERNION", "HIL_ACTUATOR_CONTROLS", "HIL_CONTROLS", "HIL_STATE",
-    }  # fmt: skip
 
 
 def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(router, client):
@@ -188,8 +175,3 @@ def test_close_and_open_again(router, client):
     router.open()
     assert not router.received_any
     assert router.stats.from_clients == 0
-
-
-def test_px4s_addresses_are_on_loopback():
-    assert [e.remote for e in PX4_ENDPOINTS] == [("127.0.0.1", 14550), ("127.0.0.1", 14540)]
-    assert all(e.local[0] == "127.0.0.1" for e in PX4_ENDPOINTS)

@@ -187,8 +187,3 @@ def test_keys() -> None:
         SigningKey(b"short")
     assert secret.hex() not in repr(SigningKey(secret))
     assert str(secret) not in repr(SigningKey(secret))
-
-
-def test_the_wall_clock_counts_from_2015() -> None:
-    years = wall_timestamp() / (100_000 * 86_400 * 365.25)
-    assert 10 < years < 100

@@ -10,7 +10,6 @@ import math
 import numpy as np
 import pytest
 
-from firmware_bridge import _native
 from tests.reference.ekf_reference import (
     ATTITUDE,
     IDLE,
@@ -260,12 +259,3 @@ def test_without_compass_the_gyro_carries_yaw():
     flight.mag_on = False
     cross_track, _ = fly_legs(flight, RECTANGLE)
     assert cross_track < 0.3
-
-
-def test_step_costs_no_memory():
-    flight = in_the_air()
-    state, controls = flight.core.state, flight.core.controls
-    addresses = (state.ctypes.data, controls.ctypes.data)
-    flight.run(1.0)
-    assert (flight.core.state.ctypes.data, flight.core.controls.ctypes.data) == addresses
-    assert set(_native.STATE_FIELDS) >= {"p_NF", "v_NF_N", "q_NF", "w_NF_F", "gyro_bias", "accel_bias"}

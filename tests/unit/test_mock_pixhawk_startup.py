@@ -243,3 +243,27 @@ def test_wrong_parameters_and_airframes_are_all_reported():
     assert "MPC_XY_CRUISE" in str(caught.value.problems[0])  # the nearest legal name
     with pytest.raises(ConfigError, match="iris, x500"):
         MockPixhawk(airframe="x5000")
+    with pytest.raises(ConfigError, match="CA_ROTOR"):
+        MockPixhawk(params=["CA_ROTOR_COUNT=3"])  # in range, but it makes no vehicle
+
+
+@pytest.mark.parametrize("name", [b"\xff" * 16, "ÄÖÜÄÖÜÄÖ".encode(), b"\0" * 16, b"MPC\xff"])
+def test_a_parameter_name_that_is_no_name(name):
+    rest = Rest(boot_sensors=0)
+    rest.run(5)
+    raw = name.ljust(16, b"\0")[:16]
+    rest.autopilot.feed(rest.encoder.frame(MSGID["PARAM_SET"], struct.pack("<fBB", 1.0, 1, 1) + raw + b"\x09"))
+    rest.autopilot.feed(rest.encoder.frame(MSGID["PARAM_REQUEST_READ"], struct.pack("<hBB", -1, 1, 1) + raw))
+    replies = rest.step()
+    assert len(actuators(replies)) == 1
+    assert all(text.isascii() for text in texts(replies))
+
+
+@pytest.mark.parametrize("time_usec", [2**62, 2**63 - 1, 2**63, 2**64 - 1])
+def test_times_that_are_no_times_are_ignored(time_usec):
+    rest = Rest(boot_sensors=0)
+    rest.run(5)
+    ignored = rest.autopilot.ignored
+    assert rest.step(t_us=time_usec) == []
+    assert rest.autopilot.ignored == ignored + 1
+    assert len(actuators(rest.step())) == 1

@@ -32,7 +32,6 @@ def by_hand(world, mode):
     return world
 
 
-@pytest.mark.parametrize("make", [World, hitl_world], ids=["lockstep", "hitl"])
 def by_eye(world, climb_mps):
     """Throttle of a pilot who watches the vehicle climb or sink and wants `climb_mps`."""
     return min(max(round(500.0 + 250.0 * (climb_mps - world.truth.v_WB_W[2])), 0), 1000)
