@@ -33,7 +33,8 @@ GAP_NS = 20 * NS_PER_MS
 class ActuatorAge:
     """How old the actuator command is when it moves the vehicle. Times are the receiver's monotonic clock [ns].
 
-    `interval` is from one arrival to the next; one of more than `gap_ns` is a gap.
+    `interval` is from one arrival to the next. A gap is an age of more than `gap_ns`, at an arrival or at a tick: a
+    stream that has fallen silent at the end is one too, though nothing ended it; the time after the last tick is none.
     """
 
     def __init__(self, *, gap_ns: int = GAP_NS) -> None:
@@ -43,6 +44,7 @@ class ActuatorAge:
         self.gap_count = 0
         self.longest_gap_ns = 0
         self._arrived_ns: int | None = None
+        self._counted = False  # the gap since the last arrival
 
     def arrived(self, t_ns: int) -> None:
         """A command came and is latched from now on."""
@@ -50,20 +52,18 @@ class ActuatorAge:
             self.interval.add(t_ns - self._arrived_ns)
             self._note_gap(t_ns - self._arrived_ns)
         self._arrived_ns = t_ns
+        self._counted = False
 
     def used(self, t_ns: int) -> None:
         """A tick at `t_ns` uses the latched command, if there is one."""
         if self._arrived_ns is not None:
             self.age.add(t_ns - self._arrived_ns)
-
-    def finish(self, t_ns: int) -> None:
-        """The run ends: a stream that had fallen silent is a gap too, though nothing ended it."""
-        if self._arrived_ns is not None:
             self._note_gap(t_ns - self._arrived_ns)
 
     def _note_gap(self, length_ns: int) -> None:
         if length_ns > self.gap_ns:
-            self.gap_count += 1
+            self.gap_count += not self._counted
+            self._counted = True
             self.longest_gap_ns = max(self.longest_gap_ns, length_ns)
 
 

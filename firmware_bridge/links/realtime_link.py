@@ -128,7 +128,6 @@ class RealtimeLink(AutopilotLink):
 
     def findings(self) -> list[Finding]:
         """What in this run's timing was bad for the autopilot."""
-        self.age.finish(time.monotonic_ns())
         sending = [] if self._line is None else judge_sending(self._line.stats(), self.schedule)
         return sending + judge_actuators(self.age)
 

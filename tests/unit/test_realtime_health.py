@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 
 import pytest
 
+from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
+from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.paced_line import SendStats
 from firmware_bridge.links.realtime_health import ActuatorAge, judge_actuators, judge_sending
+from firmware_bridge.transports.pty import PtyTransport
 
 MS = 1_000_000
+CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, boot_sensors=0)
 
 
 def stats(lateness_ns: Iterable[int], *, scheduling: str = "SCHED_FIFO 80, memory locked", **counts: int) -> SendStats:
@@ -105,7 +110,6 @@ def test_age_of_a_regular_stream() -> None:
     assert age.age.max_ns == 4 * MS
     assert age.age.total_ns == sum((4 * k + 1) % 5 for k in range(1, 500)) * MS
     assert age.interval.quantile_ns(0.5) == pytest.approx(5 * MS, rel=0.02)
-    age.finish(2000 * MS + 19 * MS)
     assert age.gap_count == 0
     assert judge_actuators(age) == []
 
@@ -115,10 +119,24 @@ def test_gaps_and_the_silence_at_the_end() -> None:
     for t in (0, 1, 2, 25, 30):
         age.arrived(t * MS)
     assert (age.gap_count, age.longest_gap_ns) == (1, 23 * MS)
-    age.used(31 * MS)
-    age.finish(131 * MS)
+    for tick_ms in range(31, 132, 4):
+        age.used(tick_ms * MS)
     (finding,) = judge_actuators(age)
     assert "2 times for more than 20 ms (up to 101 ms)" in finding.text
+    assert age.gap_count == 2
+
+
+def test_looking_at_a_run_twice_or_late_adds_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recording and run.json ask for the findings one after the other, once the wires are closed."""
+    now_ns = [0]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
+    link = FreeRunningLink(PtyTransport(), CAPS, period_ns=4 * MS)
+    for now_ns[0] in range(0, 400 * MS, 4 * MS):
+        link.age.arrived(now_ns[0])
+        link.age.used(now_ns[0])
+    now_ns[0] += 500 * MS  # of closing
+    assert [link.findings() for _ in range(2)] == [[], []]
+    assert link.age.gap_count == 0
 
 
 def test_old_commands_are_a_warning() -> None:
