@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,22 +17,15 @@ from firmware_bridge.devices.inventory import find_devices
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.ardupilot_eahrs import HeldPty, arducopter_on_ptys, sitl_parameters
 from firmware_bridge.links.ardupilot_sitl import TCP_PORT, ardupilot_sitl, copter_parameters
-from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
-from firmware_bridge.links.makers import (
-    MOCK_BOOT_SENSORS,
-    Wrap,
-    hitl,
-    mock_command,
-    mock_in_memory,
-    mock_over_pty,
-    mock_over_serial,
-    px4_sitl,
-)
-from firmware_bridge.links.px4_process import px4_sitl_process
+from firmware_bridge.links.free_running import FreeRunningLink
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.px4_process import px4_sitl_link, px4_sitl_process
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from firmware_bridge.mock_pixhawk.faults import parse_fault
+from firmware_bridge.mock_pixhawk.faults import Died, parse_fault
+from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
@@ -43,6 +37,7 @@ from sim.scene.scene import Site
 
 LOG_NAME = "autopilot.log"
 State = NDArray[np.float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), and what else there is
+MOCK_BOOT_SENSORS = 20
 WORK_FOLDER = "autopilot"  # of firmware that the bench starts: parameters, missions, its own logs
 
 
@@ -51,7 +46,7 @@ class Surroundings:
     """What a link is told of the run that it is part of."""
 
     out: Path  # what it starts logs here
-    wrap: Wrap  # goes round the wire: declared faults
+    wrap: Callable[[Transport], Transport]  # goes round the wire: declared faults
     on_event: Callable[[str, str], None]  # (kind, text), at the simulated time of now
     # Where the vehicle starts: latitude, longitude [deg], altitude above mean sea level [m], heading [deg from north].
     home: tuple[float, float, float, float]
@@ -63,40 +58,59 @@ def make_autopilot(bench: Bench, around: Surroundings) -> AutopilotLink:
 
 
 def _mock(bench: Bench, around: Surroundings) -> AutopilotLink:
-    config, out = bench.config, around.out
-    autopilot = config.autopilot
+    """The mock in lockstep: on a serial port, where somebody else started it, in this process, or on a pty."""
+    autopilot = bench.config.autopilot
     # Unknown (null) cannot be for the mock: it is told the number.
     boot_sensors = MOCK_BOOT_SENSORS if autopilot.boot_sensors is None else autopilot.boot_sensors
-    common: dict[str, Any] = {
-        "boot_sensors": boot_sensors,
-        "reply_limit_s": autopilot.reply_timeout_s,
-        "heartbeat_limit_s": autopilot.connect_timeout_s,
-        "wrap": around.wrap,
-    }
+    start = None
+    transport: Transport
     if autopilot.port is not None:
-        return mock_over_serial(port=autopilot.port, baud=autopilot.baud, **common)
-    if autopilot.transport == "loopback":
+        transport = SerialTransport(autopilot.port, baud=autopilot.baud)
+    elif autopilot.transport == "loopback":
         peer = MockPixhawk(
             airframe=autopilot.airframe,
             boot_sensors=boot_sensors,
-            params=_param_texts(config),
+            params=_param_texts(bench.config),
             faults=[parse_fault(text) for text in autopilot.faults.texts()],
         )
-        return mock_in_memory(peer=peer, **common)
-    return mock_over_pty(arguments=_mock_arguments(config), stderr_path=out / LOG_NAME, **common)
+        transport = LoopbackTransport(peer, deaths=(Died,))
+    else:
+        transport, start = _mock_on_a_pty(bench.config, around, boot_sensors)
+    return LockstepLink(
+        around.wrap(transport),
+        LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=boot_sensors),
+        start_process=start,
+        reply_limit_s=autopilot.reply_timeout_s,
+        heartbeat_limit_s=autopilot.connect_timeout_s,
+    )
 
 
-def _param_texts(config: BenchConfig) -> list[str]:
-    return [f"{name}={value!r}" for name, value in config.autopilot.params.items()]
+def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
+    """Command line of the mocked flight controller on serial port `port`."""
+    module = [sys.executable, "-m", "firmware_bridge.mock_pixhawk"]
+    return [*module, "--port", port, "--boot-sensors", str(boot_sensors), *arguments]
 
 
-def _mock_arguments(config: BenchConfig) -> list[str]:
-    arguments = ["--airframe", config.autopilot.airframe]
+def _mock_on_a_pty(
+    config: BenchConfig, around: Surroundings, boot_sensors: int, *more: str
+) -> tuple[Transport, Callable[[], ChildProcess]]:
+    """The near end of a pseudo-terminal, and what starts the mock on its far end."""
+    pty = PtyTransport()
+    arguments = [*more, "--airframe", config.autopilot.airframe]
     for text in _param_texts(config):
         arguments += ["--param", text]
     for text in config.autopilot.faults.texts():
         arguments += ["--fault", text]
-    return arguments
+
+    def start() -> ChildProcess:
+        argv = mock_command(pty.far_path, boot_sensors=boot_sensors, arguments=arguments)
+        return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
+
+    return pty, start
+
+
+def _param_texts(config: BenchConfig) -> list[str]:
+    return [f"{name}={value!r}" for name, value in config.autopilot.params.items()]
 
 
 def _hitl(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -106,28 +120,30 @@ def _hitl(bench: Bench, around: Surroundings) -> AutopilotLink:
     start = None
     transport: Transport
     if autopilot.kind == "mock_hitl" and autopilot.port is None:
-        pty = PtyTransport()
-        transport = pty
-        arguments = ["--hitl", *_mock_arguments(config)]
-
-        def start() -> ChildProcess:
-            argv = mock_command(pty.far_path, boot_sensors=0, arguments=arguments)
-            return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
+        transport, start = _mock_on_a_pty(config, around, 0, "--hitl")
     else:
         transport = SerialTransport(autopilot.port or _only_board(), baud=autopilot.baud, follow=True)
-    return hitl(
-        kind=autopilot.kind,
-        transport=around.wrap(transport),
-        period_ns=config.tick_ns,
+    return FreeRunningLink(
+        around.wrap(transport),
+        LinkCaps(autopilot.kind, lockstep=False, deterministic=False, boot_sensors=0),
         motors=len(bench.vehicle.rotors),
-        start_process=start,
         params=None if autopilot.is_mock else autopilot.params,
-        on_event=around.on_event,
+        start_process=start,
         own_sender=not config.faults.links,
-        silence_limit_s=autopilot.reply_timeout_s,
-        heartbeat_limit_s=autopilot.connect_timeout_s,
-        reconnect_s=autopilot.reconnect_s,
+        **_by_the_clock(bench, around),
     )
+
+
+def _by_the_clock(bench: Bench, around: Surroundings) -> dict[str, Any]:
+    """The settings of links to autopilots that wait for nobody."""
+    autopilot = bench.config.autopilot
+    return {
+        "period_ns": bench.config.tick_ns,
+        "on_event": around.on_event,
+        "silence_limit_s": autopilot.reply_timeout_s,
+        "heartbeat_limit_s": autopilot.connect_timeout_s,
+        "reconnect_s": autopilot.reconnect_s,
+    }
 
 
 def _only_board() -> str:
@@ -159,8 +175,8 @@ def _px4_sitl(bench: Bench, around: Surroundings) -> AutopilotLink:
             arguments=autopilot.arguments,
             instance=autopilot.instance,
         )
-    return px4_sitl(
-        instance=autopilot.instance,
+    return px4_sitl_link(
+        autopilot.instance,
         start_process=None if process is None else lambda: process,
         reply_limit_s=autopilot.reply_timeout_s,
         heartbeat_limit_s=autopilot.connect_timeout_s,
@@ -266,16 +282,12 @@ def _ardupilot_eahrs(bench: Bench, around: Surroundings) -> AutopilotLink:
     return ExternalAhrsLink(
         sensor,
         around.wrap(mavlink),  # declared faults know frames of MAVLink
-        period_ns=config.tick_ns,
         geodetic=LocalFrame(bench.scene.site).geodetic_from_enu,
         seed=config.seed,
         pwm=PwmRange(round(params.get("MOT_PWM_MIN", 1000)), round(params.get("MOT_PWM_MAX", 2000))),
         baud=None if start is not None else autopilot.baud,
         start_process=start,
-        on_event=around.on_event,
-        silence_limit_s=autopilot.reply_timeout_s,
-        heartbeat_limit_s=autopilot.connect_timeout_s,
-        reconnect_s=autopilot.reconnect_s,
+        **_by_the_clock(bench, around),
     )
 
 

@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.markup import escape
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
-from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.devices.inventory import (
     NO_PORT_ACCESS,
     Autopilot,
@@ -22,14 +21,12 @@ from firmware_bridge.devices.inventory import (
 )
 from firmware_bridge.devices.usb_boards import PX4
 from firmware_bridge.devices.watch import Change, DeviceWatch
-from firmware_bridge.links.hitl_setup import HitlSetup
+from firmware_bridge.links.hitl_setup import HitlSetup, await_autopilot
 from firmware_bridge.transports.serial import SerialTransport
-from hil.signals.errors import HandshakeError
 
 _POLL_S = 0.5
 _MOTORS = 4
 _HEARTBEAT_S = 5.0
-_HEARTBEAT = MSGID["HEARTBEAT"]
 
 _NO_AUTOPILOT = (
     "none found. Is the cable a data cable (many only charge)? Does the board's light come on? On Linux, "
@@ -174,7 +171,8 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
     line.open()
     try:
         parser = FrameParser()
-        setup = HitlSetup(line, parser, motors=_MOTORS, sysid=_await_heartbeat(line, parser))
+        sysid = await_autopilot(line, parser, limit_s=_HEARTBEAT_S)
+        setup = HitlSetup(line, parser, motors=_MOTORS, sysid=sysid)
         problems = setup.problems()
         for problem in problems:
             console.print(f"[yellow]wrong[/]  {problem}")
@@ -196,17 +194,3 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
         return False
     finally:
         line.close()
-
-
-def _await_heartbeat(line: SerialTransport, parser: FrameParser) -> int:
-    """System id of the autopilot on the line."""
-    deadline = time.monotonic() + _HEARTBEAT_S
-    while time.monotonic() < deadline:
-        for frame in parser.feed(line.read(0.1)):
-            if frame.msgid == _HEARTBEAT and frame.compid == 1:
-                return frame.sysid
-    raise HandshakeError(
-        line.name,
-        f"no heartbeat within {_HEARTBEAT_S:g} s: powered? the right port, the right baud rate? Boards with two USB "
-        "ports speak MAVLink on one of them",
-    )

@@ -6,15 +6,14 @@ A silent line ends the run. Never is HIL_STATE_QUATERNION sent: it overwrites wh
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
-from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
+from firmware_bridge.links.hitl_setup import HitlSetup, await_autopilot
 from firmware_bridge.links.lockstep import tick_messages
 from firmware_bridge.links.realtime_link import RealtimeLink
 from firmware_bridge.transports.transport import Transport
@@ -22,16 +21,14 @@ from hil.signals.errors import HandshakeError, LinkError
 from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
 from hil.signals.time import NS_PER_S
 
-_HEARTBEAT = MSGID["HEARTBEAT"]
-_SLICE_S = 0.05
 _MOST_BAD_IN_A_ROW = 25  # commands that are no numbers: a tenth of a second of them
 
 
 class FreeRunningLink(RealtimeLink):
     """HITL over `transport`.
 
-    `prepare`, if given, is called once the board has been heard, with its system id: it may ask the board about its
-    set-up, and raise. Other settings as `RealtimeLink`.
+    With `motors`, a board is checked before it flies for being set up for so many, after `params` have been set.
+    Other settings as `RealtimeLink`.
     """
 
     def __init__(
@@ -39,13 +36,15 @@ class FreeRunningLink(RealtimeLink):
         transport: Transport,
         caps: LinkCaps,
         *,
-        prepare: Callable[[Transport, FrameParser, int], None] | None = None,
+        motors: int | None = None,
+        params: Mapping[str, float] | None = None,
         silence_limit_s: float = 5.0,
         heartbeat_limit_s: float = 20.0,
         **settings: Any,
     ) -> None:
         self._transport = transport
-        self._prepare = prepare
+        self._motors = motors
+        self._params = params
         super().__init__(
             caps, transport, silence_limit_s=silence_limit_s, heartbeat_limit_s=heartbeat_limit_s, **settings
         )
@@ -56,27 +55,18 @@ class FreeRunningLink(RealtimeLink):
         self._bad_in_a_row = 0
 
     def _await_autopilot(self) -> None:
-        sysid = self._await_heartbeat()
-        if self._prepare is not None:
-            self._prepare(self._transport, self._parser, sysid)
+        line, limit_s = self._transport, self._heartbeat_limit_s
+        sysid = await_autopilot(line, self._parser, limit_s=limit_s, heard=self._keep, name=self.name)
+        if self._motors is not None:
+            setup = HitlSetup(line, self._parser, motors=self._motors, sysid=sysid)
+            if self._params:
+                setup.set(self._params)
+            setup.require()
 
-    def _await_heartbeat(self) -> int:
-        """System id of the autopilot that sent the first heartbeat."""
-        deadline = time.monotonic() + self._heartbeat_limit_s
-        while True:
-            frames = self._parser.feed(self._transport.read(_SLICE_S))
-            self._frames += frames
-            for frame in frames:
-                if frame.msgid == _HEARTBEAT and frame.compid == 1:
-                    return frame.sysid
-            self._check_process("ended before its first heartbeat")
-            if time.monotonic() >= deadline:
-                raise HandshakeError(
-                    self.name,
-                    f"no heartbeat within {self._heartbeat_limit_s:g} s of wall clock; {self._parser.frames} other "
-                    f"messages and {self._parser.garbage_bytes + self._parser.pending} bytes that are none came "
-                    "(powered? the right port, the right baud rate?)",
-                )
+    def _keep(self, frames: list[Frame]) -> None:
+        """Frames that came before the run begins."""
+        self._frames += frames
+        self._check_process("ended before its first heartbeat")
 
     def _command(self, tick: int) -> ActuatorFrame | None:
         """InvalidControls: it keeps sending commands that are no numbers.

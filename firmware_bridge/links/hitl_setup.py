@@ -8,7 +8,7 @@ data rate        above 5000 bytes/s, or PX4 ignores all HIL messages: HIL_ACTUAT
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,34 @@ class Setting:
         if self.found is None:
             return f"{self.name} is unknown to it: this firmware has no HITL outputs (pwm_out_sim); flash one that has"
         return f"{self.name} is {self.found:g}, must be {self.wanted:g}"
+
+
+def await_autopilot(
+    line: Transport,
+    parser: FrameParser,
+    *,
+    limit_s: float,
+    heard: Callable[[list[Frame]], None] = lambda _: None,
+    name: str = "",
+) -> int:
+    """System id of the first autopilot that sends a heartbeat; `heard` takes the frames of each read.
+
+    HandshakeError of `name`, or of the line, if none comes within the limit.
+    """
+    deadline = time.monotonic() + limit_s
+    while True:
+        frames = parser.feed(line.read(_SLICE_S))
+        heard(frames)
+        for frame in frames:
+            if frame.msgid == _HEARTBEAT and frame.compid == 1:
+                return frame.sysid
+        if time.monotonic() >= deadline:
+            raise HandshakeError(
+                name or line.name,
+                f"no heartbeat within {limit_s:g} s of wall clock; {parser.frames} other messages and "
+                f"{parser.garbage_bytes + parser.pending} bytes that are none came (powered? the right port, the "
+                "right baud rate? Boards with two USB ports speak MAVLink on one of them)",
+            )
 
 
 class HitlSetup:

@@ -1,4 +1,4 @@
-"""Starts a user's own PX4 SITL build: which program, in which folder, with which environment.
+"""PX4 SITL: the link to it, and how a user's own build is started: in which folder, with which environment.
 
 PX4's start script reads the airframe from PX4_SIM_MODEL and PX4_SYS_AUTOSTART, and sets a parameter for every
 variable PX4_PARAM_<NAME>. It keeps parameters, missions and logs in its working folder, so a run in a clean folder
@@ -9,14 +9,34 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.ground_channel import GroundChannel
+from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.transports.tcp import TcpServer
+from firmware_bridge.transports.transport import Transport
 from hil.signals.errors import PortNotFound
 
 # From this tick on PX4 answers one to one only if it integrates the IMU at the tick's rate and writes no log.
 _FAST_TICK_HZ = 400
+# Where PX4 looks for its simulator, and where it listens for ground stations; instances count up from them.
+_SIMULATOR_PORT, _GROUND_PORT = 4560, 18570
+
+
+def px4_sitl_link(
+    instance: int, *, wrap: Callable[[Transport], Transport] = lambda wire: wire, **settings: Any
+) -> LockstepLink:
+    """PX4 SITL, which connects to us; `wrap` goes round the simulator's wire. Other settings as `LockstepLink`.
+
+    Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit.
+    """
+    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, boot_sensors=None, busy_processors=2)
+    ground = GroundChannel(_GROUND_PORT + instance)
+    return LockstepLink(wrap(TcpServer(_SIMULATOR_PORT + instance)), caps, ground=ground, **settings)
 
 
 def px4_sitl_process(

@@ -16,11 +16,11 @@ from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.lockstep import LockstepLink
-from firmware_bridge.links.makers import mock_command
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.transport import Transport
+from hil.autopilots import mock_command
 from hil.config import Bench, load_bench
 from hil.missions.path import planned_path
 from hil.scheduler import Scheduler, SensorSlot

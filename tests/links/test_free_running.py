@@ -21,7 +21,6 @@ from firmware_bridge.links import hitl_setup
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.free_running import FreeRunningLink
 from firmware_bridge.links.hitl_setup import HitlSetup
-from firmware_bridge.links.makers import hitl
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.bench import RunResult, run_bench
@@ -66,11 +65,7 @@ class HitlDrive(Drive):
             "silence_limit_s": 30.0,
             "on_event": lambda kind, text: self.events.append((kind, text)),
         } | settings
-        if checked:
-            link = hitl(kind="px4_hitl", transport=transport, motors=4, **settings)
-        else:
-            link = FreeRunningLink(transport, CAPS, **settings)
-        super().__init__(link, TICK_NS)
+        super().__init__(FreeRunningLink(transport, CAPS, motors=4 if checked else None, **settings), TICK_NS)
 
 
 @pytest.fixture

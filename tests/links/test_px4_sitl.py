@@ -17,8 +17,7 @@ from typing import Any
 import pytest
 
 from firmware_bridge.links import child_process, ground_channel, lockstep
-from firmware_bridge.links.makers import px4_sitl
-from firmware_bridge.links.px4_process import px4_sitl_process
+from firmware_bridge.links.px4_process import px4_sitl_link, px4_sitl_process
 from hil.bench import RunResult, run_bench
 from hil.config import load_bench
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
@@ -236,7 +235,7 @@ class Px4Drive(Drive):
         if start is None:
             self.px4 = FakePx4(instance, script=script)
             threading.Thread(target=self.px4.serve, daemon=True).start()
-        super().__init__(px4_sitl(instance=instance, start_process=start, reply_limit_s=reply_limit_s), TICK_NS)
+        super().__init__(px4_sitl_link(instance, start_process=start, reply_limit_s=reply_limit_s), TICK_NS)
         self.link.open()
 
     def step(self, extra: bytes = b"") -> bytes:
@@ -365,7 +364,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
     other = FakePx4(instance)
     threading.Thread(target=other.serve, daemon=True).start()
     ended = child_process.ChildProcess(["/bin/sh", "-c", "echo port is taken >&2; exit 3"])
-    link = px4_sitl(instance=instance, start_process=lambda: ended, reply_limit_s=30.0)
+    link = px4_sitl_link(instance, start_process=lambda: ended, reply_limit_s=30.0)
 
     def fly() -> None:
         link.open()
@@ -385,11 +384,11 @@ def test_a_px4_that_has_lost_its_simulator_before(instance: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as left_over:
         left_over.bind(("127.0.0.1", 18570 + instance))
         with pytest.raises(HandshakeError, match="never connects again; start PX4 anew"):
-            px4_sitl(instance=instance, heartbeat_limit_s=0.2).open()
+            px4_sitl_link(instance, heartbeat_limit_s=0.2).open()
 
 
 def test_nobody_connects(instance: int) -> None:
-    link = px4_sitl(instance=instance, heartbeat_limit_s=0.2)
+    link = px4_sitl_link(instance, heartbeat_limit_s=0.2)
     with pytest.raises(HandshakeError, match="nobody connected; start PX4 with PX4_SIM_MODEL=none_iris"):
         link.open()
     # The port is free again.
