@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.codecs.signing import SigningKey
 from firmware_bridge.ground_station.actions import ActionSource, Record
+from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_params
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.manual.hid_gamepad import HidGamepad, open_gamepad
@@ -38,7 +39,6 @@ _ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
 _GRID_NS = NS_PER_S
 # A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
-_BACK_TO_MISSION = {"px4": (4.0, 4.0), "ardupilot": (3.0, 0.0)}  # custom mode of what was taken over from
 
 
 class Commanders:
@@ -90,7 +90,7 @@ class Commanders:
             stack.callback(self.manual.close)
             self.sources.append(self.manual)
         if live is not None:
-            self.page_manual = _page_manual(config, live.sticks)
+            self.page_manual = _manual(config, live.sticks)
             self.sources.append(self.page_manual)
         autopilot_signs = None
         if config.autopilot.signing_key_file is not None:
@@ -189,35 +189,30 @@ def _pilot(bench: Bench, state: State, on_event: Callable[[int, str, str], None]
     )
 
 
-def _manual_settings(config: BenchConfig) -> dict[str, Any]:
-    copter = config.autopilot.kind.startswith("ardupilot")
-    return {
-        "modes": ARDUCOPTER_MODES if copter else PX4_MODES,
-        "rate_hz": config.manual.rate_hz,
-        "neutral_s": config.manual.neutral_s,
-        "target_sysid": None,
-    }
+def _manual(config: BenchConfig, page: PageSticks | None = None) -> ManualControlSource:
+    """The source of MANUAL_CONTROL: from the sticks of the dashboard's `page`, or of the device that the bench names.
 
-
-def _page_manual(config: BenchConfig, sticks: PageSticks) -> ManualControlSource:
-    """The source of MANUAL_CONTROL for the sticks of the dashboard. Silent until somebody holds their switch."""
-    settings = _manual_settings(config)
-    firmware = "ardupilot" if config.autopilot.kind.startswith("ardupilot") else "px4"
-    modes = settings["modes"] = settings["modes"] | {"mission": _BACK_TO_MISSION[firmware]}
-    return ManualControlSource(sticks, buttons=page_buttons(modes), **settings)
-
-
-def _manual(config: BenchConfig) -> ManualControlSource:
-    """The source of MANUAL_CONTROL. A gamepad that is not there yet is waited for in flight.
-
+    The page's are silent until somebody holds their switch, and may go back to the mission that they have taken over
+    from. A gamepad that is not there yet is waited for in flight.
     ManualControlError: the keyboard is no terminal, or the gamepad cannot be flown with.
     """
-    settings = _manual_settings(config)
-    if config.manual.device == "keyboard":
+    manual, copter = config.manual, config.autopilot.kind.startswith("ardupilot")
+    modes = ARDUCOPTER_MODES if copter else PX4_MODES
+    settings: dict[str, Any] = {
+        "modes": modes,
+        "rate_hz": manual.rate_hz,
+        "neutral_s": manual.neutral_s,
+        "target_sysid": None,
+    }
+    if page is not None:
+        _, main, sub = mode_params(ARDUPILOT if copter else PX4, "MISSION")
+        settings["modes"] = modes | {"mission": (main, sub)}
+        return ManualControlSource(page, buttons=page_buttons(settings["modes"]), **settings)
+    if manual.device == "keyboard":
         return ManualControlSource(KeyboardSticks(Terminal()), **settings)
 
     def reopen() -> HidGamepad:
-        return open_gamepad(needs_dead_man=config.manual.needs_dead_man)
+        return open_gamepad(needs_dead_man=manual.needs_dead_man)
 
     try:
         pad = reopen()

@@ -20,7 +20,7 @@ bytes sent: there is no processor left to write on while it thinks.
 The record of what arrived in phase 7 is written in phase 6 of the next tick (or by `flush`), so that writing
 overlaps the autopilot's own work. The order in the recording is the same either way.
 
-An autopilot that waits for nobody (`FreeRunning`) turns this round: each tick begins at its wall-clock time, with
+An autopilot that waits for nobody (`begin`) turns this round: each tick begins at its wall-clock time, with
 ActuatorFrame[k-1] being whatever was commanded last, and phase 7 is empty.
 
 When a phase fails: an exception of any phase ends the run. Phases 1 to 4 have no side effect outside, so the

@@ -93,15 +93,6 @@ class OffboardPilot(PhasedFlight):
         self._streaming_since_ns: int | None = None  # set-points; None: none are sent
         self._ground_d_m = 0.0  # height of the place where it was armed
         self._in_mode: bool | None = None  # as its heartbeat shows; None until it first shows it
-        self._phases = {
-            Phase.CONNECTING: self._connecting,
-            Phase.PREFLIGHT: self._preflight,
-            Phase.ARMING: self._arming,
-            Phase.FLYING: self._flying,
-            Phase.LANDING: self._landing,
-            Phase.LANDED: self._landed,
-            Phase.DONE: self._done,
-        }
         self._handlers |= {
             MSGID["LOCAL_POSITION_NED"]: self._frame.on_local_position,
             MSGID["GLOBAL_POSITION_INT"]: self._frame.on_global_position,

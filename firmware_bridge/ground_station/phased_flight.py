@@ -10,7 +10,7 @@ repeatable as one without. It costs about a microsecond a tick when there is not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -239,7 +239,6 @@ class PhasedFlight:
         self._t_ns = 0
         self._started = False
         self._due_ns = 0
-        self._phases: Mapping[Phase, Callable[[int], None]] = {}
         self._handlers: dict[int, Callable[[Any], None]] = {
             MSGID["HEARTBEAT"]: self._heartbeats.on_heartbeat,
             MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
@@ -269,7 +268,7 @@ class PhasedFlight:
         before = None
         while decides and before is not self.phase:
             before = self.phase
-            self._phases[before](t_ns)
+            getattr(self, f"_{before.value}")(t_ns)  # each phase is a method
         self._commands.step(t_ns)
         dues = (
             self._heartbeats.due_ns,

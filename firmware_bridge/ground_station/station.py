@@ -47,15 +47,6 @@ class GroundStation(PhasedFlight):
         self._fly = fly
         self._must_land = fly and not self._progress.lands_by_itself
         self._preflight_since_ns = 0
-        self._phases = {
-            Phase.CONNECTING: self._connecting,
-            Phase.UPLOADING: self._uploading,
-            Phase.PREFLIGHT: self._preflight,
-            Phase.ARMING: self._arming,
-            Phase.FLYING: self._flying,
-            Phase.LANDED: self._landed,
-            Phase.DONE: self._done,
-        }
         self._handlers |= {
             MSGID["MISSION_REQUEST_INT"]: lambda m: self._upload.on_request(self._t_ns, m),
             MSGID["MISSION_REQUEST"]: lambda m: self._upload.on_request(self._t_ns, m),

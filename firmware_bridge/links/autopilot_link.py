@@ -12,7 +12,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from firmware_bridge.links.child_process import ChildProcess
 from hil.signals.errors import LinkClosed, LinkError
 from hil.signals.latency import LatencyHistogram
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample, TruthState, Vec3
+from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
 
 
 class InvalidControls(LinkError, ValueError):
@@ -24,11 +24,11 @@ class LinkCaps:
     """What a link can do. The bench branches on these facts, never on the class of a link."""
 
     kind: str  # the registry's name of it
-    lockstep: bool  # simulated time stands still until the autopilot has answered
+    lockstep: bool  # simulated time stands still until the autopilot has answered; if not, the link has `begin`
     deterministic: bool  # the same bytes in give the same bytes out, run after run
     boot_sensors: int | None  # first HIL_SENSORs that get no answer; None: found out by running at wall-clock pace
     busy_processors: int = 1  # that the autopilot keeps busy while it thinks, where it runs on this machine
-    takes_truth: bool = False  # is told the vehicle's true state before each `send` (`TruthTaker`)
+    takes_truth: bool = False  # is told the vehicle's true state before each `send` (`observe`)
 
 
 @dataclass
@@ -52,22 +52,6 @@ class LinkStats:
         self.bad_crc = sum(parser.bad_crc for parser in parsers)
         self.garbage_bytes = sum(parser.garbage_bytes for parser in parsers)
         self.lost_frames = sum(parser.lost for parser in parsers)
-
-
-class FreeRunning(Protocol):
-    """What a link to an autopilot that waits for nobody (`caps.lockstep` False) has besides."""
-
-    def begin(self, tick: int) -> ActuatorFrame | None:
-        """Wait for the tick's wall-clock time; the newest command, None if none came since the last tick."""
-        ...
-
-
-class TruthTaker(Protocol):
-    """What a link has besides whose autopilot simulates its own sensors from the vehicle's pose."""
-
-    def observe(self, truth: TruthState, wind_W: Vec3) -> None:
-        """The state of this tick and the wind at the vehicle [m/s, W]. Called before `send`."""
-        ...
 
 
 class Wire(Protocol):

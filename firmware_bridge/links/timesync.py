@@ -18,6 +18,8 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
+import numpy as np
+
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from hil.signals.latency import LatencyHistogram
@@ -108,14 +110,8 @@ class TimeSync:
         if len(blocks) < 3 or blocks[-1].t_ns - blocks[0].t_ns < _DRIFT_SPAN_NS:
             return None
         t0_ns, offset0_ns = blocks[0].t_ns, blocks[0].offset_ns  # small numbers: floats hold them exactly
-        rows = [(1.0 / (b.rtt_ns + 1) ** 2, float(b.t_ns - t0_ns), float(b.offset_ns - offset0_ns)) for b in blocks]
-        total = sum(w for w, _, _ in rows)
-        t_mean = sum(w * t for w, t, _ in rows) / total
-        y_mean = sum(w * y for w, _, y in rows) / total
-        spread = sum(w * (t - t_mean) ** 2 for w, t, _ in rows)
-        if spread <= 0.0:
-            return None
-        return sum(w * (t - t_mean) * (y - y_mean) for w, t, y in rows) / spread
+        t, y, rtt = np.array([(b.t_ns - t0_ns, b.offset_ns - offset0_ns, b.rtt_ns) for b in blocks], dtype=float).T
+        return float(np.polyfit(t / NS_PER_S, y / NS_PER_S, 1, w=1.0 / (rtt + 1.0))[0])
 
     def best(self) -> ClockReading | None:
         """The most certain reading of the last blocks, allowing for drift since; None before the first answer."""
