@@ -13,7 +13,6 @@ import time
 import pytest
 
 from firmware_bridge.codecs.ardupilot_json import ServoPacket, hover_throttle
-from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
@@ -29,7 +28,7 @@ from firmware_bridge.links.ardupilot_sitl import (
 )
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox, UdpTransport
-from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortBusy, PortNotFound
+from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
 from hil.signals.samples import RangeSample
 from tests.links.ardupilot_packets import encode_servos
 from tests.links.drive import IMU, Process, truth_at
@@ -255,13 +254,6 @@ def test_truth_of_another_tick_is_refused(make):
         link.send(4, 4 * TICK_NS, IMU, None, None, None, b"")
 
 
-def test_a_number_that_is_none_is_never_sent(make, sitl):
-    link = make()
-    with pytest.raises(CodecError, match="p_NF"):
-        send(link, 0, p_WB=(float("nan"), 0.0, 0.0))
-    assert sitl.unread() == []
-
-
 def test_repeats_while_the_bench_was_away_get_one_answer(make, sitl):
     """A breakpoint, a paused bench: SITL has asked once a second, and steps once."""
     link = make()
@@ -350,14 +342,6 @@ def test_thirty_two_channels_in_mid_flight_and_back(make, sitl):
         assert len(frame.controls) == 16
         assert frame.controls[:5] == (0.6, 0.601, 0.602, 0.603, 0.0)
         assert link.stats.channels == len(pwm)
-
-
-def test_no_pulse_at_boot_is_motors_off(make, sitl):
-    link = make()
-    sitl.pwm = (0,) * 16
-    frame = fly(link, sitl, 2)
-    assert frame.controls == (0.0,) * 16
-    assert not frame.armed
 
 
 def test_a_frame_count_that_wraps_goes_on(make, sitl):
@@ -615,26 +599,6 @@ def test_frame_rate_that_stays_elsewhere_is_told_once(make, sitl):
     assert kind == "warning"
     assert "asks for 6" in text
     assert link.stats.frame_rate_hz == 600
-
-
-def test_a_port_in_use_is_named(make):
-    link = make()
-    second = ArduPilotJsonLink(UdpInbox(link._inbox.port))
-    with pytest.raises(PortBusy, match=str(link._inbox.port)):
-        second.open()
-
-
-def test_a_link_can_be_used_again(make, sitl):
-    link = make()
-    fly(link, sitl, 3)
-    process = link._process
-    link.close()
-    link.close()
-    assert process.closed
-    sitl.count = 0
-    link.open()
-    fly(link, sitl, 3)
-    assert link.stats.steps == 3
 
 
 def test_command_line():

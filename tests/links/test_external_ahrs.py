@@ -26,7 +26,6 @@ from firmware_bridge.links.ardupilot_eahrs import (
 from firmware_bridge.links.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.external_ahrs import ExternalAhrsLink
 from firmware_bridge.links.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
-from firmware_bridge.transports.pty import PtyTransport
 from hil.signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
 from tests.links.drive import BARO, GPS, IMU, MAG, Process, truth_at
 
@@ -416,17 +415,6 @@ def test_a_wire_that_comes_back(board, side):
     assert bench.link.send_stats().sent >= 15
 
 
-@pytest.mark.parametrize("side", ["sensor", "mavlink"])
-def test_a_wire_that_stays_away_ends_the_run(board, side):
-    bench = Bench(board, reconnect_s=0.05)
-    bench.run(2)
-    board.gone[side] = True
-    with pytest.raises(LinkClosed, match="did not come back") as caught:
-        bench.run(50)
-    assert caught.value.cause == "unplugged"
-    assert caught.value.port == side
-
-
 def silent(bench, **limits):
     with pytest.raises(LinkError) as caught:
         bench.run(100_000)
@@ -541,43 +529,6 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
     finally:
         link.close()
         for fd in far.values():
-            os.close(fd)
-
-
-def test_the_real_time_sender_goes_on_after_the_sensor_wire_was_replugged():
-    sensor, board = PtyTransport(), Board(asks=())
-    events, far = [], []
-
-    def connect():
-        far.append(os.open(sensor.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
-        os.write(far[0], b"".join(sentence(text) for text in SETUP))
-
-    link = ExternalAhrsLink(
-        sensor,
-        Wire(board, "mavlink"),
-        period_ns=TICK_NS,
-        geodetic=geodetic,
-        start_process=lambda: Process(connect),
-        on_event=lambda kind, text: events.append(kind),
-    )
-    try:
-        link.open()
-        for tick in range(120):
-            link.begin(tick)
-            link.observe(truth(tick))
-            link.send(tick, tick * TICK_NS, IMU, MAG, BARO, GPS if tick == 0 else None, b"")
-            if tick == 20:
-                os.close(far.pop())
-            elif not far and "replugged" in events:
-                far.append(os.open(sensor.far_path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK))
-            elif far and tick > 20:
-                board.hear_sensor(_read(far[0]))
-        assert [kind for kind in events if kind != "slip"] == ["unplugged", "replugged"]
-        assert of(board, 0x01)
-        assert link.reconnects == 1
-    finally:
-        link.close()
-        for fd in far:
             os.close(fd)
 
 

@@ -13,11 +13,10 @@ from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.signals._kernel import tangent_ned
 from hil.signals.desired import DesiredState
-from hil.signals.errors import HandshakeError
 from hil.signals.geodesy import LocalFrame
 from hil.signals.samples import TruthState
 from sim.scene.scene import load_scene
-from tests.unit.mock_pixhawk_world import TICK_HZ, TICK_NS, World, texts
+from tests.unit.mock_pixhawk_world import TICK_HZ, TICK_NS, World
 
 WANTED_EVERY = 10  # ticks: a companion at 25 Hz
 UP = DesiredState(p_W=(0.0, 0.0, 3.0), yaw_rad=0.0)
@@ -139,42 +138,3 @@ def test_a_path_with_velocity_and_acceleration_is_followed_closely() -> None:
     errors = [math.hypot(s.p_WB[0], s.p_WB[1] - radius_m) - radius_m for s in seen]
     assert np.abs(errors).max() < 0.5
     flight.land()
-
-
-def test_a_companion_that_falls_silent_leaves_the_vehicle_standing() -> None:
-    flight = Flight(stale_s=0.4)
-    flight.take_off()
-    flight.fly(3.0, DesiredState(v_W=(2.0, 0.0, 0.0)))
-    left_at = flight.truth.p_WB
-    flight.fly(6.0, None)
-    assert [kind for _, kind, _ in flight.events] == ["warning"]
-    stood_at = flight.truth.p_WB
-    assert math.dist(stood_at, left_at) < 2.0
-    assert math.hypot(*flight.truth.v_WB_W) < 0.1
-    flight.fly(6.0, UP)
-    assert math.dist(flight.truth.p_WB, (0.0, 0.0, 3.0)) < 0.2
-    assert [kind for _, kind, _ in flight.events] == ["warning", "status"]
-
-
-def test_a_mock_that_cannot_arm_is_refused_by_name() -> None:
-    flight = Flight(preflight_limit_s=6.0)
-    flight.world.gps_on = False
-    with pytest.raises(HandshakeError, match="not ready to arm after 6 s"):
-        flight.fly(20.0, UP)
-
-
-def test_a_companion_that_does_not_lift_off_is_told_why_the_flight_ended() -> None:
-    flight = Flight()
-    flight.fly(5.0, None)
-    with pytest.raises(HandshakeError, match=r"disarmed before it took off.*[Dd]isarm"):
-        flight.fly(40.0, DesiredState(p_W=(0.0, 0.0, -1.0)))
-
-
-def test_the_mock_tells_its_origin_when_asked() -> None:
-    flight = Flight()
-    flight.world.run(6.0)
-    flight.world.command(512, 49.0)
-    frames = flight.world.run(0.1)
-    assert texts(frames) == []
-    assert flight.pilot._frame.origin is not None
-    assert flight.pilot._frame.origin.lat_deg == pytest.approx(47.397742, abs=2e-5)

@@ -7,8 +7,6 @@ from typing import Any
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import message_class, pack, unpack
 from firmware_bridge.ground_station.actions import (
     SCRIPT_COMPID,
     Action,
@@ -22,73 +20,42 @@ from firmware_bridge.ground_station.actions import (
 from firmware_bridge.ground_station.modes import ARDUPILOT, MODE_TABLE, PX4, mode_params, mode_word
 from firmware_bridge.mock_pixhawk.modes import mode_from_px4
 from hil.signals.errors import HandshakeError
-
-TICK_NS = 4_000_000
-S = 1_000_000_000
-Heartbeat = message_class("HEARTBEAT")
-Ack = message_class("COMMAND_ACK")
-ParamValue = message_class("PARAM_VALUE")
-Reached = message_class("MISSION_ITEM_REACHED")
-ExtendedState = message_class("EXTENDED_SYS_STATE")
-
-ACCEPTED, REJECTED_FOR_NOW, DENIED = 0, 1, 2
+from tests.links.scripted_vehicle import ACCEPTED, DENIED, REJECTED_FOR_NOW, TICK_NS, S, ScriptedVehicle
 
 
-class Vehicle:
-    """Answers in the tick after; `answers` are the results of the commands to come, the last one for ever."""
+class Vehicle(ScriptedVehicle):
+    """Has two parameters, the first at most 20."""
 
-    def __init__(self, *, autopilot: int = PX4, answers: tuple[int | None, ...] = (ACCEPTED,)) -> None:
-        self.encoder = FrameEncoder(1, 1)
-        self.autopilot = autopilot
-        self.answers = list(answers)
+    telemetry_ns = None
+
+    def __init__(self, autopilot: int = PX4, **script: Any) -> None:
+        super().__init__(autopilot, **script)
         self.params: dict[str, tuple[float, int]] = {"SPEED": (5.0, 9), "COUNT": (3.0, 6)}
-        self.armed, self.custom_mode = False, 0
-        self.silent = False
-        self.asked: list[tuple[int, Any]] = []
-        self.to_say: list[Any] = []
 
-    def frames(self) -> list[Frame]:
-        said, self.to_say = self.to_say, []
-        data = b"".join(self.encoder.frame(m.MSGID, pack(m)) for m in said)
-        return list(FrameParser().feed(data))
+    def on_param_request_read(self, _t_ns: int, m: Any, sender: int) -> None:
+        assert sender == SCRIPT_COMPID
+        if m.param_id in self.params:
+            value, kind = self.params[m.param_id]
+            if kind == 6 and self.autopilot == PX4:
+                value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+            self.say("PARAM_VALUE", m.param_id, value, kind, 2, 0)
 
-    def heartbeat(self) -> None:
-        self.to_say.append(Heartbeat(2, self.autopilot, 128 * self.armed | 1, self.custom_mode, 4, 3))
-
-    def hear(self, t_ns: int, data: bytes) -> None:
-        for frame in FrameParser().feed(data):
-            assert (frame.sysid, frame.compid) == (255, SCRIPT_COMPID)
-            message = unpack(frame)
-            self.asked.append((t_ns, message))
-            if type(message).__name__ == "COMMAND_LONG":
-                answer = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
-                if answer is not None:
-                    # The station's own answers must not be taken for ours.
-                    self.to_say.append(Ack(message.command, DENIED, 0, 0, 255, 190))
-                    self.to_say.append(Ack(message.command, answer, 0, 0, 255, SCRIPT_COMPID))
-            elif message.param_id in self.params:
-                value, kind = self.params[message.param_id]
-                if type(message).__name__ == "PARAM_SET":
-                    value = message.param_value
-                    if kind == 6 and self.autopilot == PX4:
-                        value = struct.unpack("<i", struct.pack("<f", value))[0]
-                    self.params[message.param_id] = (min(value, 20.0), kind)
-                    value = min(value, 20.0)
-                if kind == 6 and self.autopilot == PX4:
-                    value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
-                self.to_say.append(ParamValue(message.param_id, value, kind, 2, 0))
+    def on_param_set(self, t_ns: int, m: Any, sender: int) -> None:
+        value, kind = m.param_value, self.params[m.param_id][1]
+        if kind == 6 and self.autopilot == PX4:
+            value = struct.unpack("<i", struct.pack("<f", value))[0]
+        self.params[m.param_id] = (min(value, 20.0), kind)
+        self.on_param_request_read(t_ns, m, sender)
 
 
 def fly(source: ActionSource, vehicle: Vehicle, seconds: float, happenings: dict[float, Any] | None = None) -> None:
+    """`happenings`: what the vehicle says at a time [s], or what is done to it."""
     to_come = sorted((happenings or {}).items())
-    for tick in range(round(seconds * 250)):
-        t_ns = tick * TICK_NS
-        if tick % 250 == 0 and not vehicle.silent:
-            vehicle.heartbeat()
+    for t_ns in range(0, round(seconds * S), TICK_NS):
         while to_come and t_ns >= to_come[0][0] * S:
             what = to_come.pop(0)[1]
-            vehicle.to_say.append(what) if not callable(what) else what(vehicle)
-        vehicle.hear(t_ns, source.step(t_ns, vehicle.frames()))
+            vehicle.say(*what) if not callable(what) else what(vehicle)
+        vehicle.hear(t_ns, source.step(t_ns, vehicle.speak(t_ns)))
 
 
 def outcomes(source: ActionSource) -> list[str]:
@@ -123,7 +90,7 @@ def test_every_mode_has_the_numbers_of_its_autopilot() -> None:
 
 
 def test_actions_come_at_their_times_and_one_after_the_other() -> None:
-    vehicle = Vehicle(answers=(ACCEPTED,))
+    vehicle = Vehicle(answers=[ACCEPTED])
     actions = [
         Action("late", RunCommand(178, (1.0, 3.0)), at_ns=2 * S),
         Action("early", SetMode("HOLD"), at_ns=1 * S),
@@ -131,7 +98,7 @@ def test_actions_come_at_their_times_and_one_after_the_other() -> None:
     ]
     source = ActionSource(actions)
     fly(source, vehicle, 3.0)
-    said = [(t, m.command, m.param1, m.param2, m.param3) for t, m in vehicle.asked]
+    said = [(t, m.command, m.param1, m.param2, m.param3) for t, m in vehicle.heard]
     assert said == [
         (1 * S, 176, 1.0, 4.0, 3.0),
         (2 * S, 178, 1.0, 3.0, 0.0),
@@ -142,35 +109,34 @@ def test_actions_come_at_their_times_and_one_after_the_other() -> None:
 
 def test_a_script_is_the_same_bytes_every_time() -> None:
     def log() -> list[tuple[int, Any]]:
-        vehicle = Vehicle(answers=(REJECTED_FOR_NOW, ACCEPTED))
+        vehicle = Vehicle(answers=[REJECTED_FOR_NOW, ACCEPTED])
         fly(
             ActionSource([Action("a", SetMode("HOLD"), at_ns=S), Action("p", SetParam("SPEED", 3.3), at_ns=S)]),
             vehicle,
             4,
         )
-        return vehicle.asked
+        return vehicle.heard
 
     assert log() == log()
 
 
 def test_nothing_is_said_to_an_autopilot_that_nobody_has_heard() -> None:
-    vehicle = Vehicle()
-    vehicle.silent = True
+    vehicle = Vehicle(mute=True)
     source = ActionSource([Action("x.yaml:3: set_mode HOLD", SetMode("HOLD"), at_ns=S)])
     with pytest.raises(HandshakeError, match=r"mission script: x\.yaml:3: set_mode HOLD: the vehicle has sent no"):
         fly(source, vehicle, 40.0)
-    assert vehicle.asked == []
+    assert vehicle.heard == []
 
 
 def test_a_rejection_for_now_is_asked_again_and_a_refusal_is_named() -> None:
-    vehicle = Vehicle(answers=(REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED))
+    vehicle = Vehicle(answers=[REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED])
     source = ActionSource([Action("a", SetMode("HOLD"), at_ns=0)])
     fly(source, vehicle, 5.0)
     assert outcomes(source) == ["done"]
-    assert len(vehicle.asked) == 3
+    assert len(vehicle.heard) == 3
 
     events: list[tuple[int, str, str]] = []
-    vehicle = Vehicle(answers=(DENIED, ACCEPTED))
+    vehicle = Vehicle(answers=[DENIED, ACCEPTED])
     two = [Action("first", SetMode("HOLD"), at_ns=0, required=False), Action("second", SetMode("RTL"), at_ns=0)]
     source = ActionSource(two, on_event=lambda *event: events.append(event))
     fly(source, vehicle, 2.0)
@@ -182,16 +148,16 @@ def test_a_rejection_for_now_is_asked_again_and_a_refusal_is_named() -> None:
     ]
 
     with pytest.raises(HandshakeError, match="first: the autopilot answered MAV_RESULT_DENIED"):
-        fly(ActionSource([two[0]._replace(required=True)]), Vehicle(answers=(DENIED,)), 2.0)
+        fly(ActionSource([two[0]._replace(required=True)]), Vehicle(answers=[DENIED]), 2.0)
 
 
 def test_a_command_that_nobody_answers_is_given_up_and_the_next_one_still_done() -> None:
-    vehicle = Vehicle(answers=(None, None, None, None, None, ACCEPTED))
+    vehicle = Vehicle(answers=[None, None, None, None, None, ACCEPTED])
     two = [Action("lost", SetMode("HOLD"), at_ns=0, required=False), Action("next", RunCommand(178, ()), at_ns=S)]
     source = ActionSource(two)
     fly(source, vehicle, 8.0)
     assert outcomes(source) == ["refused", "done"]
-    assert [m.confirmation for _, m in vehicle.asked] == [0, 1, 2, 3, 4, 0]
+    assert [m.confirmation for _, m in vehicle.heard] == [0, 1, 2, 3, 4, 0]
 
 
 @pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
@@ -226,9 +192,9 @@ def test_happenings_count_once_and_delays_from_then_on() -> None:
 
     def mode(number: int) -> Any:
         def change(vehicle: Vehicle) -> None:
-            vehicle.custom_mode = number
+            vehicle.mode = number
             vehicle.armed = True
-            vehicle.heartbeat()
+            vehicle.beat()
 
         return change
 
@@ -243,10 +209,11 @@ def test_happenings_count_once_and_delays_from_then_on() -> None:
         Action("fixed", effect("fixed"), at_ns=S),
     ]
     source = ActionSource(actions, first_item=1)
-    ground, air = ExtendedState(0, 1), ExtendedState(0, 2)
-    happenings = {1.5: ground, 2.0: air, 2.5: air, 3.0: Reached(4), 3.2: Reached(4), 3.3: Reached(3)}
+    ground, air = ("EXTENDED_SYS_STATE", 0, 1), ("EXTENDED_SYS_STATE", 0, 2)
+    reached = "MISSION_ITEM_REACHED"
+    happenings = {1.5: ground, 2.0: air, 2.5: air, 3.0: (reached, 4), 3.2: (reached, 4), 3.3: (reached, 3)}
     vehicle = Vehicle()
-    vehicle.custom_mode = 4 << 16 | 5 << 24
+    vehicle.mode = 4 << 16 | 5 << 24
     fly(source, vehicle, 6.0, happenings | {4.0: mode(4 << 16 | 3 << 24), 5.0: ground, 5.5: ground})
     assert times == [
         ("fixed", 1 * S),

@@ -9,33 +9,25 @@ from typing import Any
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_number
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.signals.desired import DesiredState
 from hil.signals.errors import HandshakeError
-
-TICK_NS = 4_000_000
-S = 1_000_000_000
-ACCEPTED, REJECTED_FOR_NOW, DENIED, FAILED = 0, 1, 2, 4
-SET_MODE, ARM, TAKEOFF, REQUEST = 176, 400, 22, 512
-LAT, LON, ALT = 47.397742, 8.545594, 488.0
-PREARM = 0x10000000
-
-Heartbeat, Ack, SysStatus, ExtendedState, Local, Global, Origin = (
-    message_class(name)
-    for name in (
-        "HEARTBEAT",
-        "COMMAND_ACK",
-        "SYS_STATUS",
-        "EXTENDED_SYS_STATE",
-        "LOCAL_POSITION_NED",
-        "GLOBAL_POSITION_INT",
-        "GPS_GLOBAL_ORIGIN",
-    )
+from tests.links.scripted_vehicle import (
+    ACCEPTED,
+    ARM,
+    DENIED,
+    FAILED,
+    REJECTED_FOR_NOW,
+    SET_MODE,
+    TICK_NS,
+    S,
+    ScriptedVehicle,
 )
+
+TAKEOFF, REQUEST = 22, 512
+LAT, LON, ALT = 47.397742, 8.545594, 488.0
 
 
 def geodetic_from_W(p_W: Sequence[float]) -> tuple[float, float, float]:
@@ -46,62 +38,24 @@ def geodetic_from_W(p_W: Sequence[float]) -> tuple[float, float, float]:
     return lat, LON + p_W[0] / m_per_deg / scale, ALT + p_W[2]
 
 
-class Vehicle:
-    """Says where it is ten times a second and does what it is told; `answers` by command, ACCEPTED if not given."""
+class Vehicle(ScriptedVehicle):
+    """Says where it is ten times a second, and flies by the test's hand."""
 
-    def __init__(
-        self, autopilot: int = PX4, *, tells_origin: bool = True, answers: dict[int, Any] | None = None
-    ) -> None:
-        self.autopilot, self.tells_origin, self.answers = autopilot, tells_origin, answers or {}
-        self.healthy = True
-        self.armed, self.custom_mode, self.landed_state = False, 0, 1
+    telemetry_ns = S // 10
+
+    def __init__(self, autopilot: int = PX4, *, tells_origin: bool = True, **script: Any) -> None:
+        super().__init__(autopilot, **({"ready_ns": 0} | script))
+        self.tells_origin = tells_origin
         self.p_N = (0.0, 0.0, 0.0)
-        self.silent = False
-        self.heard: list[tuple[int, Any]] = []
-        self._to_say: list[Any] = []
-        self._encoder, self._parser = FrameEncoder(1, 1), FrameParser()
 
-    def frames(self, tick: int) -> list[Frame]:
-        said, self._to_say = self._to_say, []
-        if tick % 250 == 0:
-            said.append(Heartbeat(2, self.autopilot, 128 * self.armed | 1, self.custom_mode, 4, 3))
-        if tick % 25 == 0:
-            said.append(SysStatus(PREARM, PREARM, PREARM * self.healthy, *(0,) * 10))
-            said.append(ExtendedState(0, self.landed_state))
-            said.append(Local(0, *self.p_N, 0.0, 0.0, 0.0))
-            said.append(Global(0, round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0, 0, 0, 0, 0))
-        if self.silent:
-            return []
-        return FrameParser().feed(b"".join(self._encoder.frame(m.MSGID, pack(m)) for m in said))
+    def tell(self, t_ns: int) -> None:
+        self.say("LOCAL_POSITION_NED", 0, *self.p_N, 0.0, 0.0, 0.0)
+        self.say("GLOBAL_POSITION_INT", 0, round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0, 0, 0, 0, 0)
 
-    def hear(self, t_ns: int, data: bytes) -> None:
-        for frame in self._parser.feed(data):
-            message = unpack(frame)
-            self.heard.append((t_ns, message))
-            if frame.msgid != MSGID["COMMAND_LONG"]:
-                continue
-            answer = self.answers.get(message.command, ACCEPTED)
-            if isinstance(answer, list):
-                answer = answer.pop(0) if len(answer) > 1 else answer[0]
-            if answer is None:
-                continue
-            self._to_say.append(Ack(message.command, answer, 0, 0, 255, 190))
-            if answer == ACCEPTED:
-                self._obey(message)
-
-    def _obey(self, m: Any) -> None:
-        if m.command == ARM:
-            self.armed = True
-        elif m.command == SET_MODE:
-            main, sub = int(m.param2), int(m.param3)
-            self.custom_mode = main if self.autopilot == ARDUPILOT else main << 16 | sub << 24
-        elif m.command == REQUEST and self.tells_origin:
-            self._to_say.append(Origin(round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0))
-
-    def commands(self) -> list[tuple[int, float, float]]:
-        """(command, param 1, param 2) without the wishes for telemetry."""
-        said = [m for _, m in self.heard if type(m).__name__ == "COMMAND_LONG"]
-        return [(m.command, m.param1, m.param2) for m in said if m.command not in (511, REQUEST)]
+    def obey(self, t_ns: int, m: Any) -> int:
+        if m.command == REQUEST and self.tells_origin:
+            self.say("GPS_GLOBAL_ORIGIN", round(LAT * 1e7), round(LON * 1e7), round(ALT * 1e3), 0)
+        return super().obey(t_ns, m)
 
     def set_points(self) -> list[tuple[int, Any]]:
         return [(t, m) for t, m in self.heard if type(m).__name__.startswith("SET_")]
@@ -127,7 +81,7 @@ class Flight:
         for i in range(round(seconds * 250)):
             if desired is not None and i % 5 == 0:
                 self.pilot.set_desired(desired, self.t_ns)
-            self.vehicle.hear(self.t_ns, self.pilot.step(self.t_ns, self.vehicle.frames(self.tick)))
+            self.vehicle.hear(self.t_ns, self.pilot.step(self.t_ns, self.vehicle.speak(self.t_ns)))
             self.tick += 1
 
     def fly(self, desired: DesiredState, seconds: float = 4.0) -> None:
@@ -155,16 +109,16 @@ def test_px4_gets_set_points_first_and_lands_by_its_own_mode() -> None:
     hold = flight.last()
     assert (hold.x, hold.y, hold.z, hold.type_mask) == (0.0, 0.0, 0.0, 0xDF8)
     flight.fly(UP)
-    assert vehicle.commands() == [(SET_MODE, 1.0, 6.0), (ARM, 1.0, 0.0)]
+    assert vehicle.commands() == [(SET_MODE, 1.0, 6.0, 0.0), (ARM, 1.0, 0.0, 0.0)]
     flight.run(0.1, DesiredState(land=True))
     assert flight.pilot.phase is Phase.LANDING
-    assert vehicle.custom_mode == mode_number(PX4, "LAND").custom_mode
+    assert vehicle.mode == mode_number(PX4, "LAND").custom_mode
     count = len(vehicle.set_points())
     vehicle.landed_state, vehicle.armed = 1, False
     flight.run(3.0, UP)  # there is no way back
     assert flight.pilot.phase is Phase.DONE
     assert len(vehicle.set_points()) == count
-    assert vehicle.commands()[2:] == [(SET_MODE, 1.0, 4.0)]
+    assert vehicle.commands()[2:] == [(SET_MODE, 1.0, 4.0, 6.0)]
 
 
 def test_px4_is_not_asked_for_offboard_before_a_second_of_set_points() -> None:
@@ -181,7 +135,7 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
     flight = Flight(vehicle, takeoff_height_m=2.5)
     flight.run(1.0)
     flight.run(4.0, UP)
-    assert vehicle.commands() == [(SET_MODE, 1.0, 4.0), (ARM, 1.0, 0.0), (TAKEOFF, 0.0, 0.0)]
+    assert vehicle.commands() == [(SET_MODE, 1.0, 4.0, 0.0), (ARM, 1.0, 0.0, 0.0), (TAKEOFF, 0.0, 0.0, 0.0)]
     takeoff = next(m for _, m in vehicle.heard if getattr(m, "command", 0) == TAKEOFF)
     assert takeoff.param7 == 2.5
     assert flight.pilot.phase is Phase.FLYING
@@ -192,7 +146,7 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
     flight.run(0.2, UP)
     assert flight.last().z == pytest.approx(-3.0, abs=1e-6)
     flight.run(0.1, DesiredState(land=True))
-    assert vehicle.commands()[3:] == [(SET_MODE, 1.0, 9.0)]
+    assert vehicle.commands()[3:] == [(SET_MODE, 1.0, 9.0, 0.0)]
 
 
 @pytest.mark.parametrize("desired", [DesiredState(), DesiredState(yaw_rad=1.0)], ids=["nothing", "yaw"])
@@ -369,7 +323,7 @@ def test_an_origin_that_moves_is_said_and_followed() -> None:
     flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
     before = flight.last().x
-    flight.vehicle._to_say.append(Origin(round(LAT * 1e7) + 1000, round(LON * 1e7), round(ALT * 1e3), 0))
+    flight.vehicle.say("GPS_GLOBAL_ORIGIN", round(LAT * 1e7) + 1000, round(LON * 1e7), round(ALT * 1e3), 0)
     flight.run(0.1, UP)
     assert flight.last().x == pytest.approx(before - 11.13, abs=0.01)
     assert "moved the origin" in flight.events[-1][2]
@@ -378,7 +332,7 @@ def test_an_origin_that_moves_is_said_and_followed() -> None:
 def test_a_vehicle_that_leaves_the_mode_is_told_of_and_its_landing_ends_the_flight() -> None:
     flight = Flight(Vehicle())
     flight.fly(UP)
-    flight.vehicle.custom_mode = mode_number(PX4, "RTL").custom_mode
+    flight.vehicle.mode = mode_number(PX4, "RTL").custom_mode
     flight.run(2.0, UP)
     assert [(kind, "RTL" in text) for _, kind, text in flight.events] == [("warning", True)]
     flight.vehicle.landed_state, flight.vehicle.armed = 1, False
@@ -390,7 +344,7 @@ def test_what_is_declined_for_now_is_asked_again() -> None:
     vehicle = Vehicle(answers={SET_MODE: [REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED], ARM: [None, ACCEPTED]})
     flight = Flight(vehicle)
     flight.fly(UP, 6.0)
-    assert [command for command, _, _ in vehicle.commands()] == [SET_MODE] * 3 + [ARM] * 2
+    assert [command for command, *_ in vehicle.commands()] == [SET_MODE] * 3 + [ARM] * 2
 
 
 @pytest.mark.parametrize(
@@ -416,8 +370,7 @@ def test_refusals_say_what_was_asked_and_answered(vehicle: Vehicle, settings: di
 
 
 def test_a_vehicle_that_never_gets_ready_is_refused_with_its_reason() -> None:
-    vehicle = Vehicle()
-    vehicle.healthy = False
+    vehicle = Vehicle(ready_ns=1 << 60)
     with pytest.raises(HandshakeError, match=r"not ready to arm after 5 s .*pre-arm check does not pass"):
         Flight(vehicle, preflight_limit_s=5.0).run(20.0, UP)
 
