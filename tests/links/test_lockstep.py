@@ -2,7 +2,6 @@
 
 import random
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -15,16 +14,16 @@ from firmware_bridge.links.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from hil.signals.errors import HandshakeError, LockstepLost
+from tests.links import fake_autopilot as fake
 from tests.links.drive import BARO, GPS, IMU, MAG
 
-FAKE_PATH = Path(__file__).with_name("fake_autopilot.py")
 TICK_NS = 4_000_000
 BOOT = 3
 CAPS = LinkCaps("fake", lockstep=True, deterministic=True, boot_sensors=BOOT)
 ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 
-def in_memory(fake, *, reply_limit_s=0.3, **script):
+def in_memory(*, reply_limit_s=0.3, **script):
     return LockstepLink(
         LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)), CAPS, reply_limit_s=reply_limit_s
     )
@@ -34,7 +33,7 @@ def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
     transport = PtyTransport()
 
     def start():
-        argv = [sys.executable, str(FAKE_PATH), "--port", transport.far_path, "--boot-sensors", str(BOOT), *arguments]
+        argv = [sys.executable, fake.__file__, "--port", transport.far_path, "--boot-sensors", str(BOOT), *arguments]
         return ChildProcess(argv)
 
     return LockstepLink(
@@ -43,13 +42,13 @@ def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
 
 
 @pytest.fixture(params=["memory", "pty"])
-def scripted(request, fake):
+def scripted(request):
     """Makes an opened link to an autopilot that misbehaves as told; closes it at the end."""
     links = []
 
     def make(fault="", at=5, **limits):
         if request.param == "memory":
-            link = in_memory(fake, fault=fault, at=at, **limits)
+            link = in_memory(fault=fault, at=at, **limits)
         else:
             link = over_pty("--fault", fault, "--at", str(at), **limits)
         links.append(link)
@@ -98,9 +97,9 @@ def test_one_write_holds_extra_then_gps_then_sensor(scripted):
     assert [f.msgid for f in FrameParser().feed(sent)] == [MSGID["HIL_GPS"], MSGID["HIL_SENSOR"]]
 
 
-def test_memory_and_pty_carry_the_same_bytes(fake):
+def test_memory_and_pty_carry_the_same_bytes():
     logs = []
-    for link in (in_memory(fake), over_pty()):
+    for link in (in_memory(), over_pty()):
         link.open()
         try:
             logs.append([(sent, answer, [f.raw for f in frames]) for sent, answer, frames in fly(link, 60)])
@@ -149,7 +148,7 @@ def test_a_second_answer_ends_the_next_tick(scripted):
         fly(link, 1, first=BOOT + 5)
 
 
-def test_boot_length_that_the_rig_has_wrong(fake):
+def test_boot_length_that_the_rig_has_wrong():
     early = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, reply_limit_s=0.1)
     early.open()
     with pytest.raises(LockstepLost, match="boot_sensors"):
@@ -178,13 +177,13 @@ def test_an_open_link_can_be_closed_and_opened_again():
         assert not process.running()
 
 
-def test_no_heartbeat_in_memory(fake):
-    link = in_memory(fake, greet=False)
+def test_no_heartbeat_in_memory():
+    link = in_memory(greet=False)
     with pytest.raises(HandshakeError, match="nothing came at all"):
         link.open()
 
 
-def test_fifty_thousand_packets_of_rubbish_between_answers(fake):
+def test_fifty_thousand_packets_of_rubbish_between_answers():
     """Noise, damaged copies and false headers around every answer: all counted, none fatal, nothing kept."""
     rng = random.Random(11)
 

@@ -1,50 +1,38 @@
-"""A real MAVSDK client, unchanged, flies the mock through the bench: telemetry, mission, arm, fly, land."""
+"""A real MAVSDK client, unchanged, flies the mock through the router of the bench."""
 
 from __future__ import annotations
 
-import json
 import math
-import socket
-import subprocess
-import sys
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.links.bench_process import BenchProcess, free_port, until
 
 
-def until(condition: Callable[[], bool], what: str, limit_s: float = 60.0) -> None:
-    deadline = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < deadline, f"{what} did not come within {limit_s} s"
-        time.sleep(0.02)
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def test_mavsdk_flies_the_mock(tmp_path: Path) -> None:
+@contextmanager
+def connected(out: Path, *settings: str) -> Iterator[tuple[BenchProcess, Any]]:
+    """A bench, and the vehicle in it as MAVSDK finds it."""
     mavsdk = pytest.importorskip("mavsdk")
-    from mavsdk.plugins.action import Action
-    from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
-    from mavsdk.plugins.telemetry import Telemetry
-
     port = free_port()
-    settings = ["mission=null", "pace=4", "duration_s=200", f"router.sdk=udp:127.0.0.1:{port}"]
-    command = [sys.executable, "-m", "hil.cli", "run", "--quiet", "--out", str(tmp_path)]
-    command += [x for s in settings for x in ("--set", s)]
-    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     client = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION))
+    client.add_any_connection(f"udpin://127.0.0.1:{port}")
     try:
-        client.add_any_connection(f"udpin://127.0.0.1:{port}")
-        vehicle = client.first_autopilot(30.0)
-        assert vehicle is not None, "MAVSDK found no autopilot"
+        with BenchProcess(out, "mission=null", f"router.sdk=udp:127.0.0.1:{port}", *settings) as bench:
+            yield bench, until(lambda: client.first_autopilot(1.0), "an autopilot")
+    finally:
+        client.destroy()
+
+
+def test_a_mission_is_uploaded_and_flown(tmp_path: Path) -> None:
+    with connected(tmp_path, "pace=4", "duration_s=200") as (bench, vehicle):
+        from mavsdk.plugins.action import Action
+        from mavsdk.plugins.mission import Mission, MissionItem, MissionPlan
+        from mavsdk.plugins.telemetry import Telemetry
+
         telemetry, action, mission = Telemetry(vehicle), Action(vehicle), Mission(vehicle)
         until(lambda: telemetry.health().is_armable, "armable")
         until(lambda: telemetry.health().is_global_position_ok, "global position")
@@ -71,12 +59,36 @@ def test_mavsdk_flies_the_mock(tmp_path: Path) -> None:
         action.land()
         until(lambda: not telemetry.in_air(), "landing")
         until(lambda: not telemetry.armed(), "disarming")
-        assert bench.wait(60) == 0, bench.stderr.read() if bench.stderr else ""
-    finally:
-        client.destroy()
-        bench.kill()
-        bench.wait()
-    run = json.loads((tmp_path / "run.json").read_text())
+        run = bench.finish()
     assert run["status"] == "PASS"
     assert run["deterministic"] is False  # somebody else had a say
     assert run["mission"]["landed"] is True
+
+
+def test_offboard_much_faster_than_real_time_where_its_streams_are_held(tmp_path: Path) -> None:
+    with connected(tmp_path, "duration_s=20000", "record.mcap=false") as (bench, vehicle):
+        from mavsdk.plugins.action import Action
+        from mavsdk.plugins.offboard import Offboard, PositionNedYaw
+        from mavsdk.plugins.telemetry import Telemetry
+
+        telemetry, action, offboard = Telemetry(vehicle), Action(vehicle), Offboard(vehicle)
+        until(lambda: telemetry.health().is_armable, "armable")
+
+        def at(north_m: float, east_m: float, down_m: float) -> bool:
+            p = telemetry.position_velocity_ned().position
+            return math.dist((p.north_m, p.east_m, p.down_m), (north_m, east_m, down_m)) < 0.6
+
+        offboard.set_position_ned(PositionNedYaw(0.0, 0.0, -5.0, 0.0))
+        offboard.start()
+        action.arm()
+        until(lambda: at(0, 0, -5), "height")
+        for place in ((12.0, 0.0, -5.0), (12.0, 8.0, -6.0)):
+            offboard.set_position_ned(PositionNedYaw(*place, 0.0))
+            until(lambda place=place: at(*place), f"{place}")
+        assert offboard.is_active()
+        action.land()
+        until(lambda: not telemetry.armed(), "landing")
+        run = bench.finish()
+    assert run["error"] is None
+    assert run["router"]["repeated_setpoints"] > 0
+    assert run["router"]["repeated_heartbeats"] > 0
