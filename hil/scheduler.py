@@ -34,7 +34,7 @@ from __future__ import annotations
 import heapq
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -42,22 +42,15 @@ from hil.recorder.recorder import Recorder
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 from hil.signals.time import RateAccumulator
-from sim.physics.quadrotor import PhysicsEvent
+from sim.physics.quadrotor import QuadrotorPhysics
+
+if TYPE_CHECKING:
+    from hil.companion.stage import CompanionStage
 
 _BACK_S = 0.0005  # before a tick's deadline the companion is no longer served
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
 _RANGING_KINDS = ("range_finder", "optical_flow")
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
-
-
-class Physics(Protocol):
-    """Whatever moves the vehicle."""
-
-    def advance(self, tick: int, controls: Sequence[float]) -> TruthState: ...
-
-    def take_events(self) -> Sequence[PhysicsEvent]:
-        """What the vehicle was made to undergo since the last call: faults, gusts."""
-        ...
 
 
 class Sensor(Protocol):
@@ -75,21 +68,6 @@ class CommandSource(Protocol):
     """Whatever talks to the autopilot beside the sensors: the bench's ground station, the router's clients."""
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes: ...
-
-
-class Companion(Protocol):
-    """Whatever is told of every sample that was released, and answers with commands of later ticks."""
-
-    def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None: ...
-
-    @property
-    def waits_for_nobody(self) -> bool:
-        """Whether it wants the time between ticks."""
-        ...
-
-    def serve(self, limit_s: float) -> None:
-        """Use it, this long [wall clock]."""
-        ...
 
 
 class SensorSlot:
@@ -136,14 +114,14 @@ class Scheduler:
         self,
         *,
         tick_ns: int,
-        physics: Physics,
+        physics: QuadrotorPhysics,
         sensors: Sequence[SensorSlot],
         link: AutopilotLink,
         ports: Mapping[str, str],
         commands: Sequence[CommandSource],
         recorder: Recorder,
         observers: Sequence[Callable[[TruthState], None]] = (),
-        companion: Companion | None = None,
+        companion: CompanionStage | None = None,
         pace: float | None = None,
         wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
     ) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.calibration_export import write_calibration
 from hil.config import Bench
 from hil.config.schema import SensorConfig
 from hil.frame_stages import description, wanted_parts
@@ -14,7 +13,7 @@ from hil.missions.script import SensorFault
 from hil.recorder.recorder import Recorder
 from hil.scheduler import SensorSlot
 from hil.signals.time import RateAccumulator
-from hil.simulated_sensors import SimulatedSensors, tick_rates
+from hil.simulated_sensors import SimulatedSensors, tick_rates, write_calibration
 from hil.stages import StagePlan
 from sim.frame.source import FrameSource
 from sim.sensors.catalog import KINDS

@@ -7,6 +7,7 @@ from pathlib import Path
 from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.companion.settings import link_settings
 from hil.companion.started import client_name, known_clients, unknown_clients
+from hil.config.cross_checks import rate_problem
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from hil.signals.documents.validate import at, nearest
@@ -42,10 +43,8 @@ def companion_problems(config: BenchConfig, settings: Settings, *, scripted: boo
         )
     if companion.trace is not None and companion.time == "realtime" and companion.control:
         wrong("trace", "says nothing of a run in real time: its answers fell on no ticks of their own", "leave it out")
-    if companion.rate_hz > config.tick_hz:
-        wrong("rate_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.rate_hz:g} Hz")
-    elif abs(companion.rate_hz * 1000 - round(companion.rate_hz * 1000)) > 1e-6 or companion.rate_hz < 0.001:
-        wrong("rate_hz", f"must be a whole number of millihertz, not {companion.rate_hz!r} Hz")
+    if message := rate_problem(companion.rate_hz, config):
+        wrong("rate_hz", message)
     if companion.setpoint_hz > config.tick_hz:
         wrong("setpoint_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.setpoint_hz:g} Hz")
     if companion.control and scripted:

@@ -28,6 +28,15 @@ _KEYS_OF_KINDS = {
 }
 
 
+def rate_problem(rate_hz: float, config: BenchConfig) -> str:
+    """Why nothing can happen at this rate on the bench's tick; empty where it can."""
+    if rate_hz > config.tick_hz:
+        return f"must be at most the tick's rate, {config.tick_hz} Hz, not {rate_hz:g} Hz"
+    if abs(rate_hz * 1000 - round(rate_hz * 1000)) > 1e-6 or rate_hz < 0.001:
+        return f"must be a whole number of millihertz, not {rate_hz!r} Hz"
+    return ""
+
+
 def cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
     """What is wrong although each value for itself is right."""
     problems: list[Problem] = []
@@ -38,13 +47,12 @@ def cross_checks(config: BenchConfig, settings: Settings) -> list[Problem]:
     for name, sensor in config.sensors.items():
         place = ("sensors", name, "rate_hz")
         if sensor.rate_hz > config.tick_hz:
-            message = f"must be at most the tick's rate, {config.tick_hz} Hz, not {sensor.rate_hz:g} Hz"
-            wrong(place, message, "lower it or raise tick_hz")
+            wrong(place, rate_problem(sensor.rate_hz, config), "lower it or raise tick_hz")
         elif sensor.kind == "imu" and sensor.rate_hz != config.tick_hz:
             message = f"must be the tick's rate, {config.tick_hz} Hz, not {sensor.rate_hz:g} Hz"
             wrong(place, message, "an imu is read at every tick: leave rate_hz out")
-        elif abs(sensor.rate_hz * 1000 - round(sensor.rate_hz * 1000)) > 1e-6 or sensor.rate_hz < 0.001:
-            wrong(place, f"must be a whole number of millihertz, not {sensor.rate_hz!r} Hz")
+        elif message := rate_problem(sensor.rate_hz, config):
+            wrong(place, message)
     sample_types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
     for index, key, message in fault_problems(config.faults.sensors, sample_types):
         wrong(("faults", "sensors", index, key), message)

@@ -11,9 +11,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import BaseModel
+from typing import Any
 
 from hil.config import radar_checks
 from hil.config.cross_checks import cross_checks, vehicle_checks
@@ -37,7 +35,6 @@ from sim.scene.world import World, load_world
 from sim.sensors.catalog import KINDS
 
 MAX_PROBLEMS = 100
-Model = TypeVar("Model", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -193,16 +190,15 @@ class _Loading:
             self.files.pop(what, None)
             return None
 
-    def _model(self, what: str, model: type[Model]) -> Model | None:
-        """Load the vehicle's file."""
-        name = self.settings.data.get(what, BenchConfig.model_fields[what].default)
-        path = self._file(what, name, self.settings)
-        document = self._read(what, path) if path is not None else None
+    def _vehicle(self) -> Vehicle | None:
+        name = self.settings.data.get("vehicle", BenchConfig.model_fields["vehicle"].default)
+        path = self._file("vehicle", name, self.settings)
+        document = self._read("vehicle", path) if path is not None else None
         if document is None:
             return None
-        loaded, problems = validate(model, document.data, document)
+        vehicle, problems = validate(Vehicle, document.data, document)
         self.problems += problems
-        return loaded
+        return vehicle
 
     def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:
         """Load the scene's file and what it names, with the bench's seed of the map, weather and looks laid over it."""
@@ -273,7 +269,7 @@ class _Loading:
                 from hil.config.companion_checks import companion_problems  # loads ZeroMQ
 
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)
-        vehicle = self._model("vehicle", Vehicle)
+        vehicle = self._vehicle()
         if config is not None and vehicle is not None:
             self.problems += vehicle_checks(config, vehicle, self.settings)
         scene = self._scene(vehicle, config)

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from hil.calibration_export import transform
 from hil.config import SensorConfig
 from hil.config.radar_checks import view_of
 from hil.dataset.formats import euroc
@@ -16,6 +15,7 @@ from hil.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
 from hil.dataset.tables import HEADERS, TRUTH
 from hil.signals.classes import Classes
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS
+from hil.simulated_sensors import transform
 from sim.frame.mount import Mount
 from sim.sensors.catalog import KINDS, PRESETS
 from sim.sensors.radar_parameters import RadarParameters

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from hil.signals.errors import Problem
+from hil.signals.errors import ConfigError, Problem
+from hil.signals.geodesy import LocalFrame
 from hil.signals.mission import MissionItem
 
 MAX_ITEMS = 2_000  # what the mock autopilot stores
@@ -70,9 +71,22 @@ class RawItem:
     autocontinue: bool
 
 
-def items_from_raw(raw_items: Sequence[RawItem]) -> tuple[MissionItem, ...]:
-    """Scale to MISSION_ITEM_INT. Items must have passed `problems_of`."""
-    return tuple(_item(seq, raw) for seq, raw in enumerate(raw_items))
+def checked_mission(
+    path: Path,
+    source: str,
+    items: Sequence[RawItem],
+    home: Geopoint | None,
+    *,
+    site: Geopoint | None,
+    problems: list[Problem],
+) -> Mission:
+    """The mission, scaled to MISSION_ITEM_INT. ConfigError with `problems`, of reading, and what makes it unflyable."""
+    found = problems_of(source, items, site=site, complete=not problems)
+    # Of a mission that is far too long the one fact that matters is said, not a thousand others.
+    found = found if len(items) > MAX_ITEMS else problems + found
+    if found:
+        raise ConfigError(found)
+    return Mission(path, tuple(_item(seq, raw) for seq, raw in enumerate(items)), home)
 
 
 def _item(seq: int, raw: RawItem) -> MissionItem:
@@ -184,7 +198,7 @@ def _place_problems(raw: RawItem, what: str, site: Geopoint | None) -> list[Prob
                 wrong(index, f"has the {name} {value:g} deg, outside -{limit:g} to {limit:g} deg")
                 good = False
         if good and site is not None:
-            distance_m = rough_distance_m(site.latitude_deg, site.longitude_deg, latitude, longitude)
+            distance_m = math.hypot(*LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m))
             if distance_m > MAX_DISTANCE_M:
                 wrong(
                     4,
@@ -208,12 +222,3 @@ def _place_problems(raw: RawItem, what: str, site: Geopoint | None) -> list[Prob
     elif raw.command not in LAND_COMMANDS and ground_m is not None and height_m < 0.0:
         wrong(6, f"is below the ground: {-height_m:g} m below {above}")
     return problems
-
-
-def rough_distance_m(lat1_deg: float, lon1_deg: float, lat2_deg: float, lon2_deg: float) -> float:
-    """Great-circle distance on a sphere [m] (haversine), good to 0.6 %: for sanity checks only."""
-    lat1, lat2 = math.radians(lat1_deg), math.radians(lat2_deg)
-    sin_lat = math.sin((lat2 - lat1) / 2)
-    sin_lon = math.sin(math.radians(lon2_deg - lon1_deg) / 2)
-    h = sin_lat * sin_lat + math.cos(lat1) * math.cos(lat2) * sin_lon * sin_lon
-    return 2 * 6_371_000.0 * math.asin(math.sqrt(min(1.0, h)))

@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hil.missions.mission import JUMP, MAX_ITEMS, Geopoint, Mission, RawItem, items_from_raw, on_globe, problems_of
+from hil.missions.mission import JUMP, Geopoint, Mission, RawItem, checked_mission, on_globe
 from hil.signals.documents.document import Document, Place, shown_path
 from hil.signals.documents.json_lines import read_json
 from hil.signals.documents.validate import nearest, shown
-from hil.signals.errors import ConfigError, Problem
+from hil.signals.errors import Problem
 
 
 class _PlanReader:
@@ -169,9 +169,4 @@ def read_plan(path: Path, *, site: Geopoint | None = None) -> Mission:
     """Read and check a .plan file. Raises ConfigError with every problem found."""
     reader = _PlanReader(read_json(path))
     items, home = reader.plan()
-    found = problems_of(shown_path(path), items, site=site, complete=not reader.problems)
-    # Of a mission that is far too long the one fact that matters is said, not a thousand others.
-    problems = found if len(items) > MAX_ITEMS else reader.problems + found
-    if problems:
-        raise ConfigError(problems)
-    return Mission(path, items_from_raw(items), home)
+    return checked_mission(path, shown_path(path), items, home, site=site, problems=reader.problems)

@@ -11,20 +11,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 from hil.missions.mission import (
     FRAME_GLOBAL,
     JUMP,
-    MAX_ITEMS,
     WAYPOINT,
     Geopoint,
     Mission,
     RawItem,
-    items_from_raw,
+    checked_mission,
     on_globe,
-    problems_of,
 )
 from hil.signals.documents.document import read_text, shown_path
 from hil.signals.documents.validate import shown
@@ -71,11 +68,7 @@ def parse_waypoints(text: str, path: Path, *, site: Geopoint | None = None) -> M
     home, flown = _split_home(items)
     if home is not None and not on_globe(home):
         problems.append(Problem(items[0].where(None), "the planned home is not on the globe"))
-    found = problems_of(source, flown, site=site, complete=not problems)
-    problems = found if len(flown) > MAX_ITEMS else problems + found
-    if problems:
-        raise ConfigError(problems)
-    return Mission(path, items_from_raw(flown), home)
+    return checked_mission(path, source, flown, home, site=site, problems=problems)
 
 
 def _numbers(line: str, where: str, problems: list[Problem]) -> list[float] | None:
@@ -101,16 +94,12 @@ def _numbers(line: str, where: str, problems: list[Problem]) -> list[float] | No
 
 
 def _raw_item(values: list[float], where: str) -> RawItem:
-    def anywhere(_: int | None) -> str:
-        return where
-
-    where_of: Callable[[int | None], str] = anywhere
     return RawItem(
-        where=where_of,
+        where=lambda _: where,
         name=f"item {values[0]:g}",
         frame=int(values[2]),
         command=int(values[3]),
-        params=(values[4], values[5], values[6], values[7], values[8], values[9], values[10]),
+        params=tuple(values[4:11]),  # type: ignore[arg-type]
         autocontinue=values[11] != 0,
     )
 
