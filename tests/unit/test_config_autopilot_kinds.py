@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
 from hil.autopilots import _MAKERS
 from hil.cli import app
-from hil.config import Bench, load_bench
+from hil.config import load_bench
 from hil.config.files import available
 from hil.config.schema import FIRMWARE_KINDS, LOCKSTEP_KINDS, PROGRAM_KINDS, Autopilot
-from hil.signals.errors import ConfigError
+from tests.unit.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 
 RIGS = available("rig", ())
 KINDS = get_args(Autopilot.model_fields["kind"].annotation)
@@ -21,22 +21,6 @@ NEEDS = {
     "px4_sitl": "autopilot.start=false",
     "ardupilot_sitl": "autopilot.start=false",
 }
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
-def load(text: str, **options: Any) -> Bench:
-    Path("b.yaml").write_text(text, encoding="utf-8")
-    return load_bench("b.yaml", **options)
-
-
-def refused(text: str, **options: Any) -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        load(text, **options)
-    return [str(problem) for problem in caught.value.problems]
 
 
 def test_each_kind_has_its_rig() -> None:
@@ -88,8 +72,6 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
     ("rig", "line", "says"),
     [
         ("mock", "  binary: px4", f"autopilot.binary {MOCK}"),
-        ("mock", "  mavlink_port: tcp:5760", f"autopilot.mavlink_port {MOCK}"),
-        ("mock", "  arguments: [-v]", f"autopilot.arguments {MOCK}"),
         ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
         ("mock_hitl", "  start: false", "autopilot.start is false, but no autopilot.port says where the autopilot is"),
         ("mock_hitl", "  airframe: x499",
@@ -98,24 +80,15 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
          "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
         ("mock_hitl", "  transport: loopback",
          "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
-        ("px4_hitl", "  transport: loopback",
-         "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
         ("px4_hitl", "  faults: {die_at_s: 1}",
          "autopilot.faults are the mock autopilot's (see faults.links for faults of any wire)"),
         ("px4_hitl", "  binary: px4", f"autopilot.binary has no meaning for px4_hitl {OTHER}"),
-        ("px4_hitl", "  env: {A: b}", f"autopilot.env has no meaning for px4_hitl {OTHER}"),
-        ("px4_hitl", "  mavlink_port: /dev/ttyACM1",
-         f"autopilot.mavlink_port has no meaning for px4_hitl {OTHER}"),
         ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
-        ("mock", "  on_restart: reset", "autopilot.on_restart has no meaning for mock (leave it out)"),
         ("px4_sitl", "  binary: no/such/px4", "autopilot.binary names a program that does not exist: no/such/px4"),
         ("px4_sitl", "  {start: false, port: /dev/ttyACM0}",
          f"autopilot.port has no meaning for px4_sitl {OTHER}"),
         ("px4_sitl", "  {start: false, params: {MPC_XY_P: 1}}",
          "autopilot.params has no effect: the bench does not start the autopilot (autopilot.start is false) "
-         "(give it to the program that you start)"),
-        ("ardupilot_sitl", "  {start: false, arguments: [-w]}",
-         "autopilot.arguments has no effect: the bench does not start the autopilot (autopilot.start is false) "
          "(give it to the program that you start)"),
         ("ardupilot_sitl", "  {start: false, env: {A: b}}",
          f"autopilot.env has no meaning for ardupilot_sitl {OTHER}"),
@@ -134,12 +107,8 @@ def test_what_does_not_fit_the_kind_is_said_at_its_line(rig: str, line: str, say
     [
         ("rig: mock_hitl\npace: 2\n",
          "b.yaml:2: pace must be 1 or null, not 2: a free-running autopilot keeps wall-clock time"),
-        ("rig: px4_hitl\npace: 0.5\n",
-         "b.yaml:2: pace must be 1 or null, not 0.5: a free-running autopilot keeps wall-clock time"),
         ("rig: ardupilot_sitl\nautopilot: {start: false}\nfaults:\n  links:\n    - {kind: drop, at_s: 1, rate: 1}\n",
          "b.yaml:4: faults.links cannot be laid on ArduPilot SITL's wires (see faults.sensors and faults.rotors)"),
-        ("rig: px4_sitl\nautopilot:\n  binary: .\n",
-         "b.yaml:3: autopilot.binary names a program that does not exist: ."),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -12,31 +11,14 @@ from hypothesis import strategies as st
 
 from firmware_bridge.mock_pixhawk.faults import KINDS as FAULT_KINDS
 from firmware_bridge.mock_pixhawk.faults import parse_fault
-from hil.config import Bench, load_bench, resolved_yaml, save_bench
+from hil.config import load_bench, resolved_yaml, save_bench
 from hil.config.schema import MOCK_AIRFRAMES
 from hil.signals.documents.yaml_lines import parse_yaml
 from hil.signals.errors import ConfigError
 from sim.sensors.catalog import KINDS
+from tests.unit.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Every test works in an empty folder: what it finds comes from the installed rigs."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def load(text: str, **options: Any) -> Bench:
-    Path("b.yaml").write_text(text, encoding="utf-8")
-    return load_bench("b.yaml", **options)
-
-
-def refused(text: str, **options: Any) -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        load(text, **options)
-    return [str(problem) for problem in caught.value.problems]
 
 
 def test_the_default_bench_is_found_from_anywhere() -> None:
@@ -90,7 +72,6 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("sed: 1\n", "b.yaml:1: sed: unknown key (did you mean 'seed'?)"),
         ("seed: '1'\n", "b.yaml:1: seed must be a whole number, not '1' (leave the quotes away)"),
         ("seed: true\n", "b.yaml:1: seed must be a whole number, not true"),
-        ("seed: 1.0\n", "b.yaml:1: seed must be a whole number, not 1.0"),
         ("seed: -1\n", "b.yaml:1: seed must be at least 0, not -1"),
         ("\ntick_hz: 99\n", "b.yaml:2: tick_hz must be at least 100 Hz, not 99"),
         ("tick_hz: 1001\n", "b.yaml:1: tick_hz must be at most 1000 Hz, not 1001"),
@@ -99,15 +80,12 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
             "b.yaml:1: tick_hz: 300 Hz is not a whole number of nanoseconds per tick; the nearest that is: 320 Hz",
         ),
         ("duration_s: .nan\n", "b.yaml:1: duration_s must be a finite number in s, not nan"),
-        ("duration_s: .inf\n", "b.yaml:1: duration_s must be a finite number in s, not inf"),
         ("duration_s: 0\n", "b.yaml:1: duration_s must be above 0 s, not 0"),
-        ("duration_s: true\n", "b.yaml:1: duration_s must be a number in s, not true"),
         ("pace: fast\n", "b.yaml:1: pace must be a number, not 'fast'"),
         (
             "record:\n  mcap: yes\n",
             "b.yaml:2: record.mcap must be true or false, not 'yes' (write true or false)",
         ),
-        ("record: all\n", "b.yaml:1: record must be a mapping of keys, not 'all'"),
         ("autopilot:\n  transport: ptty\n",
          "b.yaml:2: autopilot.transport must be 'pty' or 'loopback', not 'ptty' (did you mean 'pty'?)"),
         ("autopilot:\n  params: {lower: 1}\n",
@@ -119,17 +97,13 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
          " tcp:127.0.0.1:5790 (they come to us), not 'localhost'"),
         ("rig: moc\n", "b.yaml:1: rig is unknown: 'moc' (did you mean 'mock'?)"),
         ("rig: 5\n", "b.yaml:1: rig must be text, not 5 (put it in quotes)"),
-        ("scene: airfeld\n", "b.yaml:1: scene is unknown: 'airfeld' (did you mean 'airfield'?)"),
         ("vehicle: x50\n", "b.yaml:1: vehicle is unknown: 'x50' (did you mean 'x500'?)"),
         ("mission: gone.plan\n",
          "b.yaml:1: mission names a file that does not exist: gone.plan (looked beside . and in the installed rigs)"),
-        ("limits: {final_eror_m: 1}\n", "b.yaml:1: limits.final_eror_m: unknown key (did you mean 'final_error_m'?)"),
         ("- a\n", "b.yaml:1: must be a mapping of keys, not [\"a\"]"),
         ("sensors: []\n", "b.yaml:1: sensors must be a mapping of names to sensors, not []"),
         ("sensors: {}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
         (SENSORS + "  gps: {preset: here_plus}\n", "b.yaml:3: sensors.gps.rate_hz is missing"),
-        (SENSORS + "  gps: {preset: here_plus, rate_hz: -5}\n",
-         "b.yaml:3: sensors.gps.rate_hz must be above 0 Hz, not -5"),
         (SENSORS + "  gps: {preset: here_plsu, rate_hz: 5}\n",
          "b.yaml:3: sensors.gps.preset is unknown: 'here_plsu' (did you mean 'here_plus'?)"),
         (SENSORS + "  b: {kind: barometr, rate_hz: 5}\n",
@@ -160,14 +134,12 @@ def test_every_mistake_is_named_with_its_line(text: str, problem: str) -> None:
     ("setting", "problem"),
     [
         ("autopilot.prot=1", "--set autopilot.prot: unknown key (did you mean 'autopilot.port'?)"),
-        ("seed=x", "--set seed: must be a whole number, not 'x'"),
         ("seed.x=1", "--set seed.x: seed has no keys below it (seed is 2)"),
         ("seed", "--set seed: has no value (write --set seed=VALUE)"),
         ("=1", "--set =1: has an empty key (write --set section.key=VALUE)"),
         ("sensors.gps.rate_hz=[1", "--set sensors.gps.rate_hz: is not valid YAML: expected ',' or ']', but got"
          " '<stream end>' while parsing a flow sequence"),
         ("sensors.gps.rate_hz=-5", "--set sensors.gps.rate_hz: must be above 0 Hz, not -5"),
-        ("rig=moc", "--set rig: is unknown: 'moc' (did you mean 'mock'?)"),
     ],
 )  # fmt: skip
 def test_mistakes_of_the_command_line_are_named_as_such(setting: str, problem: str) -> None:
@@ -274,11 +246,6 @@ def test_airframes_are_those_the_mock_has() -> None:
     folder = REPOSITORY / "firmware_bridge" / "mock_pixhawk" / "airframes"
     legal = MOCK_AIRFRAMES
     assert sorted(legal) == sorted(path.stem for path in folder.glob("*.params"))
-
-
-def test_the_command_line_wins_and_its_problems_come_last() -> None:
-    found = refused("seed: x\n", settings=["pace=-1"], scene="nowhere")
-    assert [p.partition(": ")[0] for p in found] == ["b.yaml:1", "--set pace", "--scene"]
 
 
 @pytest.mark.parametrize("name", ["n" * 300 + ".plan", "~nosuchuser/x.plan", "a/" * 3000 + "x.plan"])

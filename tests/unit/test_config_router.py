@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from firmware_bridge.router import Endpoint
-from hil.config.schema import Autopilot, Router
+from hil.config.schema import Router
 
 
 def test_endpoints_come_in_order_with_their_names() -> None:
@@ -19,13 +19,6 @@ def test_endpoints_come_in_order_with_their_names() -> None:
         Endpoint(None, ("127.0.0.1", 5790), tcp=True, name="client"),
         Endpoint(("10.0.0.2", 14551), ("", 0), name="client"),
     ]
-
-
-def test_nobody_by_default_and_nothing_is_signed() -> None:
-    assert Router().endpoints() == []
-    assert Router().signing_key_file is None
-    assert Router().hold_heartbeats
-    assert Autopilot().signing_key_file is None
 
 
 @pytest.mark.parametrize("key", ["gcs", "sdk", "companion", "more"])

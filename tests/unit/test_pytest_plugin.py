@@ -8,6 +8,7 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import pytest
@@ -76,10 +77,10 @@ def test_a_clean_flight_passes_and_leaves_nothing_behind(project: pytest.Pyteste
             run.nonsense
         assert rig.name == "mock" and {"gps", "imu", "barometer"} <= rig.features
     """
-    result = fly(project, _dedented(test))
+    result = fly(project, dedent(test))
     result.assert_outcomes(passed=1)
     assert not (project.path / "hil-artifacts").exists()
-    result = fly(project, _dedented(test), "--hil-keep", "--hil-artifacts", "hil-artifacts/nightly")
+    result = fly(project, dedent(test), "--hil-keep", "--hil-artifacts", "hil-artifacts/nightly")
     result.assert_outcomes(passed=1)
     assert kept(project) == ["run-1"]
     assert list(project.path.glob("hil-artifacts/nightly/test_it.py/test_ground/run-1/report.html"))
@@ -94,7 +95,7 @@ def test_a_failed_test_keeps_its_runs_and_says_where(project: pytest.Pytester) -
         assert first.digest == second.digest
         assert seed == 4
     """
-    result = fly(project, _dedented(test), "--junitxml=junit.xml")
+    result = fly(project, dedent(test), "--junitxml=junit.xml")
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(
         ["*- hil runs -*", "FAIL  digest *test_two-5-/run-1", "again, with a report: hil run *"]
@@ -108,7 +109,7 @@ def test_a_failed_test_keeps_its_runs_and_says_where(project: pytest.Pytester) -
         assert found["hil_digest_2"] == found["hil_digest"]
     assert properties[0]["hil_digest"] != properties[1]["hil_digest"]
     # A later session that passes clears away what this one left.
-    fly(project, _dedented(test).replace("seed == 4", "True")).assert_outcomes(passed=2)
+    fly(project, dedent(test).replace("seed == 4", "True")).assert_outcomes(passed=2)
     assert kept(project) == []
 
 
@@ -132,7 +133,7 @@ def test_a_flight_that_is_not_clean_fails_unless_that_is_declared(project: pytes
         noisy(rig, mission)
         assert 0, "mine"
     """
-    result = fly(project, _dedented(test))
+    result = fly(project, dedent(test))
     result.assert_outcomes(passed=1, failed=2, errors=1)
     # On a CI machine pytest repeats every message whole in its summary.
     text = result.stdout.str().partition("short test summary info")[0]
@@ -154,7 +155,7 @@ def test_a_run_that_breaks_is_an_error_of_the_bench(project: pytest.Pytester) ->
     def test_allowed(rig, mission):
         assert rig.fly(mission("square.waypoints"), settings=STALL).json["error"]["type"] == "LockstepLost"
     """
-    result = fly(project, _dedented(test))
+    result = fly(project, dedent(test))
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(["*BenchError: LockstepLost: *", "*the run is in *"])
 
@@ -168,10 +169,10 @@ def test_features_decide_what_is_skipped(project: pytest.Pytester) -> None:
     @pytest.mark.hil_feature("jtag", "optical_flow")
     def test_has_not(): raise AssertionError
     """
-    result = fly(project, _dedented(test), "-rs", "--strict-markers")
+    result = fly(project, dedent(test), "-rs", "--strict-markers")
     result.assert_outcomes(passed=1, skipped=1)
     result.stdout.fnmatch_lines(["*rig 'mock' has no jtag and no optical_flow; it has: baro, *"])
-    result = fly(project, _dedented(test), "--hil-set", "features=[jtag, optical_flow]")
+    result = fly(project, dedent(test), "--hil-set", "features=[jtag, optical_flow]")
     result.assert_outcomes(passed=1, failed=1)
 
 
@@ -183,11 +184,11 @@ def test_the_command_line_wins(project: pytest.Pytester) -> None:
         assert rig.runs[0].json["sim_s"] == 0.5
     """
     options = ("--hil-rig", "mock", "--hil-seed", "99", "--hil-set", "duration_s=0.5")
-    fly(project, _dedented(test), *options).assert_outcomes(passed=1)
-    result = fly(project, _dedented(test))
+    fly(project, dedent(test), *options).assert_outcomes(passed=1)
+    result = fly(project, dedent(test))
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*is unknown: 'no_such_rig'*"])
-    result = fly(project, _dedented(test), *options, "--hil-config", "missing.yaml")
+    result = fly(project, dedent(test), *options, "--hil-config", "missing.yaml")
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*missing.yaml: no such file*"])
 
@@ -197,7 +198,7 @@ def test_files_that_are_wrong_fail_with_every_problem(project: pytest.Pytester) 
     def test_it(rig, mission):
         rig.fly(mission("square.waypoints"), settings=["tick_hz=300", "sede=1"])
     """
-    result = fly(project, _dedented(test))
+    result = fly(project, dedent(test))
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["*the bench cannot be flown:*", "*tick_hz*300 Hz*", "*did you mean 'seed'?*"])
 
@@ -233,7 +234,7 @@ def test_buses_to_plug_into(project: pytest.Pytester) -> None:
     def test_a_desk_is_a_tests_own(hil_usb_bus):
         assert not hil_usb_bus.devices()
     """
-    fly(project, _dedented(test)).assert_outcomes(passed=2)
+    fly(project, dedent(test)).assert_outcomes(passed=2)
 
 
 def test_the_worked_example_of_the_documentation_flies(pytester: pytest.Pytester) -> None:
@@ -296,8 +297,3 @@ def test_an_error_says_what_and_where(tmp_path: Path) -> None:
     run = run_of(tmp_path)
     run.json["error"] = {"type": "LinkClosed", "message": "gone"}
     assert str(BenchError(run)).startswith("LinkClosed: gone\nthe run is in ")
-
-
-def _dedented(text: str) -> str:
-    lines = text.strip("\n").splitlines()
-    return "\n".join(line[4:] for line in lines) + "\n"
