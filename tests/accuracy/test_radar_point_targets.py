@@ -95,16 +95,6 @@ def test_speed_and_range_hold_where_bins_meet() -> None:
         assert point["speed_mps"] == pytest.approx(speed, abs=0.005 * CHIRP.speed_resolution_mps)
 
 
-def test_the_coupling_of_speed_into_range_is_taken_out() -> None:
-    """Without it the two would be apart by 6 m/s f_c / S = 29 mm, 0.08 bin."""
-    processor = Processor(CHIRP, L_ARRAY, Processing(clutter="none"))
-    found = []
-    for i, speed in enumerate((-3.0, 3.0)):
-        raw = counts(signal_of([(5.0, speed, 0.0, 0.0, AMPLITUDE)]), offset=32768.0)
-        found.append(float(processor.process(raw, i * 50_000_000).points[0]["range_m"]))
-    assert found == pytest.approx([5.0, 5.0], abs=0.002)
-
-
 def test_a_fast_target_is_folded_in_speed() -> None:
     """It crosses up to two range bins within the frame: the peak leans over and its middle is a little less sure."""
     processor = Processor(CHIRP, L_ARRAY, Processing(clutter="none"))

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
-from sim._kernels import EchoSynthesis
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
@@ -91,16 +90,6 @@ def test_direct_is_the_equation_at_200_m(name: str, filters: dict[str, None]) ->
     cutoffs: dict[str, Any] = {"hp_cutoff_hz": 80e3, "aaf_cutoff_hz": 600e3} | filters
     exact = reference(CHIRPS[name], RX, echoes, **cutoffs)
     assert error(frame_of(CHIRPS[name], echoes, method="direct", **cutoffs), exact) < 1e-13
-
-
-def test_direct_superposes() -> None:
-    echoes = some_echoes(1001, 200.0, 30.0)
-    parts = [
-        Echoes(*(a[k::3].copy() for a in (echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude)))
-        for k in range(3)
-    ]
-    whole = frame_of(TABLE_2, echoes, method="direct")
-    assert error(sum(frame_of(TABLE_2, part, method="direct") for part in parts), whole) < 1e-13  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", CHIRPS)
@@ -286,24 +275,6 @@ def test_more_receivers_than_are_summed_at_once(tolerance: float) -> None:
             assert error(together[k : k + 1], alone) <= (tolerance if method == "nufft" else 1e-14)
 
 
-def test_finufft_agrees() -> None:
-    finufft = pytest.importorskip("finufft")
-    echoes = some_echoes(5000, 200.0, 0.0)
-    two_pi, c = 2.0 * np.pi, SPEED_OF_LIGHT_MPS
-    tau = 2.0 * echoes.range_m / c
-    middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
-    beta = TABLE_2.slope_hz_per_s * tau / TABLE_2.sample_rate_hz
-    start = middle_hz * tau - 0.5 * TABLE_2.slope_hz_per_s * tau**2 + 0.5 * beta
-    path = echoes.direction_R @ np.array(RX).T / TABLE_2.wavelength_m
-    weight = echoes.amplitude[:, None] * np.exp(1j * two_pi * (start[:, None] - path))
-    zero = np.zeros(5000)
-    other = finufft.nufft2d1(
-        zero, two_pi * (beta % 1.0), np.ascontiguousarray(weight.T), (64, 64), eps=1e-12, isign=1, nthreads=1
-    )
-    mine = frame_of(TABLE_2, echoes, tolerance=1e-9, hp_cutoff_hz=None, aaf_cutoff_hz=None)
-    assert error(other.real, mine) < 2e-9
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -326,27 +297,6 @@ def test_options_refused(options: dict[str, Any], words: str) -> None:
 def test_receivers_refused(positions: Any) -> None:
     with pytest.raises(ValueError, match=r"receivers|rx_positions_m"):
         Synthesizer(TABLE_2, positions, hp_cutoff_hz=None, aaf_cutoff_hz=None)
-
-
-@pytest.mark.parametrize(
-    ("figure", "value"),
-    [
-        ("bandwidth_hz", np.nan),
-        ("center_frequency_hz", np.inf),
-        ("repetition_s", 0.0),
-        ("sample_rate_hz", -1.0),
-        ("hp_cutoff_hz", np.nan),
-        ("drop_share", 1.0),
-        ("rx_positions_m", [(0.0, np.nan, 0.0)]),
-    ],
-)
-def test_the_kernel_refuses_figures_that_are_none(figure: str, value: Any) -> None:
-    good: dict[str, Any] = {"center_frequency_hz": 60e9, "bandwidth_hz": 1e9, "sample_rate_hz": 2e6, "chirps": 64}
-    good |= {"repetition_s": 4e-4, "samples": 64, "rx_positions_m": [(0.0, 0.0, 0.0)], "hp_cutoff_hz": 8e4}
-    good |= {"aaf_cutoff_hz": 0.0, "direct": False, "tolerance": 1e-3, "drop_share": 0.5}
-    EchoSynthesis(**good)
-    with pytest.raises(ValueError, match="must lie"):
-        EchoSynthesis(**(good | {figure: value}))
 
 
 @pytest.mark.parametrize("method", ["direct", "nufft"])

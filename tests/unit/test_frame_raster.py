@@ -79,21 +79,6 @@ def test_one_picture_for_any_threads_and_instruction_set(geometry: FrameGeometry
                     FrameRenderer(geometry, CAMERA, shadows=shadows, isa=isa)
 
 
-@pytest.mark.parametrize("skip", ["frustum", "occlusion", "mesh_backs", "static_shadows", "unseen_actors"])
-def test_what_is_skipped_changes_no_bit(park: World, skip: str) -> None:
-    shadows = skip == "static_shadows"
-    on, off = FrameGeometry(park), FrameGeometry(park)
-    with_skip = FrameRenderer(on, CAMERA, shadows=shadows)
-    without = FrameRenderer(off, CAMERA, shadows=shadows, skips=replace(RenderSkips(), **{skip: False}))
-    for k, pose in enumerate((*VIEWS, VIEWS[0])):
-        for geometry in (on, off):
-            geometry.expect(1_000_000_000 * (k + 1))
-        assert digest(picture(with_skip, pose)) == digest(picture(without, pose))
-    if skip == "unseen_actors":
-        assert on.unposed > 0
-        assert off.unposed == 0
-
-
 def test_an_actor_comes_back_into_sight(park: World) -> None:
     geometry = FrameGeometry(park)
     renderer = FrameRenderer(geometry, CAMERA)

@@ -16,7 +16,7 @@ from sim.frame.geometry import FrameGeometry
 from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
 from sim.scene.world import load_world
-from sim.sensors.catalog import PRESETS, make_sensor
+from sim.sensors.catalog import make_sensor
 from sim.sensors.lidar import Lidar
 from sim.sensors.lidar_echo import choose_echoes
 from sim.sensors.sweep_motion import sweep_motion
@@ -25,7 +25,6 @@ from tests.unit.rotations import rotation
 
 T_NS = 100_000_000
 SCENE = load_scene("airfield")
-LIDARS = sorted(name for name in PRESETS if PRESETS[name].kind == "lidar")
 EXACT: dict[str, Any] = {
     "range_noise_m": 0.0,
     "range_resolution_m": 1e-6,
@@ -94,9 +93,9 @@ def test_a_still_lidar_sees_the_surfaces_where_they_are() -> None:
     assert cloud.intensity == pytest.approx(expected, abs=1e-4)
 
 
-def test_dtypes_lengths_and_that_nothing_is_shared() -> None:
+def test_dtypes_and_lengths() -> None:
     sensor = lidar(frames_of(BALLS))
-    a, b = sensor.sample(truth_at(T_NS), 1), sensor.sample(truth_at(2 * T_NS), 2)
+    a = sensor.sample(truth_at(T_NS), 1)
     n = len(a.range_m)
     shapes = {
         "points_L": (n, 3),
@@ -120,7 +119,6 @@ def test_dtypes_lengths_and_that_nothing_is_shared() -> None:
         assert values.shape == shape
         assert values.dtype == np.dtype(kinds[field])
         assert not values.flags.writeable
-        assert not np.shares_memory(values, getattr(b, field))
     assert set(a.ring.tolist()) <= set(range(5))
     assert a.time_offset_ns.min() >= -T_NS
     assert a.time_offset_ns.max() < 0
@@ -336,26 +334,6 @@ def test_a_wide_beam_at_an_edge_meets_both_surfaces() -> None:
     assert counts["first"] - plain in (2, 3)
     assert plain - counts["last"] in (2, 3)
     assert counts["last"] < counts["strongest"] <= counts["first"]
-
-
-@pytest.mark.parametrize("preset", LIDARS)
-def test_every_preset_gives_the_same_bytes_for_the_same_seed_and_none_of_its_neighbour(preset: str) -> None:
-    frames = frames_of(BALLS)
-    a, b, other = lidar(frames, preset=preset), lidar(frames, preset=preset), lidar(frames, preset=preset, seed=2)
-    neighbour = lidar(frames, preset=preset, name="second")
-    still = truth_at(T_NS)
-    clouds = [a.sample(still._replace(t_ns=(k + 1) * T_NS), k) for k in range(3)]
-    neighbour.sample(still, 7)
-    # A fresh construction is what a reset is; and it may begin anywhere.
-    assert b.sample(still._replace(t_ns=3 * T_NS), 2) == clouds[2]
-    assert other.sample(still._replace(t_ns=3 * T_NS), 2) != clouds[2]
-    assert neighbour.sample(still._replace(t_ns=3 * T_NS), 2) != clouds[2]
-    assert clouds[1].range_m.tobytes() != clouds[2].range_m.tobytes()
-    for cloud in clouds:
-        assert np.isfinite(cloud.points_L).all()
-        assert len(set(cloud.range_m.tolist())) > 20
-        assert len(set(cloud.intensity.tolist())) > 20
-    assert a.resolution["range_m"] == PRESETS[preset].parameters.range_resolution_m  # type: ignore[attr-defined]
 
 
 def test_a_lidar_without_a_world_or_with_a_million_points_is_refused() -> None:

@@ -18,7 +18,6 @@ from sim.radar.impairments import Impairments
 from sim.radar.preset_text import Hardware, preset_text, with_receivers
 from sim.radar.recording import save_recording
 from sim.radar.spectra import noise_power, range_doppler, range_doppler_noise
-from sim.radar.static_echoes import echo_pattern, find_static_echoes
 from tests.unit.radar_receiver_world import DECAY_S, WIDE, frames_of, recording_of, truth
 
 FRAMES = 48
@@ -135,14 +134,6 @@ def test_reflectors_are_found_and_taken_out_unless_kept() -> None:
 def test_an_empty_scene_has_no_reflectors_and_no_warnings() -> None:
     assert fitted().echoes == ()
     assert fitted().warnings == ()
-
-
-def test_many_reflectors_end() -> None:
-    rng = np.random.Generator(np.random.Philox(3))
-    pattern = rng.normal(0.0, 500.0, (2, 64))
-    echoes = find_static_echoes(pattern, np.array([0.05, 0.05]), WIDE)
-    assert len(echoes) <= 8
-    assert np.isfinite(echo_pattern(echoes, 2, 64)).all()
 
 
 def test_without_a_frame_start_none_is_found() -> None:
@@ -271,21 +262,6 @@ def test_the_command_refuses_what_is_no_recording(
     recording_file.write_text("nothing")
     assert run_command_line(["calibrate", "radar", str(recording_file)]) == 2
     assert "is not a radar recording" in capsys.readouterr().err
-
-
-def test_a_full_disc_costs_no_preset_that_is_there(
-    recording_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = tmp_path / "x.yaml"
-    out.write_text("mine")
-
-    def half(self: Path, data: str, **_: Any) -> int:
-        self.write_bytes(data[: len(data) // 2].encode())
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_text", half)
-    assert run_command_line(["calibrate", "radar", str(recording_file), "--out", str(out)]) == 3
-    assert out.read_bytes() == b"mine"
 
 
 def test_a_place_that_cannot_be_written_ends_with_an_error(

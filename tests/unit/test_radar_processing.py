@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 import pydantic
@@ -13,7 +11,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.signals.errors import ConfigError
-from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.processor import Processor, process_recording
@@ -23,7 +20,6 @@ from tests.unit.radar_targets import CHIRP, L_ARRAY, Target, counts, signal_of
 PERIOD_NS = 50_000_000
 LEAKAGE: list[Target] = [(0.35, 0.0, 0.0, 0.0, 300.0), (0.7, 0.0, 0.0, 0.0, 120.0)]
 CLUTTER: list[Target] = [(5.0, 0.0, 25.0, -5.0, 60.0), (8.0, 0.0, -22.0, -4.0, 40.0)]
-RECORDING = Path(__file__).resolve().parents[3] / "shared" / "radar" / "bgt60tr13c_3_reflectors.npz"
 
 
 def walker(range_m: float, speed: float, phase: float) -> list[Target]:
@@ -105,14 +101,6 @@ def test_equal_bytes_on_every_instruction_set_and_after_a_reset(clutter: str) ->
     assert len(digests) == 1
 
 
-def test_arrays_of_frames_share_no_memory() -> None:
-    processor = Processor(CHIRP, L_ARRAY, Processing())
-    results = [processor.process(frame(i, speed=1.2, start_m=2.0), i * PERIOD_NS) for i in range(5)]
-    for a, b in itertools.pairwise(results):
-        for name in ("range_doppler", "points", "tracks"):
-            assert not np.shares_memory(getattr(a, name), getattr(b, name))
-
-
 def test_points_are_strongest_first_and_no_more_than_asked_for() -> None:
     targets: list[Target] = [(2.0 + i, 0.85 * i - 2.2, 0.0, 0.0, 100.0 - 12.0 * i) for i in range(6)]
     raw = counts(signal_of(targets), noise=0.5)
@@ -153,18 +141,3 @@ def test_refusals() -> None:
         Processing.model_validate({"range_window": "kaiser"})
     with pytest.raises(pydantic.ValidationError, match="clutter"):
         Processing.model_validate({"clutter": "mti4"})
-
-
-@pytest.mark.skipif(not RECORDING.exists(), reason="the recording of the real sensor is not here")
-def test_reflectors_of_the_real_sensor_stand_where_they_stood() -> None:
-    adc = np.load(RECORDING)["adc"][64:]
-    chirp = Chirp.model_validate(
-        CHIRP.model_dump() | {"center_frequency_hz": 60.75e9, "bandwidth_hz": 5.5e9, "repetition_s": 591.125e-6}
-    )
-    for processed in process_recording(adc, chirp, L_ARRAY, Processing(clutter="none"), period_ns=77_268_846):
-        still = processed.points[np.abs(processed.points["speed_mps"]) < 0.02]
-        for range_m in (0.298, 0.457, 0.712):
-            assert np.abs(still["range_m"] - range_m).min() < 0.1 * chirp.range_resolution_m
-        assert len(processed.tracks) == 0
-    removed = [len(q.tracks) for q in process_recording(adc, chirp, L_ARRAY, Processing(), period_ns=77_268_846)]
-    assert sum(removed) == 0

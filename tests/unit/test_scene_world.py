@@ -52,14 +52,6 @@ def test_without_a_map_the_world_is_the_ground_and_boxes() -> None:
     assert (world.geom_surface == 1).all()
 
 
-def test_a_world_is_made_once() -> None:
-    scene = load_scene("airfield")
-    assert load_world(scene) is load_world(load_scene("airfield"))
-    windy = scene.model_copy(update={"wind_W_mps": (1.0, 0.0, 0.0)})
-    assert load_world(windy).model is load_world(scene).model
-    assert load_world(windy).scene == windy
-
-
 @pytest.mark.parametrize("name", scene_names())
 def test_every_scene_has_a_world_in_which_every_vehicle_can_take_off(name: str) -> None:
     for vehicle in ("x500", "iris", "racer"):

@@ -255,9 +255,3 @@ def test_range_finder_sees_what_is_drawn(over: tuple[float, float], height: floa
     seen = GroundRange(physics.scene, (0.0, 0.0, 0.0)).distance_m(truth)
     assert seen == pytest.approx(30.0 - height, abs=1e-6)
     assert GroundRange(physics.scene, (0.0, 0.0, -0.5)).distance_m(truth) == pytest.approx(29.5 - height, abs=1e-6)
-
-
-def test_rays_pass_people(walked: Pacer) -> None:
-    scene = walked_yard()
-    physics = QuadrotorPhysics(load_vehicle("x500"), scene, TICK_NS, initial_p_WB=(0.0, 0.0, 10.0))
-    assert GroundRange(scene, (0.0, 0.0, 0.0)).distance_m(physics.advance(0, OFF)) == pytest.approx(10.0)

@@ -138,16 +138,6 @@ def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     assert scheduler.late == 0
 
 
-def test_what_arrived_last_is_flushed() -> None:
-    script = Script(lockstep=False)
-    scheduler = make(script)
-    scheduler.step()
-    assert "rec received" not in script.names()
-    scheduler.flush()
-    scheduler.flush()
-    assert script.names().count("rec received") == 1
-
-
 @pytest.mark.parametrize(
     ("processors", "order"),
     [
@@ -170,19 +160,6 @@ def test_one_that_takes_truth_is_told_before_the_send() -> None:
     scheduler.step()
     at = script.names().index("observe")
     assert script.calls[at : at + 2] == [("observe", 0, (1.0, 2.0, 3.0)), ("send", 0)]
-
-
-def test_recorded_alike_in_either_order() -> None:
-    """What the recorder is told, in which order: the same."""
-    told = []
-    for processors in (1, 2):
-        script = Script(busy_processors=processors)
-        scheduler = make(script)
-        for _ in range(20):
-            scheduler.step()
-        scheduler.flush()
-        told.append([call for call in script.calls if call[0].startswith("rec ")])
-    assert told[0] == told[1]
 
 
 def test_after_a_skipped_tick_all_controls_are_zero() -> None:

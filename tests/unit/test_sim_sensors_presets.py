@@ -8,11 +8,14 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hil.signals.errors import ConfigError
-from hil.signals.samples import SAMPLE_FIELDS, FlowSample, RangeSample, TruthState
+from hil.signals.samples import SAMPLE_FIELDS, FlowSample, RangeSample, TruthState, arrays_of
+from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
+from sim.scene.world import load_world
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.presets import PRESET_DIR, PresetFolder
 
@@ -26,8 +29,13 @@ RATE_HZ = {
     "range_finder": 50.0,
     "optical_flow": 50.0,
 }
-# Cameras and LiDARs need a world: what holds for them is in their own tests.
 PLAIN = sorted(name for name, preset in PRESETS.items() if not KINDS[preset.kind].needs_frames)
+FRAMED = sorted(set(PRESETS) - set(PLAIN))
+WITH_NOISE: dict[str, dict[str, Any]] = {
+    "camera": {"noise": {"electrons_at_white": 300.0}},
+    "lidar": {"beam_divergence_rad": 0.003},
+    "radar": {"mount_m": (0.0, 0.0, 1.0)},
+}
 # Fields that are settings of the device or of the flight and so may stay the same.
 CONSTANT = {
     "horizontal_accuracy_m",
@@ -129,6 +137,43 @@ def test_same_seed_same_bytes_and_a_neighbour_changes_nothing(preset: str) -> No
     assert samples[5][3:] != neighbour.sample(moving(5), 5)[3:]
     assert all(x[3:] != y[3:] for x, y in itertools.pairwise(samples[::10]))  # never stale
     assert a.period_ns == round(1e9 / RATE_HZ[PRESETS[preset].kind])
+
+
+@pytest.fixture(scope="module")
+def frames() -> SharedFrames:
+    return SharedFrames(load_world(load_scene("radar_range")))
+
+
+@pytest.mark.parametrize("preset", FRAMED)
+def test_what_sees_the_world_gives_the_same_bytes_for_the_same_seed_and_shares_none(
+    preset: str, frames: SharedFrames
+) -> None:
+    def made(name: str = "s", seed: int = 1) -> Any:
+        values = WITH_NOISE[PRESETS[preset].kind]
+        return make_sensor(
+            name, preset=preset, rate_hz=10.0, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=values, frames=frames
+        )
+
+    a, b, neighbour = made(), made(), made("t")
+    samples = []
+    for k in range(3):
+        samples.append(a.sample(moving(25 * k), k))
+        neighbour.sample(moving(25 * k + 5), 7 * k)
+    # A fresh construction is what a reset is.
+    assert samples == [b.sample(moving(25 * k), k) for k in range(3)]
+    assert all(x != y for x, y in itertools.pairwise(samples))
+    for other in (made("t"), made(seed=2)):
+        assert other.sample(moving(0), 0) != samples[0]
+    # Noise is of the number, not of what was sampled before.
+    zero = (0.0, 0.0, 0.0)
+    rest = moving(0)._replace(v_WB_W=zero, w_WB_B=zero, a_WB_W=zero, alpha_WB_B=zero)
+    late, alone = made(), made()
+    late.sample(rest, 0)
+    (_, x), (_, y) = (next(iter(arrays_of(s.sample(rest._replace(t_ns=10**8), 5)))) for s in (late, alone))
+    assert np.array_equal(x, y)
+    arrays = [array for sample in samples for _, array in arrays_of(sample)]
+    assert not any(np.shares_memory(x, y) for x, y in itertools.combinations(arrays, 2))
+    assert not any(array.flags.writeable for array in arrays)
 
 
 @pytest.mark.parametrize("preset", PLAIN)
