@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,71 +18,83 @@ TICK_NS = 4_000_000
 
 
 class Script:
-    """Stands for physics, sensor, link, ground station and recorder at once, and writes down who called what."""
+    """Stands for physics, sensor, link, commands and recorder at once, and writes down who called what.
 
-    caps = LinkCaps("script", lockstep=True, deterministic=True, boot_sensors=0)
+    `fail` names the error that a call raises, and at which tick.
+    """
 
     name = "imu"
 
-    def __init__(self) -> None:
+    def __init__(self, **caps: Any) -> None:
+        settings = {"lockstep": True, "deterministic": True, "boot_sensors": 0} | caps
+        self.caps = LinkCaps("script", **settings)
         self.calls: list[tuple[Any, ...]] = []
+        self.commands: dict[int, ActuatorFrame] = {}  # free-running: by the tick at whose beginning they are there
         self.fail: dict[str, tuple[int, Exception]] = {}
         self.tick = -1
 
-    def _note(self, what: str, *details: object) -> None:
-        self.calls.append((what, *details))
-        if what in self.fail and self.fail[what][0] == self.tick:
-            raise self.fail[what][1]
+    def note(self, *what: Any) -> None:
+        self.calls.append(what)
+        tick, error = self.fail.get(what[0], (None, None))
+        if error is not None and tick == self.tick:
+            raise error
+
+    def names(self) -> list[str]:
+        return [call[0] for call in self.calls]
+
+    # physics, sensor, ground station
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         self.tick = tick
-        self._note("advance", tick, controls[0])
+        self.note("advance", tick, controls[0])
         zero = (0.0, 0.0, 0.0)
         return TruthState(tick, tick * TICK_NS, zero, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
 
-    def take_events(self) -> list[object]:
+    def take_events(self) -> list[Any]:
         return []
 
     def sample(self, truth: TruthState, seq: int) -> ImuSample:
-        self._note("imu", seq)
+        self.note("imu", seq)
         return ImuSample(seq, truth.t_ns, truth.t_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0)
 
-    def step(self, t_ns: int, frames: Sequence[object]) -> bytes:
-        self._note("station", t_ns, list(frames))
+    def step(self, t_ns: int, frames: Sequence[Any]) -> bytes:
+        self.note("commands", list(frames))
         return b"hello"
 
-    def send(self, tick, t_ns, imu, mag, baro, gps, extra, ranging) -> bytes:  # type: ignore[no-untyped-def]
-        self._note("send", tick, imu.seq if imu else None, baro.seq if baro else None, extra)
-        return extra + b"sensor"
+    # link
+
+    def begin(self, tick: int) -> ActuatorFrame | None:
+        self.note("begin", tick)
+        return self.commands.get(tick)
+
+    def observe(self, truth: TruthState, wind: Any) -> None:
+        self.note("observe", truth.tick, wind)
+
+    def send(self, tick: int, t_ns: int, imu: Any, mag: Any, baro: Any, *rest: Any) -> bytes:
+        self.note("send", tick, baro.seq if baro else None)
+        return b"sent"
 
     def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
-        self._note("wait", tick)
-        return ActuatorFrame(tick, t_ns, (0.5 + tick,) + (0.0,) * 15, True, 129) if tick >= 2 else None
+        self.note("wait", tick)
+        if self.caps.lockstep and tick >= self.caps.boot_sensors:
+            return ActuatorFrame(tick, t_ns, (0.1 * tick,) + (0.0,) * 15, True, 129)
+        return None
 
-    def take_frames(self) -> list[object]:
-        self._note("take")
+    def take_frames(self) -> list[Any]:
+        self.note("take")
         return [f"frame{self.tick}"]
 
-    def truth(self, truth: TruthState) -> None:
-        self._note("rec truth", truth.tick)
+    # recorder
 
-    def recorded_sample(self, port: str, sample: ImuSample) -> None:
-        self._note("rec sample", port, sample.seq)
+    @property
+    def recorder(self) -> Any:
+        script = self
 
-    def sent(self, tick: int, t_ns: int, data: bytes) -> None:
-        self._note("rec sent", tick, data)
+        class Recorder:
+            def __getattr__(self, what: str) -> Any:
+                return lambda *values: script.note(f"rec {what}", *values)
 
-    def received(self, tick: int, t_ns: int, frames: Sequence[object]) -> None:
-        self._note("rec received", tick, list(frames))
-
-    def actuators(self, frame: ActuatorFrame) -> None:
-        self._note("rec actuators", frame.tick)
-
-
-class ScriptRecorder:
-    def __init__(self, script: Script) -> None:
-        self.truth, self.sample, self.sent = script.truth, script.recorded_sample, script.sent
-        self.received, self.actuators = script.received, script.actuators
+        return Recorder()
 
 
 class LateBaro:
@@ -93,18 +106,16 @@ class LateBaro:
         return BaroSample(seq, truth.t_ns, truth.t_ns + 10_000_000, 101325.0, 0.0, 15.0)
 
 
-def make(script: Script, *, baro: bool = False) -> Scheduler:
-    sensors = [SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))]
-    if baro:
-        sensors.append(SensorSlot(LateBaro(), RateAccumulator(event_mhz=50_000, tick_mhz=250_000)))
+def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
     return Scheduler(
         tick_ns=TICK_NS,
         physics=script,
-        sensors=sensors,
+        sensors=[*more, SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
         link=script,  # type: ignore[arg-type]
         ports={"imu": "imu", "barometer": "baro"},
         commands=[script],
-        recorder=ScriptRecorder(script),  # type: ignore[arg-type]
+        recorder=script.recorder,
+        **settings,
     )
 
 
@@ -113,36 +124,38 @@ def run(scheduler: Scheduler, ticks: int) -> None:
         scheduler.step()
 
 
+def told_of(script: Script, *names: str) -> list[Any]:
+    """What came with each call of these names."""
+    return [call[1] for call in script.calls if call[0] in names]
+
+
 def test_phases_come_in_the_written_order_once_per_tick() -> None:
     script = Script()
     scheduler = make(script)
     scheduler.step()
-    names = [call[0] for call in script.calls]
-    assert names == ["advance", "imu", "station", "send", "rec truth", "rec sample", "rec sent", "wait", "take"]
-    for _ in range(9):
-        scheduler.step()
-    for name in ("advance", "imu", "station", "send", "wait", "take", "rec truth", "rec sent"):
-        assert sum(call[0] == name for call in script.calls) == 10, name
+    phases = ["advance", "imu", "commands", "send", "rec truth", "rec sample", "rec sent", "wait", "take"]
+    assert script.names() == phases
+    run(scheduler, 9)
+    for name in phases:
+        assert script.names().count(name) == 10, name
     assert scheduler.own_ns.count == scheduler.step_ns.count == 10
 
 
 def test_actuators_move_the_vehicle_one_tick_later_and_none_are_invented() -> None:
-    script = Script()
-    scheduler = make(script)
-    for _ in range(5):
-        scheduler.step()
-    assert [call[2] for call in script.calls if call[0] == "advance"] == [0.0, 0.0, 0.0, 2.5, 3.5]
+    script = Script(boot_sensors=2)
+    run(make(script), 5)
+    assert [call[2] for call in script.calls if call[0] == "advance"] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.3])
 
 
 def test_the_station_hears_a_tick_later_and_the_record_is_in_order() -> None:
-    script = Script()
+    script = Script(boot_sensors=2)
     scheduler = make(script)
-    for _ in range(4):
-        scheduler.step()
-    assert [call[2] for call in script.calls if call[0] == "station"] == [[], ["frame0"], ["frame1"], ["frame2"]]
+    run(scheduler, 4)
+    assert told_of(script, "commands") == [[], ["frame0"], ["frame1"], ["frame2"]]
     scheduler.flush()
     scheduler.flush()  # nothing left the second time
-    record = [call[:2] for call in script.calls if call[0].startswith("rec") and call[0] != "rec sample"]
+    told = [call for call in script.calls if call[0].startswith("rec") and call[0] != "rec sample"]
+    record = [(name, getattr(of, "tick", of)) for name, of, *_ in told]
     expected: list[tuple[str, int]] = []
     for k in range(4):
         expected += [("rec truth", k), ("rec sent", k), ("rec received", k)]
@@ -153,10 +166,8 @@ def test_the_station_hears_a_tick_later_and_the_record_is_in_order() -> None:
 
 def test_a_sensor_with_latency_reaches_the_autopilot_late() -> None:
     script = Script()
-    scheduler = make(script, baro=True)
-    for _ in range(10):
-        scheduler.step()
-    arrivals = {call[1]: call[3] for call in script.calls if call[0] == "send" and call[3] is not None}
+    run(make(script, SensorSlot(LateBaro(), RateAccumulator(event_mhz=50_000, tick_mhz=250_000))), 10)
+    arrivals = {call[1]: call[2] for call in script.calls if call[0] == "send" and call[2] is not None}
     # Captured on ticks 0 and 5, available 10 ms later: the first ticks at or after are 3 and 8.
     assert arrivals == {3: 0, 8: 1}
 
@@ -168,35 +179,22 @@ def test_a_lost_reply_ends_the_run_and_what_did_arrive_is_recorded() -> None:
     with pytest.raises(LockstepLost):
         run(scheduler, 10)
     scheduler.flush()
-    assert script.calls[-1] == ("rec received", 3, ["frame3"])
-    assert [call[1] for call in script.calls if call[0] == "rec actuators"] == [2]
-    assert sum(call[0] == "send" for call in script.calls) == 4  # nothing was sent after the failure
+    assert script.calls[-1][0] == "rec received"
+    assert script.calls[-1][-1] == ["frame3"]
+    assert [frame.tick for frame in told_of(script, "rec actuators")] == [0, 1, 2]
+    assert script.names().count("send") == 4  # nothing was sent after the failure
 
 
 def test_a_failed_physics_step_is_never_sent() -> None:
     script = Script()
     script.fail["advance"] = (2, ModelRangeError(2, "p_WB[0]", float("nan"), "finite"))
-    scheduler = make(script)
     with pytest.raises(ModelRangeError, match=r"tick 2: p_WB\[0\] = nan"):
-        run(scheduler, 10)
-    assert [call[1] for call in script.calls if call[0] == "send"] == [0, 1]
+        run(make(script), 10)
+    assert told_of(script, "send") == [0, 1]
 
 
 def test_a_paced_run_never_runs_ahead_of_the_wall_clock() -> None:
-    script = Script()
-    scheduler = Scheduler(
-        tick_ns=TICK_NS,
-        physics=script,
-        sensors=[],
-        link=script,  # type: ignore[arg-type]
-        ports={"imu": "imu"},
-        commands=[],
-        recorder=ScriptRecorder(script),  # type: ignore[arg-type]
-        pace=2.0,
-    )
-    import time
-
+    scheduler = make(Script(), pace=2.0)
     start = time.perf_counter_ns()
-    for _ in range(26):
-        scheduler.step()
+    run(scheduler, 26)
     assert time.perf_counter_ns() - start >= 25 * TICK_NS / 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,99 +14,11 @@ from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.bench import run_bench
 from hil.config import load_bench
-from hil.scheduler import PHASES, Scheduler, SensorSlot
+from hil.scheduler import PHASES, SensorSlot
 from hil.signals.errors import LockstepLost
-from hil.signals.samples import ActuatorFrame, ImageSample, ImuSample, TruthState
+from hil.signals.samples import ActuatorFrame, ImageSample
 from hil.signals.time import RateAccumulator
-
-TICK_NS = 4_000_000
-
-
-class Script:
-    """Stands for physics, sensor, link, commands and recorder at once, and writes down who called what."""
-
-    name = "imu"
-
-    def __init__(self, **caps: Any) -> None:
-        settings = {"lockstep": True, "deterministic": True, "boot_sensors": 0} | caps
-        self.caps = LinkCaps("script", **settings)
-        self.calls: list[tuple[Any, ...]] = []
-        self.commands: dict[int, ActuatorFrame] = {}  # free-running: by the tick at whose beginning they are there
-        self.fail_at: int | None = None
-
-    def note(self, *what: Any) -> None:
-        self.calls.append(what)
-
-    def names(self) -> list[str]:
-        return [call[0] for call in self.calls]
-
-    # physics, sensor, ground station
-
-    def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
-        self.note("advance", tick, controls[0])
-        zero = (0.0, 0.0, 0.0)
-        return TruthState(tick, tick * TICK_NS, zero, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), False)
-
-    def take_events(self) -> list[Any]:
-        return []
-
-    def sample(self, truth: TruthState, seq: int) -> ImuSample:
-        self.note("imu", seq)
-        return ImuSample(seq, truth.t_ns, truth.t_ns, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 20.0)
-
-    def step(self, t_ns: int, frames: Sequence[Any]) -> bytes:
-        self.note("commands", list(frames))
-        return b""
-
-    # link
-
-    def begin(self, tick: int) -> ActuatorFrame | None:
-        self.note("begin", tick)
-        return self.commands.get(tick)
-
-    def observe(self, truth: TruthState, wind: Any) -> None:
-        self.note("observe", truth.tick, wind)
-
-    def send(self, tick: int, *rest: Any) -> bytes:
-        self.note("send", tick)
-        return b"sent"
-
-    def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
-        self.note("wait", tick)
-        if tick == self.fail_at:
-            raise LockstepLost("script", "rebooted")
-        if self.caps.lockstep:
-            return ActuatorFrame(tick, t_ns, (0.1 * tick,) + (0.0,) * 15, True, 129)
-        return None
-
-    def take_frames(self) -> list[Any]:
-        self.note("take")
-        return ["frame"]
-
-    # recorder
-
-    @property
-    def recorder(self) -> Any:
-        script = self
-
-        class Recorder:
-            def __getattr__(self, what: str) -> Any:
-                return lambda *values: script.note(f"rec {what}", *values)
-
-        return Recorder()
-
-
-def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
-    return Scheduler(
-        tick_ns=TICK_NS,
-        physics=script,
-        sensors=[*more, SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
-        link=script,  # type: ignore[arg-type]
-        ports={"imu": "imu"},
-        commands=[script],
-        recorder=script.recorder,
-        **settings,
-    )
+from tests.unit.test_scheduler import TICK_NS, Script, make
 
 
 def command(tick: int, value: float) -> ActuatorFrame:
@@ -159,7 +70,7 @@ def test_one_that_takes_truth_is_told_before_the_send() -> None:
     scheduler = make(script, wind_at=lambda: (1.0, 2.0, 3.0))
     scheduler.step()
     at = script.names().index("observe")
-    assert script.calls[at : at + 2] == [("observe", 0, (1.0, 2.0, 3.0)), ("send", 0)]
+    assert script.calls[at : at + 2] == [("observe", 0, (1.0, 2.0, 3.0)), ("send", 0, None)]
 
 
 def test_after_a_skipped_tick_all_controls_are_zero() -> None:
@@ -168,7 +79,7 @@ def test_after_a_skipped_tick_all_controls_are_zero() -> None:
     for _ in range(4):
         scheduler.step()
     assert scheduler.actuators.controls[0] == pytest.approx(0.3)
-    script.fail_at = 4
+    script.fail["wait"] = (4, LockstepLost("script", "rebooted"))
     with pytest.raises(LockstepLost):
         scheduler.step()
     scheduler.skip_tick()
