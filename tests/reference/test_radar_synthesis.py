@@ -13,23 +13,9 @@ from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
 from tests.reference.radar_reference import reference
+from tests.unit.radar_receiver_world import WIDE
+from tests.unit.radar_targets import CHIRP as TABLE_2
 
-TABLE_2 = Chirp(
-    center_frequency_hz=60.8e9,
-    bandwidth_hz=0.4e9,
-    samples=64,
-    sample_rate_hz=2e6,
-    chirps=64,
-    repetition_s=390.975e-6,
-)
-RECORDED = Chirp(
-    center_frequency_hz=60.75e9,
-    bandwidth_hz=5.5e9,
-    samples=64,
-    sample_rate_hz=2e6,
-    chirps=64,
-    repetition_s=591.125e-6,
-)
 ODD = Chirp(
     center_frequency_hz=24.1e9,
     bandwidth_hz=0.3e9,
@@ -38,7 +24,7 @@ ODD = Chirp(
     chirps=27,
     repetition_s=1e-4,
 )
-CHIRPS = {"table 2": TABLE_2, "recorded": RECORDED, "odd": ODD}
+CHIRPS = {"table 2": TABLE_2, "recorded": WIDE, "odd": ODD}
 RX: tuple[Vec3, ...] = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0))
 
 

@@ -14,14 +14,11 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.radar.antenna import Antenna, Pattern
-from sim.radar.chirp import Chirp
 from sim.radar.receiver import Receiver
 from sim.scene.scene import Scene, load_scene
 from sim.scene.world import World, load_world
+from tests.unit.radar_targets import CHIRP
 
-CHIRP = Chirp(
-    center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, samples=64, sample_rate_hz=2e6, chirps=64, repetition_s=390.975e-6
-)
 RECEIVER = Receiver(tx_power_dbm=5.0, conversion_gain_db=60.0, impedance_ohm=50.0, adc_full_scale_v=1.2, adc_bits=12)
 WIDE = Pattern(gain_dbi=6.0, azimuth_beamwidth_deg=179.0, elevation_beamwidth_deg=179.0)
 ANTENNA = Antenna(rx_positions_m=((0.0, 0.0, 0.0),), tx=WIDE, rx=WIDE)

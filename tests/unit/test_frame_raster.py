@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -229,50 +228,6 @@ def test_a_lens_leaves_out_what_it_cannot_see(geometry: FrameGeometry) -> None:
         counts.append((culled._picture.counts.geoms, everything._picture.counts.geoms))
     # The first sees most of the park from a corner, the second half of it.
     assert counts[1][0] < 0.7 * counts[1][1]
-
-
-HILLS = """
-<mujoco>
-  <asset>
-    <hfield name="hills" nrow="9" ncol="12" size="6 4 2 0.5"/>
-  </asset>
-  <worldbody>
-    <geom name="floor" type="plane" size="30 20 1"/>
-    <geom name="land" type="hfield" hfield="hills" pos="1 2 0.6" euler="0 0 30"/>
-  </worldbody>
-</mujoco>
-"""
-
-
-def test_height_fields_are_those_of_mj_ray() -> None:
-    world = load_world(load_scene("airfield"))
-    model = mujoco.MjModel.from_xml_string(HILLS)
-    heights = (np.arange(9 * 12) * 37 % 101) / 100.0
-    model.hfield_data[:] = heights
-    zeros = np.zeros(2, np.uint8)
-    made = replace(
-        world,
-        model=model,
-        geom_class=zeros,
-        geom_instance=zeros.astype(np.uint16),
-        geom_surface=zeros,
-        geom_visible=np.ones(2, bool),
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    camera = CameraModel.from_fov(64, 48, 90.0)
-    for pose in (looking((-6.0, -5.0, 5.0), (1.0, 2.0, 0.6)), looking((9.0, 3.0, 1.0), (1.0, 2.0, 0.5))):
-        out = picture(FrameRenderer(FrameGeometry(made), camera), pose, "range", "geom")
-        rays = camera.rays().reshape(-1, 3) @ np.array(pose.R_WC).reshape(3, 3).T
-        geom = np.zeros(1, np.int32)
-        wrong = 0
-        for ray, seen, found in zip(rays, out["range"].ravel(), out["geom"].ravel(), strict=True):
-            true = mujoco.mj_ray(model, data, np.array(pose.p_WC), ray, None, 1, -1, geom)
-            if geom[0] != found:
-                wrong += 1
-            elif true > 0.0:
-                assert abs(true - seen) < 2e-4
-        assert wrong <= 6
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 5), (4, 4), (33, 2), (161, 121)])

@@ -233,36 +233,11 @@ def test_noise_has_its_deviation_and_its_step() -> None:
     assert cloud.range_m == pytest.approx(np.array(expected), abs=2e-6)
 
 
-def test_dropouts_come_as_often_as_stated() -> None:
-    frames = frames_of(BALLS)
-    whole = len(lidar(frames, **EXACT).sample(truth_at(T_NS), 0).range_m)
-    sensor = lidar(frames, **EXACT | {"dropout_probability": 0.1})
-    kept = sum(len(sensor.sample(truth_at(T_NS), seq).range_m) for seq in range(10))
-    assert kept / (10 * whole) == pytest.approx(0.9, abs=5 * math.sqrt(0.09 / (10 * whole)))
-
-
 def wall(reflectivity: float, x_m: float) -> ModelFrames:
     text = (
         f'<mujoco><worldbody><geom name="wall" type="box" size="0.5 30 30" pos="{x_m + 0.5} 0 2"/></worldbody></mujoco>'
     )
     return frames_of(text, reflectivity={"wall": reflectivity})
-
-
-@pytest.mark.parametrize(("reflectivity", "limit_m"), [(0.1, 30.0), (0.4, 60.0), (0.025, 15.0)])
-def test_dark_surfaces_are_lost_sooner_as_the_square_of_range(reflectivity: float, limit_m: float) -> None:
-    def seen(x_m: float, **changes: Any) -> float:
-        narrow = FAN | {"elevation_deg": (0.0,), "columns": 7200}
-        sensor = lidar(wall(reflectivity, x_m), **EXACT | {"pattern": narrow, "range_at_10_percent_m": 30.0} | changes)
-        cloud = sensor.sample(truth_at(T_NS), 0)
-        return float((np.abs(cloud.points_L[:, 1]) < 0.05 * x_m).sum()) / seen_at_all(x_m)
-
-    def seen_at_all(x_m: float) -> float:
-        return 2 * math.degrees(math.atan(0.05)) / 360 * 7200
-
-    assert seen(0.85 * limit_m) > 0.98
-    assert 0.3 < seen(limit_m) < 0.7
-    assert seen(1.15 * limit_m) == 0.0
-    assert seen(1.15 * limit_m, range_at_10_percent_m=None) > 0.98
 
 
 def test_range_limits_and_what_stands_in_the_way() -> None:
@@ -279,14 +254,6 @@ def test_range_limits_and_what_stands_in_the_way() -> None:
     some = lidar(wall(0.5, 30.0), **EXACT | {"max_range_m": 29.9, "range_noise_m": 0.1}).sample(truth_at(T_NS), 0)
     assert len(some.range_m) > 0
     assert some.range_m.max() <= np.float32(29.9)
-
-
-def test_intensity_falls_with_the_square_of_range_where_asked_for() -> None:
-    frames = frames_of(BALLS)
-    calibrated = lidar(frames, **EXACT).sample(truth_at(T_NS), 0)
-    raw = lidar(frames, **EXACT, intensity_falloff_m=8.0).sample(truth_at(T_NS), 0)
-    expected = calibrated.intensity * np.minimum(1.0, 8.0 / raw.range_m) ** 2
-    assert raw.intensity == pytest.approx(expected, rel=1e-5)
 
 
 def test_echoes_by_hand() -> None:

@@ -8,14 +8,11 @@ from numpy.typing import NDArray
 
 from hil.radar_offline.results import SpectraOfTracks, rows_over_frames
 from hil.report.radar_pictures import micro_doppler_figure, radar_figure
-from sim.radar.chirp import Chirp
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.processor import Processed
 from sim.radar.processing.tracker import TRACK_DTYPE
+from tests.unit.radar_targets import CHIRP
 
-CHIRP = Chirp(
-    center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, samples=64, sample_rate_hz=2e6, chirps=64, repetition_s=390.975e-6
-)
 BIN_M = CHIRP.max_range_m / 32
 
 

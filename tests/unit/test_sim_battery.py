@@ -92,19 +92,6 @@ def test_charge_drawn_while_spinning_up_is_the_integral_of_the_power() -> None:
     assert 1.0 - state.charge == pytest.approx(drawn_c / 18_000.0, rel=1e-9)
 
 
-def test_a_low_battery_lowers_the_ceiling() -> None:
-    speeds = {}
-    for charge in (1.0, 0.2):
-        physics = powered(load_vehicle("x500"), initial_charge=charge)
-        physics.advance(0, (1.0,) * 4)
-        for tick in range(1, 150):
-            truth = physics.advance(tick, (1.0,) * 4)
-        speeds[charge] = truth.rotor_speed_radps[0]
-        assert physics.battery is not None
-        assert truth.rotor_speed_radps[0] == pytest.approx(1000 * physics.battery.voltage_v / 14.8, rel=1e-4)
-    assert speeds[0.2] < 0.93 * speeds[1.0]
-
-
 def test_an_empty_battery_ends_the_run_by_name() -> None:
     physics = powered(load_vehicle("x500"), initial_charge=1e-4)
     physics.advance(0, (0.7,) * 4)

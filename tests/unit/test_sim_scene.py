@@ -117,16 +117,3 @@ def test_vehicle_physics_is_checked(old: str, new: str, says: str, tmp_path: Pat
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError, match=says):
         load_vehicle(path)
-
-
-def test_missing_and_broken_files_are_config_errors(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="no such file"):
-        load_scene("no_such_scene")
-    broken = tmp_path / "broken.yaml"
-    broken.write_text("name: [unclosed\n")
-    with pytest.raises(ConfigError, match="YAML"):
-        load_scene(broken)
-    empty = tmp_path / "empty.yaml"
-    empty.write_text("")
-    with pytest.raises(ConfigError, match=r"empty.yaml:1: name is missing"):
-        load_scene(empty)

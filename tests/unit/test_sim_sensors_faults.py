@@ -17,7 +17,6 @@ from sim.sensors.faults import FAULT_FIELDS, FAULT_LIST, FaultySensor, fault_pro
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
 ZERO = (0.0, 0.0, 0.0)
-RATE_HZ = {"imu": 250.0}
 BEGIN_S, END_S = 1.0, 2.0
 # Cameras and LiDARs need a world: their faults are in their own tests.
 PLAIN = sorted(name for name, preset in PRESETS.items() if not KINDS[preset.kind].needs_frames)

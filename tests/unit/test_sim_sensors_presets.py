@@ -18,17 +18,10 @@ from sim.scene.scene import load_scene
 from sim.scene.world import load_world
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.presets import PRESET_DIR, PresetFolder
+from tests.unit.test_sim_sensors import RATE_HZ, sensor
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
-RATE_HZ = {
-    "imu": 250.0,
-    "barometer": 50.0,
-    "magnetometer": 100.0,
-    "gps": 10.0,
-    "range_finder": 50.0,
-    "optical_flow": 50.0,
-}
 PLAIN = sorted(name for name, preset in PRESETS.items() if not KINDS[preset.kind].needs_frames)
 FRAMED = sorted(set(PRESETS) - set(PLAIN))
 WITH_NOISE: dict[str, dict[str, Any]] = {
@@ -71,13 +64,6 @@ TO_SI = {
     "cm": 0.01,
     "mm": 0.001,
 }
-
-
-def sensor(preset: str, *, seed: int = 1, name: str = "s", **overrides: Any) -> Any:
-    rate_hz = RATE_HZ[PRESETS[preset].kind]
-    return make_sensor(
-        name, preset=preset, rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=overrides
-    )
 
 
 def moving(k: int) -> TruthState:
