@@ -16,10 +16,9 @@ from hil.signals.errors import RecordingError
 
 use_client()
 
-from hil_companion.detect.anchors import all_anchors_px  # noqa: E402
-from hil_companion.detect.detection import Detection  # noqa: E402
+from hil_companion.detect.decode import Detection  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
-from hil_companion.detect.model_file import ModelFile  # noqa: E402
+from hil_companion.detect.model_file import ModelFile, all_anchors_px  # noqa: E402
 from hil_companion.errors import CompanionError  # noqa: E402
 
 from hil.detect.data_sets import make_data_sets  # noqa: E402

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_companion.detect.anchors import Level, all_anchors_px
-from hil_companion.detect.model_file import ModelFile
+from hil_companion.detect.model_file import Level, ModelFile, all_anchors_px
 
 INPUT_PX = (320, 240)
 RATIOS = (0.45, 1.0, 2.2)

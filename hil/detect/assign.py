@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from hil_companion.detect.anchors import Level
+from hil_companion.detect.model_file import Level
 from numpy.typing import NDArray
 
 BACKGROUND, NOTHING = -1, -2  # in place of a class

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from hil_companion.detect.decode import overlaps
-from hil_companion.detect.detection import Detection
+from hil_companion.detect.decode import Detection, overlaps
 from numpy.typing import NDArray
 
 from hil.detect.pictures import Picture

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from hil_companion.detect.detection import Detection
+from hil_companion.detect.decode import Detection
 from hil_companion.detect.detector import Detector
 
 from hil.detect.average_precision import Judged, judge

@@ -12,7 +12,8 @@ Where the resolution is halved stand plain convolutions: processors run them fas
 faster, than a widening at the higher resolution and a depthwise one.
 
 Each level's head is one map: a 3 x 3 depthwise convolution, then 1 x 1 to classes + 4 numbers per anchor, numbered as
-`hil_companion.detect.anchors` says. Sandler et al. (2018), MobileNetV2; Liu et al. (2016), SSD; Lin et al. (2017), FPN.
+`hil_companion.detect.model_file` says. Sandler et al. (2018), MobileNetV2; Liu et al. (2016), SSD; Lin et al. (2017),
+FPN.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from hil_companion.detect.letterbox import Letterbox
+from hil_companion.detect.decode import Letterbox
 from numpy.typing import NDArray
 
 from hil.detect.pictures import Picture

@@ -12,7 +12,7 @@ from hil.companion.started import use_client
 use_client()
 
 from hil_companion.cuts.detect import Detect  # noqa: E402
-from hil_companion.detect.detection import Detection  # noqa: E402
+from hil_companion.detect.decode import Detection  # noqa: E402
 
 PERSON = 10  # class id: sim/scene/classes.py
 LEAST_PX = 60

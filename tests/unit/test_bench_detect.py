@@ -15,7 +15,7 @@ from hil.report.run_json import finite
 from hil.signals.errors import RecordingError
 
 from hil_companion.detect import model_file  # isort: skip
-from hil_companion.detect.detection import Detection  # isort: skip
+from hil_companion.detect.decode import Detection  # isort: skip
 
 
 def box(x: float, score: float = 0.9, label: str = "person") -> Detection:

@@ -21,7 +21,7 @@ from tests.unit.companion_bench import CLIENT
 from hil_companion import protocol  # isort: skip
 from hil_companion import Detections as Told  # isort: skip
 from hil_companion import Found  # isort: skip
-from hil_companion.detect.detection import Detection as Seen  # isort: skip
+from hil_companion.detect.decode import Detection as Seen  # isort: skip
 from hil_companion.errors import CutError  # isort: skip
 
 assert CLIENT

@@ -10,11 +10,11 @@ import pytest
 
 from tests.unit.detect_world import offsets_to, silent, write_model
 
-from hil_companion.detect.anchors import Level, by_anchor  # isort: skip
+from hil_companion.detect.model_file import Level, by_anchor  # isort: skip
 from hil_companion.detect.backends import open_backend  # isort: skip
 from hil_companion.detect.decode import MOST_DETECTIONS, decode, overlaps  # isort: skip
 from hil_companion.detect.detector import check_picture  # isort: skip
-from hil_companion.detect.letterbox import Letterbox  # isort: skip
+from hil_companion.detect.decode import Letterbox  # isort: skip
 from hil_companion.detect.model_file import ModelFile  # isort: skip
 from hil_companion.errors import CutError, OptionError  # isort: skip
 

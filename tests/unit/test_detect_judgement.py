@@ -15,7 +15,7 @@ from hil.companion.started import use_client
 from hil.detect.pictures import Picture
 
 use_client()
-from hil_companion.detect.detection import Detection  # noqa: E402
+from hil_companion.detect.decode import Detection  # noqa: E402
 
 from hil.detect.average_precision import LEFT_OUT, RIGHT, WRONG, Judged, judge, verdicts  # noqa: E402
 from hil.detect.evaluate import judged_at  # noqa: E402

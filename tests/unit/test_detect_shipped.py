@@ -13,11 +13,14 @@ import pytest
 from hil.companion.started import use_client
 
 use_client()
-from hil_companion.detect.anchors import all_anchors_px  # noqa: E402
 from hil_companion.detect.backends import BACKENDS, open_backend  # noqa: E402
 from hil_companion.detect.decode import decode  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
-from hil_companion.detect.model_file import SHIPPED, ModelFile  # noqa: E402
+from hil_companion.detect.model_file import (  # noqa: E402
+    SHIPPED,
+    ModelFile,
+    all_anchors_px,
+)
 from hil_companion.errors import CutError, OptionError  # noqa: E402
 
 # Of the validation pictures: city_park, map seed 800000.

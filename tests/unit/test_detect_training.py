@@ -21,9 +21,9 @@ from tests.unit.detect_pictures_world import some_objects, write_data_set  # noq
 
 use_client()
 from hil_companion.detect import decode as numpy_decode  # noqa: E402
-from hil_companion.detect.anchors import by_anchor as numpy_by_anchor  # noqa: E402
 from hil_companion.detect.backends import open_backend  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
+from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
 
 from hil.detect import train  # noqa: E402
 from hil.detect.arrangement import INPUT_PX, LEVELS, described  # noqa: E402

@@ -13,10 +13,15 @@ from sim.frame.mount import Mount
 
 use_client()
 
-from hil_companion.detect.detection import Detection  # noqa: E402
+from hil_companion.detect.decode import Detection  # noqa: E402
 from hil_companion.explore.inertial import Moment  # noqa: E402
-from hil_companion.locate.camera import Camera  # noqa: E402
-from hil_companion.locate.geolocation import Geolocation, RadarView, depth_in, ground_range  # noqa: E402
+from hil_companion.locate.geolocation import (  # noqa: E402
+    Camera,
+    Geolocation,
+    RadarView,
+    depth_in,
+    ground_range,
+)
 from hil_companion.locate.own_pose import OwnPose  # noqa: E402
 from hil_companion.locate.tiles import outdone, pieces, without_doubles  # noqa: E402
 from hil_companion.locate.tracks import Sighting, Tracks, difference, look_of  # noqa: E402

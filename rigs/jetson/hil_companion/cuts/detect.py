@@ -24,8 +24,7 @@ from hil_companion.explore.inertial import Moment
 from hil_companion.explore.rotation import matrix_of
 from hil_companion.explore.settings import number
 from hil_companion.frame import Frame
-from hil_companion.locate.camera import Camera
-from hil_companion.locate.geolocation import Geolocation, RadarView
+from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures

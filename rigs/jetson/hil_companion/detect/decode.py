@@ -9,16 +9,68 @@ The order is fixed: by score, equal ones by class and then by anchor, so that eq
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import cv2
 import numpy as np
 
-from hil_companion.detect.detection import Detection
-from hil_companion.detect.letterbox import Letterbox
 from hil_companion.detect.model_file import ModelFile
 
+_FILL = 114  # of 255: about the mean of what cameras see
 CENTRE_VARIANCE, SIZE_VARIANCE = 0.1, 0.2
 _MOST_GROWTH = 4.0  # exp of it: an offset beyond is not a box any more, but must not overflow
 _MOST_CANDIDATES = 400  # of one class, before overlapping ones go
 MOST_DETECTIONS = 100  # in one picture
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What and where. `box_px`: x0, y0, x1, y1 in pixels of the picture given; x1 - x0 is the width."""
+
+    label: str
+    box_px: tuple[float, float, float, float]
+    score: float  # 0 to 1
+    range_m: float | None = None  # from depth, where there is any
+    radial_speed_mps: float | None = None  # from a radar; positive: going away
+    p_W: tuple[float, float, float] | None = None  # where it stands, once somebody has worked that out
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """How a picture of any size is put into a network's input: input pixel = picture pixel * scale + shift.
+
+    One scale for both directions, so that nothing is stretched; what is left over is filled on both sides.
+    """
+
+    scale: float
+    shift_x_px: int
+    shift_y_px: int
+    placed_px: tuple[int, int]  # width, height that the picture takes in the input
+
+    @classmethod
+    def of(cls, picture_px: tuple[int, int], input_px: tuple[int, int]) -> Letterbox:
+        """Both are width, height."""
+        scale = min(input_px[0] / picture_px[0], input_px[1] / picture_px[1])
+        width = max(1, min(input_px[0], round(picture_px[0] * scale)))
+        height = max(1, min(input_px[1], round(picture_px[1] * scale)))
+        return cls(scale, (input_px[0] - width) // 2, (input_px[1] - height) // 2, (width, height))
+
+    def place(self, rgb: np.ndarray, out: np.ndarray) -> None:
+        """The picture into `out` (height, width, 3) uint8."""
+        width, height = self.placed_px
+        if (width, height) != (out.shape[1], out.shape[0]):
+            out[:] = _FILL
+        shrinks = rgb.shape[1] > width
+        part = out[self.shift_y_px : self.shift_y_px + height, self.shift_x_px : self.shift_x_px + width]
+        if rgb.shape[:2] == (height, width):
+            part[:] = rgb
+        else:
+            part[:] = cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
+
+    def back(self, boxes_px: np.ndarray) -> np.ndarray:
+        """Boxes (N, 4) of the input as boxes of the picture."""
+        shift = np.array([self.shift_x_px, self.shift_y_px, self.shift_x_px, self.shift_y_px], np.float64)
+        return (boxes_px - shift) / self.scale
 
 
 def boxes_px(anchors_px: np.ndarray, offsets: np.ndarray) -> np.ndarray:

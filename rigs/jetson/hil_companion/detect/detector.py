@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hil_companion.detect.backends import open_backend
-from hil_companion.detect.decode import decode
-from hil_companion.detect.detection import Detection
-from hil_companion.detect.letterbox import Letterbox
+from hil_companion.detect.decode import Detection, Letterbox, decode
 from hil_companion.detect.model_file import ModelFile
 from hil_companion.errors import CutError, OptionError
 

@@ -92,11 +92,6 @@ def _normal_equations(
     w: np.ndarray, r: np.ndarray, nx: np.ndarray, ny: np.ndarray, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sums over the points, of each particle."""
-    H, g = np.empty((len(w), 3, 3)), np.empty((len(w), 3))
-    rows = (nx, ny, turn)
-    for i in range(3):
-        weighted = w * rows[i]
-        g[:, i] = (weighted * r).sum(axis=1)
-        for j in range(i, 3):
-            H[:, i, j] = H[:, j, i] = (weighted * rows[j]).sum(axis=1)
-    return H, g
+    rows = np.stack((nx, ny, turn))
+    weighted = w * rows
+    return np.einsum("inm,jnm->nij", weighted, rows), np.einsum("inm,nm->ni", weighted, r)

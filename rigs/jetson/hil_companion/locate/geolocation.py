@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Sequence
+from typing import Any, Mapping, Sequence
 
+import cv2
 import numpy as np
 
+from hil_companion.errors import CutError
 from hil_companion.explore.inertial import Moment
 from hil_companion.explore.rotation import matrix_of
-from hil_companion.locate.camera import Camera
 
 # Of a place, besides the vehicle's own: what box, lens and attitude leave open [m, and share of the range].
 _DEPTH_SIGMA, _GROUND_SIGMA = (0.25, 0.025), (0.5, 0.06)
@@ -28,7 +29,45 @@ _EDGE_PX = 1.5  # a box that ends so near to the picture's lower edge shows no f
 _LEAST_DOWN = 0.05  # of a ray of length 1: flatter ones meet the ground anywhere
 _ANGLE_RAD, _RANGE_M, _RANGE_SHARE = 0.06, 1.0, 0.1  # how far a radar point may be off, besides the box's own half
 
+_FISHEYE = "equidistant"
+
 Box = Sequence[float]
+
+
+class Camera:
+    """By its calibration, `welcome.sensors[NAME]`: from pixels to rays, and where it sits. CutError where that is none.
+
+    Boxes count pixels from the picture's edge, OpenCV's calibration from the middle of the first pixel: half a pixel
+    less.
+    """
+
+    def __init__(self, name: str, calibration: Mapping[str, Any] | None) -> None:
+        told = calibration or {}
+        try:
+            self.size_px = (int(told["width"]), int(told["height"]))
+            self._K = np.asarray(told["camera_matrix"], float).reshape(3, 3)
+            self._d = np.asarray(told["coefficients"], float)
+            self._fisheye = told["distortion"] == _FISHEYE
+            self.p_BC = np.asarray(told["p_BC"], float).reshape(3)
+            w, x, y, z = np.asarray(told["q_BC"], float).tolist()
+        except (KeyError, TypeError, ValueError) as error:
+            raise CutError(
+                f"detect: the bench says nothing of a camera {name!r} ({error}); name a camera's topic"
+            ) from None
+        self.R_BC = matrix_of((w, x, y, z))
+
+    def rays_C(self, points_px: Any) -> np.ndarray:
+        """(n, 3) with z = 1 for (n, 2) places in the picture: times a depth, the point in C."""
+        points = np.asarray(points_px, float).reshape(-1, 1, 2) - 0.5
+        undistort = cv2.fisheye.undistortPoints if self._fisheye else cv2.undistortPoints
+        flat = undistort(points, self._K, self._d).reshape(-1, 2)
+        return np.column_stack([flat, np.ones(len(flat))])
+
+    def pixels(self, points_C: Any) -> np.ndarray:
+        """(n, 2) places in the picture of points in C, which have to lie before the camera."""
+        points = np.asarray(points_C, float).reshape(-1, 1, 3)
+        project = cv2.fisheye.projectPoints if self._fisheye else cv2.projectPoints
+        return np.asarray(project(points, np.zeros(3), np.zeros(3), self._K, self._d)[0]).reshape(-1, 2) + 0.5
 
 
 def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:

@@ -11,8 +11,7 @@ import importlib
 
 import numpy as np
 
-from hil_companion.detect.anchors import by_anchor
-from hil_companion.detect.model_file import ModelFile
+from hil_companion.detect.model_file import ModelFile, by_anchor
 from hil_companion.errors import CutError, OptionError
 
 # Name on the command line: module, and what to install where it is missing.
