@@ -31,6 +31,7 @@ _SPIN_RADPS = 0.25  # and how fast it comes to be
 _UNSURE_TILT_RAD = 0.04  # above it gravity tells what is level,
 _SHAKE_MPS2 = 2.0  # as well as a vehicle that accelerates lets it
 
+XY, Z, XYZ, SPEED, YAW = (0, 1), (2,), (0, 1, 2), (3, 4, 5), (8,)  # states
 P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 
 
@@ -186,13 +187,11 @@ class InertialFilter:
         self.cov = A @ self.cov @ A.T + (K * variance) @ K.T
         return True
 
-    def correct_position(
-        self, axes: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0
+    def correct_states(
+        self, states: Sequence[int], innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0
     ) -> bool:
-        """Along some axes of W."""
-        H = np.zeros((len(axes), 15))
-        H[np.arange(len(axes)), list(axes)] = 1.0
-        return self.correct(H, innovation, variance, gate)
+        """Some of the 15 as they are: `XY`, `Z`, `XYZ`, `SPEED`, `YAW`."""
+        return self.correct(np.eye(15)[list(states)], innovation, variance, gate)
 
     def correct_place(self, innovation: np.ndarray, variance: np.ndarray, *, above_m: float) -> None:
         """x and y, found by things that lie so much above the vehicle: what it takes for level moves them, by
@@ -203,16 +202,6 @@ class InertialFilter:
         H[0, 0] = H[1, 1] = 1.0
         H[0, 7], H[1, 6] = above_m, -above_m
         self.correct(H, innovation, variance)
-
-    def correct_velocity(self, innovation: np.ndarray, variance: np.ndarray, gate: float = 0.0) -> bool:
-        H = np.zeros((3, 15))
-        H[:, V] = np.eye(3)
-        return self.correct(H, innovation, variance, gate)
-
-    def correct_yaw(self, innovation_rad: float, variance: float) -> bool:
-        H = np.zeros((1, 15))
-        H[0, 8] = 1.0
-        return self.correct(H, np.array([innovation_rad]), np.array([variance]))
 
     @property
     def R(self) -> np.ndarray:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from hil_companion.explore.geodesy import BaroHeights, GpsFixes
-from hil_companion.explore.inertial import InertialFilter
+from hil_companion.explore.inertial import SPEED, XY, YAW, InertialFilter, Z
 from hil_companion.explore.maps import GridView, Maps
 from hil_companion.explore.matcher import Match, match
 from hil_companion.explore.particles import Particles
@@ -172,7 +172,7 @@ class Slam:
             return
         too_high_m = ground_offset_m(sweep, z_m=float(self._inertial.p[2]), ground_z_m=s.ground_z_m)
         if too_high_m is not None:
-            self._inertial.correct_position((2,), np.array([-too_high_m]), np.array([_GROUND_SIGMA_M**2]))
+            self._inertial.correct_states(Z, np.array([-too_high_m]), np.array([_GROUND_SIGMA_M**2]))
         scan = make_scan(sweep, s, float(self._inertial.p[2]))
         if not self.maps.version:
             self.particles.pose = predicted
@@ -299,7 +299,7 @@ class Slam:
         variance = np.diag(cov)[:2] + _FLOOR_M**2 + (spread_m * i.tilt_sigma_rad) ** 2
         i.correct_place(mean[:2] - i.p[:2], variance, above_m=above_m)
         off = wrapped(float(mean[2]) - i.yaw_rad)
-        i.correct_yaw(off, float(cov[2, 2]) + _FLOOR_RAD**2)
+        i.correct_states(YAW, np.array([off]), np.array([float(cov[2, 2]) + _FLOOR_RAD**2]))
 
     def _without_sweep(self, t_ns: int) -> None:
         before = self._stand()
@@ -318,7 +318,7 @@ class Slam:
             then = i.then(fix_ns)
             if then is not None:
                 variance = sigma_m * sigma_m + self.particles.shift_variance
-                i.correct_position((0, 1), position[:2] - shift - np.array(then.p[:2]), np.full(2, variance), _GPS_GATE)
+                i.correct_states(XY, position[:2] - shift - np.array(then.p[:2]), np.full(2, variance), _GPS_GATE)
                 self._last_fix_ns = fix_ns
         self._fixes.clear()
         self.particles.pose[:, :2] += i.p[:2] - before
@@ -330,12 +330,12 @@ class Slam:
         for t_ns, speed in self._speeds:
             then = i.then(t_ns)
             if then is not None:
-                i.correct_velocity(speed - np.array(then.v), variance, _GPS_GATE)
+                i.correct_states(SPEED, speed - np.array(then.v), variance, _GPS_GATE)
         self._speeds.clear()
         for t_ns, height_m, height_variance in self._heights:
             then = i.then(t_ns)
             if then is not None:
-                i.correct_position((2,), np.array([height_m - then.p[2]]), np.array([height_variance]))
+                i.correct_states(Z, np.array([height_m - then.p[2]]), np.array([height_variance]))
         self._heights.clear()
 
     # What is told.

@@ -13,7 +13,7 @@ from typing import Any, Sequence
 import numpy as np
 
 from hil_companion.explore.geodesy import BaroHeights, GpsFixes
-from hil_companion.explore.inertial import InertialFilter, Moment
+from hil_companion.explore.inertial import SPEED, XYZ, InertialFilter, Moment, Z
 
 IMU, GPS, BARO = "imu", "gps", "baro"
 TOPICS = (IMU, GPS, BARO)
@@ -77,8 +77,8 @@ class OwnPose:
             sigma_m = max(_LEAST_SIGMA_M, sigma_m)
             variance = np.array([sigma_m, sigma_m, _UP_SHARE * sigma_m]) ** 2
             off = p_W - np.array(then.p)
-            self._filter.correct_position((0, 1, 2), off, variance, _GATE if self._settled else 0.0)
-            self._filter.correct_velocity(v_W - np.array(then.v), np.full(3, _SPEED_SIGMA_MPS**2))
+            self._filter.correct_states(XYZ, off, variance, _GATE if self._settled else 0.0)
+            self._filter.correct_states(SPEED, v_W - np.array(then.v), np.full(3, _SPEED_SIGMA_MPS**2))
 
     @property
     def _settled(self) -> bool:
@@ -89,4 +89,4 @@ class OwnPose:
         then = None if height is None else self._filter.then(height[0])
         if height is not None and then is not None:
             off = np.array([height[1] - then.p[2]])
-            self._filter.correct_position((2,), off, np.array([_BARO_SIGMA_M**2]), _GATE)
+            self._filter.correct_states(Z, off, np.array([_BARO_SIGMA_M**2]), _GATE)
