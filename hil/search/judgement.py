@@ -167,21 +167,13 @@ def _person(
     best_ns: int,
     search: Search,
 ) -> PersonResult:
-    visible = looks >= search.visible_looks
+    seen = (person.name, looks >= search.visible_looks, looks, most_px)
     if not mine:
-        return PersonResult(person.name, visible, looks, most_px, people.place_m(person, best_ns))
+        return PersonResult(*seen, people.place_m(person, best_ns))
     distance, best = mine[0]
-    return PersonResult(
-        person.name,
-        visible,
-        looks,
-        most_px,
-        people.place_m(person, best.t_ns),
-        (best.p_W[0], best.p_W[1]),
-        distance,
-        best.t_ns / NS_PER_S,
-        tuple(one.number for _, one in mine),
-    )
+    numbers = tuple(one.number for _, one in mine)
+    truth_m, found_m = people.place_m(person, best.t_ns), (best.p_W[0], best.p_W[1])
+    return PersonResult(*seen, truth_m, found_m, distance, best.t_ns / NS_PER_S, numbers)
 
 
 def _summed(

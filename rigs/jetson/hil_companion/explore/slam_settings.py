@@ -53,34 +53,28 @@ def _number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _numbers(values: Any) -> bool:
-    return isinstance(values, (tuple, list)) and all(_number(v) for v in values)
-
-
-def _unit(q: Any) -> bool:
-    return _numbers(q) and len(q) == 4 and abs(sum(v * v for v in q) - 1.0) < 1e-3
+def _numbers(values: Any, count: int | None = None) -> bool:
+    return isinstance(values, (tuple, list)) and all(map(_number, values)) and count in (None, len(values))
 
 
 def _whole(least: int, most: int) -> tuple[str, Callable[[Any], bool]]:
-    def good(value: Any) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
-
-    return f"{least} to {most}", good
+    return f"{least} to {most}", lambda v: type(v) is int and least <= v <= most
 
 
+_LENGTHS = ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m", "lidar_lost_s")
 _MEANT: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "particles": _whole(1, 1000),
     "match_points": _whole(10, 5000),
     "decimation": _whole(1, 16),
-    **dict.fromkeys(
-        ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m", "lidar_lost_s"),
-        ("above 0", lambda v: _number(v) and v > 0.0),
-    ),
+    **dict.fromkeys(_LENGTHS, ("above 0", lambda v: _number(v) and v > 0.0)),
     "lidar_topic": ("a topic", lambda v: isinstance(v, str) and v != ""),
     "gps_sigma_m": ("null or above 0", lambda v: v is None or (_number(v) and v > 0.0)),
     "ground_z_m": ("a number", _number),
-    "lidar_p_BL": ("three numbers", lambda v: _numbers(v) and len(v) == 3),
-    "lidar_q_BL": ("four numbers of length 1", _unit),
+    "lidar_p_BL": ("three numbers", lambda v: _numbers(v, 3)),
+    "lidar_q_BL": (
+        "four numbers of length 1",
+        lambda v: _numbers(v, 4) and abs(sum(c * c for c in v) - 1.0) < 1e-3,
+    ),
     "lidar_elevation_deg": ("angles, -90 to 90", lambda v: _numbers(v) and all(abs(e) < 90.0 for e in v)),
     "lidar_rings_sure": ("true or false", lambda v: isinstance(v, bool)),
 }
