@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 BACKGROUND, NOTHING = -1, -2  # in place of a class
 _NEAREST = 9  # places of each level
-_SPAN = 5  # places along each axis among which they are
 
 
 class Assigner:
@@ -24,8 +23,9 @@ class Assigner:
 
     def __init__(self, levels: Sequence[Level], input_px: tuple[int, int]) -> None:
         self._levels = list(levels)
-        self._places = [level.places(input_px) for level in levels]
-        self.anchors_px = np.concatenate([level.anchors_px(input_px) for level in levels])
+        of_level = [level.anchors_px(input_px) for level in levels]
+        self._centres = [a[:: level.per_place, :2] for a, level in zip(of_level, levels, strict=True)]
+        self.anchors_px = np.concatenate(of_level)
         centres, half = self.anchors_px[:, :2], 0.5 * self.anchors_px[:, 2:]
         self._corners = np.concatenate([centres - half, centres + half], axis=1)
         self._areas = self.anchors_px[:, 2] * self.anchors_px[:, 3]
@@ -60,15 +60,12 @@ class Assigner:
         """Of each object, (objects, candidates): all shapes at the nearest places of each level."""
         middle = 0.5 * (boxes_px[:, :2] + boxes_px[:, 2:])
         found, first = [], 0
-        for level, (columns, rows) in zip(self._levels, self._places, strict=True):
-            x, across = _nearby(middle[:, 0], level.stride_px, columns)
-            y, down = _nearby(middle[:, 1], level.stride_px, rows)
-            away = (down[:, :, None] + across[:, None, :]).reshape(len(boxes_px), -1)
-            places = (y[:, :, None] * columns + x[:, None, :]).reshape(len(boxes_px), -1)
-            nearest = np.argsort(away, axis=1, kind="stable")[:, :_NEAREST]
-            anchors = np.take_along_axis(places, nearest, axis=1) * level.per_place
-            found.append((first + anchors[:, :, None] + np.arange(level.per_place)).reshape(len(boxes_px), -1))
-            first += columns * rows * level.per_place
+        for level, centres in zip(self._levels, self._centres, strict=True):
+            away = np.square(centres[:, 0] - middle[:, :1]) + np.square(centres[:, 1] - middle[:, 1:])
+            nearest = np.argpartition(away, _NEAREST, axis=1)[:, :_NEAREST]
+            anchors = first + nearest[:, :, None] * level.per_place + np.arange(level.per_place)
+            found.append(anchors.reshape(len(boxes_px), -1))
+            first += len(centres) * level.per_place
         return np.concatenate(found, axis=1)
 
     def _overlaps(self, boxes_px: NDArray[np.float32], candidates: NDArray[np.intp]) -> NDArray[np.float32]:
@@ -78,15 +75,3 @@ class Assigner:
         of_box = ((boxes_px[:, 2] - boxes_px[:, 0]) * (boxes_px[:, 3] - boxes_px[:, 1]))[:, None]
         ratio: NDArray[np.float32] = area / np.maximum(self._areas[candidates] + of_box - area, 1e-6)
         return ratio
-
-
-def _nearby(at_px: NDArray[np.float32], stride_px: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """Along one axis, of each object: places around it, and how far each is from it, squared.
-
-    The nine nearest places of a grid lie within two of the place that holds the point, at an edge within four.
-    """
-    span = min(_SPAN, count)
-    here = np.floor(at_px / stride_px).astype(np.intp)
-    index = np.clip(here - span // 2, 0, count - span)[:, None] + np.arange(span)
-    away: NDArray[np.float32] = np.square((index.astype(np.float32) + 0.5) * stride_px - at_px[:, None])
-    return index, away
