@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import Any
 
 from hil.config import SensorConfig
@@ -27,6 +27,16 @@ _COMMENTS = {
     "segmentation": "class ids, 8-bit PNG; names: ../classes.csv",
     "instance": "instance ids, 16-bit PNG",
     "normal": "unit normal in the camera's frame as floor(127 n + 128.5), RGB PNG; 0 0 0: nothing",
+}
+# Keys of a sensor.yaml and the parameters they are; of other kinds every parameter that is a number, as it is called.
+_MORE: dict[str, dict[str, str]] = {
+    "lidar": {k: k for k in ("range_noise_m", "range_resolution_m", "min_range_m", "max_range_m", "rolling")},
+    "imu": {
+        "gyroscope_noise_density": "gyro_noise_radps_per_rthz",
+        "gyroscope_random_walk": "gyro_walk_radps2_per_rthz",
+        "accelerometer_noise_density": "accel_noise_mps2_per_rthz",
+        "accelerometer_random_walk": "accel_walk_mps3_per_rthz",
+    },
 }
 
 
@@ -52,11 +62,9 @@ def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
             "ground_truth", comment="the simulator's state", T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
         ),
     }
-    makers: dict[str, Callable[[DatasetPlan, str, SensorConfig], dict[str, str]]] = {
-        "camera": _camera, "lidar": _lidar, "radar": _radar, "imu": _imu,
-    }  # fmt: skip
+    makers = {"camera": _camera, "radar": _radar}
     for name, sensor in plan.config.sensors.items():
-        made = makers.get(sensor.kind, _plain)(plan, name, sensor)
+        made = makers.get(sensor.kind, _other)(plan, name, sensor)
         texts |= {f"{euroc.ROOT}/{path}": text for path, text in made.items()}
     return texts
 
@@ -96,25 +104,6 @@ def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str
     return found
 
 
-def _lidar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
-    p = sensor.parameters
-    mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
-    text = euroc.sensor_yaml(
-        "lidar",
-        comment=f"{_what(name, sensor)}; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class",
-        T_BS=transform(mount.p_BC, mount.q_BC),
-        rate_hz=sensor.rate_hz,
-        more={
-            "range_noise_m": p.range_noise_m,
-            "range_resolution_m": p.range_resolution_m,
-            "min_range_m": p.min_range_m,
-            "max_range_m": p.max_range_m,
-            "rolling": p.rolling,
-        },
-    )
-    return {f"{plan.folder(name)}/sensor.yaml": text}
-
-
 def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
     p: RadarParameters = sensor.parameters
     view = p.view() if p.frame is None else view_of(plan.config.sensors[p.frame])
@@ -136,30 +125,19 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
     return found
 
 
-def _imu(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
-    p = sensor.parameters
-    text = euroc.sensor_yaml(
-        "imu",
-        comment=_what(name, sensor),
-        T_BS=transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0)),
-        rate_hz=sensor.rate_hz,
-        more={
-            "gyroscope_noise_density": p.gyro_noise_radps_per_rthz,
-            "gyroscope_random_walk": p.gyro_walk_radps2_per_rthz,
-            "accelerometer_noise_density": p.accel_noise_mps2_per_rthz,
-            "accelerometer_random_walk": p.accel_walk_mps3_per_rthz,
-        },
-    )
+def _other(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p, T_BS, comment = sensor.parameters, _place(sensor.parameters), _what(name, sensor)
+    if sensor.kind == "lidar":
+        mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
+        T_BS = transform(mount.p_BC, mount.q_BC)
+        comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class"
+    elif sensor.kind == "imu":
+        T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))
+    named = _MORE.get(sensor.kind)
+    more = {key: getattr(p, source) for key, source in named.items()} if named else _numbers(p.model_dump(mode="json"))
+    text = euroc.sensor_yaml(sensor.kind, comment=comment, T_BS=T_BS, rate_hz=sensor.rate_hz, more=more)
     return {f"{plan.folder(name)}/sensor.yaml": text}
 
 
-def _plain(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
-    numbers = {
-        key: value
-        for key, value in sensor.parameters.model_dump(mode="json").items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
-    text = euroc.sensor_yaml(
-        sensor.kind, comment=_what(name, sensor), T_BS=_place(sensor.parameters), rate_hz=sensor.rate_hz, more=numbers
-    )
-    return {f"{plan.folder(name)}/sensor.yaml": text}
+def _numbers(values: Mapping[str, Any]) -> dict[str, int | float]:
+    return {k: v for k, v in values.items() if isinstance(v, int | float) and not isinstance(v, bool)}

@@ -112,16 +112,6 @@ def test_without_depth_nothing_is_hidden_and_no_rim_is_not_hidden() -> None:
     assert labels_of(np.full((3, 3), 2, np.uint16)).objects[0].hidden == 0.0
 
 
-def test_more_instances_than_at_first_thought() -> None:
-    catalogue = Catalogue.of(CLASSES, [(i, 2) for i in range(1, 1001)])
-    instance = np.arange(1, 1001, dtype=np.uint16).reshape(20, 50)
-    reader = LabelReader(catalogue)
-    labels = reader.read({"instance": instance, "segmentation": np.full((20, 50), 2, np.uint8)})
-    assert [o.instance for o in labels.objects] == list(range(1, 1001))
-    assert all(o.area_px == 1 for o in labels.objects)
-    assert len(mask_texts(instance, labels)) == 1000
-
-
 def test_refusals() -> None:
     with pytest.raises(RecordingError, match="instance 2 is there twice"):
         Catalogue.of(CLASSES, [(2, 1), (2, 2)])

@@ -21,7 +21,6 @@ from hil.dataset.formats.pictures import (
     DepthScale,
     PictureEncoder,
     normal_values,
-    palette_csv,
 )
 from hil.dataset.formats.png import encode_png
 from hil.signals.errors import RecordingError
@@ -142,8 +141,3 @@ def test_what_no_png_holds_is_refused(picture: NDArray[np.uint8], what: str) -> 
 def test_refuses_an_impossible_depth_step() -> None:
     with pytest.raises(RecordingError, match="step"):
         DepthScale(0.0)
-
-
-def test_palette_file() -> None:
-    text = palette_csv(("none", "tree"), ((0, 0, 0), (1, 2, 3)))
-    assert text.splitlines() == ["#id,name,red,green,blue", "0,none,0,0,0", "1,tree,1,2,3"]
