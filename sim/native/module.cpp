@@ -14,7 +14,6 @@ void bind_imu(nb::module_ &m);
 void bind_lidar_receiver(nb::module_ &m);
 void bind_radar_scatterers(nb::module_ &m);
 void bind_radar_receiver(nb::module_ &m);
-void bind_radar_processing(nb::module_ &m);
 void bind_radar_synthesis(nb::module_ &m);
 void bind_ray(nb::module_ &m);
 void bind_ray_cast(nb::module_ &m);
@@ -34,7 +33,6 @@ NB_MODULE(_kernels, m) {
     bind_lidar_receiver(m);
     bind_radar_scatterers(m);
     bind_radar_receiver(m);
-    bind_radar_processing(m);
     bind_radar_synthesis(m);
     bind_ray(m);
     bind_ray_cast(m);

@@ -11,6 +11,8 @@ import numpy as np
 from hil.signals.noise import NoiseStream
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.processor import Processor
 from sim.radar.synthesis import Synthesizer
 
 RX = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.02, 0.0))
@@ -49,6 +51,10 @@ for chirp in CHIRPS:
             report = synthesizer.synthesize(echoes_of(count), out)
             digest.update(out.tobytes())
             digest.update(repr(report).encode())
+            raw = np.clip(2048.0 + 900.0 * out / np.abs(out).max(), 0, 4095).astype(np.uint16)
+            processed = Processor(chirp, RX[:receivers], Processing(clutter="none")).process(raw, 0)
+            for array in (processed.range_doppler, processed.points):
+                digest.update(array.tobytes())
 print(digest.hexdigest())
 """
 

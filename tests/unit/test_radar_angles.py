@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim._kernels import radar_direction
+from sim.radar.processing.directions import Directions
 from tests.unit.radar_targets import CHIRP, L_ARRAY, direction
 
 WAVELENGTH = CHIRP.wavelength_m
@@ -24,7 +24,7 @@ def cells(array: Array, d: NDArray[np.float64], gain: complex = 3.0 - 4.0j) -> N
 
 
 def found(array: Array, x: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.array(radar_direction(array, WAVELENGTH, np.ascontiguousarray(x.real), np.ascontiguousarray(x.imag)))
+    return Directions(array, WAVELENGTH).find(x[:, None])[0]
 
 
 @pytest.mark.parametrize("array", [L_ARRAY, SPARSE, DEEP], ids=["L", "sparse", "deep"])

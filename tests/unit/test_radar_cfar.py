@@ -9,10 +9,9 @@ import numpy as np
 import pydantic
 import pytest
 
-from sim._kernels import RadarCfar, cell_averaging_factor, order_statistic_factor
 from sim.radar.chirp import Chirp
+from sim.radar.processing.cfar import Cfar, cell_averaging_factor, order_statistic_factor
 from sim.radar.processing.parameters import CfarParameters, Processing
-from sim.radar.processing.points import Cfar
 from sim.radar.processing.range_doppler import RangeDoppler
 from tests.unit.radar_targets import CHIRP, counts
 
@@ -129,9 +128,3 @@ def test_refusals() -> None:
     maps = RangeDoppler(CHIRP, 3, Processing())
     with pytest.raises(ValueError, match="the map is 32 x 32, not 64 x 32"):
         Cfar(maps, 3, Processing()).detect(np.ones((32, 32), np.float32))
-    settings: dict[str, Any] = {"rows": 8, "columns": 8, "guard": (0, 0), "train": (2, 2), "rank": 0.5}
-    settings |= {"false_alarm": 1e-3, "receivers": 1, "likeness": 1.0, "quiet_rows": [False] * 8, "quiet_columns": 0}
-    with pytest.raises(ValueError, match="unknown CFAR 'go'"):
-        RadarCfar(kind="go", **settings)
-    with pytest.raises(ValueError, match="one flag a row"):
-        RadarCfar(kind="ca", **(settings | {"quiet_rows": [False] * 7}))

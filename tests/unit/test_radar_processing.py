@@ -87,14 +87,11 @@ def digest(processor: Processor, frames: int = 12) -> str:
 
 
 @pytest.mark.parametrize("clutter", ["mean", "background", "mti3"])
-def test_equal_bytes_on_every_instruction_set_and_after_a_reset(clutter: str) -> None:
+def test_equal_bytes_of_equal_frames_and_after_a_reset(clutter: str) -> None:
     p = Processing.model_validate({"clutter": clutter})
     digests = set()
-    for isa in ("base", "avx2", "avx512"):
-        try:
-            processor = Processor(CHIRP, L_ARRAY, p, isa)
-        except ValueError:  # not on this CPU
-            continue
+    for _ in range(2):
+        processor = Processor(CHIRP, L_ARRAY, p)
         digests.add(digest(processor))
         processor.reset()
         digests.add(digest(processor))

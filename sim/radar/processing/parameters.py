@@ -100,10 +100,11 @@ class Processing(StrictModel):
         """Why frames of `chirp` cannot be processed so; "" if they can."""
         if self.pulses(chirp) < 2:
             return f"clutter {self.clutter!r} leaves less than two of {chirp.chirps} chirps"
-        rows = _power_of_two_from(chirp.chirps) * self.doppler_padding
-        columns = _power_of_two_from(chirp.samples) * self.range_padding // 2
+        rows = power_of_two_from(chirp.chirps) * self.doppler_padding
+        columns = power_of_two_from(chirp.samples) * self.range_padding // 2
         return self.cfar.problem_with(rows, columns)
 
 
-def _power_of_two_from(n: int) -> int:
+def power_of_two_from(n: int) -> int:
+    """The smallest that is not below n."""
     return 1 << (n - 1).bit_length()

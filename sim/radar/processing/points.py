@@ -1,6 +1,18 @@
 """Points of a map: peaks that stand out, between bins, with direction.
 
-Equations: sim/native/radar/processing_points.hpp.
+A peak is a cell above its CFAR threshold and above its eight neighbours. Between bins: with the amplitudes a-, a0, a+
+of the cells beside it and W the spectrum of the window, an echo d bins off the cell has
+
+    (a+ - a-) / (a- + a0 + a+) = (|W(1 - d)| - |W(1 + d)|) / (|W(1 + d)| + |W(d)| + |W(1 - d)|)
+
+which grows with d: a table of it, read backwards, gives d without bias for any window and padding. An echo that moves
+shifts its beat by its Doppler frequency at the middle of the sweep, so with the slope S
+
+    R = range_step (k + d_range) - v f_c / S.
+
+A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in Doppler
+are the two windows', so those of a peak form a cross about it, and another about its mirror image: samples are real, so
+an echo is at minus its range and minus its speed as well.
 
 `speed_mps` is what the radar sees, modulo 2 v_max; an echo faster than v_max is shifted in range by the coupling of the
 speed that it seems to have, (v - v_seen) f_c / S short.
@@ -13,11 +25,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import RadarCfar, RadarPeaks
+from hil.signals._kernel import det_asin, det_atan2, det_log
 from sim.radar.chirp import Chirp
+from sim.radar.processing.cfar import Cfar, Places
+from sim.radar.processing.directions import Directions
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
-from sim.radar.processing.windows import likeness, ratio_table, side_lobes
+from sim.radar.processing.windows import ratio_table, side_lobes
 
 POINT_DTYPE = np.dtype(
     [
@@ -32,43 +46,15 @@ POINT_DTYPE = np.dtype(
     ]
 )
 
+_DECIBELS_PER_NEPER = 4.34294481903251827651  # 10 / ln 10
+# counts^2. Rounding to counts alone leaves 1e-4 in a map of 64 x 64; less is what doubles leave of nothing.
+_LEAST_POWER = np.float32(1e-12)
+_LOBE_MARGIN = 4.0  # a peak between cells loses up to 3 dB and its lobes do not; lobes of two may add
+_MOST_DECIBELS = 200.0  # of a peak in a map without noise
+_BESIDE = [(d, e) for d in (-1, 0, 1) for e in (-1, 0, 1) if (d, e) != (0, 0)]
 
-class Cfar:
-    """CFAR detector of one radar's maps. Formulas of the thresholds: sim/native/radar/cfar.hpp."""
-
-    def __init__(self, maps: RangeDoppler, receivers: int, processing: Processing) -> None:
-        """Raises ValueError for a map too small."""
-        p = processing.cfar
-        problem = p.problem_with(maps.rows, maps.columns)
-        if problem:
-            raise ValueError(problem)
-        half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
-        cells = {
-            (d, r)
-            for d in range(-half_rows, half_rows + 1)
-            for r in range(-half_columns, half_columns + 1)
-            if abs(d) > p.guard_doppler or abs(r) > p.guard_range
-        }
-        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, cells)
-        self.native = RadarCfar(
-            rows=maps.rows,
-            columns=maps.columns,
-            kind=p.kind,
-            guard=(p.guard_doppler, p.guard_range),
-            train=(p.train_doppler, p.train_range),
-            rank=p.rank,
-            false_alarm=p.false_alarm,
-            receivers=receivers,
-            likeness=self.likeness,
-            quiet_rows=maps.quiet_rows,
-            quiet_columns=maps.quiet_columns,
-        )
-
-    def detect(self, power: NDArray[np.float32]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Every cell above its threshold, and the noise power about each (NaN where nothing trains)."""
-        mask, noise = np.empty(power.shape, np.uint8), np.empty(power.shape)
-        self.native.detect(power, mask, noise)
-        return mask.astype(np.bool_), noise
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
 
 
 class PointFinder:
@@ -83,28 +69,87 @@ class PointFinder:
     ) -> None:
         self._room = processing.max_points
         self._maps = maps
-        range_lobes, range_null = side_lobes(maps.fast_window, 2 * maps.columns, maps.columns)
-        speed_lobes, speed_null = side_lobes(maps.slow_window, maps.rows, maps.rows // 2)
-        first = int(processing.min_range_m / maps.range_step_m + 0.999)
+        self._cfar = Cfar(maps, len(rx_positions_m), processing)
+        self._directions = Directions(rx_positions_m, chirp.wavelength_m)
+        self._first_column = max(1, maps.quiet_columns, int(processing.min_range_m / maps.range_step_m + 0.999))
         # Of the sweep at the middle of the samples, half a sample before the centre of the sweep.
         middle_hz = chirp.center_frequency_hz - 0.5 * chirp.slope_hz_per_s / chirp.sample_rate_hz
-        self._native = RadarPeaks(
-            Cfar(maps, len(rx_positions_m), processing).native,
-            positions_m=[(float(p[0]), float(p[1]), float(p[2])) for p in rx_positions_m],
-            wavelength_m=chirp.wavelength_m,
-            range_step_m=maps.range_step_m,
-            speed_step_mps=maps.speed_step_mps * chirp.center_frequency_hz / middle_hz,
-            coupling_s=middle_hz / chirp.slope_hz_per_s,
-            first_column=max(maps.quiet_columns, first),
-            range_ratio=ratio_table(maps.fast_window, 2 * maps.columns),
-            speed_ratio=ratio_table(maps.slow_window, maps.rows),
-            range_lobes=range_lobes,
-            speed_lobes=speed_lobes,
-            nulls=(range_null, speed_null),
-        )
+        self._speed_step_mps = maps.speed_step_mps * chirp.center_frequency_hz / middle_hz
+        self._coupling_s = middle_hz / chirp.slope_hz_per_s
+        self._range_ratio = ratio_table(maps.fast_window, 2 * maps.columns)
+        self._speed_ratio = ratio_table(maps.slow_window, maps.rows)
+        range_lobes, self._range_null = side_lobes(maps.fast_window, 2 * maps.columns, maps.columns)
+        speed_lobes, self._speed_null = side_lobes(maps.slow_window, maps.rows, maps.rows // 2)
+        self._range_lobes, self._speed_lobes = np.array(range_lobes), np.array(speed_lobes)
 
-    def find(self, power: NDArray[np.float32]) -> NDArray[np.void]:
+    def find(self, power: Float32) -> NDArray[np.void]:
         """Points of the map that was computed last; a new array of POINT_DTYPE."""
-        found = np.empty((self._room, 8), np.float32)
-        count = self._native.find(self._maps.native, power, found)
-        return found[:count].copy().view(POINT_DTYPE)[:, 0]
+        rows, columns = self._peaks(power)
+        noise = self._cfar.noise(power, rows, columns)
+        height = power[rows, columns].astype(np.float64)
+        above = np.flatnonzero(height > self._cfar.threshold(rows, columns) * noise)
+        above = above[np.argsort(-height[above], kind="stable")]
+        kept = above[self._without_lobes(height[above], rows[above], columns[above])]
+        return self._points(power, rows[kept], columns[kept], noise[kept])
+
+    def _peaks(self, power: Float32) -> tuple[Places, Places]:
+        """Cells above their eight neighbours, by rows and columns. Of equal cells the first is the peak."""
+        inner = power[:, 1:-1]
+        peak = inner > _LEAST_POWER
+        for d, e in _BESIDE:
+            beside = np.roll(power, -d, axis=0)[:, 1 + e : power.shape[1] - 1 + e]
+            peak &= inner > beside if (d, e) < (0, 0) else inner >= beside
+        peak[:, : self._first_column - 1] = False
+        rows, columns = np.nonzero(peak)
+        return rows, columns + 1
+
+    def _without_lobes(self, height: Float64, rows: Places, columns: Places) -> list[int]:
+        """Which of the peaks, strongest first, are echoes: at most as many as there is room for."""
+        kept: list[int] = []
+        for i in range(len(height)):
+            row, column = rows[kept], columns[kept]
+            limit = _LOBE_MARGIN * height[kept]
+            lobe = height[i] < limit * self._lobes(rows[i] - row, columns[i] - column)
+            mirrored = height[i] < limit * self._lobes(rows[i] + row - self._maps.rows, columns[i] + column)
+            if not (lobe | mirrored).any():
+                kept.append(i)
+            if len(kept) == self._room:
+                break
+        return kept
+
+    def _lobes(self, rows: Places, columns: Places) -> Float64:
+        """Power that the windows may leave that many cells off a peak, relative to it; 0 within its main lobe."""
+        rows, columns = np.abs(rows) % self._maps.rows, np.abs(columns)
+        rows = np.minimum(rows, self._maps.rows - rows)
+        columns = np.minimum(columns, 2 * self._maps.columns - columns)
+        main = (rows <= self._speed_null) & (columns <= self._range_null)
+        lobes: Float64 = np.where(main, 0.0, self._speed_lobes[rows] * self._range_lobes[columns])
+        return lobes
+
+    def _points(self, power: Float32, rows: Places, columns: Places, noise: Float64) -> NDArray[np.void]:
+        whole = self._maps.rows
+        amplitude = np.sqrt(power.astype(np.float64))
+        here = amplitude[rows, columns]
+        above, below = amplitude[(rows + 1) % whole, columns], amplitude[rows - 1, columns]
+        speed = self._speed_step_mps * (rows - whole // 2 + _bins_off(self._speed_ratio, below, here, above))
+        speed[speed < -0.5 * self._speed_step_mps * whole] += self._speed_step_mps * whole
+        off = _bins_off(self._range_ratio, amplitude[rows, columns - 1], here, amplitude[rows, columns + 1])
+        range_m = self._maps.range_step_m * (columns + off) - self._coupling_s * speed
+        directions = self._directions.find(self._maps.spectra(rows, columns))
+        height = power[rows, columns].astype(np.float64)
+        snr = np.minimum(height / np.maximum(noise, 1e-20 * height), 1e20)
+        points = np.empty(len(rows), POINT_DTYPE)
+        for axis, name in enumerate(("x_R", "y_R", "z_R")):
+            points[name] = range_m * directions[:, axis]
+        points["range_m"], points["speed_mps"] = range_m, speed
+        points["azimuth_rad"] = [det_atan2(y, x) for x, y, _ in directions.tolist()]
+        points["elevation_rad"] = [det_asin(z) for _, _, z in directions.tolist()]
+        points["snr_db"] = [min(_MOST_DECIBELS, _DECIBELS_PER_NEPER * det_log(ratio)) for ratio in snr.tolist()]
+        return points
+
+
+def _bins_off(table: Sequence[float], before: Float64, here: Float64, after: Float64) -> Float64:
+    """How far from the middle of its cell a peak is, -0.5 to 0.5; `table` at d = 0 ... 0.5 in equal steps."""
+    ratio = (after - before) / (before + here + after)
+    found: Float64 = np.copysign(np.interp(np.abs(ratio), table, np.linspace(0.0, 0.5, len(table))), ratio)
+    return found

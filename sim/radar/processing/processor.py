@@ -29,18 +29,16 @@ class Processed:
 
 
 class Processor:
-    """Frames of one radar, in the order of time. Equal frames give equal bytes on any instruction set `isa`."""
+    """Frames of one radar, in the order of time. Equal frames give equal bytes."""
 
-    def __init__(
-        self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing, isa: str = ""
-    ) -> None:
+    def __init__(self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing) -> None:
         """Raises ValueError for a chirp that cannot be processed so."""
         problem = processing.problem_with(chirp)
         if problem:
             raise ValueError(problem)
         self.chirp = chirp
         self.processing = processing
-        self.maps = RangeDoppler(chirp, len(rx_positions_m), processing, isa)
+        self.maps = RangeDoppler(chirp, len(rx_positions_m), processing)
         self._points = PointFinder(chirp, rx_positions_m, processing, self.maps)
         self._tracker = Tracker(chirp, processing)
         self._frames = 0
@@ -77,7 +75,6 @@ def process_recording(
     processing: Processing | None = None,
     *,
     period_ns: int,
-    isa: str = "",
 ) -> Iterator[Processed]:
     """Frame after frame of (frames, receivers, chirps, samples), taken every `period_ns`."""
     wanted = (len(rx_positions_m), chirp.chirps, chirp.samples)
@@ -98,7 +95,7 @@ def process_recording(
         )
     if period_ns <= 0:
         raise ConfigError([Problem("recording", f"period_ns {period_ns} is not positive")])
-    return _frames(adc, Processor(chirp, rx_positions_m, processing or Processing(), isa), period_ns)
+    return _frames(adc, Processor(chirp, rx_positions_m, processing or Processing()), period_ns)
 
 
 def _frames(adc: NDArray[np.uint16], processor: Processor, period_ns: int) -> Iterator[Processed]:

@@ -1,18 +1,29 @@
-"""Range-Doppler maps: raw samples in, power in counts^2 out. Equations in sim/native/radar/processing_map.hpp.
+"""Range-Doppler maps: raw samples in, power in counts^2 out.
 
-Transforms have the length of the next power of two, times the padding asked for: 64 x 64 samples make a map of 64 rows
-of 32 cells. Row M'/2 is zero speed; rows rise with speed from -v_max; columns are ranges from 0.
+    x[m, n]  raw less each chirp's mean (optional) and less the static clutter
+    X[l, k] = sum over m, n of w_slow[m] w_fast[n] x[m, n] exp(-j 2 pi (k n / N' + l m / M'))
+    P[row, k] = mean over receivers of (2 / (sum w_fast sum w_slow))^2 |X|^2,   row = (l + M' / 2) mod M'
+
+so an echo of amplitude A counts, well within the map, gives A^2 at its peak. Transforms have the length of the next
+power of two, times the padding asked for: 64 x 64 samples make a map of 64 rows of 32 cells. Row M'/2 is zero speed;
+rows rise with speed from -v_max; columns are ranges from 0.
+
+Means are weighed by the window of their dimension: a plain mean holds what the side lobes of a rectangle catch of a
+moving target, and would put it at zero speed when it is taken away.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import RadarMap
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
-from sim.radar.processing.parameters import Processing
+from sim.radar.processing.parameters import Processing, power_of_two_from
 from sim.radar.processing.windows import window
+
+Float64 = NDArray[np.float64]
 
 _MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  # half of it, in bins, about
 
@@ -20,22 +31,18 @@ _MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  #
 class RangeDoppler:
     """Maps of one radar's frames. Holds the learned background, where there is one, and the last frame's spectra."""
 
-    def __init__(self, chirp: Chirp, receivers: int, processing: Processing, isa: str = "") -> None:
+    def __init__(self, chirp: Chirp, receivers: int, processing: Processing) -> None:
+        self._clutter = processing.clutter
+        self._remove_chirp_mean = processing.remove_chirp_mean
+        self._shape = (receivers, chirp.chirps, chirp.samples)
         self.fast_window = window(processing.range_window, chirp.samples)
         self.slow_window = window(processing.doppler_window, processing.pulses(chirp))
-        self.native = RadarMap(
-            receivers=receivers,
-            chirps=chirp.chirps,
-            samples=chirp.samples,
-            pad_chirps=processing.doppler_padding,
-            pad_samples=processing.range_padding,
-            clutter=processing.clutter,
-            remove_chirp_mean=processing.remove_chirp_mean,
-            fast_window=self.fast_window,
-            slow_window=self.slow_window,
-            isa=isa,
-        )
-        self.rows, self.columns = self.native.shape
+        self._fast, self._slow = np.array(self.fast_window), np.array(self.slow_window)[:, None]
+        self._scale = (2.0 / (self._fast.sum() * self._slow.sum())) ** 2 / receivers
+        self.rows = power_of_two_from(chirp.chirps) * processing.doppler_padding
+        self.columns = power_of_two_from(chirp.samples) * processing.range_padding // 2
+        self._background: Float64 | None = None
+        self._spectrum = np.zeros((receivers, self.rows, self.columns), np.complex128)
         # Rows about zero speed, where clutter removal takes noise and all, and columns about zero range, where the mean
         # is or was.
         slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
@@ -48,18 +55,46 @@ class RangeDoppler:
         self.speed_step_mps = 2.0 * chirp.max_speed_mps / self.rows
 
     def compute(self, raw: NDArray[np.uint16], background_gain: float = 0.0) -> NDArray[np.float32]:
-        """A new map of (receivers, chirps, samples)."""
-        power = np.empty((self.rows, self.columns), np.float32)
-        self.native.compute(raw, background_gain, power)
-        return power
+        """A new map of (receivers, chirps, samples).
+
+        `background_gain` (0 to 1) is of use to clutter: background; the first frame is the background as it is.
+        """
+        if raw.dtype != np.uint16:
+            raise TypeError(f"raw samples are {raw.dtype}, not uint16")
+        if raw.shape != self._shape:
+            raise ValueError(f"raw samples have another shape than {self._shape} (receivers, chirps, samples)")
+        x = raw.astype(np.float64)
+        if self._remove_chirp_mean:
+            x -= np.sum(x * self._fast, axis=2, keepdims=True) / self._fast.sum()
+        x = self._moving(x, background_gain) * self._slow * self._fast
+        ranges = np.fft.rfft(x, 2 * self.columns, axis=2)[:, :, : self.columns]
+        self._spectrum = np.fft.fftshift(np.fft.fft(ranges, self.rows, axis=1), axes=1)
+        power = np.sum(self._spectrum.real**2 + self._spectrum.imag**2, axis=0)
+        return (self._scale * power).astype(np.float32)
+
+    def _moving(self, x: Float64, background_gain: float) -> Float64:
+        """The samples less the static clutter. Differences are scaled so that white noise keeps its power."""
+        if self._clutter == "none":
+            return x
+        if self._clutter == "mti2":
+            return math.sqrt(0.5) * np.diff(x, axis=1)
+        if self._clutter == "mti3":
+            return math.sqrt(1.0 / 6.0) * np.diff(x, n=2, axis=1)
+        mean: Float64 = np.sum(x * self._slow, axis=1, keepdims=True) / self._slow.sum()
+        if self._clutter == "mean":
+            return x - mean
+        still = mean if self._background is None else self._background
+        self._background = still + background_gain * (mean - still)
+        return x - still
+
+    def spectra(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.complex128]:
+        """X of the last frame in some cells of the map, unscaled: (receivers, cells)."""
+        return self._spectrum[:, rows, columns]
 
     def spectrum(self, receiver: int) -> NDArray[np.complex128]:
         """X of one receiver in the last frame, unscaled, rows as in the map."""
-        re, im = np.empty((self.rows, self.columns)), np.empty((self.rows, self.columns))
-        self.native.spectrum(receiver, re, im)
-        spectrum: NDArray[np.complex128] = re + 1j * im
-        return spectrum
+        return self._spectrum[receiver]
 
     def reset(self) -> None:
         """Forget the background."""
-        self.native.reset()
+        self._background = None

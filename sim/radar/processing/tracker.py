@@ -1,18 +1,38 @@
-"""Tracks of what moves. Equations and rules: sim/native/radar/processing_tracker.hpp."""
+"""Tracks of what moves, from the points of successive frames.
+
+State of a track: range and radial speed (r, v), and the direction sines d_y, d_z with their rates, each pair a Kalman
+filter with white acceleration q:
+
+    F = | 1 dt |     Q = q^2 | dt^3/3  dt^2/2 |
+        | 0  1 |             | dt^2/2  dt     |
+
+A frame: predict; put points together that lie near one another in range, speed and direction (a chain of neighbours is
+one cluster); each cluster goes to the nearest track within the gate; a track takes, of all its points, the mean range
+and direction weighed by amplitude and the median speed weighed by power, less so the farther from the speed it is
+expected to have (the trunk of a walker is the strongest ridge, limbs lie to both sides of it); clusters that no track
+takes begin tracks where they move. A track counts once it was seen in `confirm_hits` of its first `confirm_frames`
+frames, keeps its identity from then on, and ends when it was not seen for `coast_s`. Meanwhile its speed falls to zero
+with `pause_s`: what vanishes from the map has most likely stopped. Speeds are compared modulo 2 v_max, as the radar
+measures them.
+"""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import RadarTracker
+from hil.signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_sin
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 
 TRACK_DTYPE = np.dtype(
     [
         ("id", "<u2"),
-        ("age_frames", "<u2"),
+        ("age_frames", "<u2"),  # since the first point; stays at its greatest value
         ("p_R_m", "<f4", (3,)),
         ("v_R_mps", "<f4", (3,)),
         ("range_m", "<f4"),
@@ -27,26 +47,107 @@ TRACK_DTYPE = np.dtype(
     ]
 )
 
+_NEPERS_PER_DECIBEL = 0.230258509299404568402  # ln 10 / 10
+_FIRST_RATE_SIGMA = 0.3  # of a direction sine, 1/s
+_ROUNDING_S = 1e-6  # of times that were added up
+_NEAREST_SINE = 0.05  # of d_x, in deviations of angles
+_MOST = 65535  # of identities and ages
+
+# A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the
+# speed that a track is expected to have count a quarter of what they would.
+_TRUNK_MPS = 0.6
+# Of the points within this of the median speed the mean is taken: a median alone jumps from point to point.
+_RIDGE_MPS = 0.25
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass
+class _Filter:
+    """A value, its rate, and their covariance."""
+
+    value: float
+    rate: float
+    p00: float
+    p01: float
+    p11: float
+
+    def predict(self, dt: float, q: float) -> None:
+        self.value += self.rate * dt
+        self.p00 += dt * (2.0 * self.p01 + dt * self.p11) + q * q * dt * dt * dt / 3.0
+        self.p01 += dt * self.p11 + q * q * dt * dt / 2.0
+        self.p11 += q * q * dt
+
+    def update_value(self, measured: float, sigma: float) -> None:
+        s = self.p00 + sigma * sigma
+        k0, k1, innovation = self.p00 / s, self.p01 / s, measured - self.value
+        self.value += k0 * innovation
+        self.rate += k1 * innovation
+        self.p11 -= k1 * self.p01
+        self.p01 *= 1.0 - k0
+        self.p00 *= 1.0 - k0
+
+    def update_rate(self, measured: float, sigma: float) -> None:
+        s = self.p11 + sigma * sigma
+        k0, k1, innovation = self.p01 / s, self.p11 / s, measured - self.rate
+        self.value += k0 * innovation
+        self.rate += k1 * innovation
+        self.p00 -= k0 * self.p01
+        self.p01 *= 1.0 - k1
+        self.p11 *= 1.0 - k1
+
+
+@dataclass
+class _Track:
+    range: _Filter
+    y: _Filter
+    z: _Filter
+    id: int = 0  # 0 until confirmed
+    age: int = 1
+    hits: int = 1
+    unseen_s: float = 0.0
+
+
+class _Points:
+    """Points of a frame as arrays. Weight is amplitude over noise: of a body that is spread out, its strongest point
+    must not stand for all of it in range. In speed it must: power is over noise too."""
+
+    def __init__(self, points: NDArray[np.void]) -> None:
+        self.range = points["range_m"].astype(np.float64)
+        self.speed = points["speed_mps"].astype(np.float64)
+        self.snr_db = points["snr_db"].astype(np.float64)
+        angles = list(zip(points["azimuth_rad"].tolist(), points["elevation_rad"].tolist(), strict=True))
+        self.y = np.array([det_cos(elevation) * det_sin(azimuth) for azimuth, elevation in angles])
+        self.z = np.array([det_sin(elevation) for _, elevation in angles])
+        self.weight = np.array([det_exp(0.5 * _NEPERS_PER_DECIBEL * snr) for snr in self.snr_db.tolist()])
+        self.power = self.weight * self.weight
+
+
+@dataclass
+class _Cluster:
+    members: NDArray[np.bool_]
+    range: float
+    speed: float
+    y: float
+    z: float
+    snr_db: float
+    track: _Track | None = None
+
 
 class Tracker:
     """Tracks over the frames of one radar; identities count up from 1."""
 
     def __init__(self, chirp: Chirp, processing: Processing) -> None:
-        p = processing.tracker
+        self._p = processing.tracker
+        self._whole_speed_mps = 2.0 * chirp.max_speed_mps
         self._room = processing.max_tracks
+        self.reset()
+
+    def reset(self) -> None:
+        """As constructed."""
         self._last_ns: int | None = None
-        self._native = RadarTracker(
-            whole_speed_mps=2.0 * chirp.max_speed_mps,
-            cluster=(p.cluster_range_m, p.cluster_speed_mps, p.cluster_sine),
-            gate=(p.gate_range_m, p.gate_speed_mps, p.gate_sine),
-            birth_speed_mps=p.birth_speed_mps,
-            birth_snr_db=p.birth_snr_db,
-            sigma=(p.range_sigma_m, p.speed_sigma_mps, p.sine_sigma),
-            acceleration=(p.acceleration_mps2, p.sine_acceleration_ps2),
-            confirm=(p.confirm_hits, p.confirm_frames),
-            coast_s=p.coast_s,
-            pause_s=p.pause_s,
-        )
+        self._tracks: list[_Track] = []
+        self._next_id = 1
 
     def step(self, points: NDArray[np.void], t_ns: int) -> NDArray[np.void]:
         """Confirmed tracks after the points of a frame at `t_ns`, which must rise; a new array of TRACK_DTYPE."""
@@ -54,12 +155,170 @@ class Tracker:
             raise ValueError(f"a frame at {t_ns} ns after one at {self._last_ns} ns: frames come in the order of time")
         dt_s = 0.0 if self._last_ns is None else (t_ns - self._last_ns) * 1e-9
         self._last_ns = t_ns
-        found = np.empty((self._room, TRACK_DTYPE.itemsize), np.uint8)
-        rows = np.ascontiguousarray(points).view(np.float32).reshape(-1, 8)
-        count = self._native.step(dt_s, rows, found)
-        return found[:count].copy().view(TRACK_DTYPE)[:, 0]
+        for track in self._tracks:
+            self._predict(track, dt_s)
+        seen = _Points(points)
+        clusters = self._clusters(seen)
+        for cluster in clusters:
+            self._assign(cluster)
+        for track in self._tracks:
+            own = [cluster.members for cluster in clusters if cluster.track is track]
+            if own:
+                self._update(track, seen, np.any(own, axis=0))
+        self._bury()
+        for cluster in clusters:
+            self._give_birth(cluster)
+        for track in self._tracks:
+            if track.id == 0 and track.hits >= self._p.confirm_hits:
+                track.id = self._next_id
+                self._next_id = self._next_id % _MOST + 1
+        confirmed = [_row(track) for track in self._tracks if track.id != 0]
+        return np.array(confirmed[: self._room], TRACK_DTYPE)
 
-    def reset(self) -> None:
-        """As constructed."""
-        self._last_ns = None
-        self._native.reset()
+    def _fold(self, speed: Any) -> Any:
+        """A speed, or an array of them, as the radar sees it."""
+        return speed - self._whole_speed_mps * np.floor(speed / self._whole_speed_mps + 0.5)
+
+    def _speed_gate(self, track: _Track) -> float:
+        """Of a track that was not seen for a while the speed may be any."""
+        return self._p.gate_speed_mps + 2.0 * max(0.0, math.sqrt(track.range.p11) - self._p.speed_sigma_mps)
+
+    def _apart(self, one: _Cluster, track: _Track) -> float:
+        """Squared distance in place, 1 at the gate."""
+        dr = (one.range - track.range.value) / self._p.gate_range_m
+        dy = (one.y - track.y.value) / self._p.gate_sine
+        return dr * dr + dy * dy
+
+    def _predict(self, track: _Track, dt_s: float) -> None:
+        if track.unseen_s > 0.0:  # it has probably stopped
+            track.range.rate /= 1.0 + dt_s / self._p.pause_s
+        track.range.predict(dt_s, self._p.acceleration_mps2)
+        track.y.predict(dt_s, self._p.sine_acceleration_ps2)
+        track.z.predict(dt_s, self._p.sine_acceleration_ps2)
+        track.unseen_s += dt_s
+        track.age += 1
+
+    def _clusters(self, points: _Points) -> list[_Cluster]:
+        p, clusters = self._p, []
+        dr = (points.range[:, None] - points.range) / p.cluster_range_m
+        dv = self._fold(points.speed[:, None] - points.speed) / p.cluster_speed_mps
+        dy = (points.y[:, None] - points.y) / p.cluster_sine
+        near = dr * dr + dv * dv + dy * dy <= 1.0
+        free = np.ones(len(points.range), dtype=bool)
+        for seed in range(len(free)):
+            if not free[seed]:
+                continue
+            members, grown = near[seed], near[near[seed]].any(axis=0)
+            while not np.array_equal(members, grown):
+                members, grown = grown, near[grown].any(axis=0)
+            free &= ~members
+            weight = points.weight[members]
+            total = weight.sum()
+            off = self._fold(points.speed[members] - points.speed[seed])
+            clusters.append(
+                _Cluster(
+                    members,
+                    range=float((weight * points.range[members]).sum() / total),
+                    speed=float(self._fold(points.speed[seed] + (weight * off).sum() / total)),
+                    y=float((weight * points.y[members]).sum() / total),
+                    z=float((weight * points.z[members]).sum() / total),
+                    snr_db=float(points.snr_db[members].max()),
+                )
+            )
+        return clusters
+
+    def _assign(self, cluster: _Cluster) -> None:
+        nearest = math.inf
+        for track in self._tracks:
+            place = self._apart(cluster, track)
+            if place > 1.0:
+                continue
+            # Within the place of a track a cluster of any speed belongs to it: a limb is no new person.
+            dv = float(self._fold(cluster.speed - track.range.rate)) / self._speed_gate(track)
+            distance = 0.5 * place + min(0.5, 0.5 * dv * dv)
+            if distance < nearest:
+                nearest, cluster.track = distance, track
+
+    def _update(self, track: _Track, points: _Points, own: NDArray[np.bool_]) -> None:
+        dv = self._fold(points.speed - track.range.rate)
+        own = own & (np.abs(dv) <= self._speed_gate(track))
+        if not own.any():
+            return
+        weight, dv = points.weight[own], dv[own]
+        total = weight.sum()
+        closeness = 1.0 / (1.0 + dv * dv / (_TRUNK_MPS * _TRUNK_MPS))
+        power = points.power[own] * closeness * closeness
+        order = np.argsort(dv, kind="stable")
+        median = dv[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
+        ridge = np.abs(dv - median) <= _RIDGE_MPS
+        speed = track.range.rate + (power[ridge] * dv[ridge]).sum() / power[ridge].sum()
+        p = self._p
+        track.range.update_value(float((weight * points.range[own]).sum() / total), p.range_sigma_m)
+        track.range.update_rate(float(speed), p.speed_sigma_mps)
+        track.y.update_value(float((weight * points.y[own]).sum() / total), p.sine_sigma)
+        track.z.update_value(float((weight * points.z[own]).sum() / total), p.sine_sigma)
+        track.unseen_s = 0.0
+        track.hits += 1
+
+    def _bury(self) -> None:
+        """Without tracks that ended; of two that came to the same place with the same speed the older remains."""
+        kept: list[_Track] = []
+        for track in self._tracks:
+            if not self._ended(track) and not any(self._same(track, older) for older in kept):
+                kept.append(track)
+        self._tracks = kept
+
+    def _ended(self, track: _Track) -> bool:
+        p = self._p
+        if not track.range.value > 0.0:
+            return True
+        if track.id != 0:
+            return track.unseen_s > p.coast_s + _ROUNDING_S
+        return track.hits + (p.confirm_frames - track.age) < p.confirm_hits
+
+    def _same(self, track: _Track, other: _Track) -> bool:
+        dr = (track.range.value - other.range.value) / self._p.gate_range_m
+        dy = (track.y.value - other.y.value) / self._p.gate_sine
+        dv = float(self._fold(track.range.rate - other.range.rate)) / self._p.gate_speed_mps
+        return dr * dr + dy * dy + dv * dv < 0.25
+
+    def _give_birth(self, cluster: _Cluster) -> None:
+        p = self._p
+        if cluster.track is not None or cluster.snr_db < p.birth_snr_db or abs(cluster.speed) < p.birth_speed_mps:
+            return
+        # Not beside a track that began in this frame either.
+        if any(self._apart(cluster, track) <= 1.0 for track in self._tracks):
+            return
+        sine2, rate2 = p.sine_sigma * p.sine_sigma, _FIRST_RATE_SIGMA * _FIRST_RATE_SIGMA
+        self._tracks.append(
+            _Track(
+                _Filter(cluster.range, cluster.speed, p.range_sigma_m**2, 0.0, p.speed_sigma_mps**2),
+                _Filter(cluster.y, 0.0, sine2, 0.0, rate2),
+                _Filter(cluster.z, 0.0, sine2, 0.0, rate2),
+            )
+        )
+
+
+def _row(t: _Track) -> tuple[Any, ...]:
+    """A track as TRACK_DTYPE has it."""
+    fit = 1.0 / max(1.0, math.sqrt(t.y.value * t.y.value + t.z.value * t.z.value))
+    dy, dz = fit * t.y.value, fit * t.z.value
+    dx = math.sqrt(max(0.0, 1.0 - dy * dy - dz * dz))
+    r, v = t.range.value, t.range.rate
+    forward, level = max(dx, _NEAREST_SINE), max(math.sqrt(dx * dx + dy * dy), _NEAREST_SINE)
+    rate_x = -(dy * t.y.rate + dz * t.z.rate) / forward
+    return (
+        t.id,
+        min(t.age, _MOST),
+        (r * dx, r * dy, r * dz),
+        (v * dx + r * rate_x, v * dy + r * t.y.rate, v * dz + r * t.z.rate),
+        r,
+        v,
+        det_atan2(dy, dx),
+        det_asin(dz),
+        math.sqrt(t.range.p00),
+        math.sqrt(t.range.p11),
+        math.sqrt(t.y.p00) / forward,
+        math.sqrt(t.z.p00) / level,
+        t.unseen_s,
+    )

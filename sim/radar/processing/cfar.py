@@ -1,0 +1,136 @@
+"""Constant false-alarm rate: which cells of a map stand out of the noise round them.
+
+Noise alone. A cell is the mean of K receivers' powers: Gamma with shape K and mean s. The noise about a cell under test
+is estimated from its training cells, those within guard + train of it in rows and in columns but not within guard in
+both. Rows wrap round (Doppler is periodic), columns end (range is not): there are fewer at the edges.
+
+    CA  mean of n cells: Gamma with shape a = K n. A cell exceeds alpha times that with probability
+          P(G_K > t G_a) = P(Beta(a, K) < 1 / (1 + t)),   t = alpha K / a
+        which for K = 1 is (1 + alpha / n)^-n, so alpha = n (P^(-1/n) - 1).
+    OS  the k-th smallest of n: its distribution is Beta(k, n - k + 1) of the gamma's distribution function, and
+          P = integral of p(y) Q_K(alpha K y) dy,     for K = 1:  P = product over i < k of (n - i) / (n - i + alpha)
+        The estimate is divided by the quantile k / n of the unit gamma, so that it too means the mean power.
+
+A window and zero-padding make neighbouring cells alike: n is divided by `likeness`, the mean number of cells that a
+cell counts for (the sum of the squared correlations), and k keeps its share of n.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.range_doppler import RangeDoppler
+from sim.radar.processing.windows import likeness
+
+# Integration of OS: steps of equal ratio, since wanted probabilities that are small are made by values far below the
+# mean as much as by those about it.
+_PANELS = 4000
+_LOG_NEAREST = -25.0
+_LOG_MOST_FACTOR = 28.0
+
+Float64 = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+
+class Cfar:
+    """CFAR detector of one radar's maps."""
+
+    def __init__(self, maps: RangeDoppler, receivers: int, processing: Processing) -> None:
+        """Raises ValueError for a map too small."""
+        p = self._p = processing.cfar
+        problem = p.problem_with(maps.rows, maps.columns)
+        if problem:
+            raise ValueError(problem)
+        self._shape = (maps.rows, maps.columns)
+        self._half = half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
+        doppler, ranges = np.ogrid[-half_rows : half_rows + 1, -half_columns : half_columns + 1]
+        self._trains = (abs(doppler) > p.guard_doppler) | (abs(ranges) > p.guard_range)
+        cells = {(int(d) - half_rows, int(r) - half_columns) for d, r in np.argwhere(self._trains)}
+        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, cells)
+        # Rows that hold less noise than the others (what clutter removal took), and the first columns, train nothing.
+        self._quiet = np.zeros(self._shape, dtype=bool)
+        self._quiet[maps.quiet_rows] = True
+        self._quiet[:, : maps.quiet_columns] = True
+        windows = self._windows(np.zeros(self._shape, np.float32))
+        self._count = np.array([[np.count_nonzero(~np.isnan(w[self._trains])) for w in row] for row in windows])
+        self._factor, self._quantile = np.ones(self._shape), 1.0
+        if p.kind == "os":
+            self._quantile = _gamma_quantile(receivers, p.rank)
+        for n in np.unique(self._count):
+            alike = max(1.0, n / self.likeness)
+            if p.kind == "os":
+                factor = self._quantile * order_statistic_factor(alike, p.rank, receivers, p.false_alarm)
+            else:
+                factor = cell_averaging_factor(alike, receivers, p.false_alarm)
+            # Rounded: the last bits of the C library's exp and log depend on the CPU.
+            self._factor[self._count == n] = float(f"{factor:.10g}")
+
+    def _windows(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What lies about each cell, (rows, columns, 2 half rows + 1, 2 half columns + 1); NaN trains nothing."""
+        half_rows, half_columns = self._half
+        known = np.where(self._quiet, np.float32(np.nan), power)
+        wrapped = np.pad(known, ((half_rows, half_rows), (0, 0)), mode="wrap")
+        ended = np.pad(wrapped, ((0, 0), (half_columns, half_columns)), constant_values=np.nan)
+        return sliding_window_view(ended, self._trains.shape)
+
+    def noise(self, power: NDArray[np.float32], rows: Places, columns: Places) -> Float64:
+        """Estimated mean power about some cells; NaN where nothing trains."""
+        cells = self._windows(power)[rows, columns][:, self._trains]
+        count = self._count[rows, columns]
+        with np.errstate(invalid="ignore"):
+            if self._p.kind == "ca":
+                mean: Float64 = np.nansum(cells, axis=1, dtype=np.float64) / count
+                return mean
+            cells.sort(axis=1)  # NaN last
+            k = np.clip(np.floor(self._p.rank * count + 0.5).astype(np.intp), 1, np.maximum(count, 1))
+            found: Float64 = cells[np.arange(len(cells)), k - 1].astype(np.float64) / self._quantile
+            return found
+
+    def threshold(self, rows: Places, columns: Places) -> Float64:
+        """How many times the noise a cell must exceed."""
+        return self._factor[rows, columns]
+
+    def detect(self, power: NDArray[np.float32]) -> tuple[NDArray[np.bool_], Float64]:
+        """Every cell above its threshold, and the noise power about each (NaN where nothing trains)."""
+        if power.shape != self._shape:
+            raise ValueError("the map is {} x {}, not {} x {}".format(*power.shape, *self._shape))
+        rows, columns = (places.ravel() for places in np.indices(self._shape))
+        noise = self.noise(power, rows, columns).reshape(self._shape)
+        return power > self._factor * noise, noise
+
+
+def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> float:
+    """alpha of CA for the mean of `cells`."""
+    from scipy.special import betaincinv
+
+    a = receivers * cells
+    return float(cells * (1.0 / betaincinv(a, receivers, false_alarm) - 1.0))
+
+
+def order_statistic_factor(cells: float, rank: float, receivers: int, false_alarm: float) -> float:
+    """alpha of OS, times the ordered value itself, for the `rank` of `cells`."""
+    from scipy.optimize import brentq
+    from scipy.special import gammainc, gammaincc
+
+    k = rank * cells  # Beta(k, cells - k + 1)
+    x = np.exp(np.linspace(_LOG_NEAREST, math.log(40.0 + 4.0 * receivers), _PANELS))
+    log_weight = (k - 1.0) * np.log(gammainc(receivers, x)) + (cells - k) * np.log(gammaincc(receivers, x))
+    log_weight += receivers * np.log(x) - x
+    weight = np.exp(log_weight - log_weight.max())
+
+    def excess(log_alpha: float) -> float:
+        return float(np.average(gammaincc(receivers, math.exp(log_alpha) * x), weights=weight)) - false_alarm
+
+    return math.exp(brentq(excess, -_LOG_MOST_FACTOR, _LOG_MOST_FACTOR, xtol=1e-12))
+
+
+def _gamma_quantile(shape: int, probability: float) -> float:
+    """Of Gamma(shape) / shape, whose mean is 1."""
+    from scipy.special import gammaincinv
+
+    return float(f"{gammaincinv(shape, probability) / shape:.10g}")

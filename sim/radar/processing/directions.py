@@ -1,0 +1,95 @@
+"""Direction of an echo from the phases of the receivers.
+
+Receiver i at r_i (frame of the radar: x forward, y left, z up) sees the phase -2 pi r_i . d / lambda, d the unit
+direction to the echo. A pair (i, j) with the base b = r_i - r_j therefore gives
+
+    b . d = -arg(X_i conj X_j) lambda / (2 pi)   modulo lambda
+
+and d follows from the pairs by least squares, with |d| = 1 and d_x >= 0. Pairs are taken from the shortest base up:
+what is known so far says which multiple of lambda belongs to the next. Where the bases span a line alone, the other
+component of d is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.signals._kernel import det_atan2
+from hil.signals.units import TURN_RAD
+
+_DEEP_ROUNDS = 16  # where some base has an x: the equations need d_x, so they are solved again with the last one
+
+Float64 = NDArray[np.float64]
+
+
+class Directions:
+    """The array of one radar."""
+
+    def __init__(self, positions_m: Sequence[Sequence[float]], wavelength_m: float) -> None:
+        """`positions_m`: x, y, z of each receiver."""
+        if not positions_m:
+            raise ValueError("an array needs a receiver")
+        self._receivers = len(positions_m)
+        self._wavelength_m = wavelength_m
+        places = np.array(positions_m, dtype=np.float64)
+        bases = [(i, j, places[i] - places[j]) for i, j in combinations(range(self._receivers), 2)]
+        self._rounds = _DEEP_ROUNDS if any(b[0] != 0.0 for _, _, b in bases) else 1
+        self._pairs = sorted((pair for pair in bases if pair[2][1:].any()), key=lambda pair: float(pair[2] @ pair[2]))
+
+    def find(self, cells: NDArray[np.complex128]) -> Float64:
+        """Unit directions (n, 3) of what the receivers have in n cells: (receivers, n)."""
+        if len(cells) != self._receivers:
+            raise ValueError(f"one value a receiver: {self._receivers}, not {len(cells)}")
+        n = cells.shape[1]
+        along = [self._along(cells[i], cells[j]) for i, j, _ in self._pairs]
+        found = np.tile([1.0, 0.0, 0.0], (n, 1))
+        for _ in range(self._rounds):
+            normal, right, known = np.zeros((2, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+            for (_, _, base), target in zip(self._pairs, along, strict=True):
+                b = base[1:]
+                rest = target - base[0] * found[:, 0]
+                # Within what is spanned so far the multiple of lambda can be foreseen.
+                foreseen = known[:, 0] * b[0] + known[:, 1] * b[1] if _spans(normal, b) else 0.0
+                rest = rest + self._wavelength_m * np.floor((foreseen - rest) / self._wavelength_m + 0.5)
+                normal = normal + np.outer(b, b)
+                right = right + rest[:, None] * b
+                known = _solved(normal, right)
+            across = np.sqrt(known[:, 0] * known[:, 0] + known[:, 1] * known[:, 1])
+            known = known / np.maximum(across, 1.0)[:, None]  # noise: the nearest direction there is
+            found[:, 1:] = known
+            found[:, 0] = np.sqrt(np.maximum(1.0 - known[:, 0] * known[:, 0] - known[:, 1] * known[:, 1], 0.0))
+        return found
+
+    def _along(self, one: NDArray[np.complex128], other: NDArray[np.complex128]) -> Float64:
+        """b . d of a pair, modulo lambda. In real numbers: how numpy multiplies complex ones depends on the CPU."""
+        re = one.real * other.real + one.imag * other.imag
+        im = one.imag * other.real - one.real * other.imag
+        turns = np.array([det_atan2(y, x) for y, x in zip(im.tolist(), re.tolist(), strict=True)]) / TURN_RAD
+        return -turns * self._wavelength_m
+
+
+def _plane(normal: Float64) -> bool:
+    """Whether the bases span a plane."""
+    size = normal[0, 0] + normal[1, 1]
+    return bool(normal[0, 0] * normal[1, 1] - normal[0, 1] * normal[0, 1] > 1e-6 * size * size)
+
+
+def _spans(normal: Float64, b: Float64) -> bool:
+    size = normal[0, 0] + normal[1, 1]
+    if size <= 0.0 or _plane(normal):
+        return bool(size > 0.0)
+    off = b[0] * b[0] * normal[1, 1] - 2.0 * b[0] * b[1] * normal[0, 1] + b[1] * b[1] * normal[0, 0]
+    return bool(off < 1e-6 * (b[0] * b[0] + b[1] * b[1]) * size)  # squared, across the line
+
+
+def _solved(normal: Float64, right: Float64) -> Float64:
+    """Least squares for (y, z); along a line the shortest solution."""
+    (yy, yz), (_, zz) = normal
+    if not _plane(normal):
+        return right / (yy + zz)
+    y, z = zz * right[:, 0] - yz * right[:, 1], yy * right[:, 1] - yz * right[:, 0]
+    return np.stack([y, z], axis=1) / (yy * zz - yz * yz)
