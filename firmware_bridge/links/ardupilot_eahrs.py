@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from firmware_bridge.links.ardupilot_sitl import copter_parameters, home_text, program_at, write_defaults
+from firmware_bridge.links.ardupilot_sitl import arducopter_command, copter_parameters, program_at, write_defaults
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.transports.pty import PtyTransport
 
@@ -102,34 +102,6 @@ def sitl_parameters(
     return copter | board | simulated | dict(more or {})
 
 
-def arducopter_eahrs_command(
-    binary: str | Path,
-    *,
-    home: tuple[float, float, float, float],
-    defaults: str | Path,
-    sensor_path: str,
-    mavlink_path: str,
-    arguments: Sequence[str] = (),
-) -> list[str]:
-    """Command line of an ArduCopter whose SERIAL4 is `sensor_path` and whose SERIAL0 is `mavlink_path`."""
-    command = [
-        str(binary),
-        "-w",
-        "--model",
-        "quad",
-        "--speedup",
-        "1",
-        "--home",
-        home_text(binary, home),
-        "--defaults",
-        str(defaults),
-    ]
-    ports = {0: f"uart:{mavlink_path}:{BAUD}", SENSOR_SERIAL: f"uart:{sensor_path}:{BAUD}"}
-    for port in range(9):
-        command += [f"--serial{port}", ports.get(port, "none")]
-    return command + list(arguments)
-
-
 def arducopter_on_ptys(
     binary: Path,
     sensor: PtyTransport,
@@ -146,12 +118,14 @@ def arducopter_on_ptys(
     program, where = program_at(binary), folder.resolve()
 
     def start() -> ChildProcess:
-        command = arducopter_eahrs_command(
+        ports = {0: mavlink.far_path, SENSOR_SERIAL: sensor.far_path}
+        command = arducopter_command(
             program,
+            model="quad",
+            speedup=1,
             home=home,
             defaults=write_defaults(where / "bench.parm", parameters),
-            sensor_path=sensor.far_path,
-            mavlink_path=mavlink.far_path,
+            serials=dict.fromkeys(range(9), "none") | {n: f"uart:{path}:{BAUD}" for n, path in ports.items()},
             arguments=arguments,
         )
         return ChildProcess(command, stderr_path=log.resolve(), cwd=where, env=env, log_output=True)

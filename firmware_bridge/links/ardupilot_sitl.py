@@ -21,6 +21,7 @@ DEFAULTS_PATH = Path(__file__).resolve().parent / "ardupilot" / "copter_x.parm"
 # As in copter_x.parm.
 SPIN_MIN, SPIN_MAX = 0.15, 0.95
 
+_UNUSED = (1, 2, 5, 6, 7, 8)  # serial ports; 3 and 4 are its GPS
 _LOOP_HZ = (50, 400)
 _GYRO_PER_LOOP = 1.8  # ArduCopter does not arm with fewer gyro samples a loop, and a tick gives one
 _HOVER_RANGE = (0.125, 0.6875)  # what ArduPilot allows for MOT_THST_HOVER
@@ -58,7 +59,7 @@ def write_defaults(path: Path, parameters: Mapping[str, float]) -> Path:
     return path
 
 
-def home_text(binary: str | Path, home: tuple[float, float, float, float]) -> str:
+def home_text(binary: Path, home: tuple[float, float, float, float]) -> str:
     """`home` as --home wants it: latitude and longitude [deg], altitude [m MSL], heading [deg from north]."""
     latitude, longitude, altitude, heading = home
     if latitude == 0.0 and longitude == 0.0:
@@ -75,41 +76,22 @@ def program_at(binary: Path) -> Path:
 
 
 def arducopter_command(
-    binary: str | Path,
+    program: Path,
     *,
+    model: str,
     home: tuple[float, float, float, float],
-    defaults: Sequence[str | Path],
-    servo_port: int = SERVO_PORT,
-    mavlink_port: int | None = None,
-    instance: int = 0,
-    speedup: float = 1000.0,
+    defaults: Path,
+    more: Sequence[str] = (),
+    speedup: int = 1000,
+    serials: Mapping[int, str],
     arguments: Sequence[str] = (),
 ) -> list[str]:
-    """Command line of an ArduCopter that flies over the JSON interface.
-
-    `mavlink_port`: the UDP port on which MAVLink is wanted; None leaves SITL's own TCP ports, where it waits for a
-    client before it starts.
-    """
-    command = [
-        str(binary),
-        "-w",  # no parameters of an earlier run; not repeated when it reboots itself
-        "--model",
-        "JSON:127.0.0.1",
-        "--sim-port-out",
-        str(servo_port),
-        "--instance",
-        str(instance),
-        "--speedup",
-        f"{speedup:g}",
-        "--home",
-        home_text(binary, home),
-        "--defaults",
-        ",".join(str(path) for path in defaults),
-    ]
-    if mavlink_port is not None:
-        command += ["--serial0", f"udpclient:127.0.0.1:{mavlink_port}"]
-        for port in (1, 2, 5, 6, 7, 8):  # 3 and 4 are its GPS
-            command += [f"--serial{port}", "none"]
+    """Command line of an ArduCopter that flies `model`; `serials` names what its SERIALn is."""
+    command = [str(program), "-w"]  # no parameters of an earlier run; not repeated when it reboots itself
+    command += ["--model", model, *more, "--speedup", str(speedup)]
+    command += ["--home", home_text(program, home), "--defaults", str(defaults)]
+    for number, where in sorted(serials.items()):
+        command += [f"--serial{number}", where]
     return command + list(arguments)
 
 
@@ -140,14 +122,15 @@ def ardupilot_sitl(
     program, where, place, inbox = program_at(binary), folder.resolve(), home, UdpInbox(servo_port or 0)
 
     def start() -> ChildProcess:
-        defaults = write_defaults(where / "bench.parm", parameters or {})
+        port = None if side is None else side.udp_port
         command = arducopter_command(
             program,
+            model="JSON:127.0.0.1",
             home=place,
-            defaults=[defaults],
-            servo_port=inbox.port,
-            mavlink_port=None if side is None else side.udp_port,
-            instance=instance,
+            defaults=write_defaults(where / "bench.parm", parameters or {}),
+            more=["--sim-port-out", str(inbox.port), "--instance", str(instance)],
+            # Without a port of ours SITL has its own TCP ports, where it waits for a client before it starts.
+            serials={} if port is None else {0: f"udpclient:127.0.0.1:{port}", **dict.fromkeys(_UNUSED, "none")},
             arguments=arguments,
         )
         return ChildProcess(command, stderr_path=where / "arducopter.log", cwd=where, log_output=True)

@@ -21,7 +21,6 @@ from firmware_bridge.links.ardupilot_sitl import (
     DEFAULTS_PATH,
     SPIN_MAX,
     SPIN_MIN,
-    arducopter_command,
     ardupilot_sitl,
     copter_parameters,
     write_defaults,
@@ -601,29 +600,26 @@ def test_frame_rate_that_stays_elsewhere_is_told_once(make, sitl):
     assert link.stats.frame_rate_hz == 600
 
 
-def test_command_line():
-    argv = arducopter_command(
-        "/x/arducopter",
-        home=(47.397742, 8.545594, 488.0, 90.0),
-        defaults=["a.parm", "b.parm"],
-        servo_port=12345,
-        mavlink_port=23456,
-        instance=2,
-        speedup=50.0,
-        arguments=["--rate", "400"],
-    )
-    assert argv[0] == "/x/arducopter"
+def test_command_line(tmp_path):
+    (tmp_path / "arducopter").touch()
+    settings = {"binary": tmp_path / "arducopter", "folder": tmp_path, "instance": 2, "arguments": ["--rate", "400"]}
+    link = ardupilot_sitl(home=(47.397742, 8.545594, 488.0, 90.0), **settings)
+    link._inbox.open()
+    link._mavlink.open()
+    argv = link._start_process().argv
+    link.close()
     pairs = dict(zip(argv[2::2], argv[3::2], strict=False))
     assert pairs["--model"] == "JSON:127.0.0.1"
-    assert pairs["--sim-port-out"] == "12345"
+    assert pairs["--sim-port-out"] == str(link._inbox.port)
+    assert pairs["--instance"] == "2"
     assert pairs["--home"] == "47.397742000,8.545594000,488.0000,90.0000"
-    assert pairs["--defaults"] == "a.parm,b.parm"
-    assert pairs["--serial0"] == "udpclient:127.0.0.1:23456"
+    assert pairs["--defaults"] == str(tmp_path / "bench.parm")
+    assert pairs["--serial0"] == f"udpclient:127.0.0.1:{link._mavlink.udp_port}"
     assert pairs["--serial1"] == "none"
     assert "--serial3" not in pairs
     assert argv[-2:] == ["--rate", "400"]
     with pytest.raises(LinkError, match="home 0, 0"):
-        arducopter_command("x", home=(0.0, 0.0, 0.0, 0.0), defaults=[])
+        ardupilot_sitl(home=(0.0, 0.0, 0.0, 0.0), **settings)._start_process()
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from firmware_bridge.codecs.vectornav import sentence
 from firmware_bridge.links import external_ahrs
 from firmware_bridge.links.ardupilot_eahrs import (
     HeldPty,
-    arducopter_eahrs_command,
     arducopter_on_ptys,
     sitl_parameters,
 )
@@ -569,14 +568,19 @@ def test_errors_wander_slowly_and_the_same_seed_repeats_them():
 
 
 def test_command_line_and_parameters(tmp_path):
-    argv = arducopter_eahrs_command(
-        "ap", home=(47.0, 8.0, 488.0, 90.0), defaults="d.parm", sensor_path="/dev/pts/4", mavlink_path="/dev/pts/5"
-    )
+    (tmp_path / "ap").touch()
+    wires = [HeldPty(), HeldPty()]
+    usual = {"folder": tmp_path, "log": tmp_path / "log", "home": (47.0, 8.0, 488.0, 90.0), "parameters": {}}
+    for wire in wires:
+        wire.open()
+    argv = arducopter_on_ptys(tmp_path / "ap", *wires, **usual)().argv
     ports = {argv[i]: argv[i + 1] for i in range(len(argv) - 1) if argv[i].startswith("--serial")}
     assert ports == {f"--serial{n}": "none" for n in range(9)} | {
-        "--serial0": "uart:/dev/pts/5:921600",
-        "--serial4": "uart:/dev/pts/4:921600",
+        "--serial0": f"uart:{wires[1].far_path}:921600",
+        "--serial4": f"uart:{wires[0].far_path}:921600",
     }
+    for wire in wires:
+        wire.close()
     assert argv[argv.index("--model") + 1] == "quad"
     found = sitl_parameters(hover_control=0.5, thrust_model_factor=1.0, tick_hz=400, more={"FENCE_ENABLE": 1.0})
     assert found["EAHRS_RATE"] == 400
@@ -585,9 +589,6 @@ def test_command_line_and_parameters(tmp_path):
     assert found["FENCE_ENABLE"] == 1.0
     assert "SIM_RATE_HZ" not in found
     with pytest.raises(LinkError, match="Canberra"):
-        arducopter_eahrs_command("ap", home=(0.0, 0.0, 0.0, 0.0), defaults="d", sensor_path="a", mavlink_path="b")
+        arducopter_on_ptys(tmp_path / "ap", *wires, **(usual | {"home": (0.0, 0.0, 0.0, 0.0)}))()
     with pytest.raises(PortNotFound, match="no such program"):
-        arducopter_on_ptys(
-            tmp_path / "ap", HeldPty(), HeldPty(), folder=tmp_path, log=tmp_path / "log", home=(1.0, 1.0, 0.0, 0.0),
-            parameters={},
-        )  # fmt: skip
+        arducopter_on_ptys(tmp_path / "nothing", *wires, **usual)
