@@ -122,12 +122,11 @@ class ActionSource:
         actions: Sequence[Action],
         *,
         target_sysid: int | None = 1,
-        target_compid: int = 1,
         first_item: int = 0,
         on_event: Callable[[int, str, str], None] | None = None,
     ) -> None:
         self._actions = tuple(actions)
-        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid, compid=SCRIPT_COMPID)
+        self._wire = Wire(target_sysid=target_sysid, compid=SCRIPT_COMPID)
         self._commands = Commands(self._wire)
         self._first_item = first_item
         self._on_event = on_event

@@ -214,13 +214,12 @@ class PhasedFlight:
         mission: Sequence[MissionItem],
         *,
         target_sysid: int | None = 1,
-        target_compid: int = 1,
         heartbeat_limit_s: float = 30.0,
         preflight_limit_s: float = 60.0,
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
     ) -> None:
-        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid)
+        self._wire = Wire(target_sysid=target_sysid)
         self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
         self._preflight_limit_ns = round(preflight_limit_s * NS_PER_S)
         self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)

@@ -18,12 +18,14 @@ _HEARTBEAT = MSGID["HEARTBEAT"]
 class Wire:
     """The ground station's outgoing half: addresses, sequence numbers, and the bytes of this tick.
 
-    `compid`: which component of the ground station speaks here. Answers to two are never confused.
+    `target_sysid` None: the first autopilot heard. `compid`: which component of the ground station speaks here. Answers
+    to two are never confused.
     """
 
-    def __init__(self, *, target_sysid: int, target_compid: int, compid: int = GCS_COMPID) -> None:
-        self.target_sysid = target_sysid
-        self.target_compid = target_compid
+    target_compid = 1  # MAV_COMP_ID_AUTOPILOT1
+
+    def __init__(self, *, target_sysid: int | None, compid: int = GCS_COMPID) -> None:
+        self.target_sysid = target_sysid or 0
         self._compid = compid
         self._encoder = FrameEncoder(GCS_SYSID, compid)
         self._out: list[bytes] = []

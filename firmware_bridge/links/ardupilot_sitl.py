@@ -103,23 +103,22 @@ def ardupilot_sitl(
     parameters: Mapping[str, float] | None = None,
     arguments: Sequence[str] = (),
     instance: int = 0,
-    servo_port: int | None = None,
     mavlink: str = "udp:0",
     **settings: Any,
 ) -> ArduPilotJsonLink:
     """The link, and with `binary` the firmware too, started in `folder` (its logs stay there).
 
-    Without `binary` somebody else starts it: then `servo_port` is 9002 + 10 * instance and `mavlink` says where its
+    Without `binary` somebody else starts it: it asks at port 9002 + 10 * instance, and `mavlink` says where its
     MAVLink is, 'udp:14550' (it sends there), 'tcp:5760' (it listens there) or 'none' (another program speaks with it,
     as ArduPilot's own autotest does). Other settings as `ArduPilotJsonLink`.
     """
     side = _mavlink_side(mavlink)
     if binary is None:
-        inbox = UdpInbox(SERVO_PORT + 10 * instance if servo_port is None else servo_port)
+        inbox = UdpInbox(SERVO_PORT + 10 * instance)
         return ArduPilotJsonLink(inbox, side, **settings)
     if home is None or folder is None:
         raise LinkError(str(binary), "to be started it needs `home` and a `folder` to run in")
-    program, where, place, inbox = program_at(binary), folder.resolve(), home, UdpInbox(servo_port or 0)
+    program, where, place, inbox = program_at(binary), folder.resolve(), home, UdpInbox()
 
     def start() -> ChildProcess:
         port = None if side is None else side.udp_port

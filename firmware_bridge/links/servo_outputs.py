@@ -21,6 +21,7 @@ _CommandLong = message_class("COMMAND_LONG")
 _SET_MESSAGE_INTERVAL = 511
 _ACCEPTED = 0
 _ARMED_BIT = 0x80
+_SYSID = 1  # of the autopilot
 
 # 3000 us is the least for a main loop of 400 Hz, 6000 us for one of 200 Hz, 10,000 us for one of 125 Hz.
 INTERVALS_US = (3000, 4000, 6000, 8000, 10_000, 14_000, 20_000)
@@ -54,12 +55,11 @@ def began_anew(before_us: int, after_us: int) -> bool:
 
 
 class ServoOutputs:
-    """The newest outputs of autopilot `sysid`, whose main loop has `loop_hz` or less. `encoder` is whoever asks."""
+    """The newest outputs of the autopilot, whose main loop has `loop_hz` or less. `encoder` is whoever asks."""
 
-    def __init__(self, encoder: FrameEncoder, pwm: PwmRange, *, loop_hz: float = 400.0, sysid: int = 1) -> None:
+    def __init__(self, encoder: FrameEncoder, pwm: PwmRange, *, loop_hz: float = 400.0) -> None:
         self._encoder = encoder
         self._pwm = pwm
-        self._sysid = sysid
         self._mode = 0
         self._time_us: int | None = None
         self._came_ns: int | None = None
@@ -74,7 +74,7 @@ class ServoOutputs:
 
     def heard(self, frame: Frame, now_ns: int) -> bool:
         """Take a frame; whether it shows that the autopilot has started anew."""
-        if frame[1] != self._sysid:
+        if frame[1] != _SYSID:
             return False
         if frame[0] == SERVO_OUTPUT_RAW:
             return self._take_outputs(frame, now_ns)
@@ -117,7 +117,7 @@ class ServoOutputs:
         self._asked_ns = now_ns
         interval_us = float(INTERVALS_US[self._step])
         message = _CommandLong(
-            self._sysid, 1, _SET_MESSAGE_INTERVAL, 0, float(SERVO_OUTPUT_RAW), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
+            _SYSID, 1, _SET_MESSAGE_INTERVAL, 0, float(SERVO_OUTPUT_RAW), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
         )
         return self._encoder.frame(message.MSGID, pack(message))
 

@@ -109,7 +109,6 @@ class ManualControlSource:
         neutral_s: float = 0.5,
         retry_s: float = 1.0,
         target_sysid: int | None = 1,
-        target_compid: int = 1,
     ) -> None:
         if not 1.0 <= rate_hz <= 250.0:
             raise ManualControlError(f"rate_hz {rate_hz} must be from 1 to 250: autopilots expect 5 to 50 a second")
@@ -124,7 +123,7 @@ class ManualControlSource:
         self._buttons, self._modes = buttons, modes
         self._rate_mhz = round(rate_hz * 1000)
         self._neutral_ns, self._retry_ns = round(neutral_s * NS_PER_S), round(retry_s * NS_PER_S)
-        self._wire = Wire(target_sysid=target_sysid or 0, target_compid=target_compid, compid=_COMPID)
+        self._wire = Wire(target_sysid=target_sysid, compid=_COMPID)
         self._commands = Commands(self._wire, tries=_TRIES)
         self._asked = ""  # what the command under way is called
         self._next = 0  # number of the next poll

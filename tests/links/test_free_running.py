@@ -72,8 +72,11 @@ class HitlDrive(Drive):
 def drive() -> Iterator[Drives]:
     made: list[HitlDrive] = []
 
-    def make(transport: Transport, **settings: Any) -> HitlDrive:
-        made.append(HitlDrive(transport, **settings))
+    def make(transport: Transport | HitlBoard, *, opened: bool = True, **settings: Any) -> HitlDrive:
+        wire = SerialTransport(transport.port) if isinstance(transport, HitlBoard) else transport
+        made.append(HitlDrive(wire, **settings))
+        if opened:
+            made[-1].link.open()
         return made[-1]
 
     yield make
@@ -83,8 +86,7 @@ def drive() -> Iterator[Drives]:
 
 def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Boards, drive: Drives) -> None:
     far = board()
-    driven = drive(SerialTransport(far.port), checked=True)
-    driven.link.open()
+    driven = drive(far, checked=True)
     began_ns = time.monotonic_ns()
     driven.run(250)
     assert time.monotonic_ns() - began_ns >= 249 * TICK_NS - 2_000_000
@@ -114,8 +116,7 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Bo
 
 
 def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> None:
-    driven = drive(SerialTransport(board().port))
-    driven.link.open()
+    driven = drive(board())
     t_ns = 0
     driven.link.begin(0)
     extra = driven.words("HEARTBEAT", 6, 8, 0, 0, 4, 3)
@@ -134,8 +135,7 @@ def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> Non
 
 
 def test_a_bench_that_falls_behind_lets_go_and_says_so(board: Boards, drive: Drives) -> None:
-    driven = drive(SerialTransport(board().port))
-    driven.link.open()
+    driven = drive(board())
     driven.run(10)
     driven.events.clear()
     time.sleep(0.3)
@@ -164,7 +164,7 @@ def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) ->
         lambda: driven.now_ns(),
         lambda t_ns, kind, text: told.append((t_ns, kind, text)),
     )
-    driven = drive(wire, own_sender=False, reconnect_s=60.0)
+    driven = drive(wire, opened=False, own_sender=False, reconnect_s=60.0)
     driven.link.open()
     driven.run(100)
     assert {kind for kind, _ in driven.events} <= {"slip"}
@@ -187,7 +187,6 @@ def test_a_board_that_is_really_unplugged_and_put_back(board: Boards, drive: Dri
     port = tmp_path / "ttyACM0"
     port.symlink_to(first.port)
     driven = drive(SerialTransport(str(port)), reconnect_s=60.0)
-    driven.link.open()
     driven.run(50)
     before = driven.link.send_stats().sent
     first.unplug()
@@ -207,7 +206,6 @@ def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path:
     port = tmp_path / "ttyACM0"
     port.symlink_to(far.port)
     driven = drive(SerialTransport(str(port)), reconnect_s=reconnect_s)
-    driven.link.open()
     driven.run(20)
     far.unplug()
     port.unlink()
@@ -225,8 +223,7 @@ def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path:
 
 def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> None:
     far = board()
-    driven = drive(SerialTransport(far.port), silence_limit_s=1.0)
-    driven.link.open()
+    driven = drive(far, silence_limit_s=1.0)
     driven.run(50)
     far.tap.mute.add("all")
     with pytest.raises(LinkError, match=r"nothing was heard of it for 1\.\d s") as caught:
@@ -236,8 +233,7 @@ def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> Non
 
 def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -> None:
     far = board(mute=["HIL_ACTUATOR_CONTROLS"])
-    driven = drive(SerialTransport(far.port), silence_limit_s=1.5)
-    driven.link.open()
+    driven = drive(far, silence_limit_s=1.5)
     with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 1\.5 s: is SYS_HITL 1") as caught:
         driven.run(5000)
     assert caught.value.cause == "no_controls"
@@ -246,8 +242,7 @@ def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -
 
 def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
     far = board()
-    driven = drive(SerialTransport(far.port))
-    driven.link.open()
+    driven = drive(far)
     driven.run(50)
     far.tap.spoil = 3
     # Two that come within one tick are one command.
@@ -263,7 +258,7 @@ def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
 
 def test_no_heartbeat(board: Boards, drive: Drives) -> None:
     far = board(mute=["HEARTBEAT"])
-    driven = drive(SerialTransport(far.port), heartbeat_limit_s=0.5)
+    driven = drive(far, heartbeat_limit_s=0.5, opened=False)
     with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
         driven.link.open()
     assert driven.link.send_stats() is None
