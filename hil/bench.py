@@ -297,28 +297,15 @@ class BenchRun:
         assert link is not None
         assert physics is not None
         assert recorder is not None
-        home_W = physics.state[:3].tolist()
-
-        def slow() -> dict[str, Any]:
-            return slow_facts(
-                scheduler=scheduler,
-                link=link,
-                physics=physics,
-                skipped=self.skipped,
-                posings=(self.frames.posed, self.frames.unposed) if self.frames is not None else (0, 0),
-                companion=self.companion,
-                router=self.commanders.router,
-                manual=(self.commanders.manual, self.commanders.page_manual),
-            )
-
+        told = about(self, plan, link, physics.state[:3].tolist())
         live.attach(
             Flown(
-                about=about(self.bench, self.out, self.legs, plan, link, home_W) | {"wire": injector.wire is not None},
+                about=told | {"wire": injector.wire is not None},
                 scheduler=scheduler,
                 status=self.commanders.status,
                 texts=self.commanders.texts,
                 wind_W_mps=lambda: physics.wind_W_mps,
-                slow=slow,
+                slow=lambda: slow_facts(self),
                 inject=injector.inject_by_hand,
                 event=recorder.event,
                 can_wait=link.caps.lockstep,

@@ -111,7 +111,7 @@ def summarise(run: BenchRun, verdict: Verdict, status: str) -> dict[str, Any]:
             }
             for name in config.sensors
         },
-        "skipped": _skipped_rows(run, ticks) + radar_rows(radars),
+        "skipped": skipped_rows(run, ticks) + radar_rows(radars),
         "verdict": {"reasons": list(verdict.reasons), "rows": [asdict(row) for row in verdict.rows]},
         "actions": [
             {
@@ -137,7 +137,7 @@ def summarise(run: BenchRun, verdict: Verdict, status: str) -> dict[str, Any]:
     }
 
 
-def _skipped_rows(run: BenchRun, ticks: int) -> list[dict[str, Any]]:
+def skipped_rows(run: BenchRun, ticks: int) -> list[dict[str, Any]]:
     """What was left out because nobody needed it, and what that saved."""
     rows: list[dict[str, Any]] = [
         {"what": s.stage, "why": s.reason, "saved": f"{_samples_due(run.config, s.stage, ticks)} samples"}

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.manual.manual_control import Control, ManualControlSource
-from firmware_bridge.router import Router
-from hil.config import Bench
+from firmware_bridge.manual.manual_control import Control
 from hil.dashboard.client_views import stream_of
 from hil.dashboard.snapshot import autopilot_health, channels_of
-from hil.missions.path import Leg
-from hil.scheduler import Scheduler
-from hil.stages import Skipped, StagePlan
-from sim.physics.quadrotor import QuadrotorPhysics
+from hil.stages import StagePlan
+from hil.summary import skipped_rows
 from sim.sensors.catalog import KINDS
 
 if TYPE_CHECKING:
-    from hil.companion.link import CompanionLink
+    from hil.bench import BenchRun
 
 
-def about(
-    bench: Bench, out: Path, legs: Sequence[Leg], plan: StagePlan, link: AutopilotLink, home_W: Sequence[float]
-) -> dict[str, Any]:
+def about(run: BenchRun, plan: StagePlan, link: AutopilotLink, home_W: Sequence[float]) -> dict[str, Any]:
     """Told once, at the start."""
+    bench = run.bench
     config = bench.config
     sensors: dict[str, Any] = {}
     for name, sensor in config.sensors.items():
@@ -39,7 +33,7 @@ def about(
             "streams": [f"{name}/{part}" for part in channels_of(kind.sample_type, run_has)] if drawn else [],
         }
     return {
-        "out": str(out.resolve()),
+        "out": str(run.out.resolve()),
         "rig": config.rig,
         "scene": bench.scene.name,
         "mission": config.mission,
@@ -47,25 +41,20 @@ def about(
         "tick_ns": config.tick_ns,
         "lockstep": link.caps.lockstep,
         "home": list(home_W),
-        "path": [list(leg.end_W) for leg in legs],
+        "path": [list(leg.end_W) for leg in run.legs],
         "sensors": sensors,
         "rotors": len(bench.vehicle.rotors),
         "rotor_positions": [list(rotor.position_m) for rotor in bench.vehicle.rotors],
     }
 
 
-def slow_facts(
-    *,
-    scheduler: Scheduler,
-    link: AutopilotLink,
-    physics: QuadrotorPhysics,
-    skipped: Sequence[Skipped],
-    posings: tuple[int, int],
-    companion: CompanionLink | None,
-    router: Router | None,
-    manual: Sequence[ManualControlSource | None],
-) -> dict[str, Any]:
+def slow_facts(run: BenchRun) -> dict[str, Any]:
     """Asked twice a second, while somebody looks."""
+    scheduler, link, physics, companion = run.scheduler, run.link, run.physics, run.companion
+    assert scheduler is not None
+    assert link is not None
+    assert physics is not None
+    router, sticks = run.commanders.router, (run.commanders.manual, run.commanders.page_manual)
     links = [autopilot_health(link)]
     clients = {} if companion is None else companion.report()["clients"]
     for name, client in clients.items():
@@ -82,14 +71,6 @@ def slow_facts(
             }
         )
     battery = physics.battery
-    skips = physics.skips
-    asked = skips.skipped + skips.queried + skips.touching
-    rows = [{"what": s.stage, "why": s.reason, "saved": "all of its samples"} for s in skipped]
-    rows.append({"what": "contact", "why": "nothing within reach", "saved": f"{skips.skipped} of {asked} queries"})
-    posed, unposed = posings
-    if posed or unposed:
-        saved = f"{unposed} of {posed + unposed} posings"
-        rows.append({"what": "posing of people and vehicles", "why": "out of every sensor's sight", "saved": saved})
     return {
         "links": links,
         "companions": [] if companion is None else companion.here,
@@ -97,8 +78,8 @@ def slow_facts(
         "told": {name: dict(one["report"]) for name, one in clients.items() if one.get("report")},
         "router": None if router is None else router.report(),
         "battery": None if battery is None else list(battery),
-        "skipped": rows,
+        "skipped": skipped_rows(run, scheduler.tick),
         "late_ticks": scheduler.late,
         "own_us": scheduler.own_ns.mean_ns / 1000,
-        "flying_by_hand": any(source is not None and source.control is Control.FLYING for source in manual),
+        "flying_by_hand": any(source is not None and source.control is Control.FLYING for source in sticks),
     }
