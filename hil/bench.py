@@ -22,14 +22,13 @@ from hil.commanders import Commanders
 from hil.companion.answer_sinks import AnswerSinks
 from hil.config import Bench, save_bench
 from hil.frame_stages import draws_elsewhere, is_wanted, make_frames, needs_frames, stage_specs
-from hil.injector import Injector
 from hil.judging import Judging
 from hil.missions.path import Leg, planned_path
 from hil.recorder.recorder import Recorder
 from hil.report.run_json import write_run_json
 from hil.restartable_physics import make_physics
 from hil.scheduler import Scheduler
-from hil.sensor_slots import SensorSlots
+from hil.sensor_slots import Injector, SensorSlots
 from hil.signals.classes import Classes
 from hil.signals.errors import HilError, RecordingError
 from hil.signals.samples import Vec3
