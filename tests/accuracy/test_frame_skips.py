@@ -1,4 +1,4 @@
-"""Every rule of skipping in the raster, alone on and off: the same pictures, bit for bit."""
+"""Every rule of skipping, alone on and off: the same outputs, bit for bit."""
 
 from __future__ import annotations
 

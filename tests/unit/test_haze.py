@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.signals.errors import ConfigError
-from sim._kernels import extinguish
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.frame.source import SharedFrames
@@ -96,15 +95,6 @@ def test_fog_takes_the_sun_and_gives_it_back_to_the_sky() -> None:
     night = light_in_haze(Light(sun_elevation_deg=-5.0), beta)
     assert night.sun_rgb == (0.0, 0.0, 0.0)
     assert night.ambient_rgb == Light().ambient_rgb
-
-
-def test_strength_falls_with_the_exponential_of_the_range() -> None:
-    range_m = np.array([0.0, 1.0, 50.0, 1e4, np.inf])
-    strength = np.array([0.5, 0.5, 0.5, 0.5, 0.0])
-    extinguish(range_m, 0.02, strength)
-    assert np.allclose(strength, [0.5, 0.5 * np.exp(-0.02), 0.5 * np.exp(-1.0), 0.5 * np.exp(-200.0), 0.0], rtol=1e-12)
-    with pytest.raises(ValueError, match="as many"):
-        extinguish(range_m, 0.02, np.empty(3))
 
 
 def echoes(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

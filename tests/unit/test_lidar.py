@@ -1,4 +1,4 @@
-"""LiDAR: clouds of worlds known by formula, rolling over motion, echoes, noise, losses; every preset."""
+"""LiDAR: clouds of worlds known by formula, rolling over motion, echoes, noise, limits."""
 
 from __future__ import annotations
 

@@ -247,11 +247,3 @@ def test_a_refused_action_ends_the_run_in_its_own_name() -> None:
     assert result.status == "ERROR"
     assert result.run["error"]["type"] == "HandshakeError"
     assert "flight.yaml:2: command 31999: the autopilot answered" in result.run["error"]["message"]
-
-
-def test_what_never_happened_fails() -> None:
-    result = fly(HOP + "  - {after: takeoff, delay_s: 1, set_mode: LAND}\n  - {after: mode RTL, arm: false}\n")
-    assert result.status == "FAIL"
-    assert result.run["verdict"]["reasons"] == [
-        "flight.yaml:7: disarm: never happened, what it waits for did not come",
-    ]

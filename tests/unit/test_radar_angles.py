@@ -76,20 +76,6 @@ def test_spread_is_that_of_the_phases(azimuth: float) -> None:
     assert y.std() == pytest.approx(expected, rel=0.06)
 
 
-def test_more_receivers_see_sharper() -> None:
-    snr, trials = 100.0, 1500
-    rng = np.random.default_rng(6)
-    d = direction(20.0, 0.0)
-    spread = {}
-    for name, array in (("pair", LINE[:2]), ("line", LINE)):
-        n = rng.normal(0.0, math.sqrt(0.5 / snr), (trials, len(array), 2))
-        y = np.array([found(array, cells(array, d, 1.0) + k[:, 0] + 1j * k[:, 1])[1] for k in n])
-        assert y.mean() == pytest.approx(d[1], abs=0.01)
-        spread[name] = y.std()
-    # Least squares over a line of K: the sum of squares about the middle grows from 1/2 to K (K^2 - 1) / 12.
-    assert spread["pair"] / spread["line"] == pytest.approx(math.sqrt(42.0 / 0.5), rel=0.1)
-
-
 def test_refusals() -> None:
     with pytest.raises(ValueError, match="needs a receiver"):
         found((), np.zeros(0, complex))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
-from sim.frame.distortion import BrownConrady, KannalaBrandt
+from sim.frame.distortion import BrownConrady
 from sim.radar.antenna import Antenna, Pattern
 from sim.radar.echoes import Echoes
 from sim.radar.mask import Mask
@@ -158,16 +158,6 @@ def test_solid_angles_add_up_to_the_view() -> None:
     each = solid_angles(camera)
     assert each.sum() == pytest.approx(view, rel=1e-12)
     assert each[120, 160] == pytest.approx(1.0 / camera.fx**2, rel=1e-4)  # on the axis a pixel is 1 / f across
-
-
-def test_solid_angles_of_a_fisheye() -> None:
-    """r = f theta: a pixel at theta from the axis sees sin(theta) / theta / f^2; 80 degrees about it are a cap."""
-    camera = CameraModel.from_fov(400, 400, 170.0, KannalaBrandt())
-    each, rays = solid_angles(camera), camera.rays()
-    theta = np.arccos(rays[..., 2])
-    assert each == pytest.approx(np.sinc(theta / np.pi) / camera.fx**2, rel=1e-4)
-    within = theta < math.radians(80.0)
-    assert each[within].sum() == pytest.approx(2.0 * math.pi * (1.0 - math.cos(math.radians(80.0))), rel=1e-3)
 
 
 def test_solid_angles_of_a_distorted_lens() -> None:

@@ -17,7 +17,6 @@ from sim.frame.renderer import FrameRenderer
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.classes import CLASS_COLOURS, MAX_CLASSES, class_table
-from sim.scene.light import Light
 from sim.scene.maps import catalog
 from sim.scene.scene import Box, Scene, load_scene, scene_names
 from sim.scene.surfaces import DEFAULT_SURFACE, NO_SURFACE, SURFACES
@@ -258,9 +257,3 @@ def test_joints_of_a_map_stand_still(tmp_path: Path) -> None:
     physics.state[7] = 8.0
     states = [physics.advance(tick, (0.6,) * 4) for tick in range(150)]
     assert 2.0 < max(s.p_WB[0] for s in states) < 2.4  # the leaf is at x = 3 - 0.5, 0.1 m thick on each side
-
-
-def test_direction_of_the_sun() -> None:
-    assert Light(sun_azimuth_deg=90.0, sun_elevation_deg=0.0).to_sun_W == pytest.approx((1.0, 0.0, 0.0), abs=1e-15)
-    assert Light(sun_azimuth_deg=0.0, sun_elevation_deg=0.0).to_sun_W == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
-    assert Light(sun_elevation_deg=90.0).to_sun_W == pytest.approx((0.0, 0.0, 1.0), abs=1e-15)

@@ -1,4 +1,4 @@
-"""Ground and boxes: rest, landing, and proof that skipping contact work changes no bit."""
+"""Ground and boxes: rest on the feet and on the hull. Landings are swept in tests/accuracy/test_physics_contact.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Free flight against closed forms: signs, frames, trims, conservation laws."""
+"""Free flight: signs, frames, trims, lags and limits. Its accuracy is in tests/reference/test_physics_reference.py."""
 
 from __future__ import annotations
 

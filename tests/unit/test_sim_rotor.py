@@ -1,4 +1,4 @@
-"""Rotor effects against closed forms: command maps, ground, vortex ring, axial inflow, switches."""
+"""Rotor effects against closed forms: ground, vortex ring, switches. tests/reference has them all in one solution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sensors: means, signs, statistics, independence of noise, and that config errors are found."""
+"""Sensors: means, signs and that config errors are found. Statistics are in tests/accuracy."""
 
 from __future__ import annotations
 

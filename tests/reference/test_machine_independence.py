@@ -1,0 +1,177 @@
+"""The same bits with CPU features masked, of all that flies the vehicle and all that its sensors see."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests import cpu_masks
+from tests.cpu_masks import output_of
+
+# Gusts, turbulence, battery, faults, hard landings.
+FLIGHT = """
+import hashlib
+from sim.physics.vehicle import Effects
+from sim.physics.faults import RotorFault
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+from sim.scene.wind import GustEvent, Turbulence, Wind
+
+wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="moderate"),
+            gusts=(GustEvent(at_s=0.5, velocity_W_mps=(5.0, -3.0, 0.5), rise_s=0.3),))
+faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=15.0),
+          RotorFault(kind="stuck", rotor=2, at_s=1.2, speed_radps=100.0)]
+digest = hashlib.sha256()
+for name in ("x500", "racer"):
+    physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, effects=Effects(battery=True),
+                               faults=faults, wind=wind, seed=3, initial_yaw_rad=0.4)
+    h = physics.vehicle.hover_control
+    for tick in range(800):
+        truth = physics.advance(tick, (1.15 * h,) * 4 if tick < 400 else (0.0,) * 4)
+        digest.update(repr((truth, physics.wind_W_mps, physics.battery)).encode())
+    assert physics.skips.skipped > 50 and physics.skips.touching > 5, physics.skips
+print(digest.hexdigest())
+"""
+
+# Every preset with everything on, and every kind of fault.
+SENSORS = """
+import hashlib, struct
+import numpy as np
+from sim.frame.channels import CHANNELS
+from sim.frame.source import SharedFrames
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+from sim.scene.world import load_world
+from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.faults import FAULT_LIST, FaultySensor
+
+EXTRA = {
+    "imu": {
+        "lever_arm_m": (0.05, -0.02, 0.01), "warm_up_degc": 10.0, "warm_up_time_constant_s": 3.0,
+        "vibration": [{"order": 1.0, "accel_mps2": (1.0, 1.0, 0.3), "gyro_radps": (0.01, 0.01, 0.0)},
+                      {"order": 2.0, "accel_mps2": (0.2, 0.2, 1.5)}],
+    },
+    "barometer": {"wash_free_pa": -4.0, "wash_ground_pa": 12.0, "flow_coefficient": (0.1, -0.05)},
+    "magnetometer": {"motor_field_tesla": (1e-6, 2e-6, -1e-6)},
+    "gps": {"antenna_m": (0.1, 0.0, 0.05), "loss": [{"from_s": 0.6, "until_s": 0.9}]},
+    "range_finder": {"mount_m": (0.0, 0.05, -0.05), "dropout_probability": 0.05},
+    "optical_flow": {"mount_m": (0.0, 0.05, -0.05)},
+}
+FRAME_EXTRA = {
+    "camera": {"shadows": True, "channels": list(CHANNELS)},
+    "lidar": {"beam_divergence_rad": 0.003},
+    "radar": {"mount_m": (0.0, 0.0, 1.0), "resolution": (96, 64)},
+}
+FAULTS = [
+    {"kind": "drift", "at_s": 0.4, "until_s": 0.6, "rate_per_s": 0.3},
+    {"kind": "stuck_bit", "at_s": 0.6, "until_s": 0.8, "bit": 3, "level": 1},
+    {"kind": "freeze", "at_s": 0.8, "until_s": 0.9},
+]
+scene, tick_ns = load_scene("airfield"), 4_000_000
+physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, initial_yaw_rad=0.4)
+frames = SharedFrames(load_world(load_scene("radar_range")))
+sensors = []
+for name in PRESETS:
+    kind = PRESETS[name].kind
+    if KINDS[kind].needs_frames:
+        extra = FRAME_EXTRA[kind]
+        made = make_sensor(
+            name, preset=name, rate_hz=2.0, seed=1, scene=scene, step_ns=tick_ns, overrides=extra, frames=frames
+        )
+        sensors.append((made, 125))
+        continue
+    every = 25 if kind == "gps" else 1 if kind == "imu" else 5
+    made = make_sensor(
+        name, preset=name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns, overrides=EXTRA[kind]
+    )
+    sensors.append((made, every))
+    faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])
+    again = make_sensor(name, preset=name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
+    sensors.append((FaultySensor(again, faults), every))
+h, digest = physics.vehicle.hover_control, hashlib.sha256()
+
+def feed(value):
+    if isinstance(value, np.ndarray):
+        digest.update(value.tobytes())
+    elif isinstance(value, dict):
+        feed(tuple(value.values()))
+    elif isinstance(value, tuple):
+        for item in value:
+            feed(item)
+    else:
+        digest.update(struct.pack("<d", float(value)))
+
+for tick in range(300):
+    wobble = 0.004 * ((tick % 13) - 6)
+    level = 0.0 if tick < 20 else 1.06 * h if tick < 250 else 0.95 * h
+    controls = (level, level - wobble, level + wobble, level) if level else (0.0,) * 4
+    truth = physics.advance(tick, controls)
+    for sensor, every in sensors:
+        if tick % every == 0:
+            feed(sensor.sample(truth, tick // every))
+assert truth.p_WB[2] > 0.4, truth
+print(digest.hexdigest())
+"""
+
+# Frames of echoes by every method, few and many, in single precision and in double, and what is made of them.
+ECHOES = """
+import hashlib
+import numpy as np
+from hil.signals.noise import NoiseStream
+from sim.radar.chirp import Chirp
+from sim.radar.echoes import Echoes
+from sim.radar.processing.parameters import Processing
+from sim.radar.processing.processor import Processor
+from sim.radar.synthesis import Synthesizer
+
+RX = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.02, 0.0))
+SETTINGS = dict(center_frequency_hz=60.8e9, bandwidth_hz=0.4e9, sample_rate_hz=2e6)
+CHIRPS = (
+    Chirp(**SETTINGS, samples=64, chirps=64, repetition_s=390.975e-6),
+    Chirp(**SETTINGS, samples=50, chirps=27, repetition_s=500e-6),
+)
+
+CROWD = 9001
+
+def echoes_of(count):
+    stream = NoiseStream(1, "echoes")
+    u = np.concatenate([stream.uniform_block(b)[:, 0] for b in range(6 * count // 256 + 1)])
+    u = u[: 6 * count].reshape(6, count)
+    direction = np.ascontiguousarray(u[:3].T * 1.1 - 0.55)
+    amplitude = u[5] * u[5] * u[5] * u[5]
+    amplitude[: count // 2] *= 1e-12
+    range_m, speed_mps = u[3] * 40.0, u[4] * 16.0 - 8.0
+    if count == CROWD:  # most in one cell: grids in single precision are emptied into doubles on the way
+        range_m[200:], direction[200:] = 4.2, (1.0, 0.0, 0.0)
+        speed_mps[200:] = 0.7 + 6.3053 * (np.arange(count - 200) % 3 - 1)
+    return Echoes(range_m, speed_mps, direction, amplitude)
+
+digest = hashlib.sha256()
+for chirp in CHIRPS:
+    for receivers in (3, 5):
+        for method, tolerance, count in (
+            ("direct", 1e-3, 203), ("nufft", 1e-1, 3001), ("nufft", 1e-3, 3001), ("nufft", 1e-9, 3001),
+            ("nufft", 1e-3, 5), ("nufft", 1e-3, CROWD),
+        ):
+            synthesizer = Synthesizer(
+                chirp, RX[:receivers], hp_cutoff_hz=80e3, aaf_cutoff_hz=600e3, method=method, tolerance=tolerance
+            )
+            out = np.empty(synthesizer.shape)
+            report = synthesizer.synthesize(echoes_of(count), out)
+            digest.update(out.tobytes())
+            digest.update(repr(report).encode())
+            raw = np.clip(2048.0 + 900.0 * out / np.abs(out).max(), 0, 4095).astype(np.uint16)
+            processed = Processor(chirp, RX[:receivers], Processing(clutter="none")).process(raw, 0)
+            for array in (processed.range_doppler, processed.points):
+                digest.update(array.tobytes())
+print(digest.hexdigest())
+"""
+
+
+@pytest.mark.parametrize("script", [FLIGHT, SENSORS, ECHOES], ids=["flight", "sensors", "echoes"])
+def test_masked_cpu_features_change_no_bit(script: str) -> None:
+    plain = output_of(script)
+    assert plain == output_of(script, cpu_masks.ALL | {"HIL_ISA": "base"})
+    if script == ECHOES:
+        assert plain == output_of(script, {"HIL_ISA": "avx2"})
