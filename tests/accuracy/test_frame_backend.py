@@ -82,7 +82,9 @@ def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -
     assert park.world.model.vis.quality.offsamples == mujoco.MjSpec().compile().vis.quality.offsamples
 
 
-@pytest.mark.parametrize("said", ["disabled", "egl", "glfw"])
+@pytest.mark.parametrize(
+    "said", ["glfw", *(pytest.param(name, marks=pytest.mark.slow) for name in ("disabled", "egl"))]
+)
 def test_the_renderer_is_found_whatever_mujoco_was_told_when_it_was_imported(said: str) -> None:
     if egl_problem():
         pytest.skip(egl_problem())
