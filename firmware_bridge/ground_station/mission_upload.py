@@ -30,11 +30,11 @@ _HINTS = {
 
 
 class MissionUpload:
-    """Uploads `items`; `done` once the vehicle has acknowledged them all."""
+    """Uploads a mission; `done` once the vehicle has acknowledged them all."""
 
-    def __init__(self, wire: Wire, items: Sequence[MissionItem]) -> None:
+    def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        self._items = items
+        self._items: Sequence[MissionItem] = ()
         self._tries = 0
         self._asked = 0  # how many items the vehicle has pulled
         self._unconfirmed = 0  # uploads of which the end was not acknowledged
@@ -42,14 +42,13 @@ class MissionUpload:
         self.due_ns: int | None = None
         self.done = False
 
-    def start(self, t_ns: int, items: Sequence[MissionItem] | None = None, *, patient: bool = False) -> None:
-        """Offer the mission, or `items` in its place. HandshakeError if it is too long for the protocol.
+    def start(self, t_ns: int, items: Sequence[MissionItem], *, patient: bool) -> None:
+        """Offer `items`. HandshakeError if they are too many for the protocol.
 
         `patient`: a refusal at once is asked about again for a while. ArduPilot has no room until it has started.
         """
         self._refusals_left = _PATIENT_REFUSALS if patient else 0
-        if items is not None:
-            self._items = items
+        self._items = items
         if len(self._items) > MAX_COUNT:
             raise refused(f"a mission of {len(self._items)} items: MAVLink can carry {MAX_COUNT}; shorten it")
         self._offer(t_ns)

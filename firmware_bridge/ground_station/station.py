@@ -43,7 +43,7 @@ class GroundStation(PhasedFlight):
             raise refused("the mission has no items; there is nothing to fly")
         super().__init__(mission, **settings)
         self._mission = tuple(mission)
-        self._upload = MissionUpload(self._wire, mission)
+        self._upload = MissionUpload(self._wire)
         self._fly = fly
         self._must_land = fly and not self._progress.lands_by_itself
         self._preflight_since_ns = 0

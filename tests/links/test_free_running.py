@@ -428,7 +428,6 @@ def test_the_rig_without_a_mission(fly: Flights) -> None:
     [
         ("autopilot.faults.die_at_s=1.5", "LinkClosed", "crashed", "exit status 70"),
         ("autopilot.faults.stall_at_s=1.5", "LinkError", "silent", "its process still runs"),
-        ("faults.links=[{kind: unplug, at_s: 0.5, for_s: 0.2}]", "LinkClosed", "crashed", "declared link fault 0"),
         ("autopilot.params.SYS_HITL=0", "HandshakeError", "setup", "--fix"),
     ],
 )
