@@ -21,12 +21,31 @@ def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     raise Stopped(f"stopped by {signal.Signals(number).name}")
 
 
+def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
+    """Raise a lost Stopped once more, 50 ms later.
+
+    A signal may come while the interpreter runs a callback whose exceptions it drops (those after a fork): without
+    this the request to stop would be lost, and the run would fly on.
+    """
+    stop = ignored.exc_value
+    if not isinstance(stop, Stopped) or not hasattr(signal, "setitimer"):
+        sys.__unraisablehook__(ignored)
+        return
+
+    def raise_stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        raise stop
+
+    signal.signal(signal.SIGALRM, raise_stop)
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+
+
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
     # SIGINT too: a shell script that starts us in the background would have it ignored.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _stop)
+    sys.unraisablehook = _raise_again
     # The bench never draws with MuJoCo; a MUJOCO_GL meant for other programs must not keep it from being imported.
     os.environ["MUJOCO_GL"] = "disabled"
     try:

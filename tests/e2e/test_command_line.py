@@ -57,6 +57,26 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
     assert json.loads((tmp_path / "run.json").read_text())["error"]["type"] == "Interrupted"
 
 
+def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_run() -> None:
+    code = (
+        "import os, signal, sys, time\n"
+        "from hil import cli, entry\n"
+        "class Dropped:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "        time.sleep(0.01)\n"
+        "def fly(arguments):\n"
+        "    Dropped()\n"
+        "    time.sleep(60)\n"
+        "cli.run_command_line = fly\n"
+        "entry.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+    )
+    assert (done.returncode, done.stderr) == (3, "error: stopped by SIGTERM\n")
+
+
 def test_nobody_reading_does_not_end_a_flight(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         done = hil("run", "--out", str(tmp_path / "full"), *SHORT, stdout=full)
