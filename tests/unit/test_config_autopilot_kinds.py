@@ -115,11 +115,6 @@ def test_what_does_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:
     assert says in refused(text)
 
 
-def test_the_same_from_the_command_line() -> None:
-    (found,) = refused("rig: px4_sitl\n", settings=["autopilot.binary=nowhere"])
-    assert found == "--set autopilot.binary: names a program that does not exist: nowhere"
-
-
 def test_what_fits() -> None:
     Path("px4").write_text("")
     text = (

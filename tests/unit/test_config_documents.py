@@ -88,11 +88,6 @@ def test_aliases_of_aliases_do_not_eat_the_memory() -> None:
     assert "values once unfolded" in problems(parse_yaml, "\n".join(lines))[0]
 
 
-def test_deep_nesting_is_a_problem_and_no_crash() -> None:
-    assert "nested too deeply" in problems(parse_yaml, "[" * 20_000)[0]
-    assert "nested too deeply" in problems(parse_json, "[" * 200_000)[0]
-
-
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=4),
@@ -135,7 +130,8 @@ def test_refused_json_names_the_line(text: str, where: str, words: str) -> None:
 
 
 def test_deep_nesting_is_refused_on_its_line() -> None:
-    for depth in (52, 300, 5000):
+    assert "nested too deeply" in problems(parse_json, "[" * 200_000)[0]
+    for depth in (52, 300, 20_000):
         text = "a: 1\nb: " + "[" * depth + "]" * depth
         assert problems(parse_yaml, text) == ["f:2: is nested too deeply: more than 50 levels"]
     assert parse_yaml("b: " + "[" * 49 + "]" * 49, "f").data

@@ -190,12 +190,6 @@ def test_what_is_wrong_in_a_preset_of_ones_own_has_that_files_line(tmp_path: Pat
     assert "is 'camera', but the preset" in refused(f"{{preset: {'bgt60tr13c'}, kind: camera, rate_hz: 10}}")
 
 
-def test_a_preset_of_brackets_alone_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "deep.yaml").write_text("[" * 20_000)
-    with pytest.raises(ConfigError, match=r"deep.yaml:1: is nested too deeply"):
-        load("{preset: ./deep.yaml, rate_hz: 10}")
-
-
 def test_recorded_frames_too_short_for_the_map_are_refused() -> None:
     p = settings_of(None, preset=None, default_preset="bgt60tr13c", texts=())
     few = Chirp.model_validate(p.chirp.model_dump() | {"chirps": 8})

@@ -43,10 +43,7 @@ def test_sticks_count_only_while_the_page_says_so_again_and_again() -> None:
     clock.now_ns += 2 * MS  # nothing came for 0.4 s: the page is gone, or hidden
     state = sticks.poll()
     assert (state.sticks, state.held) == (NEUTRAL, False)
-
-
-def test_letting_go_acts_at_once() -> None:
-    sticks = PageSticks(Clock())
+    # Letting go acts at once.
     sticks.move({"held": True, "axes": [1, 1, 1, 1]})
     sticks.move({"held": False, "axes": [1, 1, 1, 1]})
     assert sticks.poll() == (NEUTRAL, False, frozenset())

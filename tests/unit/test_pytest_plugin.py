@@ -17,7 +17,7 @@ import hil.bench
 import hil.report.page  # noqa: F401 (both: the projects run in this process, which imports numpy only once)
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import message_class, pack
-from hil.pytest_plugin import BenchError, Run, health
+from hil.pytest_plugin import Run, health
 
 pytest_plugins = "pytester"
 
@@ -291,9 +291,3 @@ def test_every_counter_of_the_link_is_looked_at(tmp_path: Path, counter: str, wo
     assert set(health(run_of(tmp_path)).values()) == {0}
     found = health(run_of(tmp_path, **{counter: 3}))
     assert {name: count for name, count in found.items() if count} == {word: 3}
-
-
-def test_an_error_says_what_and_where(tmp_path: Path) -> None:
-    run = run_of(tmp_path)
-    run.json["error"] = {"type": "LinkClosed", "message": "gone"}
-    assert str(BenchError(run)).startswith("LinkClosed: gone\nthe run is in ")
