@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
@@ -10,12 +9,21 @@ namespace hil::sim {
 namespace {
 
 constexpr int kLeaf = 4;        // shapes in a leaf at most
-constexpr int kStack = 64;      // halving 2^31 shapes needs 31 levels
 
 double box_distance(const double *local, const double *half) {
     double squared = 0.0;
     for (int j = 0; j < 3; ++j) {
         const double outside = std::fabs(local[j]) - half[j];
+        if (outside > 0.0) squared += outside * outside;
+    }
+    return std::sqrt(squared);
+}
+
+double box_distance(const frame::Aabb &box, const double *p) {
+    double squared = 0.0;
+    for (int j = 0; j < 3; ++j) {
+        const double below = box.lo[j] - p[j], above = p[j] - box.hi[j];
+        const double outside = below > above ? below : above;
         if (outside > 0.0) squared += outside * outside;
     }
     return std::sqrt(squared);
@@ -68,19 +76,19 @@ std::array<double, 3> own_half(const Solid &solid) {
     }
 }
 
-std::array<double, 6> bounds_of(const Solid &solid) {
+frame::Aabb bounds_of(const Solid &solid) {
     const auto half = own_half(solid);
-    std::array<double, 6> out{};
+    double low[3], high[3];
     for (int i = 0; i < 3; ++i) {
         const double *row = solid.R + 3 * i;
         const double reach =
             (std::fabs(row[0]) * half[0] + std::fabs(row[1]) * half[1]) + std::fabs(row[2]) * half[2];
         // Rounding of the sum above must not let a shape stick out of its box.
         const double slack = 1e-12 * (std::fabs(solid.center[i]) + reach);
-        out[i] = solid.center[i] - reach - slack;
-        out[3 + i] = solid.center[i] + reach + slack;
+        low[i] = solid.center[i] - reach - slack;
+        high[i] = solid.center[i] + reach + slack;
     }
-    return out;
+    return frame::outward(low, high);
 }
 
 bool known(const Solid &solid) {
@@ -109,100 +117,36 @@ SolidTree::SolidTree(std::vector<Solid> solids) {
         if (!known(solid)) throw std::invalid_argument("a solid has an unknown kind or is not finite");
         (solid.kind == SolidKind::kPlane ? planes_ : solids_).push_back(solid);
     }
-    std::vector<std::array<double, 6>> bounds;
-    bounds.reserve(solids_.size());
-    for (const Solid &solid : solids_) bounds.push_back(bounds_of(solid));
-    if (!solids_.empty()) build(0, static_cast<int>(solids_.size()), bounds);
-}
-
-int SolidTree::build(int first, int last, std::vector<std::array<double, 6>> &bounds) {
-    const int index = static_cast<int>(nodes_.size());
-    nodes_.push_back({});
-    Node node{};
-    double least[3], most[3];  // of the centres
-    for (int j = 0; j < 3; ++j) {
-        node.low[j] = least[j] = std::numeric_limits<double>::infinity();
-        node.high[j] = most[j] = -std::numeric_limits<double>::infinity();
-        for (int i = first; i < last; ++i) {
-            const auto &b = bounds[static_cast<std::size_t>(i)];
-            node.low[j] = std::min(node.low[j], b[j]);
-            node.high[j] = std::max(node.high[j], b[3 + j]);
-            const double middle = b[j] + b[3 + j];
-            least[j] = std::min(least[j], middle);
-            most[j] = std::max(most[j], middle);
-        }
-    }
-    if (last - first <= kLeaf) {
-        node.first = first;
-        node.count = last - first;
-        nodes_[static_cast<std::size_t>(index)] = node;
-        return index;
-    }
-    int axis = 0;
-    for (int j = 1; j < 3; ++j) {
-        if (most[j] - least[j] > most[axis] - least[axis]) axis = j;
-    }
-    // By centre along the longest axis; equal ones keep their order, so that the tree is the same everywhere.
-    std::vector<int> order(static_cast<std::size_t>(last - first));
-    std::iota(order.begin(), order.end(), first);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-        const auto &x = bounds[static_cast<std::size_t>(a)], &y = bounds[static_cast<std::size_t>(b)];
-        return x[axis] + x[3 + axis] < y[axis] + y[3 + axis];
-    });
-    std::vector<Solid> solids;
-    std::vector<std::array<double, 6>> boxes;
-    solids.reserve(order.size());
-    boxes.reserve(order.size());
-    for (const int i : order) {
-        solids.push_back(solids_[static_cast<std::size_t>(i)]);
-        boxes.push_back(bounds[static_cast<std::size_t>(i)]);
-    }
-    std::copy(solids.begin(), solids.end(), solids_.begin() + first);
-    std::copy(boxes.begin(), boxes.end(), bounds.begin() + first);
-    const int middle = first + (last - first) / 2;
-    build(first, middle, bounds);
-    node.first = build(middle, last, bounds);
-    node.count = 0;
-    nodes_[static_cast<std::size_t>(index)] = node;
-    return index;
+    std::vector<frame::Aabb> boxes;
+    boxes.reserve(solids_.size());
+    for (const Solid &solid : solids_) boxes.push_back(bounds_of(solid));
+    const frame::Bvh tree = frame::build_bvh(boxes, kLeaf);
+    std::vector<Solid> ordered;
+    ordered.reserve(solids_.size());
+    for (const std::int32_t i : tree.order) ordered.push_back(solids_[static_cast<std::size_t>(i)]);
+    solids_ = std::move(ordered);
+    nodes_ = tree.nodes;
 }
 
 double SolidTree::distance(const double *p) const {
     double least = std::numeric_limits<double>::infinity();
     for (const Solid &plane : planes_) least = std::min(least, solid_distance(plane, p));
-    if (nodes_.empty()) return least;
-    const auto far = [&](int index) {
-        const Node &node = nodes_[static_cast<std::size_t>(index)];
-        double squared = 0.0;
-        for (int j = 0; j < 3; ++j) {
-            const double below = node.low[j] - p[j], above = p[j] - node.high[j];
-            const double outside = below > above ? below : above;
-            if (outside > 0.0) squared += outside * outside;
-        }
-        return std::sqrt(squared);
-    };
-    struct Entry {
-        int index;
-        double distance;
-    } stack[kStack];
-    int top = 0;
-    stack[top++] = {0, far(0)};
-    while (top > 0) {
-        const Entry entry = stack[--top];
-        if (!(entry.distance < least)) continue;
-        const Node &node = nodes_[static_cast<std::size_t>(entry.index)];
-        if (node.count > 0) {
-            for (int i = node.first; i < node.first + node.count; ++i) {
-                least = std::min(least, solid_distance(solids_[static_cast<std::size_t>(i)], p));
-            }
-            continue;
-        }
-        Entry near{entry.index + 1, far(entry.index + 1)}, other{node.first, far(node.first)};
-        if (other.distance < near.distance) std::swap(near, other);
-        stack[top++] = other;
-        stack[top++] = near;
-    }
+    if (!nodes_.empty()) search(nodes_.front(), p, least);
     return least;
+}
+
+void SolidTree::search(const frame::BvhNode &node, const double *p, double &least) const {
+    if (!(box_distance(node.box, p) < least)) return;
+    if (node.count > 0) {
+        for (int i = node.first; i < node.first + node.count; ++i) {
+            least = std::min(least, solid_distance(solids_[static_cast<std::size_t>(i)], p));
+        }
+        return;
+    }
+    const frame::BvhNode *near = &nodes_[static_cast<std::size_t>(node.first)], *far = near + 1;
+    if (box_distance(far->box, p) < box_distance(near->box, p)) std::swap(near, far);
+    search(*near, p, least);
+    search(*far, p, least);
 }
 
 }  // namespace hil::sim

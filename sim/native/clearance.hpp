@@ -14,6 +14,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "frame/bvh.hpp"
+
 namespace hil::sim {
 
 // Numbers of mjtGeom.
@@ -35,13 +37,9 @@ class SolidTree {
     std::size_t size() const { return planes_.size() + solids_.size(); }
 
   private:
-    struct Node {
-        double low[3], high[3];
-        int first, count;  // of a leaf: its shapes; else count = 0 and first = the second child; the first child follows
-    };
-    int build(int first, int last, std::vector<std::array<double, 6>> &bounds);
-    std::vector<Solid> planes_, solids_;
-    std::vector<Node> nodes_;
+    void search(const frame::BvhNode &node, const double *p, double &least) const;
+    std::vector<Solid> planes_, solids_;  // the latter leaf by leaf
+    std::vector<frame::BvhNode> nodes_;
 };
 
 // A contact may be reported a little before shapes touch (MuJoCo's convex collision: 1e-6 m).
