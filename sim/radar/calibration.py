@@ -14,12 +14,12 @@ Reflectors (sim/radar/static_echoes.py) are part of p, and no property of the se
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from hil.signals.errors import ConfigError, Problem
 from sim.radar.comparison import odd_code_share
@@ -163,7 +163,8 @@ def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
     best = int(np.argmin(costs))
     if best in (0, len(grid) - 1):
         return _Start(mean.mean(axis=1), np.zeros_like(mean[:, 0]), None)
-    decay_s = _golden(left, float(grid[best - 1]), float(grid[best + 1]))
+    low, high = float(grid[best - 1]), float(grid[best + 1])
+    decay_s = float(minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x)
     p, q, e = _decompose(mean, decay_s, repetition_s)
     # Variance of q that noise alone would give: of the coefficient of e beside a constant.
     expected = noise / ((e - e.mean()) ** 2).sum()
@@ -178,23 +179,6 @@ def _decompose(mean: Float64, decay_s: float, repetition_s: float) -> tuple[Floa
     inverse = np.linalg.pinv(np.column_stack([np.ones_like(e), e]))
     p, q = (np.einsum("m,kmn->kn", row, mean) for row in inverse)
     return p, q, e
-
-
-def _golden(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Least of `cost` within [low, high], to a thousandth, by golden section."""
-    ratio = 0.6180339887498949
-    a, b = high - ratio * (high - low), low + ratio * (high - low)
-    cost_a, cost_b = cost(a), cost(b)
-    while high - low > 1e-3 * low:
-        if cost_a < cost_b:
-            high, b, cost_b = b, a, cost_a
-            a = high - ratio * (high - low)
-            cost_a = cost(a)
-        else:
-            low, a, cost_a = a, b, cost_b
-            b = low + ratio * (high - low)
-            cost_b = cost(b)
-    return 0.5 * (low + high)
 
 
 def _wander(power: Float64, samples: int) -> Float64:

@@ -16,34 +16,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.signals.samples import Vec3
-from sim._kernels import EchoSynthesis
+from sim._kernels import EchoSynthesis, EchoSynthesisReport
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
 
 METHODS = ("direct", "nufft")
 MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
-
-
-@dataclass(frozen=True)
-class SynthesisReport:
-    """How a frame was summed. `error_bound`, an estimate, includes what was dropped; both are
-    relative to the frame's norm."""
-
-    echoes: int  # whose amplitude is not zero
-    dropped: int  # of those, too weak to matter
-    dropped_bound: float
-    error_bound: float
-    terms: int  # of the interpolation between speeds, summed over the panels
-    panels: int  # of speeds
-    width: int  # of the spreading kernel, 0 where no grid was used
-    direct: int  # echoes summed one by one
-    rounds: int  # above 1 where the echoes cancelled so far that more digits were needed
 
 
 class Synthesizer:
@@ -97,8 +80,8 @@ class Synthesizer:
             isa=isa,
         )
 
-    def synthesize(self, echoes: Echoes, out: NDArray[np.float64]) -> SynthesisReport:
-        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit.
+    def synthesize(self, echoes: Echoes, out: NDArray[np.float64]) -> EchoSynthesisReport:
+        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit; says how it was summed.
 
         Raises ValueError for arrays of another type or shape and for the first echo that is not finite or out of range.
         """
@@ -110,18 +93,7 @@ class Synthesizer:
         _check("out", out, self.shape)
         if not out.flags.writeable:
             raise ValueError("out must be writable")
-        done = self._synthesis.synthesize(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, out)
-        return SynthesisReport(
-            echoes=done.echoes,
-            dropped=done.dropped,
-            dropped_bound=done.dropped_bound,
-            error_bound=done.error_bound,
-            terms=done.terms,
-            panels=done.panels,
-            width=done.width,
-            direct=done.direct,
-            rounds=done.rounds,
-        )
+        return self._synthesis.synthesize(echoes.range_m, echoes.speed_mps, echoes.direction_R, echoes.amplitude, out)
 
 
 def _check(name: str, array: NDArray[np.float64], shape: tuple[int, ...]) -> None:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from hil.signals.samples import RadarSample, TruthState
 from hil.signals.time import NS_PER_S
+from sim._kernels import EchoSynthesisReport
 from sim.frame.camera_pose import CameraPose
 from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
@@ -28,9 +29,9 @@ from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.processing.processor import Processor, Step
 from sim.radar.scatterers import ScattererReport, Scatterers
-from sim.radar.synthesis import SynthesisReport, Synthesizer
+from sim.radar.synthesis import Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
-from sim.sensors.sensor import Installation
+from sim.sensors.sensor import Installation, InstalledSensor
 
 Picture = Mapping[str, NDArray[Any]]
 
@@ -94,7 +95,7 @@ class RadarFrames:
         self._count(self._scatterers.last, report)
         return out
 
-    def _count(self, seen: ScattererReport, report: SynthesisReport) -> None:
+    def _count(self, seen: ScattererReport, report: EchoSynthesisReport) -> None:
         counts = self.counts
         counts.frames += 1
         counts.pixels += seen.pixels
@@ -105,7 +106,7 @@ class RadarFrames:
         counts.terms = max(counts.terms, report.terms)
 
 
-class Radar:
+class Radar(InstalledSensor):
     """One radar on the vehicle."""
 
     sample_type = RadarSample
@@ -123,10 +124,7 @@ class Radar:
                 f"sensor '{name}': a frame of {p.chirp.frame_s:g} s is longer than the time between frames; "
                 f"lower its rate_hz to {most_frames_hz(p):g} or less"
             )
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round((0.5 * p.chirp.frame_s + p.latency_s) * NS_PER_S)
-        self.resolution: Mapping[str, float] = {}
+        super().__init__(installation, 0.5 * p.chirp.frame_s + p.latency_s, {})
         self.chirp = p.chirp
         self.outputs = p.outputs
         self.view: SharedPicture = installation.shared if p.frame is not None and installation.shared else p.view()

@@ -50,8 +50,7 @@ class Cfar:
         self._half = half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
         doppler, ranges = np.ogrid[-half_rows : half_rows + 1, -half_columns : half_columns + 1]
         self._trains = (abs(doppler) > p.guard_doppler) | (abs(ranges) > p.guard_range)
-        cells = {(int(d) - half_rows, int(r) - half_columns) for d, r in np.argwhere(self._trains)}
-        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, cells)
+        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, self._trains)
         # Rows that hold less noise than the others (what clutter removal took), and the first columns, train nothing.
         self._quiet = np.zeros(self._shape, dtype=bool)
         self._quiet[maps.quiet_rows] = True

@@ -13,6 +13,9 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hil.signals._kernel import det_cos, det_log
 from sim.radar.processing.parameters import WindowName
 
@@ -111,23 +114,15 @@ def correlation(weights: list[float], lag: int, padded: int) -> float:
 
 
 def likeness(
-    fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, cells: set[tuple[int, int]]
+    fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, trains: NDArray[np.bool_]
 ) -> float:
-    """How many of the training cells (doppler, range) are one independent cell: the mean sum of squared
+    """How many of the training cells (`trains`, doppler by range) are one independent cell: the mean sum of squared
     correlations."""
-    reach_fast = _CORRELATED * max(1, fast_padded // len(fast))
-    reach_slow = _CORRELATED * max(1, slow_padded // len(slow))
-    rho_fast = [correlation(fast, lag, fast_padded) for lag in range(reach_fast + 1)]
-    rho_slow = [correlation(slow, lag, slow_padded) for lag in range(reach_slow + 1)]
-    pairs = [
-        (d, r, rho_slow[abs(d)] * rho_fast[abs(r)])
-        for d in range(-reach_slow, reach_slow + 1)
-        for r in range(-reach_fast, reach_fast + 1)
-        if rho_slow[abs(d)] * rho_fast[abs(r)] > 1e-4
-    ]
-    total = 0.0
-    for d0, r0 in sorted(cells):
-        for d, r, rho in pairs:
-            if (d0 + d, r0 + r) in cells:
-                total += rho
-    return max(1.0, total / len(cells))
+    rho = []
+    for weights, padded, size in ((slow, slow_padded, trains.shape[0]), (fast, fast_padded, trains.shape[1])):
+        reach = _CORRELATED * max(1, padded // len(weights))
+        by_lag = [correlation(weights, lag, padded) if lag <= reach else 0.0 for lag in range(size)]
+        places = np.arange(size)
+        rho.append(np.array(by_lag)[np.abs(places[:, None] - places)])
+    alike = trains * (rho[0] @ trains @ rho[1])
+    return max(1.0, float(alike.sum()) / float(trains.sum()))
