@@ -23,11 +23,10 @@ from hil.signals._kernel import det_exp, rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import BaroSample, TruthState
-from hil.signals.time import NS_PER_S
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotor_load import thrust_ratio
-from sim.sensors.sensor import Installation
+from sim.sensors.sensor import Installation, InstalledSensor
 
 _AIR_DENSITY_KGPM3 = 1.225  # ISA at sea level
 
@@ -52,31 +51,21 @@ class BarometerParameters(StrictModel):
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
-class Barometer:
+class Barometer(InstalledSensor):
     """Static pressure at the body origin."""
 
     sample_type = BaroSample
 
     def __init__(self, installation: Installation, parameters: BarometerParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution = {"pressure_pa": p.resolution_pa, "temperature_degc": 0.01}
+        super().__init__(installation, p.latency_s, {"pressure_pa": p.resolution_pa, "temperature_degc": 0.01})
         self._p = p
         self._site_altitude_m = installation.scene.site.altitude_m
         self._wind_W = installation.scene.wind_W_mps
         self._washes = p.wash_free_pa != 0.0 or p.wash_ground_pa != 0.0
         self._flows = p.flow_coefficient != (0.0, 0.0)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # pressure, temperature
-        self._drift = gauss_markov(
-            seed,
-            f"{name}.drift",
-            lanes=1,
-            sigma=p.drift_pa,
-            time_constant_s=p.drift_time_constant_s,
-            period_s=installation.period_ns / NS_PER_S,
-        )
+        self._drift = gauss_markov(installation, lanes=1, sigma=p.drift_pa, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> BaroSample:
         """Sample `seq`. Height in W is taken as height over the site (Earth's curvature: 8 cm at 1 km)."""

@@ -22,17 +22,16 @@ from numpy.typing import NDArray
 
 from hil.signals.noise import noise_key
 from hil.signals.samples import ImageSample, TruthState
-from hil.signals.time import NS_PER_S
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
 from sim.frame.source import Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
-from sim.sensors.sensor import Installation
+from sim.sensors.sensor import Installation, InstalledSensor
 
 BAND_ROWS = 4  # rows of a rolling shutter that share a pose; what a renderer draws at least
 
 
-class Camera:
+class Camera(InstalledSensor):
     """One camera on the vehicle."""
 
     sample_type = ImageSample
@@ -42,10 +41,7 @@ class Camera:
         p, frames = parameters, installation.frames
         if frames is None:
             raise ValueError(f"sensor '{installation.name}': a camera needs the world's geometry (frames)")
-        self.name = installation.name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution: Mapping[str, float] = {}
+        super().__init__(installation, p.latency_s, {})
         self.model = p.model()
         self.mount = Mount(p.mount_m, p.mount_rpy_deg)
         self.channels = p.channels

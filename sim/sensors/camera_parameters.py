@@ -12,7 +12,7 @@ from hil.signals.samples import CHANNEL_UNITS
 from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
 from sim.frame.quality import QualityName
-from sim.sensors.sensor import Position
+from sim.sensors.sensor import Position, check_order
 
 Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -66,8 +66,7 @@ class ExposureControl(StrictModel):
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> ExposureControl:
-        if not self.max_gain > self.min_gain:
-            raise ValueError(f"max_gain {self.max_gain:g} must be above min_gain {self.min_gain:g}")
+        check_order(("min_gain", self.min_gain), ("max_gain", self.max_gain))
         return self
 
 
@@ -102,8 +101,7 @@ class DepthNoise(StrictModel):
     def _one_rounding(self) -> DepthNoise:
         if self.step_m > 0.0 and self.inverse_step_per_m > 0.0:
             raise ValueError("step_m rounds the distance and inverse_step_per_m its inverse: give one of the two")
-        if not self.max_m > self.min_m:
-            raise ValueError(f"max_m {self.max_m:g} must be above min_m {self.min_m:g}")
+        check_order(("min_m", self.min_m), ("max_m", self.max_m))
         return self
 
 
@@ -160,8 +158,7 @@ class CameraParameters(StrictModel):
     def _could_exist(self) -> CameraParameters:
         if (self.fov_deg is None) == (self.intrinsics is None):
             raise ValueError("needs fov_deg or intrinsics, and not both (a preset's fov_deg goes with `fov_deg: null`)")
-        if not self.far_m > self.near_m:
-            raise ValueError(f"far_m {self.far_m:g} must be above near_m {self.near_m:g}")
+        check_order(("near_m", self.near_m), ("far_m", self.far_m))
         if self.supersample * max(self.resolution) > MAX_PIXELS_ACROSS:
             most = MAX_PIXELS_ACROSS // self.supersample
             raise ValueError(f"supersample {self.supersample} takes pictures of at most {most} pixels across")

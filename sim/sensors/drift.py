@@ -6,6 +6,8 @@ import math
 
 from hil.signals._kernel import det_exp
 from hil.signals.noise import NoiseStream
+from hil.signals.time import NS_PER_S
+from sim.sensors.sensor import Installation
 
 
 class Drift:
@@ -41,7 +43,8 @@ class Drift:
         return self._value
 
 
-def gauss_markov(seed: int, name: str, *, lanes: int, sigma: float, time_constant_s: float, period_s: float) -> Drift:
+def gauss_markov(installation: Installation, *, lanes: int, sigma: float, time_constant_s: float) -> Drift:
     """Stationary process of standard deviation `sigma` and correlation e^{-t / time_constant}."""
-    phi = det_exp(-period_s / time_constant_s)
-    return Drift(seed, name, lanes=lanes, start=sigma, phi=phi, step=sigma * math.sqrt(1.0 - phi * phi))
+    phi = det_exp(-installation.period_ns / NS_PER_S / time_constant_s)
+    name = f"{installation.name}.drift"
+    return Drift(installation.seed, name, lanes=lanes, start=sigma, phi=phi, step=sigma * math.sqrt(1.0 - phi * phi))

@@ -22,7 +22,7 @@ from hil.signals.noise import NoiseStream
 from hil.signals.samples import GpsSample, TruthState
 from hil.signals.time import NS_PER_S
 from sim.sensors.drift import gauss_markov
-from sim.sensors.sensor import Installation, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Position
 
 Deviation = Annotated[float, Field(ge=0.0, le=1000.0)]
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -66,18 +66,17 @@ class GpsParameters(StrictModel):
     latency_s: Annotated[float, Field(ge=0.0, le=2.0)]
 
 
-class Gps:
+class Gps(InstalledSensor):
     """Fixes of the antenna."""
 
     sample_type = GpsSample
 
     def __init__(self, installation: Installation, parameters: GpsParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
         # What the receiver's protocol can tell apart (UBX-NAV-PVT): 1e-7 degrees, millimetres.
-        self.resolution = {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": 1e-3}
+        super().__init__(
+            installation, p.latency_s, {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": 1e-3}
+        )
         self._p = p
         self._horizontal_accuracy_m = _accuracy(p.horizontal_accuracy_m, p.horizontal_noise_m, p.horizontal_drift_m)
         self._vertical_accuracy_m = _accuracy(p.vertical_accuracy_m, p.vertical_noise_m, p.vertical_drift_m)
@@ -86,14 +85,7 @@ class Gps:
         self._held = (0.0, 0.0, 0.0)  # before its first fix a receiver knows no position and sends zeros
         self._frame = LocalFrame(installation.scene.site)
         self._white = NoiseStream(seed, f"{name}.white", lanes=6)  # position, velocity
-        self._drift = gauss_markov(
-            seed,
-            f"{name}.drift",
-            lanes=3,
-            sigma=1.0,
-            time_constant_s=p.drift_time_constant_s,
-            period_s=installation.period_ns / NS_PER_S,
-        )
+        self._drift = gauss_markov(installation, lanes=3, sigma=1.0, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> GpsSample:
         """Sample `seq`."""

@@ -32,7 +32,7 @@ from hil.signals.time import NS_PER_S
 from hil.signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
-from sim.sensors.sensor import Installation, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Position
 
 _ROTORS = 8  # phases are drawn for as many; a vehicle with fewer uses the first ones
 
@@ -84,7 +84,7 @@ class ImuParameters(StrictModel):
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
-class Imu:
+class Imu(InstalledSensor):
     """Averages over one physics tick, whatever its own rate."""
 
     sample_type = ImuSample
@@ -92,14 +92,12 @@ class Imu:
     def __init__(self, installation: Installation, parameters: ImuParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
         period_s = installation.period_ns / NS_PER_S
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
         accel_word = 2.0 * p.accel_range_mps2 / (1 << p.accel_bits)
         gyro_word = 2.0 * p.gyro_range_radps / (1 << p.gyro_bits)
         accel_lsb = accel_word / _readings(p.accel_output_rate_hz, period_s)
         gyro_lsb = gyro_word / _readings(p.gyro_output_rate_hz, period_s)
-        self.resolution = {"accel_mps2": accel_word, "gyro_radps": gyro_word, "temperature_degc": 0.125}
+        resolution = {"accel_mps2": accel_word, "gyro_radps": gyro_word, "temperature_degc": 0.125}
+        super().__init__(installation, p.latency_s, resolution)
         self.white_sigma = [_white(p.accel_noise_mps2_per_rthz, period_s, accel_lsb)] * 3
         self.white_sigma += [_white(p.gyro_noise_radps_per_rthz, period_s, gyro_lsb)] * 3
         self.step = [accel_lsb] * 3 + [gyro_lsb] * 3

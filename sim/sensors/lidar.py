@@ -16,7 +16,6 @@ Nothing beyond the range is looked at and nothing without a geom in reach is tes
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,13 +24,12 @@ from numpy.typing import NDArray
 
 from hil.signals._kernel import rotate_into_world
 from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
-from hil.signals.time import NS_PER_S
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
-from sim.sensors.sensor import Installation
+from sim.sensors.sensor import Installation, InstalledSensor
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
 
 Float64 = NDArray[np.float64]
@@ -57,7 +55,7 @@ class _Rays:
     orders: list[NDArray[np.int32]]  # 0, 1, 2, ... of each part: they are in order
 
 
-class Lidar:
+class Lidar(InstalledSensor):
     """One LiDAR on the vehicle."""
 
     sample_type = PointCloudSample
@@ -67,10 +65,7 @@ class Lidar:
         p, frames = parameters, installation.frames
         if frames is None:
             raise ValueError(f"sensor '{installation.name}': a LiDAR needs the world's geometry (frames)")
-        self.name = installation.name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution: Mapping[str, float] = {"range_m": p.range_resolution_m}
+        super().__init__(installation, p.latency_s, {"range_m": p.range_resolution_m})
         count = p.pattern.points(self.period_ns)
         if count > MAX_POINTS:
             raise ValueError(

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from hil.signals.documents.validate import StrictModel
 from sim.sensors.lidar_pattern import AnyPattern
-from sim.sensors.sensor import Position
+from sim.sensors.sensor import Position, check_order
 
 Distance = Annotated[float, Field(gt=0.0, le=10_000.0)]
 _Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -38,6 +38,5 @@ class LidarParameters(StrictModel):
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> LidarParameters:
-        if not self.max_range_m > self.min_range_m:
-            raise ValueError(f"max_range_m {self.max_range_m:g} must be above min_range_m {self.min_range_m:g}")
+        check_order(("min_range_m", self.min_range_m), ("max_range_m", self.max_range_m))
         return self

@@ -18,11 +18,10 @@ from hil.signals._kernel import rotate_into_body
 from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream
 from hil.signals.samples import MagSample, TruthState, Vec3
-from hil.signals.time import NS_PER_S
 from sim.scene.scene import Site
 from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio
-from sim.sensors.sensor import Installation
+from sim.sensors.sensor import Installation, InstalledSensor
 
 # Fixed, so that a run repeats next year: the field turns by about 0.2 degrees a year at mid latitudes.
 EPOCH_YEAR = 2026.0
@@ -64,17 +63,14 @@ class MagnetometerParameters(StrictModel):
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
-class Magnetometer:
+class Magnetometer(InstalledSensor):
     """Magnetic field at the body origin."""
 
     sample_type = MagSample
 
     def __init__(self, installation: Installation, parameters: MagnetometerParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution = {"field_tesla": p.resolution_tesla}
+        super().__init__(installation, p.latency_s, {"field_tesla": p.resolution_tesla})
         self._field_W = magnetic_field_W_tesla(installation.scene.site)
         self._white = NoiseStream(seed, f"{name}.white", lanes=3)
         x, y, z = NoiseStream(seed, f"{name}.hard_iron", lanes=3).normal(0)

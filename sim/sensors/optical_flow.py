@@ -25,7 +25,7 @@ from hil.signals.samples import FlowSample, TruthState
 from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
-from sim.sensors.sensor import Installation, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Position, check_order
 
 _UNKNOWN_M = -1.0
 
@@ -52,24 +52,22 @@ class OpticalFlowParameters(StrictModel):
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> OpticalFlowParameters:
-        if not self.max_distance_m > self.min_distance_m:
-            raise ValueError(
-                f"max_distance_m {self.max_distance_m:g} must be above min_distance_m {self.min_distance_m:g}"
-            )
+        check_order(("min_distance_m", self.min_distance_m), ("max_distance_m", self.max_distance_m))
         return self
 
 
-class OpticalFlow:
+class OpticalFlow(InstalledSensor):
     """Integrated flow and rates since the sample before."""
 
     sample_type = FlowSample
 
     def __init__(self, installation: Installation, parameters: OpticalFlowParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution = {"flow_rad": p.flow_resolution_rad, "gyro_rad": p.gyro_resolution_rad, "distance_m": 0.001}
+        super().__init__(
+            installation,
+            p.latency_s,
+            {"flow_rad": p.flow_resolution_rad, "gyro_rad": p.gyro_resolution_rad, "distance_m": 0.001},
+        )
         self._p = p
         self._range = GroundRange(installation.scene, p.mount_m)
         self._white = NoiseStream(seed, f"{name}.white", lanes=7)  # flow, gyro, distance, quality

@@ -18,7 +18,7 @@ from sim.radar.processing.parameters import Processing
 from sim.radar.receiver import Receiver
 from sim.radar.synthesis import MAX_TOLERANCE, MIN_TOLERANCE
 from sim.sensors.camera_parameters import Attitude, Pixels
-from sim.sensors.sensor import Position
+from sim.sensors.sensor import Position, check_order
 
 _RESOLUTION = (320, 240)
 _FOV_DEG = 90.0
@@ -74,8 +74,7 @@ class RadarParameters(StrictModel):
         if unfit_processing:
             raise ValueError(f"processing.{unfit_processing}; outputs: [raw] needs none")
         near_m, far_m = self.limits_m
-        if not far_m > near_m:
-            raise ValueError(f"far_m {far_m:g} must be above near_m {near_m:g}")
+        check_order(("near_m", near_m), ("far_m", far_m))
         if self.frame is None:
             self.view()  # ValueError for a lens that cannot be
         return self

@@ -19,10 +19,9 @@ from hil.signals.documents.validate import StrictModel
 from hil.signals.noise import NoiseStream, normal_from_uniform
 from hil.signals.rotation import upright_of
 from hil.signals.samples import RangeSample, TruthState
-from hil.signals.time import NS_PER_S
 from hil.signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
-from sim.sensors.sensor import Installation, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Position, check_order
 
 _BEST = 100
 
@@ -44,24 +43,18 @@ class RangeFinderParameters(StrictModel):
 
     @model_validator(mode="after")
     def _limits_in_order(self) -> RangeFinderParameters:
-        if not self.max_distance_m > self.min_distance_m:
-            raise ValueError(
-                f"max_distance_m {self.max_distance_m:g} must be above min_distance_m {self.min_distance_m:g}"
-            )
+        check_order(("min_distance_m", self.min_distance_m), ("max_distance_m", self.max_distance_m))
         return self
 
 
-class RangeFinder:
+class RangeFinder(InstalledSensor):
     """Distance to what is below, along -z of B."""
 
     sample_type = RangeSample
 
     def __init__(self, installation: Installation, parameters: RangeFinderParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        self.name = name
-        self.period_ns = installation.period_ns
-        self.latency_ns = round(p.latency_s * NS_PER_S)
-        self.resolution = {"distance_m": p.resolution_m}
+        super().__init__(installation, p.latency_s, {"distance_m": p.resolution_m})
         self._p = p
         self._range = GroundRange(installation.scene, p.mount_m)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout

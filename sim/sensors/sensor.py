@@ -9,6 +9,7 @@ from typing import Annotated, Protocol
 from pydantic import Field
 
 from hil.signals.samples import Sample, TruthState
+from hil.signals.time import NS_PER_S
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
@@ -28,6 +29,22 @@ class Installation:
     step_ns: int  # the physics tick
     frames: FrameSource | None = None  # the world to look at, for cameras, LiDARs and radars
     shared: SharedPicture | None = None  # of a camera: its pictures that others read; of a reader: those of its camera
+
+
+class InstalledSensor:
+    """What every kind of sensor has of a `Sensor`."""
+
+    def __init__(self, installation: Installation, latency_s: float, resolution: Mapping[str, float]) -> None:
+        self.name = installation.name
+        self.period_ns = installation.period_ns
+        self.latency_ns = round(latency_s * NS_PER_S)
+        self.resolution = resolution
+
+
+def check_order(low: tuple[str, float], high: tuple[str, float]) -> None:
+    """ValueError unless the second of two parameters (name, value) is above the first."""
+    if not high[1] > low[1]:
+        raise ValueError(f"{high[0]} {high[1]:g} must be above {low[0]} {low[1]:g}")
 
 
 class Sensor(Protocol):

@@ -20,6 +20,7 @@ from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.drift import gauss_markov
 from sim.sensors.imu import quantise
 from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.sensor import Installation
 from tests.unit.rotations import rotation
 
 TICK_NS = 4_000_000
@@ -180,8 +181,8 @@ def test_gps_without_errors_is_the_truth() -> None:
 
 
 def test_drift_does_not_depend_on_how_it_was_read() -> None:
-    arguments: dict[str, Any] = {"lanes": 2, "sigma": 1.0, "time_constant_s": 3.0, "period_s": 0.1}
-    steady, jumping = gauss_markov(1, "d", **arguments), gauss_markov(1, "d", **arguments)
+    installation = Installation("d", 100_000_000, 1, SCENE, TICK_NS)
+    steady, jumping = (gauss_markov(installation, lanes=2, sigma=1.0, time_constant_s=3.0) for _ in range(2))
     read = {k: steady.at(k) for k in range(600)}
     for k in (0, 599, 3, 3, 300, 599, 0):
         assert jumping.at(k) == read[k]
