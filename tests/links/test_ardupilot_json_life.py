@@ -1,0 +1,252 @@
+"""The ArduPilot JSON link over a flight's life: reboots, words in both directions, silence, an ended process."""
+
+import math
+import socket
+import threading
+import time
+
+import pytest
+
+from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.codecs.messages import MSGID, pack
+from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
+from firmware_bridge.links.ardupilot_mavlink import MavlinkSide
+from firmware_bridge.transports.tcp import TcpClient
+from firmware_bridge.transports.udp import UdpInbox
+from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
+from tests.links.drive import IMU
+from tests.links.json_sitl import (
+    HOVER,
+    LOOPBACK,
+    TICK_NS,
+    StatusText,
+    beat,
+    command,
+    fly,
+    send,
+    truth,
+    value,
+)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_reboot_ends_a_mission(make, sitl, when):
+    """Seen before our answer (it hung up, we were computing) and while we wait for its."""
+    link = make()
+    sitl.say(StatusText(0, b"Crash: Disarming", 0, 0))
+    fly(link, sitl, 10)
+    new = sitl.reboot()
+    if when == "before":
+        new.ask()
+        with pytest.raises(LinkClosed, match=r"started again.*fell from 10 to 0.*Crash: Disarming") as caught:
+            send(link, 10)
+    else:
+        send(link, 10)
+        new.ask()
+        with pytest.raises(LinkClosed, match="started again") as caught:
+            link.wait(10, 10 * TICK_NS)
+    assert caught.value.cause == "restarted"
+    assert [kind for kind, _ in link.events] == ["restart"]
+    assert new.unread() == []
+    new.close()
+
+
+def test_a_server_goes_along_with_reboots(make, sitl):
+    link = make(on_restart="reset", mavlink=False, reply_limit_s=math.inf, boot_limit_s=math.inf)
+    for _ in range(4):
+        fly(link, sitl, 20)
+        send(link, 20)
+        old, sitl = sitl, sitl.reboot()
+        old.ask()  # a last word of the old one, which gets nothing
+        sitl.ask()
+        with pytest.raises(RestartRequested, match=r"at 0\.050 s"):
+            link.wait(20, 20 * TICK_NS)
+        old.ask(frame_count=20)
+        sitl.ask()
+        assert len(old.unread()) == 1
+        old.close()
+    # Home is where the vehicle stands now, and time begins again.
+    link.observe(truth(0, p_WB=(7.0, 7.0, 7.0)))
+    link.send(0, 0, IMU, None, None, None, b"")
+    text = sitl.take()
+    assert value(text, "position") == [0.0, 0.0, 0.0]
+    assert value(text, "timestamp") == [0.0]
+    assert (link.stats.restarts, link.stats.stale) == (4, 4)
+    sitl.close()
+
+
+def test_a_reboot_on_the_same_source_port_is_one_too(make, sitl):
+    link = make(on_restart="reset")
+    fly(link, sitl, 7)
+    sitl.count = 0
+    sitl.ask()
+    with pytest.raises(RestartRequested, match="fell from 7 to 0"):
+        send(link, 7)
+    fly(link, sitl, 3)
+    assert sitl.unread() == []
+
+
+def test_a_reboot_before_the_first_answer_is_nothing_to_speak_of(make, sitl):
+    link = make()
+    new = sitl.reboot()
+    sitl.ask()
+    new.ask()
+    fly(link, new, 3)
+    assert sitl.unread() == []
+    assert link.stats.restarts == 0
+    new.close()
+
+
+def test_sitl_in_mid_flight_is_not_taken_over(sitl, make):
+    sitl.count = 4711
+    with pytest.raises(HandshakeError, match=r"4711.*start it again") as caught:
+        make()
+    assert caught.value.cause == "midflight"
+    assert sitl.unread() == []
+
+
+def test_words_go_before_the_state_and_telemetry_belongs_to_its_tick(make, sitl):
+    link = make()
+    sitl.say(beat(81))
+    fly(link, sitl, 1)
+    assert [frame.msgid for frame in link.take_frames()] == [MSGID["HEARTBEAT"]]
+    data = send(link, 1, extra=command(400))
+    assert data.startswith(command(400))
+    sitl.take()
+    # The state has come: what was said before it is there without waiting.
+    assert [frame.msgid for frame in sitl.heard()] == [MSGID["COMMAND_LONG"]]
+    sitl.say(beat(81 | 128))
+    sitl.ask()
+    frame = link.wait(1, TICK_NS)
+    assert (frame.armed, frame.mode) == (True, 81 | 128)
+    assert len(link.take_frames()) == 1
+    assert link.take_frames() == []
+
+
+def test_words_for_an_autopilot_not_heard_yet_wait_for_it(make, sitl):
+    link = make()
+    send(link, 0, extra=command(1))
+    sitl.step()
+    link.wait(0, 0)
+    assert sitl.heard() == []
+    sitl.say(beat(81))
+    fly(link, sitl, 1, start=1)
+    send(link, 2, extra=command(2))
+    assert [frame.payload[28] for frame in sitl.heard()] == [1, 2]
+
+
+def test_motors_that_turn_are_armed_before_the_next_heartbeat(make, sitl):
+    link = make()
+    sitl.say(beat(81))
+    assert not fly(link, sitl, 1).armed
+    sitl.pwm = HOVER
+    frame = fly(link, sitl, 1, start=1)
+    assert (frame.armed, frame.mode) == (True, 81 | 128)
+
+
+def test_telemetry_is_read_while_waiting(make, sitl):
+    """Before the answer has come: a SITL over TCP stands still if nobody reads, over UDP words would be lost."""
+    link = make(reply_limit_s=60.0)
+    fly(link, sitl, 1)
+    send(link, 1)
+
+    def talk():
+        for i in range(1, 401):
+            sitl.say(StatusText(6, b"word %d" % i, 0, 0))
+            while i % 50 == 0 and link.stats.rx_frames < i:
+                time.sleep(0.001)
+        sitl.step()
+
+    thread = threading.Thread(target=talk)
+    thread.start()
+    link.wait(1, TICK_NS)
+    thread.join()
+    assert len(link.take_frames()) == 400
+    assert link.stats.lost_frames == 0
+
+
+def test_words_over_tcp_and_again_after_a_reboot(sitl):
+    """SITL's own way: it listens, and asks nothing before a client has come."""
+    listener = socket.create_server((LOOPBACK, 0))
+    inbox, side = UdpInbox(0), MavlinkSide(TcpClient(listener.getsockname()[1]))
+    link = ArduPilotJsonLink(inbox, side, start_process=sitl.attach(inbox, side), on_restart="reset", boot_limit_s=5.0)
+    asked = sitl.ask
+    connections = []
+
+    def wait_for_client_then_ask():
+        connections.append(listener.accept()[0])
+        asked()
+
+    sitl.ask = lambda **changes: threading.Thread(target=wait_for_client_then_ask).start()
+    try:
+        link.open()
+        sitl.ask = asked
+        connections[0].sendall(sitl.encoder.frame(MSGID["HEARTBEAT"], pack(beat(81))))
+        connections[0].setblocking(True)
+        send(link, 0, extra=command(400))
+        assert FrameParser().feed(connections[0].recv(4096))[0].msgid == MSGID["COMMAND_LONG"]
+        sitl.step()
+        link.wait(0, 0)
+        connections.pop().close()
+        new = sitl.reboot()
+        new_asks = threading.Thread(target=lambda: (connections.append(listener.accept()[0]), new.ask()))
+        new_asks.start()
+        send(link, 1)
+        with pytest.raises(RestartRequested):
+            link.wait(1, TICK_NS)
+        new_asks.join()
+        fly(link, new, 3)
+        new.close()
+    finally:
+        link.close()
+        for connection in connections:
+            connection.close()
+        listener.close()
+
+
+def test_silence_is_told_with_what_is_still_heard(make, sitl):
+    link = make(reply_limit_s=0.6)
+    fly(link, sitl, 2)
+    sitl.say(StatusText(2, b"EKF variance", 0, 0))
+    send(link, 2)
+    sitl.ask()  # does not take the answer
+    with pytest.raises(
+        LockstepLost, match=r"repeats frame 2.*1 sent again.*MAVLink is still heard.*process still runs.*EKF variance"
+    ) as caught:
+        link.wait(2, 2 * TICK_NS)
+    assert caught.value.cause == "silent"
+    assert len(sitl.unread()) == 2
+
+
+def test_a_process_that_ended_is_told_with_its_end(make, sitl):
+    link = make(reply_limit_s=30.0)
+    fly(link, sitl, 2)
+    send(link, 2)
+    link._process.alive = False
+    with pytest.raises(LinkClosed, match=r"(?s)exit status 7.*Panic") as caught:
+        link.wait(2, 2 * TICK_NS)
+    assert caught.value.cause == "crashed"
+
+
+def test_nothing_comes_at_all():
+    link = ArduPilotJsonLink(UdpInbox(0), boot_limit_s=0.2)
+    with pytest.raises(HandshakeError, match=r"nothing came at all.*--sim-port-out \d+"):
+        link.open()
+
+
+def test_frame_rate_that_follows_the_tick_is_no_matter(make, sitl):
+    sitl.rate = 401
+    link = make()
+    fly(link, sitl, 1100)
+    assert link.events == []
+
+
+def test_frame_rate_that_stays_elsewhere_is_told_once(make, sitl):
+    link = make(mavlink=False)
+    for tick in range(2200):
+        sitl.rate = max(600, 1200 - tick)  # walks by 1 Hz a packet
+        fly(link, sitl, 1, start=tick)
+    ((kind, text),) = link.events
+    assert kind == "warning"
+    assert "asks for 6" in text
+    assert link.stats.frame_rate_hz == 600
