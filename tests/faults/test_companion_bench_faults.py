@@ -149,8 +149,6 @@ def test_a_pilot_that_is_killed_is_a_named_error(
     [
         ("frame.frame == 10 and time.sleep(60)", "no answer to frame 10 within 0.5 s"),
         ("frame.frame == 10 and os.kill(os.getpid(), signal.SIGSTOP)", "no answer to frame 10 within 0.5 s"),
-        ("1 / (frame.frame - 10)", "the CUT failed: ZeroDivisionError"),
-        ("if frame.frame == 10: return 5", "a CUT returns a Desired or None, not int"),
         ("if frame.frame == 10: sys.exit(0)", "its process ended with exit status 0"),
     ],
 )
@@ -211,11 +209,6 @@ def watch(port: int, then: Callable[[RawClient, dict[str, Any]], bool], *, credi
                 return
 
 
-def dies(client: RawClient, header: dict[str, Any]) -> bool:
-    client.done(header["frame"])
-    return header["frame"] > 30
-
-
 def stalls(client: RawClient, header: dict[str, Any]) -> bool:
     if header["frame"] < 30:
         client.done(header["frame"])
@@ -245,13 +238,6 @@ def floods(client: RawClient, header: dict[str, Any]) -> bool:
     return header["frame"] > 20
 
 
-def leaves_and_returns(client: RawClient, header: dict[str, Any]) -> bool:
-    client.done(header["frame"])
-    client.say("bye", reason="for a moment")
-    client.hello("watcher", topics=["truth"], shared_memory=False)
-    return header["frame"] > 60
-
-
 @pytest.fixture(scope="module")
 def unobserved(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Digest of the flight without observers."""
@@ -260,7 +246,7 @@ def unobserved(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(outcome.run["digest"])
 
 
-@pytest.mark.parametrize("observer", [dies, stalls, garbles, floods, leaves_and_returns])
+@pytest.mark.parametrize("observer", [stalls, garbles, floods])
 def test_an_observer_changes_nothing_whatever_it_does(
     observer: Callable[[RawClient, dict[str, Any]], bool], tmp_path: Path, port: int, unobserved: str
 ) -> None:

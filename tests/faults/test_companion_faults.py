@@ -5,7 +5,6 @@ Every test ends with a healthy client that is served as before.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,7 +13,6 @@ from pathlib import Path
 import msgpack
 import numpy as np
 import pytest
-import zmq
 
 from firmware_bridge.codecs.companion import VERSION, Bye, Credit, Done, Hello, Ping, decode_client
 from firmware_bridge.codecs.errors import CodecError
@@ -167,6 +165,9 @@ def test_answer_without_sense_is_refused_and_the_right_one_still_counts(change: 
         client.done(0)
         assert answered(server)[0].frame == 0
         assert server.stats()["cut"].malformed == 1
+        client.done(0)  # a second answer gives no second credit
+        until(server, lambda: server.stats()["cut"].malformed == 2)
+        assert [(c.name, c.credit) for c in server.clients] == [("cut", 2)]
 
 
 def test_commands_need_control_and_credits_have_a_limit() -> None:
@@ -184,45 +185,6 @@ def test_commands_need_control_and_credits_have_a_limit() -> None:
         assert [(c.name, c.credit) for c in server.clients] == [("cut", 59)]
         client.say("credit", n=5)
         until(server, lambda: [(c.name, c.credit) for c in server.clients] == [("cut", 64)])
-
-
-def test_answering_a_frame_twice_gives_no_second_credit() -> None:
-    with serving() as server, RawClient(server.endpoint) as client:
-        join(server, client, credit=1)
-        step(server, client, 0)
-        client.done(0)
-        server.poll(0.02)
-        assert client.expect("refused")["code"] == "malformed"
-        assert [(c.name, c.credit) for c in server.clients] == [("cut", 1)]
-
-
-@pytest.mark.parametrize("message", ["ping", "nonsense"])
-def test_flood_of_small_messages_does_not_starve_the_others(message: str) -> None:
-    raw = msgpack.packb({"k": "ping", "id": 1, "t_client_ns": 1}) if message == "ping" else b"\xc1"
-    with serving() as server, healthy(server) as fly, RawClient(server.endpoint, sndhwm=5000) as client:
-        join(server, client, "flood")
-        stop = threading.Event()
-
-        def flood() -> None:
-            while not stop.is_set():
-                try:
-                    client.socket.send(raw, zmq.NOBLOCK)
-                except zmq.Again:
-                    time.sleep(0.0002)
-
-        thread = threading.Thread(target=flood)
-        thread.start()
-        try:
-            for _ in range(20):
-                fly()
-            began_s = time.monotonic()
-            replies = server.poll(0.1)
-            took_s = time.monotonic() - began_s
-        finally:
-            stop.set()
-            thread.join()
-        assert replies == []
-        assert took_s < 5.0  # it ends at all: not a measurement
 
 
 @pytest.mark.parametrize("key", ["other key", "no key", "wrong bench"])

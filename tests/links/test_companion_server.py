@@ -31,7 +31,6 @@ from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
 from tests.links.companion_world import (
     FACTS,
     TOPICS,
-    Events,
     RawClient,
     answered,
     arrays_of,
@@ -406,16 +405,6 @@ def test_port_in_use_is_named(tmp_path: Path) -> None:
             CompanionServer(CompanionSettings(bind=bind), FACTS).open()
         join(first, client)
         step(first, client, 0)
-
-
-def test_events_tell_who_came_and_went() -> None:
-    events = Events()
-    with serving(events) as server, RawClient(server.endpoint) as client:
-        join(server, client, control=True)
-        client.say("bye", reason="landed")
-        until(server, lambda: server.living == ())
-        assert events == [("joined", "cut (4 topics, in control)"), ("left", "cut: it left: landed")]
-        assert server.lost == {"cut": "it left: landed"}
 
 
 def test_control_is_refused_where_nothing_desired_is_flown() -> None:

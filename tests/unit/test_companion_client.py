@@ -11,6 +11,7 @@ import threading
 import time
 from multiprocessing import shared_memory
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -376,7 +377,8 @@ def test_curve_lets_in_who_has_the_keys_and_names_what_is_wrong_otherwise(tmp_pa
     socket = context.socket(zmq.ROUTER)
     socket.rcvtimeo = 5000
     try:
-        guard.configure_curve_callback(credentials_provider=_Only(public))
+        allowed = SimpleNamespace(callback=lambda _domain, key: key == public)
+        guard.configure_curve_callback(credentials_provider=allowed)
         socket.curve_server, socket.curve_secretkey, socket.curve_publickey = True, bench_secret, bench_public
         address = f"tcp://127.0.0.1:{socket.bind_to_random_port('tcp://127.0.0.1')}"
         for wrong, words in ((unknown, "does not allow"), (other_bench, "public key"), ({}, "asks for keys")):
@@ -398,14 +400,6 @@ def test_curve_lets_in_who_has_the_keys_and_names_what_is_wrong_otherwise(tmp_pa
         context.destroy(linger=0)
     with pytest.raises(OptionError, match="chmod 600"):
         Client.connect("tcp://127.0.0.1:1", name="x", **(good | {"key": write_key(tmp_path / "o.key", secret, 0o644)}))
-
-
-class _Only:
-    def __init__(self, public: bytes) -> None:
-        self.public = public
-
-    def callback(self, domain: str, key: bytes) -> bool:
-        return key == self.public
 
 
 # --- the runner ---
@@ -551,23 +545,6 @@ def test_the_command_names_what_is_wrong(arguments: list[str], capsys: pytest.Ca
     assert capsys.readouterr().err.startswith("error: ")
 
 
-def test_the_bench_has_the_same_command() -> None:
-    from hil.cli import run_command_line
-
-    def script(bench: Bench) -> None:
-        client = bench.greet()
-        bench.send(client, frame(0))
-        bench.receive("done")
-        bench.send(client, END)
-
-    with running(script) as bench:
-        assert run_command_line(["companion", "echo", "--connect", bench.address, "--topics", "imu,gps"]) == END_STATUS
-    assert bench.of_kind("hello")[0]["topics"] == ["imu", "gps"]
-    assert run_command_line(["companion", "ehco", "--connect", "tcp://127.0.0.1:1"]) == OPTION_STATUS
-    nobody = ["companion", "echo", "--connect", "tcp://127.0.0.1:1", "--wait", "0.1"]
-    assert run_command_line(nobody) == ERROR_STATUS
-
-
 def test_the_bench_s_command_can_hold_what_a_client_desires(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from hil.cli import run_command_line
 
@@ -585,8 +562,9 @@ def test_the_bench_s_command_can_hold_what_a_client_desires(tmp_path: Path, monk
 
     for flags, hold in (([], False), (["--hold"], True)):
         with running(script) as bench:
-            command = ["companion", "hovering_cut:hover", "--connect", bench.address, "--control", *flags]
-            assert run_command_line(command) == END_STATUS
+            command = ["companion", "hovering_cut:hover", "--connect", bench.address, "--topics", "imu,gps"]
+            assert run_command_line([*command, "--control", *flags]) == END_STATUS
+        assert bench.of_kind("hello")[0]["topics"] == ["imu", "gps"]
         assert bench.of_kind("done")[0]["desired"].get("hold", False) is hold
 
 

@@ -198,17 +198,6 @@ def test_coco_refusals() -> None:
         coco_file([picture, picture])
 
 
-def test_pycocotools_reads_the_masks(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    coco_module = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
-    frames = [scene()[0], np.ones((60, 100), np.uint16)]
-    path = tmp_path / "coco.json"
-    path.write_text(coco_of(frames)[0])
-    coco = coco_module.COCO(str(path))
-    for annotation in coco.loadAnns(coco.getAnnIds()):
-        mask = frames[annotation["image_id"] - 1] == annotation["instance_id"]
-        assert np.array_equal(coco.annToMask(annotation).astype(bool), mask)
-
-
 def test_globox_reads_the_boxes(tmp_path) -> None:  # type: ignore[no-untyped-def]
     globox = pytest.importorskip("globox", reason="globox is not installed")
     (tmp_path / "0.xml").write_bytes(annotation_xml("0.png", labels_of(scene()[0]), CLASSES))

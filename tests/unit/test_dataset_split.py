@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.dataset.formats.split import GUARD, SETS, equal_segments, split_frames, split_text
+from hil.dataset.formats.split import GUARD, SETS, equal_segments, split_frames
 from hil.signals.errors import RecordingError
 
 
@@ -35,11 +35,6 @@ def test_segments_are_whole_and_guarded(frames: int, guard: int) -> None:
     used = [(i, name) for i, name in enumerate(split.of_frame) if name != GUARD]
     assert all(b - a > guard for (a, x), (b, y) in pairwise(used) if x != y)
     assert sorted(i for name in (*SETS, GUARD) for i in split.frames(name)) == list(range(frames))
-
-
-def test_same_input_same_split() -> None:
-    assert split_frames(500) == split_frames(500)
-    assert split_text(split_frames(3, guard_frames=0)).splitlines()[0] == "#frame,set"
 
 
 def test_few_frames_make_few_sets() -> None:

@@ -11,6 +11,8 @@ from hil.companion.started import use_client
 from tests.unit.detect_pictures_world import some_objects, write_data_set
 
 use_client()
+from hil_companion.detect.decode import overlaps  # noqa: E402
+
 from hil.detect.arrangement import INPUT_PX, LEVELS  # noqa: E402
 from hil.detect.assign import BACKGROUND, NOTHING, Assigner  # noqa: E402
 from hil.detect.augment import Augmenter, Strength  # noqa: E402
@@ -84,12 +86,6 @@ def test_classes_that_are_not_wanted_are_background(store: PictureStore) -> None
     assert set(e.classes.tolist()) <= {0}
 
 
-def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    common = max(w, 0.0) * max(h, 0.0)
-    return float(common / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - common))
-
-
 def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> None:
     assigner = Assigner(LEVELS, INPUT_PX)
     rng = np.random.default_rng(4)
@@ -107,8 +103,7 @@ def test_every_object_has_anchors_that_overlap_it_and_none_has_another_s() -> No
         for i in classes:  # among its anchors is the one that overlaps it best of all
             half = 0.5 * assigner.anchors_px[:, 2:]
             corners = np.concatenate([assigner.anchors_px[:, :2] - half, assigner.anchors_px[:, :2] + half], axis=1)
-            over = np.array([_iou(c, boxes[i]) for c in corners[found == i]])
-            assert over.max() > 0.1
+            assert overlaps(boxes[i], corners[found == i]).max() > 0.1
 
 
 def test_candidates_are_the_nearest_places_of_each_level() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from hil.companion.started import use_client
 
 use_client()
 from hil_companion.detect.backends import BACKENDS, open_backend  # noqa: E402
-from hil_companion.detect.decode import decode  # noqa: E402
+from hil_companion.detect.decode import decode, overlaps  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import (  # noqa: E402
     SHIPPED,
@@ -56,24 +55,10 @@ def test_no_file_says_where_it_was_made(model: ModelFile) -> None:
         assert not any(word in data for word in (b"/tmp/", b"/home/", b"site-packages"))
 
 
-def test_it_needs_nothing_but_opencv() -> None:
-    """Whatever the folder imports at its head, outside of the other two back ends."""
-    for path in SHIPPED.parents[1].glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            assert not {"torch", "onnxruntime"} & set(names)
-
-
-def iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    common = max(w, 0.0) * max(h, 0.0)
-    return common / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - common)
-
-
 def test_it_sees_the_people(model: ModelFile, rgb: np.ndarray) -> None:
-    found = [d.box_px for d in Detector(model, threshold=LEAST).detect(rgb) if d.label == "person"]
+    found = np.array([d.box_px for d in Detector(model, threshold=LEAST).detect(rgb) if d.label == "person"])
     for person in PEOPLE:
-        assert max(iou(person, box) for box in found) > 0.5
+        assert overlaps(np.array(person), found).max() > 0.5
     empty = Detector(model).detect(np.full_like(rgb, 90))
     assert empty == []
 
@@ -97,9 +82,8 @@ def test_pictures_of_any_size_and_boxes_in_their_own_pixels(model: ModelFile, rg
     wide = np.full((240, 500, 3), 114, np.uint8)
     wide[:, 90:410] = rgb
     wide = cv2.resize(wide, (1000, 480), interpolation=cv2.INTER_LINEAR)
-    for person in PEOPLE[:1]:
-        found = [d.box_px for d in detector.detect(large) if d.label == "person"]
-        assert max(iou(tuple(2.0 * v for v in person), box) for box in found) > 0.5
+    found = np.array([d.box_px for d in detector.detect(large) if d.label == "person"])
+    assert overlaps(2.0 * np.array(PEOPLE[0]), found).max() > 0.5
     for d in detector.detect(wide):
         assert 0.0 <= d.box_px[0] < d.box_px[2] <= 1000.0
         assert 0.0 <= d.box_px[1] < d.box_px[3] <= 480.0

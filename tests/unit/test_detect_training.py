@@ -21,7 +21,6 @@ from tests.unit.detect_pictures_world import some_objects, write_data_set  # noq
 
 use_client()
 from hil_companion.detect import decode as numpy_decode  # noqa: E402
-from hil_companion.detect.backends import open_backend  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
 
@@ -144,18 +143,6 @@ def test_back_ends_find_the_same_boxes_as_the_network(model: Any, backend: str) 
     for e in expected:
         same = [f for f in found if f.label == e.label and np.abs(np.subtract(f.box_px, e.box_px)).max() < 1.0]
         assert same or e.score < 0.32, e
-
-
-def test_pictures_of_other_sizes_go_through_every_step(model: Any) -> None:
-    _, file = model
-    detector = open_backend("opencv", file, 1)
-    assert detector.name == "opencv"
-    for size in ((480, 640), (100, 300), (241, 319)):
-        rgb = np.random.default_rng(1).integers(0, 255, (*size, 3)).astype(np.uint8)
-        for d in Detector(file).detect(rgb):
-            x0, y0, x1, y1 = d.box_px
-            assert 0.0 <= x0 < x1 <= size[1]
-            assert 0.0 <= y0 < y1 <= size[0]
 
 
 def test_the_description_carries_the_threshold(model: Any) -> None:

@@ -96,21 +96,14 @@ def test_a_lidar_that_hangs_is_a_lost_one() -> None:
     assert flat.least_m >= CLEAR_M
 
 
-def test_without_a_lidar_it_does_not_climb() -> None:
-    flat = Flat((), (20.0, 0.0), lidar=lambda _t_s, _points: None)
-    flat.p[2] = 0.2
-    flat.fly(10.0)
-    assert flat.outcome == "lidar_lost"
-    assert flat.explorer.finished
-    assert flat.p[2] == pytest.approx(0.2)
-
-
-def test_a_lidar_lost_in_the_climb_ends_it_at_that_height() -> None:
-    flat = Flat((), (20.0, 0.0), lidar=lambda t_s, points: points if t_s < 1.5 else None)
+@pytest.mark.parametrize(("lost_s", "lowest_m", "highest_m"), [(0.0, 0.2 - 1e-7, 0.2 + 1e-7), (1.5, 0.5, 3.0)])
+def test_a_lidar_lost_in_the_climb_ends_it_at_that_height(lost_s: float, lowest_m: float, highest_m: float) -> None:
+    flat = Flat((), (20.0, 0.0), lidar=lambda t_s, points: points if t_s < lost_s else None)
     flat.p[2] = 0.2
     flat.fly(12.0)
     assert flat.outcome == "lidar_lost"
-    assert 0.5 < flat.p[2] < 3.0
+    assert flat.explorer.finished
+    assert lowest_m < flat.p[2] < highest_m
 
 
 def test_not_knowing_what_is_level_it_hovers_and_then_says_so() -> None:
@@ -129,14 +122,20 @@ def test_not_knowing_what_is_level_it_hovers_and_then_says_so() -> None:
         assert flat.fly(30.0).outcome == outcome
 
 
-def test_an_estimate_that_flies_away_is_none() -> None:
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [({"v_W": np.array([18.0, 0.0, 0.0])}, ""), ({"p_W": np.array([math.nan, 0.0, 5.0])}, "position")],
+)
+def test_an_estimate_that_flies_away_or_is_no_place_stops_it(wrong: dict[str, np.ndarray], why: str) -> None:
     flat = Flat((), (25.0, 0.0), settings={"stuck_s": 3.0})
     for _ in range(20):
         flat.step()
+    assert flat.fastest_mps > 1.0
     known = flat.localiser.update
-    flat.localiser.update = lambda frame: dataclasses.replace(known(frame), v_W=np.array([18.0, 0.0, 0.0]))
+    flat.localiser.update = lambda frame: dataclasses.replace(known(frame), **wrong)
     flat.fly(10.0)
     assert flat.outcome == "stuck"
+    assert why in flat.explorer.report.why
     assert float(np.hypot(*flat.v[:2])) < 0.05
 
 
@@ -166,25 +165,6 @@ def test_a_lidar_that_comes_back_is_flown_on_with() -> None:
 
     flat = Flat((), (12.0, 0.0), lidar=gap).fly()
     assert flat.outcome == "goal"
-
-
-def test_a_position_that_nobody_knows_stops_it() -> None:
-    flat = Flat((), (25.0, 0.0), settings={"stuck_s": 3.0})
-    for _ in range(20):
-        flat.step()
-    assert flat.fastest_mps > 1.0
-    known = flat.localiser.update
-
-    def unknown(frame: Any) -> Any:
-        estimate = known(frame)
-        estimate.p_W[0] = math.nan
-        return estimate
-
-    flat.localiser.update = unknown
-    flat.fly(10.0)
-    assert flat.outcome == "stuck"
-    assert "position" in flat.explorer.report.why
-    assert float(np.hypot(*flat.v[:2])) < 0.05
 
 
 def test_a_goal_beyond_every_map_is_no_path() -> None:
