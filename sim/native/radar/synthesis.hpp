@@ -27,8 +27,6 @@ namespace hil::sim::radar {
 
 constexpr double kRounding = 1.5e-13;   // relative, of grids in double, with room
 
-constexpr double kMinTolerance = 1e-12, kMaxTolerance = 0.1;
-
 struct SynthesisReport {
     std::size_t echoes = 0;    // that weigh anything
     std::size_t dropped = 0;   // of those
