@@ -1,9 +1,8 @@
-"""Who is posed in a geometry, and when; actors in Python beside the native ones."""
+"""Who is posed in a geometry, and when. tests/accuracy/test_frame_scenes.py has native walkers against `mj_ray`."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,6 @@ from hypothesis import strategies as st
 
 from hil.signals.samples import Vec3
 from sim._kernels import FieldOfView, Geometry, RayCaster, Reach, SceneActors, Vicinity
-from sim.frame.geometry import FrameGeometry
-from sim.scene.scene import load_scene
-from sim.scene.world import load_world
 
 ONE = np.zeros(1, np.int32)
 COORDINATE = st.floats(-30.0, 30.0)
@@ -109,42 +105,6 @@ def test_posed_once_a_moment_hidden_when_missed_and_brought_back() -> None:
     assert (actors.bring(2_000_000_000, here), seen_m()) == (1, 6.0)
     assert (actors.bring(30_000_000_000, here), actors.absent(30_000_000_000), seen_m()) == (0, 2, math.inf)
     assert (actors.bring(30_000_000_000, None), seen_m()) == (2, 34.0)
-
-
-class InPython:
-    """A native actor as one that is written in Python."""
-
-    def __init__(self, actor: Any) -> None:
-        self._actor = actor
-        self.name, self.bodies, self.max_speed_mps = actor.name, actor.bodies, actor.max_speed_mps
-
-    def bound(self, t_ns: int) -> tuple[Vec3, float]:
-        found: tuple[Vec3, float] = self._actor.bound(t_ns)
-        return found
-
-    def pose(self, *arguments: Any) -> None:
-        self._actor.pose(*arguments)
-
-
-def test_native_walkers_are_posed_as_the_same_in_python() -> None:
-    world = load_world(load_scene("city_park"))
-    wrapped = replace(world, map=replace(world.map, actors=tuple(InPython(a) for a in world.map.actors)))
-    geometries = FrameGeometry(world), FrameGeometry(wrapped)
-    rng = np.random.default_rng(5)
-    n = 20_000
-    origins = rng.uniform((-30.0, -30.0, 0.2), (30.0, 30.0, 1.8), (n, 3))
-    directions = rng.normal(size=(n, 3)) * (1.0, 1.0, 0.05)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    persons = np.flatnonzero(np.isin(world.geom_class, [world.class_names.index("person")]))
-    for t_ns in (0, 7_654_321_000, 41_000_000_000):
-        met = []
-        for geometry in geometries:
-            geometry.pose(t_ns)
-            range_m, geom = np.empty(n), np.empty(n, np.int32)
-            RayCaster(geometry.native).cast(origins, directions, 0.0, 100.0, range_m, geom)
-            assert np.isin(geom, persons).sum() > 50
-            met.append((range_m.tobytes(), geom.tobytes()))
-        assert met[0] == met[1]
 
 
 def test_refusals() -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim import _kernels
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.maps.walker import Walker
-from tests.reference.walker_reference import Steps
 from tests.unit.rotations import rotation
 
 Float64 = NDArray[np.float64]
@@ -25,10 +25,12 @@ def walkers() -> list[Walker]:
         Walker("a", Figure(1.58), WalkPath(POLYGON, 0.8, start_lap=0.3)),
         Walker("b", Figure(1.75), WalkPath(POLYGON[::-1], 1.2, corner_m=0.8), ground_m=0.12),
         Walker("c", Figure(1.92), there_and_back((1.0, 0.0), (7.0, 0.0), 1.6, lane_m=0.5)),
+        Walker("d", Figure(1.0), WalkPath([(1.0, 2.0), (2.0, 2.5), (0.5, 4.0)], 0.4), ground_m=0.3),  # mostly corner
+        Walker("e", Figure(2.1), WalkPath(POLYGON, 2.2, start_lap=0.9)),
     ]
 
 
-@pytest.fixture(params=range(3), ids=["slow", "kerb", "there_and_back"])
+@pytest.fixture(params=range(5), ids=["slow", "kerb", "there_and_back", "small", "tall_and_fast"])
 def walker(request: pytest.FixtureRequest) -> Walker:
     return walkers()[request.param]
 
@@ -98,6 +100,12 @@ def test_joints_hold_together(walker: Walker) -> None:
     f = walker.figure
     for k in range(200):
         p, q, _, _ = posed(walker, k * 91_000_003)
+        for limb, length_m, apart_m in (
+            ("thigh", f.thigh_m, f.hip_half_m),
+            ("upper_arm", f.upper_arm_m, f.shoulder_half_m),
+        ):
+            left, right = (limb_end(walker, p, q, f"{limb}_{side}", length_m / 2) for side in "lr")
+            assert math.dist(left, right) == pytest.approx(2.0 * apart_m, rel=6e-3)  # hips turn by 0.1 rad
         for side in "lr":
             knee = limb_end(walker, p, q, f"thigh_{side}", -f.thigh_m / 2)
             assert np.allclose(knee, limb_end(walker, p, q, f"shank_{side}", f.shank_m / 2), atol=1e-12)
@@ -130,7 +138,7 @@ def test_feet_stand_on_the_ground_and_do_not_slip_on_straights(walker: Walker) -
             assert heights.min() > -1e-9
             lowest = min(lowest, float(heights.min()))
             own = (walker.phase(t) + (0.5 if side == "r" else 0.0)) % 1.0
-            if own >= Steps.of(walker).stance:
+            if own >= walker.gait[15]:
                 continue
             slip = float(np.linalg.norm(velocities[int(heights.argmin())]))
             if turning:
@@ -197,3 +205,26 @@ def test_a_path_needs_an_area() -> None:
         WalkPath([(0.0, 0.0), (1.0, 0.0)], 1.0)
     with pytest.raises(ValueError, match="turns back on itself"):
         WalkPath([(0.0, 0.0), (5.0, 0.0), (2.0, 0.0)], 1.0)
+
+
+def test_what_the_kernels_refuse() -> None:
+    walker = Walker("w", Figure(1.7), WalkPath(POLYGON, 1.2))
+    p, q, v, w = posed(walker, 0)
+    with pytest.raises(TypeError):
+        walker.pose(0, p[:-1], q, v, w)
+    rest = {"path": walker.path, "cycles_per_m": 1.0, "ground_m": 0.0, "bound_z_m": 1.0, "bound_radius_m": 1.0}
+    with pytest.raises(TypeError):
+        _kernels.Walker(shape=walker.gait[:-1], **rest)
+    with pytest.raises(ValueError, match="longer than the legs"):
+        _kernels.fit_gait(Figure(1.7).lengths_m, 9.0, 4.0)
+    tables = {name: np.array(getattr(walker.path, name)) for name in ("pieces", "straights", "corners")}
+    _kernels.WalkPath(**tables, lap_s=1.0, offset_s=0.0)
+    for times in ({"lap_s": 0.0, "offset_s": 0.0}, {"lap_s": 1.0, "offset_s": float("nan")}):
+        with pytest.raises(ValueError, match="finite time"):
+            _kernels.WalkPath(**tables, **times)
+    assert np.isnan(walker.path.place(float("nan"))[:2]).all()
+    for name, table in tables.items():
+        with pytest.raises(ValueError, match="as many corners"):
+            _kernels.WalkPath(**tables | {name: table[:0]}, lap_s=1.0, offset_s=0.0)
+        with pytest.raises(TypeError):
+            _kernels.WalkPath(**tables | {name: table[:, :-1].copy()}, lap_s=1.0, offset_s=0.0)
