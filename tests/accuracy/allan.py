@@ -39,11 +39,6 @@ def markov_variance(sigma: float, phi: float, m: NDArray[np.float64]) -> NDArray
     return sigma * sigma * (own - phi * (rest / one_less) ** 2) / (m * m)
 
 
-def overlapping(values: NDArray[np.float64], m: int) -> float:
-    """Overlapping Allan deviation of `values` over m samples."""
-    return overlapping_of_sum(running_sum(values), m)
-
-
 def running_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(values - values.mean())])
 

@@ -82,6 +82,8 @@ def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: st
     rays_C = camera.model.rays()  # type: ignore[attr-defined]
     rng = np.random.default_rng(1)
     agreed = 0
+    assert sample.p_WC == pytest.approx(Mount(**MOUNT).pose(state).p_WC)  # the stamp is the middle row's
+    assert sample.q_WC == pytest.approx(Mount(**MOUNT).attitude(state))
     for row in rng.choice(72, 24, replace=False):
         late_s = readout_s * ((row // 4 * 4 + 2) / 72 - 0.5)
         p_WB, q_WB, v_WB_W, w_WB_B = moved(state, late_s)

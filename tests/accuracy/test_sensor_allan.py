@@ -23,7 +23,6 @@ from tests.accuracy.allan import (
     line,
     markov_variance,
     octaves,
-    overlapping,
     overlapping_of_sum,
     running_sum,
     spread,
@@ -76,18 +75,6 @@ def test_closed_form_of_the_running_processes_follows_the_line(preset: str, rate
         assert np.abs(ratio - 1.0).max() < 0.02, AXES[axis]
 
 
-def test_closed_forms_agree_with_plain_sums() -> None:
-    phi, sigma = 0.9, 1.3
-    for m in (1, 2, 5, 40):
-        lag = np.arange(m)
-        cov = sigma * sigma * phi ** np.abs(np.arange(2 * m)[:, None] - np.arange(2 * m)[None, :])
-        weight = np.concatenate([-np.ones(m), np.ones(m)]) / m
-        assert markov_variance(sigma, phi, np.array([float(m)]))[0] == pytest.approx(0.5 * weight @ cov @ weight)
-        steps = np.minimum.outer(np.arange(2 * m), np.arange(2 * m)) * 0.49
-        assert walk_variance(0.7, np.array([float(m)]))[0] == pytest.approx(0.5 * weight @ steps @ weight)
-        assert lag.size == m
-
-
 def test_flicker_is_flat_within_what_its_module_states() -> None:
     """The minimax fit: 0.7 % of the floor's deviation over the five decades."""
     tau = np.geomspace(LOW_S, HIGH_S, 2000)
@@ -98,17 +85,6 @@ def test_flicker_is_flat_within_what_its_module_states() -> None:
     deviation = np.sqrt(total / (2 * math.log(2) / math.pi))
     assert np.abs(deviation - 1.0).max() < 0.0072
     assert math.sqrt(sum(WEIGHTS)) == pytest.approx(2.2, abs=0.05)
-
-
-def test_flicker_alone_shows_its_floor() -> None:
-    """Nothing else on: the estimate lies on 0.664 B where the processes are sampled finely enough."""
-    quiet = {"accel_noise_mps2_per_rthz": 0.0, "accel_walk_mps3_per_rthz": 0.0, "accel_bias_instability_mps2": 1e-3}
-    noise = imu("icm20689", 10.0, **quiet).noise(0, 300_000)[:, :3]
-    for tau_s in (3.0, 10.0, 30.0, 100.0):
-        m = round(tau_s * 10)
-        mean = math.sqrt(np.mean([overlapping(noise[:, i], m) ** 2 for i in range(3)]))
-        scatter = spread(3 * len(noise), m)
-        assert mean == pytest.approx(math.sqrt(2 * math.log(2) / math.pi) * 1e-3, rel=0.015 + 4 * scatter)
 
 
 def worst_deviation(preset: str, noise: np.ndarray, dt: float, low_s: float, high_s: float) -> dict[str, float]:

@@ -97,14 +97,6 @@ def test_dtypes_and_lengths() -> None:
     sensor = lidar(frames_of(BALLS))
     a = sensor.sample(truth_at(T_NS), 1)
     n = len(a.range_m)
-    shapes = {
-        "points_L": (n, 3),
-        "range_m": (n,),
-        "intensity": (n,),
-        "ring": (n,),
-        "time_offset_ns": (n,),
-        "segmentation": (n,),
-    }
     kinds = {
         "points_L": "<f4",
         "range_m": "<f4",
@@ -114,10 +106,10 @@ def test_dtypes_and_lengths() -> None:
         "segmentation": "|u1",
     }
     assert n > 500
-    for field, shape in shapes.items():
+    for field, kind in kinds.items():
         values = getattr(a, field)
-        assert values.shape == shape
-        assert values.dtype == np.dtype(kinds[field])
+        assert values.shape == ((n, 3) if field == "points_L" else (n,))
+        assert values.dtype == np.dtype(kind)
         assert not values.flags.writeable
     assert set(a.ring.tolist()) <= set(range(5))
     assert a.time_offset_ns.min() >= -T_NS
@@ -303,9 +295,7 @@ def test_a_wide_beam_at_an_edge_meets_both_surfaces() -> None:
     assert counts["last"] < counts["strongest"] <= counts["first"]
 
 
-def test_a_lidar_without_a_world_or_with_a_million_points_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"'lidar'.*frames"):
-        lidar(None)
+def test_a_lidar_with_a_million_points_is_refused() -> None:
     huge = FAN | {"elevation_deg": tuple(float(x) for x in range(-80, 80)), "columns": 100_000}
     with pytest.raises(ValueError, match="16000000 points"):
         lidar(frames_of(BALLS), pattern=huge)

@@ -195,19 +195,6 @@ def test_windows_and_pattern_leave_out_what_they_say(world: World) -> None:
 
 
 @pytest.mark.parametrize(
-    ("mask", "words"),
-    [
-        (Mask(classes=("persn",)), "'persn'; did you mean 'person'"),
-        (Mask(azimuth_deg=(40.0, 60.0)), "leave no pixel of the camera's 37 x 11: azimuth_deg 40 to 60"),
-        (Mask(elevation_deg=(89.0, 90.0)), "leave no pixel"),
-    ],
-)
-def test_masks_that_leave_nothing(world: World, mask: Mask, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        Scatterers(CAMERA, world, CHIRP, ANTENNA, RECEIVER, mask)
-
-
-@pytest.mark.parametrize(
     ("values", "words"),
     [
         ({"classes": ()}, "nothing that can be seen"),
@@ -237,14 +224,6 @@ def test_pictures_that_do_not_fit(world: World) -> None:
     picture["material"][3, 4] = len(world.surfaces)
     with pytest.raises(ValueError, match="1 pixels show a surface beyond the world's"):
         made.collect(picture)
-
-
-def test_an_empty_picture_has_no_echoes(world: World) -> None:
-    made = Scatterers(CAMERA, world, CHIRP, ANTENNA, RECEIVER)
-    picture = facing(CAMERA, math.inf)
-    echoes = made.collect(picture)
-    assert echoes.direction_R.shape == (0, 3)
-    assert made.last.sky == 407
 
 
 def test_air_has_no_echo(tmp_path: Path) -> None:

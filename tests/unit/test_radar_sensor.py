@@ -25,7 +25,6 @@ from sim.scene.scene import load_scene
 from sim.scene.world import load_world
 from sim.sensors.camera import Camera
 from sim.sensors.catalog import PRESETS, make_sensor
-from sim.sensors.faults import FAULT_LIST, FaultySensor, fault_problems
 from sim.sensors.radar import Radar
 from sim.sensors.radar_parameters import RadarParameters
 from tests.unit.recorded_flight import TICK_NS, make_flight
@@ -264,32 +263,10 @@ def test_the_person_is_where_it_is() -> None:
 
 
 def test_wrong_installations_are_refused() -> None:
-    with pytest.raises(ValueError, match="needs the world's geometry"):
-        made("radar", "bgt60tr13c", None, None)
     with pytest.raises(ValueError, match=r"lower its rate_hz to 39\.964 or less"):
         radar(rate_hz=50.0)
     with pytest.raises(ValueError, match="'front' has not been given"):
         made("radar", "bgt60tr13c", CountedFrames(), None, frame="front")
-
-
-def test_frames_freeze_and_drop_out_and_nothing_else() -> None:
-    freeze, drop, offset = FAULT_LIST.validate_python(
-        [
-            {"sensor": "radar", "kind": "freeze", "at_s": 0.15, "until_s": 0.35},
-            {"sensor": "radar", "kind": "dropout", "at_s": 0.35},
-            {"sensor": "radar", "kind": "offset", "at_s": 0.0, "value": 1.0},
-        ]
-    )
-    faulty, sound = FaultySensor(radar(), [freeze, drop]), radar()
-    samples = [faulty.sample(truth(25 * k), k) for k in range(5)]
-    expected = [sound.sample(truth(25 * k), k) for k in range(5)]
-    assert samples[:2] == expected[:2]
-    assert samples[2] is not None
-    assert samples[2].t_capture_ns == expected[2].t_capture_ns
-    assert samples[2].channels is samples[3].channels is samples[1].channels  # type: ignore[union-attr]
-    assert samples[4] is None
-    ((_, key, text),) = fault_problems([offset], {"radar": RadarSample})
-    assert (key, "does not act on frames" in text) == ("kind", True)
 
 
 SWEEP = Sweep(60.8e9, 0.4e9, 2e6, 390.975e-6)

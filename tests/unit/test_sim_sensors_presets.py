@@ -25,7 +25,7 @@ SCENE = load_scene("airfield")
 PLAIN = sorted(name for name, preset in PRESETS.items() if not KINDS[preset.kind].needs_frames)
 FRAMED = sorted(set(PRESETS) - set(PLAIN))
 WITH_NOISE: dict[str, dict[str, Any]] = {
-    "camera": {"noise": {"electrons_at_white": 300.0}},
+    "camera": {"noise": {"electrons_at_white": 300.0}, "vignetting": 0.5, "rolling_shutter_s": 0.02},
     "lidar": {"beam_divergence_rad": 0.003},
     "radar": {"mount_m": (0.0, 0.0, 1.0)},
 }
@@ -140,6 +140,8 @@ def test_what_sees_the_world_gives_the_same_bytes_for_the_same_seed_and_shares_n
             name, preset=preset, rate_hz=10.0, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=values, frames=frames
         )
 
+    with pytest.raises(ValueError, match=r"'s'.*frames"):
+        make_sensor("s", preset=preset, rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS)
     a, b, neighbour = made(), made(), made("t")
     samples = []
     for k in range(3):
