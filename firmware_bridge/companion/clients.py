@@ -30,14 +30,9 @@ class ClientStats:
 
     frames: int = 0  # sent
     dropped: int = 0  # not sent: no credit, no room, or not joined yet
-    answered: int = 0
-    skipped: int = 0  # sent, and passed over by the client for a newer one
     bytes: int = 0  # of headers and arrays sent; of arrays in shared memory too
     malformed: int = 0
     returned: int = 0
-    t1: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sends to client has it
-    t2: LatencyHistogram = field(default_factory=LatencyHistogram)  # the client's function
-    t3: LatencyHistogram = field(default_factory=LatencyHistogram)  # client sends to bench has it
     overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sets about sending to answer, less t2
     clock_offset_ns: int = 0  # client's clock minus the bench's, the last reading
 
@@ -96,12 +91,7 @@ class Client:
         self.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
         reading, stats = self.clock.best, self.stats
         offset_ns = 0 if reading is None else reading.offset_ns
-        stats.skipped += len(answered) - 1
-        stats.answered += 1
         stats.clock_offset_ns = offset_ns
-        stats.t1.add(done.t_received_ns - offset_ns - sent.t_sent_ns)
-        stats.t2.add(done.t2_ns)
-        stats.t3.add(t_ns - (done.t_sent_ns - offset_ns))
         stats.overhead.add(t_ns - sent.t_begun_ns - done.t2_ns)
         reply = Reply(
             self.name,

@@ -27,7 +27,7 @@ from hil.dataset.manifest import saved_bench
 from hil.dataset.moments import Batch
 from hil.dataset.plan import DatasetPlan, make_plan
 from hil.dataset.tree import JOURNAL, WORK, TreeWriter
-from hil.dataset.workers import Job, Made, Maker, Workers
+from hil.dataset.workers import Job, Made, Workers
 from hil.frame_stages import make_frames
 from hil.signals.errors import RecordingError
 from sim.frame.mount import Mount
@@ -69,24 +69,14 @@ def stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rate:
     return Rate(frames, wall_s, float(steady[1]))
 
 
-class SampleOnly:
+class SampleOnly(BatchDrawer):
     """Draws, sweeps and computes all samples of a batch, and drops them."""
-
-    def __init__(self, drawer: BatchDrawer) -> None:
-        self._drawer = drawer
 
     def __call__(self, job: Job) -> Made:
         for moment in job.batch.moments:
             for look in moment.looks:
-                self._drawer.sample(moment.truth, look)
+                self.sample(moment.truth, look)
         return Made(job.batch.index, found=False)
-
-
-class SampleFactory(DrawerFactory):
-    """Makes those."""
-
-    def __call__(self) -> Maker:
-        return SampleOnly(self.drawer())
 
 
 def not_stored(plan: DatasetPlan) -> Rate:
@@ -97,7 +87,7 @@ def not_stored(plan: DatasetPlan) -> Rate:
         tree = TreeWriter(Path(folder))
         for name, data in saved_bench(plan).items():
             tree.write(name, data)
-        with Workers(cores(), SampleFactory(plan, plan.frames, plan.quality, Path(folder))) as pool:
+        with Workers(cores(), DrawerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)) as pool:
 
             def collect(*, block: bool) -> None:
                 for _ in pool.collect(block=block):

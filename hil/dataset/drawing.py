@@ -28,7 +28,9 @@ from hil.dataset.frame_chunk import EncodedFrames, pack_frames
 from hil.dataset.journal import BatchRecord, StoredChunk
 from hil.dataset.moments import Batch, Look
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
+from hil.dataset.recording import part_path
 from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
+from hil.dataset.workers import Job, Made
 from hil.frame_stages import description, make_frames
 from hil.signals.errors import RecordingError
 from hil.signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
@@ -98,6 +100,14 @@ class BatchDrawer:
             t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
         )
 
+    def __call__(self, job: Job) -> Made:
+        """Leave what is there and whole, make the rest. RecordingError."""
+        before = job.expected
+        found = before is not None and self.is_whole(before, part_path(self.root), job.offset)
+        if not found:
+            self.make(job.batch)
+        return Made(job.batch.index, found)
+
     def make(self, batch: Batch) -> None:
         """Draw and write everything of a batch; its record and its chunk of the recording are left for
         `take_finished`. RecordingError."""
@@ -150,19 +160,8 @@ class StoringWork:
 
     def finish(self) -> None:
         """Leave the record and the chunk of the recording in a file for who puts them together. RecordingError."""
-        packed, channels = pack_frames(list(self._d.series.values()))
-        data = b"".join(packed.parts)
-        chunk = StoredChunk(
-            packed.size,
-            crc32(data),
-            packed.chunk_bytes,
-            packed.plain_size,
-            packed.first_ns,
-            packed.last_ns,
-            packed.index_offsets,
-            packed.counts,
-            channels,
-        )
+        data, facts, channels = pack_frames(list(self._d.series.values()))
+        chunk = StoredChunk(len(data), crc32(data), facts, channels)
         path = _finished_path(self._d.root, self._batch.index)
         try:
             path.write_bytes(pickle.dumps((self._record(chunk), data)))

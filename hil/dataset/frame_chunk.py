@@ -16,7 +16,7 @@ from mcap.records import Channel, Schema
 from hil.recorder.cdr import schema_text
 from hil.recorder.frame_description import FrameDescription
 from hil.recorder.frame_series import FrameSeries
-from hil.recorder.mcap_file import Block, McapFile, PackedChunk, pack_chunk
+from hil.recorder.mcap_file import Block, ChunkFacts, McapFile, pack_chunk
 from hil.recorder.ros2_messages import DEFINITIONS
 from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, FrameSample, ImageSample
 
@@ -83,8 +83,8 @@ class EncodedFrames(FrameSeries):
             topic.add(sample, log_ns, {}, png[name])
 
 
-def pack_frames(series: list[EncodedFrames]) -> tuple[PackedChunk, tuple[Declared, ...]]:
-    """The chunk, and the channels in it."""
+def pack_frames(series: list[EncodedFrames]) -> tuple[bytes, ChunkFacts, tuple[Declared, ...]]:
+    """The chunk, what the summary says of it, and the channels in it."""
     blocks = [block for one in series for block in one.take_blocks()]
     known = {number: declared for one in series for number, declared in one.book.declared.items()}
     declared = tuple(known[block.channel] for block in blocks)
@@ -95,7 +95,7 @@ def pack_frames(series: list[EncodedFrames]) -> tuple[PackedChunk, tuple[Declare
             schemas.add(schema.id)
             schema.write(news)
         channel.write(news)
-    return pack_chunk(blocks, news.end()), declared
+    return *pack_chunk(blocks, news.end()), declared
 
 
 @cache

@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.tree import Written, unwritable
+from hil.recorder.mcap_file import ChunkFacts
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,7 @@ class StoredChunk:
 
     size: int
     crc32: int
-    chunk_bytes: int
-    plain_size: int
-    first_ns: int
-    last_ns: int
-    index_offsets: dict[int, int]
-    counts: dict[int, int]
+    facts: ChunkFacts
     channels: tuple[tuple[int, str, str], ...]  # number, topic, type
 
 

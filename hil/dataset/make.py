@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from hil.config import load_bench
-from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.drawing import BatchDrawer
 from hil.dataset.finish import finish
 from hil.dataset.flight import fly_for_frames
@@ -32,10 +31,10 @@ from hil.dataset.manifest import (
 from hil.dataset.pipeline import Pipeline
 from hil.dataset.plan import DatasetPlan
 from hil.dataset.progress import FrameProgress
-from hil.dataset.recording import DatasetRecording, part_path
-from hil.dataset.tables import Tables
+from hil.dataset.recording import DatasetRecording
+from hil.dataset.tables import Checkpoints, Tables
 from hil.dataset.tree import JOURNAL, TreeWriter, Written, locked, make_folder
-from hil.dataset.workers import Job, Made, Maker, Workers
+from hil.dataset.workers import Maker, Workers
 from hil.signals.classes import Classes
 
 
@@ -69,30 +68,14 @@ class DrawerFactory:
     frames: int
     quality: str
     root: Path
+    kind: type[BatchDrawer] = BatchDrawer
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "plan": None}
 
-    def __call__(self) -> Maker:
-        return BatchWork(self.drawer())
-
-    def drawer(self) -> BatchDrawer:
+    def __call__(self) -> BatchDrawer:
         plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
-        return BatchDrawer(plan, self.root)
-
-
-class BatchWork:
-    """Does jobs: what is there and whole is left, the rest is made."""
-
-    def __init__(self, drawer: BatchDrawer) -> None:
-        self._drawer = drawer
-
-    def __call__(self, job: Job) -> Made:
-        before, root = job.expected, self._drawer.root
-        found = before is not None and self._drawer.is_whole(before, part_path(root), job.offset)
-        if not found:
-            self._drawer.make(job.batch)
-        return Made(job.batch.index, found)
+        return self.kind(plan, self.root)
 
 
 def make_dataset(plan: DatasetPlan, root: Path, means: Means = Means()) -> DatasetResult:

@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.drawing import take_finished
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.journal import BatchRecord, Journal
 from hil.dataset.moments import Batch
 from hil.dataset.recording import DatasetRecording
-from hil.dataset.tables import Tables
+from hil.dataset.tables import Checkpoints, Tables
 from hil.dataset.workers import Job, Made, Workers
 from hil.signals.errors import RecordingError
 

@@ -15,7 +15,7 @@ from hil.dataset.flight import FlightPart
 from hil.dataset.frame_chunk import records_of
 from hil.dataset.journal import StoredChunk
 from hil.dataset.tree import PART, RECORDING, unwritable
-from hil.recorder.mcap_file import McapFile, PackedChunk, SafeFile
+from hil.recorder.mcap_file import McapFile, SafeFile
 from hil.recorder.mcap_sink import EventSeries, TopicWriters
 from hil.recorder.topics import SAMPLE_TOPICS, TRUTH_TOPICS
 from hil.signals.errors import RecordingError
@@ -77,18 +77,7 @@ class DatasetRecording:
             self._safe.skip(chunk.size)
         for declared in chunk.channels:
             self._mcap.know(*records_of(declared))
-        packed = PackedChunk(
-            (),
-            chunk.chunk_bytes,
-            "",
-            chunk.plain_size,
-            chunk.plain_size,
-            chunk.first_ns,
-            chunk.last_ns,
-            chunk.index_offsets,
-            chunk.counts,
-        )
-        self._mcap.adopt(packed, start)
+        self._mcap.adopt(chunk.facts, start)
 
     def finish(self, metadata: Mapping[str, str]) -> None:
         """Write the summary and give the file its name."""

@@ -21,7 +21,7 @@ import warnings
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from hil.dataset.journal import BatchRecord
 from hil.dataset.moments import Batch
@@ -46,10 +46,7 @@ class Made(NamedTuple):
     found: bool
 
 
-class Maker(Protocol):
-    """Whatever does a job, in the worker."""
-
-    def __call__(self, job: Job) -> Made: ...
+Maker = Callable[[Job], Made]  # whatever does a job, in the worker
 
 
 class Workers:

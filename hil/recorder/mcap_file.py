@@ -85,10 +85,9 @@ class WaitingRecords:
         return block
 
 
-class PackedChunk(NamedTuple):
-    """A chunk with its message indexes, ready to be written at any place of a file."""
+class ChunkFacts(NamedTuple):
+    """What a file's summary says of a chunk, wherever in the file it stands."""
 
-    parts: tuple[bytes, ...]  # what is written, in pieces
     chunk_bytes: int  # of the chunk record alone; the message indexes follow it
     compression: str
     compressed_size: int
@@ -98,15 +97,14 @@ class PackedChunk(NamedTuple):
     index_offsets: dict[int, int]  # channel: where its message index begins, from the beginning of the chunk
     counts: dict[int, int]  # channel: messages
 
-    @property
-    def size(self) -> int:
-        return sum(map(len, self.parts))
-
 
 def pack_chunk(
     blocks: Sequence[Block], news: bytes = b"", compressor: zstandard.ZstdCompressor | None = None
-) -> PackedChunk:
-    """Blocks with messages, at least one. `news`: records of schemas and channels that the chunk carries."""
+) -> tuple[bytes, ChunkFacts]:
+    """A chunk with its message indexes, of blocks with messages, at least one.
+
+    `news`: records of schemas and channels that the chunk carries.
+    """
     plain_parts = [news, *(part for block in blocks for part in block.parts)]
     plain_size = sum(map(len, plain_parts))
     counts = [len(block.log_ns) for block in blocks]
@@ -135,8 +133,7 @@ def pack_chunk(
         index_offsets[block.channel] = at
         at += _INDEX_HEAD.size + size
         index_at += size
-    return PackedChunk(
-        (head, *data, b"".join(tail)),
+    return b"".join((head, *data, *tail)), ChunkFacts(
         chunk_bytes,
         name.decode(),
         compressed_size,
@@ -276,30 +273,30 @@ class McapFile:
         blocks = [b for b in blocks if len(b.log_ns)]
         if not blocks or self._file.broken:
             return
-        packed = pack_chunk(blocks, self._news.end(), self._compressor)
+        data, facts = pack_chunk(blocks, self._news.end(), self._compressor)
         start = self._file.size
-        self._file.write(b"".join(packed.parts), tick)
-        self.adopt(packed, start)
+        self._file.write(data, tick)
+        self.adopt(facts, start)
 
-    def adopt(self, packed: PackedChunk, start: int) -> None:
+    def adopt(self, facts: ChunkFacts, start: int) -> None:
         """Put a chunk that stands at `start` of the file into the summary."""
-        for channel, count in packed.counts.items():
+        for channel, count in facts.counts.items():
             self._counts[channel] = self._counts.get(channel, 0) + count
-        first_ns, last_ns = packed.first_ns, packed.last_ns
+        first_ns, last_ns = facts.first_ns, facts.last_ns
         self._first_ns = first_ns if self._first_ns is None else min(self._first_ns, first_ns)
         self._last_ns = max(self._last_ns, last_ns)
-        index_bytes = sum(_INDEX_HEAD.size + 16 * count for count in packed.counts.values())
+        index_bytes = sum(_INDEX_HEAD.size + 16 * count for count in facts.counts.values())
         self._chunk_indexes.append(
             ChunkIndex(
-                chunk_length=packed.chunk_bytes,
+                chunk_length=facts.chunk_bytes,
                 chunk_start_offset=start,
-                compression=packed.compression,
-                compressed_size=packed.compressed_size,
+                compression=facts.compression,
+                compressed_size=facts.compressed_size,
                 message_end_time=last_ns,
                 message_index_length=index_bytes,
-                message_index_offsets={channel: start + at for channel, at in packed.index_offsets.items()},
+                message_index_offsets={channel: start + at for channel, at in facts.index_offsets.items()},
                 message_start_time=first_ns,
-                uncompressed_size=packed.plain_size,
+                uncompressed_size=facts.plain_size,
             )
         )
 

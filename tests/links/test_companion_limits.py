@@ -34,7 +34,7 @@ def test_times_at_the_end_of_64_bits_are_counted() -> None:
         client.done(0, t_received_ns=2**62, t_sent_ns=2**62)
         (reply,) = answered(server)
         assert reply.clock_offset_ns == -(2**62)
-        assert server.stats()["cut"].t1.max_ns == pytest.approx(2**63 - 1, rel=1e-3)
+        assert reply.t_received_ns - reply.clock_offset_ns == 2**63
         client.done(1)
         server.poll(0.2)
         assert client.expect("refused")["code"] == "malformed"
@@ -50,8 +50,8 @@ def test_function_cannot_have_taken_longer_than_the_frame_was_away() -> None:
         until(server, lambda: server.malformed == 1)
         assert "t2_ns" in client.expect("refused")["text"]
         client.done(0)  # it can still be answered
-        answered(server)
-        assert server.stats()["cut"].t2.max_ns == 0
+        (reply,) = answered(server)
+        assert reply.t2_ns == 0
 
 
 def test_poll_of_no_time_leaves_a_flood_for_later() -> None:

@@ -25,10 +25,10 @@ from mcap.reader import make_reader
 
 from hil.cli import run_command_line
 from hil.dataset import tree as tree_module
-from hil.dataset.checkpoint import Checkpoints
 from hil.dataset.formats.datasheet import LIMITS
 from hil.dataset.make import Means, make_dataset
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
+from hil.dataset.tables import Checkpoints
 from hil.dataset.workers import Job, Made, Workers
 from hil.frame_stages import make_frames
 from hil.recorder.cdr import decode

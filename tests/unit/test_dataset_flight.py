@@ -25,6 +25,7 @@ from hil.dataset.progress import FrameProgress
 from hil.dataset.trajectory import course, waypoints_text
 from hil.dataset.tree import JOURNAL, Written
 from hil.missions import Geopoint, load_mission
+from hil.recorder.mcap_file import ChunkFacts
 from hil.signals.errors import RecordingError
 from sim.scene.scene import Site
 from tests.unit.dataset_world import journal_of, tiny_plan
@@ -135,7 +136,7 @@ def test_splits_are_sound_for_any_number_of_frames(frames: int) -> None:
 
 
 def record(index: int) -> BatchRecord:
-    chunk = StoredChunk(9, 1, 8, 7, 5, 6, {300: 8}, {300: 1}, ((300, "/a", "sensor_msgs/Image"),))
+    chunk = StoredChunk(9, 1, ChunkFacts(8, "", 7, 7, 5, 6, {300: 8}, {300: 1}), ((300, "/a", "sensor_msgs/Image"),))
     picture = CocoPicture(index + 1, '{"id":1}', ('{"a":"\\n"}', '{"b":2}'))
     files = (Written(f"a/{index}.png", 3, 4),)
     return BatchRecord(index, index, 1, 77, files, {"x": 1}, (5,), ({3: 2},), {3: 9}, chunk, (picture,))
