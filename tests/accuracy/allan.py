@@ -44,7 +44,7 @@ def running_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def overlapping_of_sum(s: NDArray[np.float64], m: int) -> float:
-    """The same from the running sum, at every m/16-th place: neighbours nearer than that tell nothing new."""
+    """Overlapping Allan deviation over m samples from the running sum at every m/16-th place: nearer tell no more."""
     stride = max(1, m // 16)
     d = s[2 * m :: stride] - 2.0 * s[m:-m:stride] + s[: -2 * m : stride]
     return math.sqrt(float(np.mean(d * d)) / 2.0) / m

@@ -1,4 +1,4 @@
-"""Ground and boxes: rest on the feet and on the hull. Landings are swept in tests/accuracy/test_physics_contact.py."""
+"""Ground: rest on the feet and on the hull. Landings and walls are swept in tests/accuracy/test_physics_contact.py."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hil.signals.samples import TruthState
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle, vehicle_names
-from sim.scene.scene import Box, Scene, load_scene
+from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 4_000_000
 OFF = (0.0,) * 4
@@ -58,15 +58,3 @@ def test_upside_down_rests_on_its_hull(airfield: Scene) -> None:
         truth = physics.advance(tick, OFF)
     assert upright(truth) < -0.99
     assert 0.03 < truth.p_WB[2] < 0.1
-
-
-def test_box_stops_a_fall(airfield: Scene) -> None:
-    roof = Box(name="roof", center_m=(0.0, 0.0, 2.0), size_m=(4.0, 4.0, 4.0))
-    scene = airfield.model_copy(update={"boxes": (roof,)})
-    vehicle = load_vehicle("iris")
-    physics = QuadrotorPhysics(vehicle, scene, TICK_NS, initial_p_WB=(0.0, 0.0, 4.5))
-    physics.advance(0, OFF)
-    for tick in range(1, 501):
-        truth = physics.advance(tick, OFF)
-    assert truth.p_WB[2] == pytest.approx(4.0 + vehicle.standing_height_m, abs=1e-3)
-    assert truth.in_contact
