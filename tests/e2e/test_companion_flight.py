@@ -95,8 +95,10 @@ def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_
 
 
 @pytest.mark.parametrize("arrangement", ["shared_memory", "one_port", "ports"])
-def test_every_arrangement_carries_the_same_flight(arrangement: str, tmp_path: Path) -> None:
-    companion = f"start: [waypoints, echo], control: true, rate_hz: 10, arrangement: {arrangement}"
+def test_every_arrangement_carries_the_same_flight_with_the_keys_of_the_bench(arrangement: str, tmp_path: Path) -> None:
+    make_keys(tmp_path / "keys", ["waypoints", "echo"])
+    shown = f"arrangement: {arrangement}, keys: {tmp_path / 'keys'}"
+    companion = f"start: [waypoints, echo], control: true, rate_hz: 10, {shown}"
     outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=4",))
     run = outcome.run
     assert run["error"] is None, run["error"]
@@ -155,12 +157,3 @@ def test_realtime_flight_of_a_slow_companion(tmp_path: Path) -> None:
     assert 0 < seat["frames"] <= 21
     assert seat["dropped"] >= 75 - 21 - 4
     assert saved(tmp_path / "run")["deterministic"] is True  # it only looked on
-
-
-@pytest.mark.parametrize("arrangement", ["one_port", "ports", "shared_memory"])
-def test_started_clients_use_the_keys_of_the_bench(arrangement: str, tmp_path: Path) -> None:
-    make_keys(tmp_path / "keys", ["echo"])
-    companion = f"start: [echo], rate_hz: 10, arrangement: {arrangement}, keys: {tmp_path / 'keys'}"
-    run = fly(tmp_path, companion, settings=("duration_s=1",)).run
-    assert run["error"] is None, run["error"]
-    assert run["companion"]["clients"]["echo"]["frames"] == 10

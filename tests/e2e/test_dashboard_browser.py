@@ -8,8 +8,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,13 +15,12 @@ from typing import Any
 
 import pytest
 
-from tests.e2e.companion_bench import HOP
+from tests.e2e.test_dashboard_server import Hil
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (Debian: apt install chromium)")
 
-ROOT = Path(__file__).resolve().parents[2]
 FLAGS = [
     "--no-sandbox",
     "--disable-quic",
@@ -75,25 +72,10 @@ def until(holds: Callable[[], Any], limit_s: float = 60.0, *, page: Any = None) 
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    folder = tmp_path
-    (folder / "hil.yaml").write_text(BENCH)
-    (folder / "hop.waypoints").write_text(HOP)
-    (folder / "mapper.py").write_text(MAPPER)
-    server = subprocess.Popen(
-        [sys.executable, "-m", "hil.entry", "dash", "--port", "0"],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert server.stdout is not None
-    try:
-        found = re.search(r"http://\S+", server.stdout.readline())
-        assert found
-        yield found[0]
-    finally:
-        server.terminate()
-        server.wait(15.0)
+    (tmp_path / "mapper.py").write_text(MAPPER)
+    hil = Hil(tmp_path, "dash", "--port", "0", bench=BENCH)
+    yield hil.address
+    hil.end()
 
 
 @pytest.fixture

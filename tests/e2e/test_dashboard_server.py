@@ -30,8 +30,8 @@ BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap
 class Hil:
     """A `hil` command that prints an address."""
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
-        (folder / "hil.yaml").write_text(BENCH)
+    def __init__(self, folder: Path, *arguments: str, bench: str = BENCH) -> None:
+        (folder / "hil.yaml").write_text(bench)
         (folder / "hop.waypoints").write_text(HOP)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "hil.entry", *arguments],

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,14 +10,8 @@ import pytest
 from hil.bench import run_bench
 from hil.config import load_bench
 from hil.recorder.reading import Recording, read_messages
+from tests.e2e.test_command_line import hil
 from tests.run_json_schema import problems_of
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def hil(*arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hil.cli", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
 
 
 @pytest.fixture(scope="module")

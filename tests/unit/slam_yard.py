@@ -6,18 +6,16 @@ exactly. No noise, unless a test adds some.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-CLIENT = Path(__file__).resolve().parents[2] / "rigs" / "jetson"
-if str(CLIENT) not in sys.path:
-    sys.path.insert(0, str(CLIENT))
+from tests.unit.companion_bench import CLIENT  # puts the client on the path
+
+assert CLIENT
 
 G = 9.80665
 RINGS_DEG = tuple(float(e) for e in range(-15, 16, 2))  # by ring, from the lowest

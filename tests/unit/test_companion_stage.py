@@ -385,13 +385,6 @@ def test_finished_lands_once_from_the_answers_time_on() -> None:
     assert flight.stage.finished
 
 
-@pytest.mark.parametrize("mode", ["lockstep", "latency_true"])
-def test_a_pilot_that_flies_on_after_it_has_finished_is_landed_all_the_same(mode: TimeMode) -> None:
-    flight = Flight(Clients({"pilot": lambda f: answer(f.frame, 5 * MS, finished=f.frame >= 2)}), mode)
-    flight.fly(100)
-    assert [desired.land for desired, _ in flight.desired] == [False, False, False, True]
-
-
 def test_the_trace_repeats_the_flight(tmp_path: Path) -> None:
     path = tmp_path / "companion.jsonl"
     times = _repeat([5 * MS, 77 * MS, 123_456_789, 0])
@@ -415,22 +408,69 @@ def test_the_trace_repeats_the_flight(tmp_path: Path) -> None:
         again.fly(400)
 
 
-def test_a_loss_and_a_latecomer_are_in_the_trace(tmp_path: Path) -> None:
-    path = tmp_path / "companion.jsonl"
-    clients = Clients({"pilot": lambda f: answer(f.frame) if f.frame != 3 else None})
-    trace = TraceWriter(path, [PILOT], ["truth", "imu"])
-    live = Flight(clients, "lockstep", Waiting(0.0, 0.0, False), trace=trace)
+def traced(
+    path: Path,
+    clients: Clients,
+    mode: TimeMode,
+    ticks: int,
+    *,
+    waiting: Waiting = WAITING,
+    each: Callable[[int], None] = lambda _tick: None,
+) -> Flight:
+    """A flight that was the same once more from its trace."""
+    trace = TraceWriter(path, clients.clients(0), ["truth", "imu"])
+    flight = Flight(clients, mode, waiting, trace=trace)
+    flight.fly(ticks, each)
+    trace.close()
+    again = Flight(TracedAnswers(path), mode, waiting)
+    again.fly(ticks)
+    assert again.desired == flight.desired
+    return flight
 
-    def again(tick: int) -> None:
+
+def test_a_loss_and_a_latecomer_are_in_the_trace(tmp_path: Path) -> None:
+    clients = Clients({"pilot": lambda f: answer(f.frame) if f.frame != 3 else None})
+
+    def come_back(tick: int) -> None:
         if tick == 75:
             clients.there.append(Client("pilot", PILOT.topics, True, 1))
 
-    live.fly(120, again)
-    trace.close()
-    assert [frame for frame, _ in live.applied()] == [0, 1, 2, 8, 9, 10, 11]
-    repeated = Flight(TracedAnswers(path), "lockstep", Waiting(0.0, 0.0, False))
-    repeated.fly(120)
-    assert repeated.desired == live.desired
+    flight = traced(tmp_path / "t", clients, "lockstep", 120, waiting=Waiting(0.0, 0.0, False), each=come_back)
+    assert [frame for frame, _ in flight.applied()] == [0, 1, 2, 8, 9, 10, 11]
+
+
+def test_a_pilot_that_comes_before_the_first_frame_is_in_the_trace(tmp_path: Path) -> None:
+    clients = Clients({"pilot": lambda frame: answer(frame.frame)}, there=[])
+
+    def come(_tick: int) -> None:
+        clients.there = [PILOT]
+
+    assert len(traced(tmp_path / "t", clients, "lockstep", 50, each=come).applied()) == 5
+
+
+def test_a_busy_pilot_that_comes_back_without_control_is_in_the_trace(tmp_path: Path) -> None:
+    clients = Clients({"pilot": lambda frame: answer(frame.frame, 200 * MS)})
+
+    def demote(tick: int) -> None:
+        if tick == 25:
+            clients.there = [replace(PILOT, control=False, returned=1)]
+
+    flight = traced(tmp_path / "t", clients, "latency_true", 200, waiting=Waiting(0.01, 0.01, False), each=demote)
+    assert flight.applied() != []
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+@pytest.mark.parametrize("mode", ["lockstep", "latency_true"])
+def test_a_pilot_that_has_finished_is_landed_once_though_it_flies_on_or_leaves(mode: TimeMode, leaves: bool) -> None:
+    clients = Clients({"pilot": lambda f: answer(f.frame, 5 * MS, finished=f.frame >= 2)})
+    flight = Flight(clients, mode)
+
+    def leave(tick: int) -> None:
+        if leaves and tick == 40:
+            clients.there = []
+
+    flight.fly(100, leave)
+    assert [desired.land for desired, _ in flight.desired] == [False, False, False, True]
 
 
 HEAD = {"format": 1, "clients": [{"name": "pilot", "topics": ["truth"], "control": True}], "topics": ["truth"]}
@@ -445,8 +485,6 @@ def lines(*values: object) -> str:
     ("text", "where"),
     [
         ("", "companion.jsonl:1: is no trace"),
-        ("\n", ":1: is no trace"),
-        ("t,x,y\n1,2,3\n", ":1: is no trace"),
         ('{"name": "package.json"}\n', ":1: is no trace of companions .without 'format'"),
         ("[1, 2]\n", ":1: is no trace"),
         ("[" * 100_000 + "\n", ":1: is no trace"),
@@ -455,17 +493,14 @@ def lines(*values: object) -> str:
         (lines(HEAD | {"clients": [{"name": "x"}]}), ":1: .*without 'topics'"),
         (lines(HEAD, "rubbish", LINE), ":2: is no answer"),
         (lines(HEAD, "rubbish"), ":2: is no answer"),
-        (lines(HEAD, "", LINE), ":2: is no answer"),
         (lines(HEAD, LINE, [1]), ":3: is no answer"),
         (lines(HEAD, LINE, LINE), ":3: .*a second answer of pilot to frame 0"),
         (lines(HEAD, LINE | {"t2_ns": -1}), ":2: .*t2_ns is -1"),
-        (lines(HEAD, LINE | {"link_ns": -1}), ":2: .*link_ns is -1"),
         (lines(HEAD, LINE | {"t2_ns": 1.5}), ":2: .*t2_ns is 1.5"),
         (lines(HEAD, LINE | {"frame": True}), ":2: .*frame is True"),
         (lines(HEAD, json.dumps(LINE).replace("5", "1e999")), ":2: .*t2_ns is inf"),
         (lines(HEAD, LINE | {"finished": "no"}), ":2: .*finished"),
         (lines(HEAD, json.dumps(LINE | {"desired": {"p_W": [0, 0, float("nan")]}})), ":2: is no answer"),
-        (lines(HEAD, LINE | {"desired": {"p_W": [0, 0]}}), ":2: is no answer"),
         (lines(HEAD, LINE | {"desired": 7}), ":2: is no answer"),
         (lines(HEAD, {k: v for k, v in LINE.items() if k != "desired"}), ":2: .*without 'desired'"),
     ],
@@ -494,52 +529,6 @@ def test_a_trace_that_was_cut_off_serves_up_to_there(tmp_path: Path) -> None:
     flight.fly(10)
     with pytest.raises(LockstepLost, match="no answer of pilot to frame 1"):
         flight.fly(10)
-
-
-def repeated(path: Path, mode: TimeMode, ticks: int, waiting: Waiting = WAITING) -> list[tuple[int, int]]:
-    again = Flight(TracedAnswers(path), mode, waiting)
-    again.fly(ticks)
-    return again.applied()
-
-
-def test_a_pilot_that_comes_before_the_first_frame_is_in_the_trace(tmp_path: Path) -> None:
-    path = tmp_path / "trace.jsonl"
-    trace = TraceWriter(path, [], ["truth", "imu"])
-    clients = Clients({"pilot": lambda frame: answer(frame.frame)}, there=[])
-    flight = Flight(clients, "lockstep", trace=trace)
-    clients.there = [PILOT]
-    flight.fly(50)
-    trace.close()
-    assert len(flight.applied()) == 5
-    assert repeated(path, "lockstep", 50) == flight.applied()
-
-
-def test_a_busy_pilot_that_comes_back_without_control_is_in_the_trace(tmp_path: Path) -> None:
-    path, waiting = tmp_path / "trace.jsonl", Waiting(0.01, 0.01, False)
-    trace = TraceWriter(path, [PILOT], ["truth", "imu"])
-    clients = Clients({"pilot": lambda frame: answer(frame.frame, 200 * MS)})
-    flight = Flight(clients, "latency_true", waiting, trace=trace)
-
-    def demote(tick: int) -> None:
-        if tick == 25:
-            clients.there = [replace(PILOT, control=False, returned=1)]
-
-    flight.fly(200, demote)
-    trace.close()
-    assert repeated(path, "latency_true", 200, waiting) == flight.applied() != []
-
-
-@pytest.mark.parametrize("mode", ["lockstep", "latency_true"])
-def test_a_pilot_may_leave_once_it_has_finished(mode: TimeMode) -> None:
-    clients = Clients({"pilot": lambda frame: answer(frame.frame, finished=frame.frame == 1)})
-    flight = Flight(clients, mode)
-
-    def leave(tick: int) -> None:
-        if tick == 25:
-            clients.there = []
-
-    flight.fly(60, leave)
-    assert [desired.land for desired, _ in flight.desired].count(True) == 1
 
 
 def test_frames_go_to_the_pilot_last_and_it_is_heard_first() -> None:

@@ -196,12 +196,3 @@ def test_coco_refusals() -> None:
     picture = coco_picture(0, "0.png", labels, masks, t_ns=0)
     with pytest.raises(RecordingError, match="order"):
         coco_file([picture, picture])
-
-
-def test_globox_reads_the_boxes(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    globox = pytest.importorskip("globox", reason="globox is not installed")
-    (tmp_path / "0.xml").write_bytes(annotation_xml("0.png", labels_of(scene()[0]), CLASSES))
-    (annotation,) = globox.AnnotationSet.from_pascal_voc(tmp_path)
-    (box,) = annotation.boxes
-    assert (box.label, annotation.image_width, annotation.image_height) == ("car", 100, 60)
-    assert (box.xmin, box.ymin, box.xmax, box.ymax) == (36, 26, 66, 50)
