@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 
+from hypothesis import strategies as st
+
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.codecs.signing import Signer, SigningClock, SigningKey
@@ -38,6 +40,15 @@ def numbers(data: bytes) -> list[int]:
 def signed(frame: bytes) -> bytes:
     """The same frame signed, always with the same time."""
     return Signer(SigningKey(bytes(32)), 1, SigningClock(lambda: 7)).sign(frame)
+
+
+PIECES = st.lists(
+    st.one_of(
+        st.binary(max_size=40),
+        st.sampled_from([*frames(3), signed(frames(1)[0]), b"\xfd", b"\xfe\xff", b"\xfd\xff\x00\x00\x00\x01\x01"]),
+    ),
+    max_size=20,
+)
 
 
 class Clock:

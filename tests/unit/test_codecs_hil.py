@@ -56,12 +56,6 @@ def test_sensor_turns_flu_into_frd_and_si_into_mavlink():
     assert m.id == 0
 
 
-def test_at_rest_and_level_the_accelerometer_reads_minus_g_down():
-    m = sensor(imu=IMU._replace(accel_mps2=(0.0, 0.0, 9.80665)))
-    assert (m.xacc, m.yacc) == (0, 0)
-    assert m.zacc == pytest.approx(-9.80665)
-
-
 @pytest.mark.parametrize("imu", [IMU, None])
 @pytest.mark.parametrize("mag", [MAG, None])
 @pytest.mark.parametrize("baro", [BARO, None])
@@ -124,17 +118,11 @@ def test_gps_integers_saturate_and_never_pass_for_unknown():
     assert gps(satellites=1000).satellites_visible == 254
 
 
-@pytest.mark.parametrize("field", ["latitude_deg", "longitude_deg", "altitude_m"])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_position_that_is_not_finite_is_refused(field, bad):
-    with pytest.raises(CodecError, match="HIL_GPS"):
-        gps(**{field: bad})
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_velocity_that_is_not_finite_is_refused(bad):
-    with pytest.raises(CodecError, match="HIL_GPS"):
-        gps(v_W=(0.0, bad, 0.0))
+def test_a_position_or_velocity_that_is_not_finite_is_refused(bad):
+    for changes in ({"latitude_deg": bad}, {"longitude_deg": bad}, {"altitude_m": bad}, {"v_W": (0.0, bad, 0.0)}):
+        with pytest.raises(CodecError, match="HIL_GPS"):
+            gps(**changes)
 
 
 def test_course_is_unknown_at_rest():
@@ -148,13 +136,6 @@ def test_course_is_atan2(speed, angle):
     course = gps(v_W=(east, north, 0.0)).cog
     assert 0 <= course < 36000
     assert abs((course / 100.0 - expected + 180.0) % 360.0 - 180.0) < 0.005 + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("north", "east", "course"), [(1, 0, 0), (0, 1, 90), (-1, 0, 180), (0, -1, 270), (1, 1, 45), (-1, -1, 225)]
-)
-def test_course_of_the_compass_points(north, east, course):
-    assert gps(v_W=(float(east), float(north), 0.0)).cog == 100 * course
 
 
 def answer(controls, mode=129, time_us=4000):
@@ -183,14 +164,6 @@ def test_controls_that_are_no_commands_are_refused(bad, index):
 def test_sensor_floats_are_exactly_the_nearest_32_bit_ones(v):
     m = sensor(imu=IMU._replace(accel_mps2=v[:3], gyro_radps=v[3:]))
     assert (m.xacc, -m.yacc, -m.zacc, m.xgyro, -m.ygyro, -m.zgyro) == v
-
-
-def test_payloads_have_the_dialects_lengths():
-    for msgid, payload in (
-        (hil.HIL_SENSOR, hil.hil_sensor_payload(0, IMU, MAG, BARO)),
-        (hil.HIL_GPS, hil.hil_gps_payload(0, GPS)),
-    ):
-        assert len(payload) == common.mavlink_map[msgid].unpacker.size
 
 
 def test_a_payload_from_a_newer_sender_is_read():

@@ -19,7 +19,6 @@ from firmware_bridge.codecs.signing import (
     is_signed,
     stamp,
     strip_signature,
-    wall_timestamp,
 )
 
 KEY = SigningKey(bytes(range(100, 132)))
@@ -143,13 +142,6 @@ def test_a_timestamp_is_given_once_even_when_the_clock_stands_or_goes_back() -> 
         time.now = now
         stamps.append(stamp(ours.sign(ping(encoder)))[1] - NOW)
     assert stamps == [0, 1, 2, 3, 50, 51]
-
-
-def test_timestamps_of_two_runs_are_those_of_the_wall_clock() -> None:
-    first = SigningClock().take()
-    second = SigningClock().take()
-    assert second >= first > 0
-    assert abs(second - wall_timestamp()) < MINUTE
 
 
 def test_unsigned_is_unsigned() -> None:

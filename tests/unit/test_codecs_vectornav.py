@@ -92,12 +92,6 @@ def test_imu_packet(accel, gyro, field, temperature, pressure, t_ns):
     assert at(packet, 76, 1)[0] * 1000.0 == pytest.approx(pressure, rel=1e-6)
 
 
-def test_at_rest_and_level_specific_force_points_up_which_is_negative_in_frd():
-    readings = Readings()
-    readings.take_imu(ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0))
-    assert at(device().outputs[75].packet.encode(readings), 24, 3)[2] == pytest.approx(-9.81)
-
-
 def solve(readings, q_WB, **changes):
     wanted = {
         "lla": (47.4, 8.5, 488.0), "v_W": (1.0, 2.0, 3.0), "attitude_sigma_deg": 0.25, "position_sigma_m": 0.5,

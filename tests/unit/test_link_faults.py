@@ -17,7 +17,7 @@ from firmware_bridge.faults.hit_log import LISTED_PER_FAULT
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.signals.errors import LinkClosed, PortNotFound
-from tests.unit.faulty_wire import MS, SECOND, Clock, Rig, Wire, frames, numbers, signed
+from tests.unit.faulty_wire import MS, PIECES, SECOND, Clock, Rig, Wire, frames, numbers
 
 DIRECTIONS = pytest.mark.parametrize("direction", ["to_autopilot", "from_autopilot"])
 UNITS = pytest.mark.parametrize("unit", ["message", "byte"])
@@ -297,14 +297,6 @@ def test_the_hits_are_the_same_on_every_machine() -> None:
 
 # -- without a hit, nothing happens ----------------------------------------------------------------------------------
 
-PIECES = st.lists(
-    st.one_of(
-        st.binary(max_size=40),
-        st.sampled_from([*frames(3), signed(frames(1)[0]), b"\xfd", b"\xfe\xff", b"\xfd\xff\x00\x00\x00\x01\x01"]),
-    ),
-    max_size=20,
-)
-
 
 @DIRECTIONS
 @UNITS
@@ -386,17 +378,3 @@ def test_a_fault_put_in_later_is_one_declared_from_then_on() -> None:
     assert later.line.hits() == declared.line.hits()
     assert 60 < later.line.hits()[0] < 140
     assert later.line.faults == [fault]
-
-
-def test_a_plug_can_be_pulled_later() -> None:
-    rig = Rig()
-    rig.wire.inbox.append(b"heard")
-    assert rig.line.read(0.0) == b"heard"
-    rig.line.inject(LinkFault(kind="unplug", at_s=0.0, for_s=1.0))
-    with pytest.raises(LinkClosed, match="unplugged"):
-        rig.line.write(b"x")
-    with pytest.raises(PortNotFound):
-        rig.line.open()
-    rig.clock.pass_s(1.0)
-    rig.line.open()
-    rig.line.write(frames(1)[0])
