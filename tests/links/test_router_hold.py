@@ -94,18 +94,12 @@ def test_twenty_times_real_time(rig: Rig) -> None:
     assert stats.repeated_setpoints == len(rig.times_ms(SETPOINT)) - 60
 
 
-@pytest.mark.parametrize("rig", [(1.0,), (0.2,)], indirect=True)
-def test_nothing_is_repeated_at_real_time_or_slower(rig: Rig) -> None:
+@pytest.mark.parametrize("rig", [(1.0,), (0.2,), (20.0, False)], indirect=True)
+def test_nothing_is_repeated_at_real_time_or_slower_or_unasked(rig: Rig) -> None:
     stream(rig, 30)
     assert rig.router.stats.repeated_setpoints == 0
     assert rig.router.stats.repeated_heartbeats == 0
-
-
-@pytest.mark.parametrize("rig", [(20.0, False)], indirect=True)
-def test_not_at_all_if_not_asked_for(rig: Rig) -> None:
-    stream(rig, 10)
-    assert len(rig.times_ms(SETPOINT)) == 10
-    assert rig.router.stats.repeated_setpoints == rig.router.stats.repeated_heartbeats == 0
+    assert len(rig.times_ms(SETPOINT)) == 30
 
 
 @pytest.mark.parametrize("rig", [(20.0,)], indirect=True)
