@@ -11,15 +11,9 @@ from firmware_bridge.devices.buses import BackendMissing, HidInterface, SerialPo
 from firmware_bridge.devices.inventory import find_devices
 from firmware_bridge.devices.mock_bus import MockDesk
 from firmware_bridge.devices.serial_ports import join_ports, natural
-from firmware_bridge.devices.usb_boards import BOARDS, PyUsbBus, identify_board, names_bootloader
+from firmware_bridge.devices.usb_boards import PyUsbBus, identify_board, names_bootloader
 
 PIXHAWK_6C = (0x3162, 0x0053)
-
-
-def test_no_two_rows_of_the_table_claim_the_same_ids():
-    ids = [(b.vendor_id, b.product_id) for b in BOARDS]
-    assert len(ids) == len(set(ids))
-    assert all(0 < b.vendor_id < 0x10000 and (b.product_id is None or 0 <= b.product_id < 0x10000) for b in BOARDS)
 
 
 @pytest.mark.parametrize(

@@ -97,13 +97,3 @@ def test_a_look_that_fails_unplugs_nothing():
     assert watch.poll() == []
     desk.unplug(pad)
     assert names(watch.poll()) == [("Unplugged", "gamepad")]
-
-
-def test_without_libusb_boards_still_come_and_go():
-    desk, watch = watched()
-    desk.usb.without_backend()
-    watch.poll()
-    board = desk.plug_board(*PIXHAWK_6C)
-    assert names(watch.poll()) == [("Plugged", "autopilot")]
-    desk.unplug(board)
-    assert names(watch.poll()) == [("Unplugged", "autopilot")]

@@ -104,18 +104,13 @@ def test_sticks_go_out_while_the_switch_is_held():
     assert source.take_events() == []
 
 
-def test_without_the_switch_nothing_is_ever_sent():
+@pytest.mark.parametrize("state", [StickState(FORWARD, False, frozenset()), None])
+def test_without_the_switch_or_before_the_device_has_said_anything_nothing_is_sent(state):
     pilot = Pilot()
-    pilot.hold(False)
+    pilot.state = state
     source = ManualControlSource(pilot)
     assert Bench(source).run(3.0) == []
     assert kinds(source) == []
-
-
-def test_before_the_device_has_said_anything_nothing_is_sent():
-    pilot = Pilot()
-    pilot.state = None
-    assert Bench(ManualControlSource(pilot)).run(1.0) == []
 
 
 @pytest.mark.parametrize("neutral_s", [0.0, 0.5, 1.0])

@@ -177,16 +177,6 @@ def test_a_full_line_of_frames_refuses_and_stop_ends_at_once_and_sends_none(line
         line.far.recv(1)
 
 
-def test_a_sender_dropped_without_stop_lets_go_of_the_descriptor(line: Line) -> None:
-    sender = Sender(line.near.fileno())
-    line.near.close()
-    assert sender.push(0, frame(0)), "it has its own copy"
-    line.far.settimeout(PATIENCE_S)
-    assert line.far.recv(64, socket.MSG_WAITALL) == frame(0)
-    del sender
-    assert line.far.recv(1) == b"", "the last descriptor is closed"
-
-
 def test_a_frame_of_which_the_line_took_a_part_is_finished_however_long_that_takes(line: Line, sender: Sender) -> None:
     line.near.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)  # the kernel makes 4608 of it, filled in two pieces
     before = bytes(1500)
@@ -270,15 +260,3 @@ def test_a_process_that_somebody_ended_is_an_error(line: Line, sender: Sender) -
     sender._process.kill()
     sender.wait(lambda _: sender.error)
     assert sending_failure(sender, "ttyX") is not None
-
-
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # Python 3.12 warns of any fork with threads
-def test_a_forked_child_may_drop_its_copy(line: Line, sender: Sender) -> None:
-    child = os.fork()
-    if child == 0:
-        sender.stop()
-        os._exit(7)
-    ended: list[int] = []
-    until(lambda: ended.append(os.waitpid(child, os.WNOHANG)[0]) or ended[-1] == child)  # type: ignore[func-returns-value]
-    assert sender.push(0, frame(0)), "the parent's sender lives on"
-    sender.wait(lambda stats: stats.sent == 1)
