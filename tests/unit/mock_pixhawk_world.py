@@ -136,3 +136,14 @@ def texts(frames: list[Frame]) -> list[str]:
 def results(frames: list[Frame]) -> list[tuple[int, int]]:
     """(command, result) of every COMMAND_ACK."""
     return [(m.command, m.result) for m in messages(frames, "COMMAND_ACK")]
+
+
+def sticks(
+    world: World, seconds: float, *, x: int = 0, y: int = 0, z: int = 500, r: int = 0, every_s: float = 0.1
+) -> list[Frame]:
+    """The sticks held so for a while; what the autopilot said."""
+    frames: list[Frame] = []
+    for _ in range(round(seconds / every_s)):
+        world.send("MANUAL_CONTROL", target=1, x=x, y=y, z=z, r=r, buttons=0)
+        frames += world.run(every_s)
+    return frames

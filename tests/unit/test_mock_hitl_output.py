@@ -69,15 +69,6 @@ def test_modes_flags_and_heartbeat_armed_and_disarmed():
     assert outputs[-1].controls[4:] == (0.0,) * 12
 
 
-def test_ordinary_telemetry_shares_the_link():
-    frames = hitl_world().run(5.0)
-    kinds = {frame.msgid for frame in frames}
-    for name in ("HEARTBEAT", "ATTITUDE", "SYS_STATUS", "LOCAL_POSITION_NED", "TIMESYNC"):
-        assert MSGID[name] in kinds
-    assert all(m.base_mode & HIL_BIT for m in messages(frames, "HEARTBEAT"))
-    assert len(messages(frames, "HEARTBEAT")) == pytest.approx(5, abs=1)
-
-
 @pytest.mark.parametrize(
     "settings", [{"baud": 57600}, {"params": ["SYS_HITL=0"]}, {"params": ["SYS_HITL=2"]}], ids=["slow", "off", "sih"]
 )

@@ -10,7 +10,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.hitl import BoardClock
 from tests.unit.mock_hitl_world import SimulatedTime, hitl_world
-from tests.unit.mock_pixhawk_world import World, messages, texts
+from tests.unit.mock_pixhawk_world import messages, texts
 from tests.unit.test_mock_hitl_output import lone_board, take_off
 
 
@@ -65,14 +65,6 @@ def test_timesync_shows_the_drift():
     world.run(10.0)
     gained_ns = timesync(cable.board, 2).tc1 - first - (cable.time.now_ns - at_ns)
     assert gained_ns == pytest.approx(10e9 * 100e-6, abs=3_000)
-
-
-def test_timesync_in_lockstep_answers_with_simulated_time():
-    world = World()
-    world.run(2.0)
-    world.send("TIMESYNC", tc1=0, ts1=42)
-    # The question comes before the step's HIL_SENSOR: the clock is still that of the step before.
-    assert messages(world.run(0.004), "TIMESYNC") == [((world.tick - 2) * 4_000_000, 42)]
 
 
 def test_what_the_bench_writes_into_time_usec_and_id_does_not_matter():

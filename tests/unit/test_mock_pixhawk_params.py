@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.codecs.messages import MSGID, message_class, pack
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.params import TYPE_INT32, TYPE_REAL32
 from tests.unit.mock_pixhawk_world import World, texts
 
@@ -102,11 +102,3 @@ def test_requests_to_others_are_not_answered(world):
     put(world, "MPC_XY_CRUISE", 7.5, TYPE_REAL32, system=2)
     world.send("PARAM_REQUEST_LIST", target_system=1, target_component=154)
     assert values(world.run(0.5)) == []
-
-
-def test_messages_made_from_the_dialect_are_understood():
-    # The raw layouts above are the dialect's.
-    cls = message_class("PARAM_SET")
-    made = pack(cls(target_system=3, target_component=4, param_id="ABC", param_value=1.5, param_type=9))
-    assert made == struct.pack("<4sBB16sB", struct.pack("<f", 1.5), 3, 4, b"ABC", 9)
-    assert FrameParser().feed(FrameEncoder(1, 1).frame(MSGID["PARAM_SET"], made))[0].payload == made

@@ -6,19 +6,11 @@ import pytest
 
 from firmware_bridge.mock_pixhawk.modes import Mode
 from tests.unit.mock_hitl_world import hitl_world
-from tests.unit.mock_pixhawk_world import World, results, texts
+from tests.unit.mock_pixhawk_world import World, results, sticks, texts
 
 GROUND_M = 0.23
 LOST = "Failsafe activated: manual control lost"
 REJECTED = 1
-
-
-def sticks(world, seconds, *, x=0, y=0, z=500, r=0, every_s=0.1):
-    frames = []
-    for _ in range(round(seconds / every_s)):
-        world.send("MANUAL_CONTROL", target=1, x=x, y=y, z=z, r=r, buttons=0)
-        frames += world.run(every_s)
-    return frames
 
 
 def by_hand(world, mode):
