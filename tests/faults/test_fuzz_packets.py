@@ -23,7 +23,6 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from firmware_bridge.faults.hit_log import describe
 from firmware_bridge.ground_station.station import GroundStation
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.lockstep import LockstepLink
@@ -158,21 +157,6 @@ def test_memory_stays_bounded() -> None:
 def sensor_frame(step: int) -> bytes:
     payload = struct.pack("<Q13fIB", (step + 1) * 4000, 0, 0, -9.81, *(0.0,) * 10, 0x3F, 0)
     return FrameEncoder(254, 200).frame(MSGID["HIL_SENSOR"], payload)
-
-
-def test_the_splitter_of_the_fault_injector_loses_nothing() -> None:
-    splitter = FrameSplitter()
-    for number, data in enumerate(fuzzed(3 * BATCH, seed=4)):
-        units = []
-        for piece in pieces(data, number):
-            units += splitter.feed(piece)
-            assert splitter.pending < MAX_FRAME_LENGTH
-        units += splitter.flush()
-        assert b"".join(units) == data
-        assert all(map(describe, units))
-        parser = FrameParser()
-        whole = sum(len(parser.feed(unit)) for unit in units if len(unit) > 1)
-        assert whole > BATCH * 0.3
 
 
 @pytest.mark.parametrize("boot_sensors", [0, 20])

@@ -89,15 +89,6 @@ def sensor_writes(ticks):
     return written
 
 
-def test_it_greets_and_answers(start):
-    process = start("--boot-sensors", "0")
-    assert [frame.msgid for frame in process.frames] == [MSGID["COMMAND_LONG"], MSGID["HEARTBEAT"]]
-    for data in sensor_writes(50):
-        os.write(process.fd, data)
-        process.wait_for(MSGID["HIL_ACTUATOR_CONTROLS"])
-    assert process.parser.garbage_bytes == process.parser.lost == 0
-
-
 def test_the_process_answers_as_the_object_does(start):
     process, world = start("--boot-sensors", "0"), World(boot_sensors=0)
     expected = [frame.raw for frame in world.received]

@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -61,6 +63,22 @@ def test_noise_between_frames_ends_nothing(tmp_path: Path) -> None:
     assert outcome.run["autopilot"]["link"]["garbage_bytes"] > 1000
 
 
+@contextmanager
+def flying(out: Path, *, pace: int, recorded_bytes: int) -> Iterator[subprocess.Popen[str]]:
+    """`hil run` in a process of its own that has recorded some of its flight; killed at the end."""
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out), "--set", f"pace={pace}"]
+    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60
+        mcap = out / "run.mcap"
+        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > recorded_bytes):
+            time.sleep(0.05)
+        yield bench
+    finally:
+        bench.kill()
+        bench.communicate()
+
+
 def mock_children(parent: int) -> list[int]:
     """Process ids of the mock flight controllers that `parent` started."""
     found = []
@@ -76,17 +94,9 @@ def mock_children(parent: int) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the mock through /proc")
 def test_a_mock_killed_from_outside(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=2"]
-    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        deadline = time.monotonic() + 60
-        mcap = tmp_path / "run.mcap"
-        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 600_000):
-            time.sleep(0.05)
+    with flying(tmp_path, pace=2, recorded_bytes=600_000) as bench:
         os.kill(mock_children(bench.pid)[0], signal.SIGKILL)
         _, errors = bench.communicate(timeout=60)
-    finally:
-        bench.kill()
     assert bench.returncode == 3
     assert "LinkClosed" in errors
     assert "Traceback" not in errors
@@ -95,31 +105,16 @@ def test_a_mock_killed_from_outside(tmp_path: Path) -> None:
 
 
 def test_a_bench_that_is_killed_leaves_a_readable_prefix(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=10"]
-    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        deadline = time.monotonic() + 60
-        mcap = tmp_path / "run.mcap"
-        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 600_000):
-            time.sleep(0.05)
-    finally:
+    with flying(tmp_path, pace=10, recorded_bytes=600_000) as bench:
         bench.kill()
         bench.wait()
     assert recorded_until_s(tmp_path) > 1.0
 
 
 def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(tmp_path), "--set", "pace=5"]
-    bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        deadline = time.monotonic() + 60
-        mcap = tmp_path / "run.mcap"
-        while time.monotonic() < deadline and not (mcap.exists() and mcap.stat().st_size > 100_000):
-            time.sleep(0.05)
+    with flying(tmp_path, pace=5, recorded_bytes=100_000) as bench:
         bench.send_signal(signal.SIGINT)
         _, errors = bench.communicate(timeout=60)
-    finally:
-        bench.kill()
     assert bench.returncode == 3
     assert "Traceback" not in errors
     run = json.loads((tmp_path / "run.json").read_text())

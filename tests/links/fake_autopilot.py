@@ -125,7 +125,6 @@ def main() -> None:
     parser.add_argument("--fault", default="")
     parser.add_argument("--at", type=int, default=5)
     parser.add_argument("--mute", action="store_true", help="say nothing at all")
-    parser.add_argument("--stop-reading", action="store_true", help="greet, then never read")
     arguments = parser.parse_args()
     port = SerialTransport(arguments.port)
     port.open()
@@ -133,8 +132,6 @@ def main() -> None:
     if arguments.mute:
         time.sleep(3600)
     port.write(peer.boot())
-    if arguments.stop_reading:
-        time.sleep(3600)
     try:
         while True:
             out = peer.feed(port.read(3600.0))
