@@ -1,6 +1,7 @@
 // A closed way on foot, evaluated from its tables: how far along somebody is at a time, and where that is.
 //
-// Equations and the making of the tables: sim/scene/maps/walk_path.py. No allocation once made.
+// Equations and the making of the tables: sim/scene/maps/walk_path.py. In Python, bit for bit the same:
+// tests/reference/walker_reference.py. No allocation once made.
 #pragma once
 
 #include <array>

@@ -5,7 +5,7 @@ S = 10 u^3 - 15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are conti
 tabulated at knots and carried between them by quintic Hermite polynomials; the polynomial is the position, and its
 derivative the velocity, exactly. Speed changes between cruise and corner by the same smoothstep in time.
 
-Here the tables are made; `sim._kernels.WalkPath` evaluates them.
+Here the tables are made; `sim._kernels.WalkPath` evaluates them (in Python: tests/reference/walker_reference.py).
 """
 
 from __future__ import annotations
