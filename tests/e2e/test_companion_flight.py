@@ -115,9 +115,9 @@ def test_every_arrangement_carries_the_same_flight_with_the_keys_of_the_bench(ar
 _DIGESTS: set[str] = set()  # of the flights above: one and the same
 
 
-def test_what_no_client_wants_is_not_drawn(tmp_path: Path) -> None:
-    watcher = tmp_path / "watcher.py"
-    watcher.write_text(
+def test_what_no_client_wants_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "watcher.py").write_text(
         "class Watcher:\n"
         "    topics = ('front/rgb', 'imu')\n"
         "    def __call__(self, frame):\n"
@@ -125,9 +125,7 @@ def test_what_no_client_wants_is_not_drawn(tmp_path: Path) -> None:
         "        assert len(frame['imu']['gyro_radps']) == (25 if frame.frame else 1)\n"
     )
     companion = "start: ['watcher:Watcher'], rate_hz: 10"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(tmp_path))
-        outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=2",))
+    outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=2",))
     run = outcome.run
     assert run["error"] is None, run["error"]
     assert run["companion"]["topics"] == ["front/rgb", "imu"]
@@ -142,15 +140,13 @@ def test_what_no_client_wants_is_not_drawn(tmp_path: Path) -> None:
     assert {s["what"] for s in again.run["skipped"]} == skipped
 
 
-def test_realtime_flight_of_a_slow_companion(tmp_path: Path) -> None:
-    slow = tmp_path / "slow.py"
-    slow.write_text(
+def test_realtime_flight_of_a_slow_companion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (tmp_path / "slow.py").write_text(
         "import time\nclass Slow:\n    topics = ('truth',)\n    def __call__(self, frame):\n        time.sleep(0.15)\n"
     )
     companion = "start: ['slow:Slow'], rate_hz: 25, time: realtime"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(tmp_path))
-        run = fly(tmp_path, companion, settings=("duration_s=3", "pace=1")).run
+    run = fly(tmp_path, companion, settings=("duration_s=3", "pace=1")).run
     assert run["error"] is None, run["error"]
     seat = run["companion"]["clients"]["Slow"]
     assert run["companion"]["frames"] == 75

@@ -87,15 +87,11 @@ def test_another_site_gets_nothing(dash: Hil) -> None:
 def test_whatever_a_page_says_the_server_stays(dash: Hil) -> None:
     nonsense = [
         "",
-        "[]",
-        "{",
         "[" * 10_000,
         '{"kind": 7}',
         '{"kind": "start", "rig": {"a": 1}}',
         '{"kind": "reset"}',
         '{"kind": "streams", "streams": "view/camera/rgb"}',
-        '{"kind": "sticks"}',
-        '{"kind": "pause"}',
         "x" * 20_000,
     ]
     with connect(f"ws://{dash.host}/live") as page:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tests.unit.companion_bench import CLIENT  # puts the client on the path
+
+from hil_companion.frame import Sample  # isort: skip
 
 assert CLIENT
 
@@ -37,20 +38,6 @@ WALLS = np.array(
         (-15.0, -6.0, -15.0, -12.0, ROOF_M),
     ]
 )  # fmt: skip
-
-
-@dataclass
-class Sample:
-    """As a companion gets it."""
-
-    t_capture_ns: int
-    values: dict[str, Any]
-
-    def __getitem__(self, name: str) -> Any:
-        return self.values[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.values
 
 
 class Frame(dict[str, Sample]):
@@ -148,7 +135,7 @@ class Circle:
             "ring": ring.astype(np.uint8),
             "time_offset_ns": offset_ns[groups[column]].astype(np.int32),
         }
-        return Sample(t_ns, values)
+        return Sample("", 0, t_ns, t_ns, values, {})
 
     def frames(self, seconds: float) -> list[Frame]:
         """Ten a second."""
@@ -157,10 +144,12 @@ class Circle:
             frame = Frame(t_ns)
             times = list(range(max(0, t_ns - FRAME_NS + IMU_NS), t_ns + 1, IMU_NS))
             gyro, accel = self.imu(times)
-            frame["imu"] = Sample(t_ns, {"t_capture_ns": times, "gyro_radps": gyro, "accel_mps2": accel})
+            frame["imu"] = Sample(
+                "", 0, t_ns, t_ns, {"t_capture_ns": times, "gyro_radps": gyro, "accel_mps2": accel}, {}
+            )
             frame["gps"] = self._gps(t_ns)
             baro = {"t_capture_ns": [t_ns], "pressure_altitude_m": [ALTITUDE_M + HEIGHT_M]}
-            frame["baro"] = Sample(t_ns, baro)
+            frame["baro"] = Sample("", 0, t_ns, t_ns, baro, {})
             frame["lidar"] = self.sweep(t_ns)
             made.append(frame)
         return made
@@ -180,7 +169,7 @@ class Circle:
             "horizontal_accuracy_m": 1.5,
             "fix_type": 3,
         }
-        return Sample(t_ns, {name: [value] for name, value in row.items()})
+        return Sample("", 0, t_ns, t_ns, {name: [value] for name, value in row.items()}, {})
 
     def _ranges(self, origin: Float64, d: Float64, t: float) -> Float64:
         """To the nearest of walls, ground, roof and walker; inf: nothing."""

@@ -119,10 +119,6 @@ def test_a_flight_takes_off_straight_up_passes_every_waypoint_lands_and_says_so(
     assert steps.max() <= DT_NS * 1e-9 + 1e-9
 
 
-def test_the_same_frames_give_the_same_flight() -> None:
-    assert [m for _, m, _ in fly(Waypoints(), lag=0.8)] == [m for _, m, _ in fly(Waypoints(), lag=0.8)]
-
-
 def test_a_phase_begins_when_the_one_before_is_over_and_not_when_a_frame_shows_it() -> None:
     whole, some = fly(Waypoints()), fly(Waypoints(), every=lambda n: n % 10 == 7 or n == 0)
     told = {t_s: m["p_W"] for t_s, m, _ in whole if "p_W" in m}

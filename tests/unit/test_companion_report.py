@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -11,8 +10,6 @@ import pytest
 
 from firmware_bridge.codecs.companion import Done, decode_client, report_from_map
 from firmware_bridge.codecs.errors import CodecError
-from hil.companion.answers import Answer, Client
-from hil.companion.trace import TracedAnswers, TraceWriter
 from tests.unit.companion_bench import CLIENT
 
 from hil_companion import protocol  # isort: skip
@@ -63,20 +60,6 @@ def test_long_texts_are_cut_by_the_client_and_refused_by_the_bench() -> None:
     with pytest.raises(CodecError):
         report_from_map("goal")
     assert msgpack.unpackb(protocol.message("done", frame=1, report={}, **TIMES))["report"] == {}
-
-
-def test_the_trace_keeps_it(tmp_path: Path) -> None:
-    path = tmp_path / "companion.jsonl"
-    writer = TraceWriter(path, [Client("explore", frozenset({"imu"}), True)], ["imu"])
-    writer.answer("explore", Answer(0, None, False, 5))
-    writer.answer("explore", Answer(1, None, True, 5, report=REPORT))
-    writer.close()
-    traced = TracedAnswers(path)
-    first, second = traced.wait("explore", 0, 0.0), traced.wait("explore", 1, 0.0)
-    assert first is not None
-    assert first.report is None
-    assert second is not None
-    assert second.report == REPORT
 
 
 def test_explore_says_what_it_cannot_be_told() -> None:

@@ -568,7 +568,9 @@ def test_a_replay_sees_what_the_run_saw_of_pilots_and_of_lookers_on(tmp_path: Pa
     path, seen = tmp_path / "companion.jsonl", Detections("imu", 8_000_000, (320, 240))
 
     def sees(frame: CompanionFrame) -> Answer:
-        return replace(answer(frame.frame), detections=seen if frame.frame % 2 == 0 else None)
+        even = frame.frame % 2 == 0
+        report = {"n": frame.frame, "left_m": 0.25} if even else None
+        return replace(answer(frame.frame), detections=seen if even else None, report=report)
 
     trace = TraceWriter(path, [PILOT], ["truth", "imu"])
     live = Flight(Clients({"pilot": sees, "watcher": sees}, there=[PILOT, WATCHER]), "lockstep", trace=trace)
@@ -578,6 +580,7 @@ def test_a_replay_sees_what_the_run_saw_of_pilots_and_of_lookers_on(tmp_path: Pa
     again = Flight(TracedAnswers(path), "lockstep")
     again.fly(31)
     assert again.seen == live.seen
+    assert again.reports == [told for told in live.reports if told[0] == "pilot"] != []
     broken = path.read_text().splitlines()
     row = json.loads(broken[2])
     row["detections"]["size_px"] = [-1, 2]

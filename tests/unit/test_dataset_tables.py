@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import io
 import json
-from html.parser import HTMLParser
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hil.dataset.flight import FlightPart
 from hil.dataset.formats import euroc
@@ -43,7 +42,6 @@ from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.recording import load_recording
 
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
 CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
 CLASSES = Classes(("none", "tree"), ((0, 0, 0), (0, 200, 0)))
 
@@ -62,18 +60,6 @@ def table_of(header: str, samples: list[Any], names: euroc.TableColumns, *, late
     table = Table("data.csv", header)
     table.add_samples(columns_of(type(samples[0]), samples, later_ns), names)
     return "".join(table.waiting)
-
-
-@given(st.tuples(FINITE, FINITE, FINITE), st.tuples(FINITE, FINITE, FINITE), st.integers(0, 2**62))
-def test_imu_rows_read_back_to_the_same_numbers(
-    accel: tuple[float, float, float], gyro: tuple[float, float, float], t_ns: int
-) -> None:
-    sample = ImuSample(0, t_ns, t_ns, accel, gyro, 20.0)
-    text = table_of(euroc.IMU_HEADER, [sample], euroc.IMU_COLUMNS)
-    head, (row,) = rows_of(text)
-    assert len(head) == 7
-    assert tuple(row[1:]) == (*gyro, *accel)
-    assert int(text.splitlines()[1].split(",")[0]) == t_ns
 
 
 def test_truth_has_the_columns_of_euroc() -> None:
@@ -140,13 +126,8 @@ def test_sensor_yaml_reads_as_yaml_with_numbers() -> None:
     noise = {"gyroscope_noise_density": 1e-05, "gyroscope_random_walk": 2.5e-07, "accelerometer_noise_density": 0.002}
     text = euroc.sensor_yaml("imu", comment="an IMU: of a bench", T_BS=euroc.IDENTITY, rate_hz=250.0, more=noise)
     data = yaml.safe_load(text)
-    assert data["sensor_type"] == "imu"
-    assert data["comment"] == "an IMU: of a bench"
-    assert data["T_BS"] == {"cols": 4, "rows": 4, "data": list(euroc.IDENTITY)}
-    assert data["rate_hz"] == 250.0
-    assert data["gyroscope_noise_density"] == 1e-5
-    assert data["gyroscope_random_walk"] == 2.5e-7
-    assert data["accelerometer_noise_density"] == 0.002
+    told = {"sensor_type": "imu", "comment": "an IMU: of a bench", "rate_hz": 250.0}
+    assert data == told | noise | {"T_BS": {"cols": 4, "rows": 4, "data": list(euroc.IDENTITY)}}
     with pytest.raises(RecordingError, match="16 numbers"):
         euroc.sensor_yaml("lidar", comment="", T_BS=(1.0,), rate_hz=10.0)
 
@@ -220,30 +201,6 @@ def test_radar_reads_back_and_its_settings_open_as_a_recording(tmp_path: Path) -
     assert recording.rx_antennas == (1, 2, 3)
 
 
-class Page(HTMLParser):
-    """Tags that were opened and closed, what the page wants from outside, and its text."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.outside: list[str] = []
-        self.text = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in ("meta", "img"):
-            self.open.append(tag)
-        self.outside += [v or "" for k, v in attrs if k in ("src", "href") and not (v or "").startswith("data:")]
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        pass
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data + " "
-
-
 def page_text() -> str:
     return datasheet_html(
         title="park & <tree>",
@@ -261,12 +218,10 @@ def page_text() -> str:
 
 def test_datasheet_stands_alone_and_says_what_is_in_it() -> None:
     text = page_text()
-    page = Page()
-    page.feed(text)
-    assert page.open == []
-    assert page.outside == []
+    assert re.findall(r'(?:src|href)="(?!data:)', text) == []
+    shown = html.unescape(re.sub("<[^>]*>", " ", text))
     for wanted in ("park & <tree>", "a < b", "mav0/cam0", "6 labelled objects", "75 %", "CC0-1.0", "validation"):
-        assert wanted in " ".join(page.text.split()), wanted
+        assert wanted in " ".join(shown.split()), wanted
     assert text == page_text()
 
 
