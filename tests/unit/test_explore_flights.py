@@ -33,16 +33,15 @@ def test_it_goes_round_a_hall_to_the_goal() -> None:
     assert 2.0 < flat.fastest_mps <= 3.1
 
 
-def test_a_goal_in_a_building_is_called_that() -> None:
-    flat = Flat(ring(8.0, 0.0, 2.5), (8.0, 0.0)).fly(90.0)
-    assert flat.outcome == "goal_in_obstacle"
+@pytest.mark.parametrize(
+    ("middle_x", "half_m", "goal_x", "outcome"), [(8.0, 2.5, 8.0, "goal_in_obstacle"), (0.0, 5.0, 15.0, "no_path")]
+)
+def test_walls_without_a_way_through_are_told_apart(
+    middle_x: float, half_m: float, goal_x: float, outcome: str
+) -> None:
+    flat = Flat(ring(middle_x, 0.0, half_m), (goal_x, 0.0)).fly(90.0)
+    assert flat.outcome == outcome
     assert flat.explorer.finished
-    assert flat.least_m >= CLEAR_M
-
-
-def test_walled_in_there_is_no_path() -> None:
-    flat = Flat(ring(0.0, 0.0, 5.0), (15.0, 0.0)).fly()
-    assert flat.outcome == "no_path"
     assert flat.least_m >= CLEAR_M
 
 
