@@ -1,6 +1,6 @@
 """The `hil` command. Exit status: 0 PASS, 1 FAIL (the vehicle), 2 wrong files or options, 3 ERROR (the bench).
 
-One file a command, without logic: what a command does is loaded when it is called.
+Without logic: what a command does is loaded when it is called.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import typer
 
-from hil.cli import bench, calibrate, check, companion, dash, dataset, detect, devices, keys, radar, replay, run, view
+from hil.cli import commands, companion, detect, run
 
 app = typer.Typer(
     name="hil",
@@ -21,11 +21,11 @@ app = typer.Typer(
 )
 
 for _command in (
-    run.run, check.check, dataset.dataset, replay.replay, bench.bench, devices.devices, view.view, dash.dash, keys.keys,
-    companion.companion, radar.radar,
+    run.run, commands.check, commands.dataset, commands.replay, commands.bench, commands.devices, commands.view,
+    commands.dash, commands.keys, companion.companion, commands.radar,
 ):  # fmt: skip
     app.command()(_command)
-app.add_typer(calibrate.calibrate_app, name="calibrate")
+app.add_typer(commands.calibrate_app, name="calibrate")
 app.add_typer(detect.detect_app, name="detect")
 
 # The library's base of all usage errors; it has no public name in typer.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.companion.answers import Answers, LiveAnswers
-from hil.companion.calibrations import calibrations
 from hil.companion.link_faults import CompanionFault, CompanionFaults
 from hil.companion.settings import link_settings
 from hil.companion.stage import CompanionStage, Waiting
@@ -23,6 +22,7 @@ from hil.companion.timing import ClientTiming, TimedPilot, TimingLog
 from hil.companion.trace import TRACE_NAME, TracedAnswers, TraceWriter
 from hil.companion.view_log import VIEWS_EVERY_NS, ViewLog
 from hil.config import BenchConfig
+from hil.config.radar_checks import view_of
 from hil.frame_stages import available_ports
 from hil.signals.desired import DesiredState
 from hil.signals.detections import Detections
@@ -30,6 +30,11 @@ from hil.signals.errors import RecordingError
 from hil.signals.latency import LatencyHistogram
 from hil.signals.samples import Vec3
 from hil.signals.time import NS_PER_S, RateAccumulator
+from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
+from sim.frame.mount import Mount
+from sim.sensors.camera_parameters import CameraParameters
+from sim.sensors.lidar_parameters import LidarParameters
+from sim.sensors.radar_parameters import RadarParameters
 
 _EVENTS_OF_A_KIND = 50
 
@@ -234,3 +239,40 @@ def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:
         "p99": histogram.quantile_ns(0.99) / 1e6,
         "max": histogram.max_ns / 1e6,
     }
+
+
+def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """By sensor: kind, rate_hz, p_BC [m] and q_BC of its frame in B; of cameras the pinhole model; of LiDARs the
+    elevation of each ring, none where a ring has none of its own."""
+    found = {}
+    for name in sensors:
+        sensor = config.sensors[name]
+        told: dict[str, Any] = {"kind": sensor.kind, "rate_hz": sensor.rate_hz}
+        p = sensor.parameters
+        if isinstance(p, CameraParameters):
+            told |= _camera(view_of(sensor).camera) | _place(p.mount_m, p.mount_rpy_deg, optical=True)
+        elif isinstance(p, RadarParameters):
+            view = p.view() if p.frame is None else view_of(config.sensors[p.frame])
+            told |= _place(view.mount_m, view.mount_rpy_deg, optical=False) | {"chirp": p.chirp.model_dump(mode="json")}
+        elif hasattr(p, "mount_m") and hasattr(p, "mount_rpy_deg"):
+            told |= _place(p.mount_m, p.mount_rpy_deg, optical=False)
+            if isinstance(p, LidarParameters):
+                told |= {"elevation_deg": list(p.pattern.ring_elevations_deg)}
+        found[name] = told
+    return found
+
+
+def _camera(camera: Any) -> dict[str, Any]:
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "camera_matrix": [float(x) for x in camera.opencv_matrix],
+        "projection_matrix": [float(x) for x in projection_matrix(camera)],
+        "distortion": distortion_name(camera),
+        "coefficients": [float(x) for x in coefficients(camera)],
+    }
+
+
+def _place(mount_m: Any, mount_rpy_deg: Any, *, optical: bool) -> dict[str, Any]:
+    mount = Mount(mount_m, mount_rpy_deg, optical=optical)
+    return {"p_BC": list(mount.p_BC), "q_BC": list(mount.q_BC)}

@@ -24,11 +24,10 @@ from hil.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
 from hil.dataset.formats.looks import camera_looks, cloud_looks, radar_looks
 from hil.dataset.formats.pictures import DepthScale, PictureEncoder
 from hil.dataset.formats.radar_npy import npy
-from hil.dataset.frame_chunk import EncodedFrames, pack_frames
 from hil.dataset.journal import BatchRecord, StoredChunk
 from hil.dataset.moments import Batch, Look
 from hil.dataset.plan import EPOCH_NS, DatasetPlan
-from hil.dataset.recording import part_path
+from hil.dataset.recording import EncodedFrames, pack_frames, part_path
 from hil.dataset.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.dataset.workers import Job, Made
 from hil.frame_stages import description, make_frames

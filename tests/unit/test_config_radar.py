@@ -9,7 +9,7 @@ import pytest
 from hil.cli import run_command_line
 from hil.config import Bench, load_bench, resolved_yaml, save_bench
 from hil.frame_stages import stage_specs
-from hil.radar_offline.settings import settings_of, with_chirp
+from hil.radar_offline.sources import settings_of, with_chirp
 from hil.signals.errors import ConfigError
 from hil.stages import plan_stages
 from sim.radar.chirp import Chirp
