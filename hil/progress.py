@@ -10,7 +10,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, TextIO
+from typing import Any, Self, TextIO
 
 from hil.signals.time import NS_PER_S
 
@@ -18,8 +18,49 @@ _PERIOD_S = 0.1  # at most ten updates of the bar a second of wall time
 _LINE_NS = 10 * NS_PER_S  # without a terminal: one line per so much simulated time
 
 
-class Progress:
-    """Progress of one run. Use as a context manager; call `tick` in every tick.
+class Shown:
+    """A line of text with a bar, where a terminal shows it. Use as a context manager."""
+
+    def __init__(self, name: str, *, quiet: bool, stream: TextIO | None, clock: Callable[[], float]) -> None:
+        self._name, self._clock = name, clock
+        self._stream = stream or sys.stdout
+        self._quiet = quiet or self._stream is None or self._stream.closed
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Self:
+        if not self._quiet and self._stream.isatty():
+            # rich takes a tenth of a second to import; who has no terminal does without it
+            from rich.console import Console
+            from rich.progress import BarColumn, TextColumn
+            from rich.progress import Progress as RichProgress
+
+            self._bar = RichProgress(
+                TextColumn("[bold]{task.description}"),
+                BarColumn(bar_width=None),
+                TextColumn("{task.fields[text]}"),
+                *self._columns(),
+                console=Console(file=self._stream),
+                auto_refresh=False,  # no second thread: it would disturb the timing of the run
+                transient=True,
+            )
+            self._bar.start()
+            self._task = self._bar.add_task(self._name, total=None, text="starting")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            with contextlib.suppress(OSError, ValueError):
+                self._bar.stop()
+            self._bar = None
+
+    def _columns(self) -> list[Any]:
+        """Of the bar, behind the text."""
+        return []
+
+
+class Progress(Shown):
+    """Progress of one run. Call `tick` in every tick.
 
     `status` is asked only when something is shown; it returns (phase text, waypoints reached, waypoints).
     `sim_limit_ns` is the length of the run as far as known, 0 where it is not.
@@ -39,25 +80,18 @@ class Progress:
         self._tick_ns = tick_ns
         self._limit_ns = sim_limit_ns
         self._status = status
-        self._title = title
-        self._clock = clock
-        self._stream = stream or sys.stdout
-        self._quiet = quiet or self._stream is None or self._stream.closed
-        self._bar: Any = None
-        self._task: Any = None
+        super().__init__(title or "run", quiet=quiet, stream=stream, clock=clock)
         self._started_s = self._shown_s = clock()
         self._line_ns = 0
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> Self:
         self._started_s = self._clock()
-        if not self._quiet and self._stream.isatty():
-            self._open_bar()
-        return self
+        return super().__enter__()
 
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            with contextlib.suppress(OSError, ValueError):
-                self._bar.stop()
+    def _columns(self) -> list[Any]:
+        from rich.progress import TimeRemainingColumn
+
+        return [TimeRemainingColumn(compact=True)]
 
     def tick(self, tick: int) -> None:
         """One tick is done: show what there is to show, if it is time to."""
@@ -83,24 +117,6 @@ class Progress:
         speed = f"{self._speed(t_ns, self._clock()):.1f}x real time" if t_ns else "starting"
         place = f", waypoint {reached}/{waypoints}" if waypoints else ""
         print(f"t = {t_ns / NS_PER_S:6.1f} s  {speed}  {phase}{place}", file=self._stream, flush=True)
-
-    def _open_bar(self) -> None:
-        # rich takes a tenth of a second to import; runs without a terminal do without it
-        from rich.console import Console
-        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-        from rich.progress import Progress as RichProgress
-
-        self._bar = RichProgress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=None),
-            TextColumn("{task.fields[text]}"),
-            TimeRemainingColumn(compact=True),
-            console=Console(file=self._stream),
-            auto_refresh=False,  # no second thread: it would disturb the timing of the run
-            transient=True,
-        )
-        self._bar.start()
-        self._task = self._bar.add_task(self._title or "run", total=None, text="starting")
 
     def _update_bar(self, t_ns: int) -> None:
         now_s = self._clock()

@@ -127,7 +127,7 @@ class CompanionLink:
             on_report=on_report,
             on_detections=on_detections,
             on_event=self._on_event,
-            detected_then=self._answers.detected_then if isinstance(self._answers, TracedAnswers) else _nothing_then,
+            detected_then=self._answers.detected_then if isinstance(self._answers, TracedAnswers) else lambda _t_ns: (),
             trace=self._trace,
             timing=self._timing,
             faults=self._faults,
@@ -225,10 +225,6 @@ class CompanionLink:
         if self._told[kind] <= _EVENTS_OF_A_KIND:
             more = "" if self._told[kind] < _EVENTS_OF_A_KIND else " (more of this kind are not told)"
             self._on_event(-1, f"companion_{kind}", text + more)
-
-
-def _nothing_then(_t_ns: int) -> Sequence[tuple[str, Detections]]:
-    return ()
 
 
 def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:

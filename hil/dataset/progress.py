@@ -3,52 +3,25 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Callable
-from typing import Any, TextIO
+from typing import TextIO
+
+from hil.progress import Shown
 
 _BAR_S, _LINE_S = 0.1, 5.0
 
 
-class FrameProgress:
-    """Use as a context manager."""
+class FrameProgress(Shown):
+    """Of the frames of one data set."""
 
     def __init__(
         self, total: int, *, quiet: bool, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
+        super().__init__("dataset", quiet=quiet, stream=stream, clock=clock)
         self._total = total
-        self._stream = stream or sys.stdout
-        self._quiet = quiet or self._stream is None or self._stream.closed
-        self._clock = clock
-        self._bar: Any = None
-        self._task: Any = None
         self._next_s = 0.0
         self._first: tuple[float, int] | None = None  # when and at how many frames the measured part began
-
-    def __enter__(self) -> FrameProgress:
-        if not self._quiet and self._stream.isatty():
-            # A tenth of a second to import: only who looks at it waits for it.
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
-
-            self._bar = Progress(
-                TextColumn("[bold]dataset"),
-                BarColumn(bar_width=None),
-                TextColumn("{task.fields[text]}"),
-                console=Console(file=self._stream),
-                auto_refresh=False,
-                transient=True,
-            )
-            self._bar.start()
-            self._task = self._bar.add_task("dataset", total=self._total, text="taking off")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            with contextlib.suppress(OSError, ValueError):
-                self._bar.stop()
-            self._bar = None
 
     def text(self, done: int, now_s: float) -> str:
         """Frames, rate and time left. The rate is that since the first batch came back: take-off does not count."""
@@ -71,7 +44,7 @@ class FrameProgress:
         with contextlib.suppress(OSError, ValueError):  # whoever read this is gone
             if self._bar is not None:
                 self._next_s = now_s + _BAR_S
-                self._bar.update(self._task, completed=done, text=text, refresh=True)
+                self._bar.update(self._task, total=self._total, completed=done, text=text, refresh=True)
             else:
                 self._next_s = now_s + _LINE_S
                 print(text, file=self._stream, flush=True)

@@ -121,12 +121,7 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             "/quality",
             "hil_msgs/GpsQuality",
             BODY,
-            {
-                "horizontal_accuracy_m": "horizontal_accuracy_m",
-                "vertical_accuracy_m": "vertical_accuracy_m",
-                "fix_type": "fix_type",
-                "satellites": "satellites",
-            },
+            {name: name for name in ("horizontal_accuracy_m", "vertical_accuracy_m", "fix_type", "satellites")},
         ),
     ),
     RangeSample: (
