@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import typer
 
-from hil.cli import commands, companion, detect, run
+from hil.cli import commands, detect, run
 
 app = typer.Typer(
     name="hil",
@@ -22,7 +22,7 @@ app = typer.Typer(
 
 for _command in (
     run.run, commands.check, commands.dataset, commands.replay, commands.bench, commands.devices, commands.view,
-    commands.dash, commands.keys, companion.companion, commands.radar,
+    commands.dash, commands.keys, commands.companion, commands.radar,
 ):  # fmt: skip
     app.command()(_command)
 app.add_typer(commands.calibrate_app, name="calibrate")

@@ -20,7 +20,7 @@ from firmware_bridge.codecs.companion import (
     schema_hash,
 )
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.companion.clock_offset import ClockOffset
+from firmware_bridge.companion.clients import ClockOffset
 from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_keys
 from firmware_bridge.companion.server import CompanionServer

@@ -19,9 +19,9 @@ from hil.dataset.flight import FlightPart, fly_for_frames
 from hil.dataset.formats.coco import CocoPicture
 from hil.dataset.formats.split import GUARD, SETS
 from hil.dataset.journal import BatchRecord, Journal, StoredChunk
+from hil.dataset.make import FrameProgress
 from hil.dataset.moments import Batch, Moment
 from hil.dataset.plan import make_plan
-from hil.dataset.progress import FrameProgress
 from hil.dataset.trajectory import course, waypoints_text
 from hil.dataset.tree import JOURNAL, Written
 from hil.missions import Geopoint, load_mission
