@@ -219,7 +219,7 @@ class Record(Section):
 
 
 class Trajectory(Section):
-    """A course for `hil dataset`, flown round and round from the take-off place on (hil/dataset/trajectory.py)."""
+    """A course for `hil dataset`, flown round and round from the take-off place on (hil/dataset/plan.py)."""
 
     preset: Literal["square", "circle", "figure_eight", "survey"] = "square"
     side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square about it

@@ -94,6 +94,7 @@ class Journal:
         self._db.close()
 
 
+_TABLE = "CREATE TABLE batch (number INTEGER PRIMARY KEY, offset INTEGER, crc32 INTEGER, record BLOB)"
 _ALL = "SELECT number, offset, crc32, record FROM batch ORDER BY number"
 
 
@@ -102,11 +103,12 @@ def _opened(path: Path) -> sqlite3.Connection:
     db.execute("PRAGMA locking_mode = EXCLUSIVE")  # no shared memory, which network file systems lack
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = NORMAL")
-    columns = "number INTEGER PRIMARY KEY, offset INTEGER, crc32 INTEGER, record BLOB"
-    db.execute(f"CREATE TABLE IF NOT EXISTS batch ({columns})")
+    db.execute(_TABLE.replace("TABLE", "TABLE IF NOT EXISTS"))
     db.execute("PRAGMA user_version = 1")  # a head that forbids writing shows here
     db.execute(_ALL)
-    if db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+    # A damaged description of the table may still be one that SQLite reads, with another meaning.
+    table = db.execute("SELECT sql FROM sqlite_master").fetchall()
+    if table != [(_TABLE,)] or db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
         damaged = sqlite3.DatabaseError("the database is damaged")
         damaged.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
         raise damaged

@@ -9,7 +9,7 @@ clearance_m      least distance from the sphere that holds the vehicle to anythi
                  from half the height of the flight on
 contacts         ticks with contact, from the first 0.3 m above the ground until it was over
 path_ratio       horizontal length of the way flown, over that of the shortest way from start to goal that keeps
-                 `min_clearance_m` on the full map (`hil.goal.shortest_path`)
+                 `min_clearance_m` on the full map (`hil.goal.judgement`)
 
 Where another outcome than `goal` is wanted, error and ratio are not judged, nor the clearance of a flight that never
 got half as high.
@@ -20,15 +20,20 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.companion.started import use_client
 from hil.config.schema import Goal
-from hil.goal.clearance import Clearance, vehicle_radius_m
-from hil.goal.shortest_path import length_m, shortest_path
-from hil.goal.true_slice import true_slice
+from hil.goal.true_slice import TrueSlice, true_slice
 from hil.signals.samples import TruthState, Vec3
 from hil.signals.time import NS_PER_S
 from hil.verdict import AIRBORNE_M, Row, rows_within
+from sim._kernels import RayCaster, Vicinity
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
@@ -151,3 +156,101 @@ def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
         ("contacts", float(result.contacts), 0.0, "", False),
     )
     return rows, [*reasons, *failed]
+
+
+_REACH_M = 5.0
+_RAYS, _FINE_RAYS = 4000, 150
+_SPACING_RAD = math.sqrt(4.0 * math.pi / _RAYS)
+
+
+def vehicle_radius_m(vehicle: Vehicle) -> float:
+    """Of the sphere round the body's origin that holds the whole vehicle, propellers included."""
+    blades = vehicle.rotor_constants.radius_m
+    return max(vehicle.bounding_radius_m, *(math.hypot(*rotor.position_m) + blades for rotor in vehicle.rotors))
+
+
+class Clearance:
+    """Distances in one scene [m] from a place to the nearest surface, people included; `_REACH_M` where none is nearer.
+
+    Rays in all directions, then a finer bundle round the shortest: at `_REACH_M` neighbouring rays lie 0.3 m apart, at
+    1 m 6 cm, the finer ones a tenth of that. A surface is nearest where it is met at a right angle, so that the
+    distance found is too long by no more than 2 mm at 1 m; a wire thinner than the rays' distance may be missed.
+    """
+
+    def __init__(self, geometry: FrameGeometry) -> None:
+        self._geometry = geometry
+        self._caster = RayCaster(geometry.native)
+        n = _RAYS
+        up = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+        turn = np.arange(n) * (math.pi * (3.0 - math.sqrt(5.0)))
+        level = np.sqrt(1.0 - up * up)
+        self._sphere = np.stack([level * np.cos(turn), level * np.sin(turn), up], axis=1)
+        m = _FINE_RAYS
+        away = _SPACING_RAD * np.sqrt((np.arange(m) + 0.5) / m)
+        turn = np.arange(m) * (math.pi * (3.0 - math.sqrt(5.0)))
+        self._bundle = np.stack([away * np.cos(turn), away * np.sin(turn)], axis=1)
+
+    def nearest_m(self, p_W: tuple[float, float, float], t_ns: int) -> float:
+        """From this place to the nearest surface, as everything stands at `t_ns`."""
+        self._geometry.expect(t_ns)
+        self._geometry.bring(Vicinity(p_W, p_W, _REACH_M))
+        range_m = self._cast(p_W, self._sphere)
+        best = int(np.argmin(range_m))
+        if not math.isfinite(range_m[best]):
+            return _REACH_M
+        d = self._sphere[best]
+        a = np.cross(d, (1.0, 0.0, 0.0) if abs(d[0]) < 0.9 else (0.0, 1.0, 0.0))
+        a /= np.linalg.norm(a)
+        finer = d + self._bundle[:, :1] * a + self._bundle[:, 1:] * np.cross(d, a)
+        finer /= np.linalg.norm(finer, axis=1, keepdims=True)
+        return min(float(range_m[best]), float(self._cast(p_W, finer).min()), _REACH_M)
+
+    def _cast(self, p_W: tuple[float, float, float], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+        n = len(directions)
+        range_m, geom = np.empty(n), np.empty(n, np.int32)
+        origins = np.ascontiguousarray(np.broadcast_to(np.asarray(p_W), (n, 3)))
+        self._caster.cast(origins, np.ascontiguousarray(directions), 0.0, _REACH_M, range_m, geom)
+        return np.where(geom >= 0, range_m, math.inf)
+
+
+Point = tuple[float, float]
+
+
+def shortest_path(place: TrueSlice, start_W: Point, goal_W: Point, *, berth_m: float) -> list[Point] | None:
+    """Points from start to goal; None where there is no way. Both ends count as free where they are.
+
+    The explorer's own A* over cells that are at least `berth_m` from anything, all at one price, and its straightening:
+    no shorter than the shortest way, and seldom more than a per cent longer.
+    """
+    use_client()
+    from hil_companion.explore.astar import connected, search
+    from hil_companion.explore.plan_map import PlanMap
+    from hil_companion.explore.route import straightened
+
+    distance_m = _distance_m(place)
+    free = distance_m >= berth_m
+    start, goal = place.cell_of(*start_W), place.cell_of(*goal_W)
+    if not (place.inside(*start) and place.inside(*goal)):
+        return None
+    free[start] = free[goal] = True
+    price = np.where(free, 1.0, np.inf)
+    found = search(price, start, goal) if connected(price, start, goal) else None
+    if found is None:
+        return None
+    points = np.array([start_W, *(place.centre_of(*cell) for cell in found[0][1:-1]), goal_W])
+    full = PlanMap(distance_m, ~free, price, place.origin_W, place.cell_m, 1, np.zeros((0, 4)))
+    ways = (straightened(full, points), straightened(full, points[::-1])[::-1])
+    return min(([(float(x), float(y)) for x, y in way] for way in ways), key=length_m)
+
+
+def length_m(points: list[Point]) -> float:
+    return sum(math.dist(a, b) for a, b in pairwise(points))
+
+
+def _distance_m(place: TrueSlice) -> NDArray[np.float32]:
+    """Of every cell's middle from the nearest occupied cell's."""
+    if not place.occupied.any():
+        return np.full(place.occupied.shape, 1e3, np.float32)
+    clear = np.where(place.occupied, 0, 1).astype(np.uint8)
+    # Surfaces lie anywhere in their cells: on the average half a cell nearer than the cell's middle tells.
+    return np.asarray(cv2.distanceTransform(clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * place.cell_m, np.float32)

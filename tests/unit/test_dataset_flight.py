@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.config.schema import Trajectory
@@ -21,8 +21,7 @@ from hil.dataset.formats.split import GUARD, SETS
 from hil.dataset.journal import BatchRecord, Journal, StoredChunk
 from hil.dataset.make import FrameProgress
 from hil.dataset.moments import Batch, Moment
-from hil.dataset.plan import make_plan
-from hil.dataset.trajectory import course, waypoints_text
+from hil.dataset.plan import course, make_plan, waypoints_text
 from hil.dataset.tree import JOURNAL, Written
 from hil.missions import Geopoint, load_mission
 from hil.recorder.mcap_file import ChunkFacts
@@ -140,6 +139,7 @@ def record(index: int) -> BatchRecord:
 
 @settings(max_examples=60)
 @given(st.floats(0.0, 1.0, exclude_max=True), st.booleans())
+@example(0.49401890155887346, False)  # in SQLite's own description of the table
 def test_a_journal_cut_off_or_damaged_anywhere_tells_nothing_wrong(
     tmp_path_factory: pytest.TempPathFactory, where: float, cut: bool
 ) -> None:

@@ -12,9 +12,7 @@ import pytest
 
 from hil.config import load_bench
 from hil.config.schema import Goal
-from hil.goal.clearance import Clearance, vehicle_radius_m
-from hil.goal.judgement import GoalMeasurement
-from hil.goal.shortest_path import length_m, shortest_path
+from hil.goal.judgement import Clearance, GoalMeasurement, length_m, shortest_path, vehicle_radius_m
 from hil.goal.true_slice import TrueSlice, true_slice
 from hil.signals.errors import ConfigError
 from hil.signals.samples import TruthState

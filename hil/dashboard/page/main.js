@@ -377,6 +377,20 @@ function select(name) {
 $("tab-live").onclick = () => select("live");
 $("tab-runs").onclick = () => select("runs");
 
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  view.touch();
+  panes.redraw();
+  for (const chart of Object.values(charts)) chart.draw();
+}
+const asked = localStorage.getItem("theme");
+theme(asked ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+$("theme").onclick = () => {
+  const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", next);
+  theme(next);
+};
+
 async function start() {
   buttons();
   view.setVehicle([[0.17, 0.17, 0.02], [-0.17, 0.17, 0.02], [-0.17, -0.17, 0.02], [0.17, -0.17, 0.02]]);

@@ -12,6 +12,7 @@ export class Panes {
   constructor({ chips, box, onChange, onCloud, onMap, flown }) {
     Object.assign(this, { chips, box, onChange, onCloud, onMap, flown });
     this.open = new Map();
+    this.last = new Map();  // what each shows
     this.all = [];
     this.boxes = {};  // by stream: what a companion made out in its newest picture
     this.wanted = new Set(["view/camera/rgb"]);
@@ -47,6 +48,7 @@ export class Panes {
     for (const [stream, pane] of this.open) if (!now.includes(stream)) {
       pane.remove();
       this.open.delete(stream);
+      this.last.delete(stream);
       if (stream.endsWith("/points")) this.onCloud(stream, null);
       if (MAP.test(stream)) this.onMap(stream, null);
     }
@@ -65,9 +67,13 @@ export class Panes {
     this.onChange(now);
   }
 
+  // In other colours.
+  redraw() { for (const frame of [...this.last.values()]) if (!frame.as.startsWith("image/")) this.show(frame); }
+
   async show(frame) {
     const pane = this.open.get(frame.stream);
     if (!pane) return;
+    this.last.set(frame.stream, frame);
     const canvas = pane.firstChild, note = pane.lastChild.lastChild;
     note.textContent = `${(frame.t_ns / 1e9).toFixed(2)} s`;
     pane.dataset.frames = String(Number(pane.dataset.frames ?? 0) + 1);
