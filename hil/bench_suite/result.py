@@ -113,7 +113,7 @@ def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None
 
 
 def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     floor = min((row.error for row in rows if row.error > 0), default=1e-15) / 10
     for method in dict.fromkeys(row.method.split(" @ ")[0] for row in rows):
@@ -121,7 +121,9 @@ def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
         errors = [row.error if row.error > 0 else floor for row in mine]
         ax.plot([row.time_s for row in mine], errors, "o-" if len(mine) > 1 else "o", label=method, markersize=5)
     ax.set(xscale="log", yscale="log", xlabel=time_label, ylabel=f"error [{rows[0].error_unit}]")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    times_s = [row.time_s for row in rows]
+    apart = max(times_s) > 2.0 * min(times_s)
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if apart else MaxNLocator(3))
     ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_title(rows[0].case, loc="left", fontsize=10, fontweight="bold")

@@ -55,7 +55,9 @@ def picture(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, b
         grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _FASTEST_MPS, -1.0, 1.0)).astype(np.uint8)
         return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
     if channel == "normal":
-        return _encoded(".jpg", (127.5 + 127.5 * np.clip(np.nan_to_num(array), -1.0, 1.0)).astype(np.uint8))
+        # Red to the right, green up, blue to the camera: the camera's y is down and its z forward.
+        bgr = (np.clip(np.nan_to_num(array), -1.0, 1.0) * (1.0, -1.0, -1.0))[..., ::-1]
+        return _encoded(".jpg", (127.5 + 127.5 * bgr).astype(np.uint8))
     if channel == "range_doppler":
         power_db = 10.0 * np.log10(np.maximum(array, 1e-6))
         top = float(power_db.max(initial=-60.0))
