@@ -50,6 +50,7 @@ class RunProcess:
         self._hub = hub
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
+        self._following: asyncio.Task[None] | None = None  # what the run says
 
     @property
     def going(self) -> bool:
@@ -58,7 +59,15 @@ class RunProcess:
     def start(self, arguments: Sequence[str]) -> None:
         """`hil run` with these arguments. Nothing happens while another run goes."""
         if not self.going:
+            self._following = None
             self._task = asyncio.get_running_loop().create_task(self._run(list(arguments)))
+
+    async def exited(self) -> bool:
+        """True once a run that has said its last is gone; False at once while it still flies or starts."""
+        if self._task is None or self._following is None or not self._following.done():
+            return False
+        await asyncio.wait([self._task])
+        return True
 
     async def stop(self) -> None:
         """End the run as Ctrl-C does, and wait for it."""
@@ -94,13 +103,13 @@ class RunProcess:
             return
         finally:
             theirs.close()
-        following = asyncio.get_running_loop().create_task(hub.follow(ours))
+        self._following = asyncio.get_running_loop().create_task(hub.follow(ours))
         assert self._process.stderr is not None
         said = b""
         while piece := await self._process.stderr.read(4096):
             said = (said + piece)[-_LAST_BYTES:]
         status = await self._process.wait()
-        await following
+        await self._following
         if hub.result is None:  # it never got so far as to say itself how it went
             hub.message = said.decode(errors="replace").strip() or f"the run ended with status {status}"
         await hub.changed()
@@ -225,7 +234,8 @@ class Dashboard:
         if kind not in ("start", "reset"):
             await self.hub.hear(page, message)
             return
-        if kind == "start" and self.run.going:
+        # A page shows a run as over when it has said its last; its process may take a moment more to exit.
+        if kind == "start" and self.run.going and not await self.run.exited():
             return
         from hil.dashboard.choices import run_arguments
 

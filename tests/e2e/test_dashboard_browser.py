@@ -111,13 +111,14 @@ def picture(page: Any, name: str) -> None:
     folder = os.environ.get("HIL_SCREENSHOTS")
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
-        for theme in ("light", "dark"):
-            page.emulate_media(color_scheme=theme)
+        for _ in range(2):
             page.wait_for_timeout(80)
             out = page.locator("html").evaluate("(html) => html.scrollWidth - html.clientWidth")
             assert out <= 0, f"{name} at a {size}'s width: {out} pixels stick out"
             if folder:
+                theme = page.locator("html").get_attribute("data-theme")
                 page.screenshot(path=f"{folder}/{name}-{size}-{theme}.png", full_page=True)
+            page.click("#theme")
     page.set_viewport_size(dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
 
 
