@@ -1,15 +1,17 @@
 # make run    set up and fly the default mission
 # make test   set up and run the tests
 # make setup  only set up: .venv with locked dependencies, C++ kernels built
+# make wheel  build the wheel into dist/ and try it in a clean environment
+# make docs   build the book into build/docs; a broken link is an error
 PYTHON ?= python3
 ARGS ?=
 HIL := .venv/bin/hil
 PY := .venv/bin/python
 
-.PHONY: help run test test-all lint format setup lock clean
+.PHONY: help run test test-all wheel lint format setup docs lock clean
 
 help:
-	@sed -n '1,3s/^# //p' Makefile
+	@sed -n '1,5s/^# //p' Makefile
 
 setup:
 	@$(PYTHON) tools/setup_env.py
@@ -27,6 +29,9 @@ test: setup
 test-all: setup
 	$(PY) -m pytest $(PARALLEL) $(ARGS)
 
+wheel: setup
+	$(PY) tools/check_wheel.py
+
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
@@ -35,6 +40,11 @@ lint: setup
 format: setup
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
+
+# The variable silences mkdocs-material's notice about its successor.
+docs: setup
+	$(PY) -m pip install -q --disable-pip-version-check --constraint requirements.lock "mkdocs-material>=9.5"
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict
 
 # Needs `uv` on the PATH: resolves for every platform and Python >= 3.11 at once.
 lock:

@@ -131,9 +131,12 @@ def zig_compiler() -> dict[str, str]:
 
 def build_kernels() -> None:
     native = [
-        p for folder in ("hil", "sim", "firmware_bridge") for p in (ROOT / folder).glob("**/native/**/*") if p.is_file()
+        p
+        for folder in ("signals", "sim", "firmware_bridge")
+        for p in (ROOT / folder).glob("**/native/**/*")
+        if p.is_file()
     ]
-    model = ROOT / "firmware_bridge/mock_pixhawk/ekf_model.py"  # the build generates C++ from it
+    model = ROOT / "firmware_bridge/mock_pixhawk/estimate/ekf_model.py"  # the build generates C++ from it
     digest = digest_of([*native, model, ROOT / "CMakeLists.txt", ROOT / "pyproject.toml"])
     if stamped("kernels", digest):
         return

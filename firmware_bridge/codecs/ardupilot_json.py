@@ -1,25 +1,25 @@
-"""ArduPilot's SITL "JSON" interface as pure functions: servo packets in, one line of state out. No I/O.
+"""Codec of ArduPilot SITL's "JSON" interface: servo packets in, one line of state out. Pure functions.
 
 Servo packet, little-endian, one UDP datagram (libraries/SITL/SIM_JSON.h in ArduPilot):
     16 channels   magic 18458   u16 magic, u16 frame_rate, u32 frame_count, u16 pwm[16]    40 bytes
-    32 channels   magic 29569   the same with pwm[32]; the firmware may change over at any packet    72 bytes
+    32 channels   magic 29569   the same with pwm[32]; the firmware may switch at any packet    72 bytes
 
-State line. SITL does not parse JSON: it looks for the first place where a key's name occurs and reads the number or
-the bracket two characters behind it. Hence, and `encode_state` keeps to it:
-    - a newline at the front and at the end; no space behind a colon; numbers only
-    - a key whose name contains another's (velocity_wind: velocity) comes behind it
-    - nothing that is not finite: a NaN ends ArduPilot with SIGFPE. Refused with `CodecError`, naming the field
+State line. SITL does not parse JSON: it searches the first occurrence of a key's name and reads the number or the
+bracket two characters after it. So `encode_state` follows these rules:
+    - a newline at the begin and at the end; no space after a colon; numbers only
+    - a key whose name contains another's (velocity_wind: velocity) comes after it
+    - finite numbers only: a NaN ends ArduPilot with SIGFPE. Refused with `CodecError`, which names the field
 
-World ENU and body FLU are turned into NED and FRD here (`state_from_truth`), nowhere else.
+World ENU and body FLU are converted to NED and FRD here only (`state_from_truth`).
 
-What the digits cost: position %.12g, read as a double: 5e-12 of the value, at 50 km 50 nm at most. The other numbers
-%.9g, read as 32-bit floats, which nine digits tell apart: what is lost is the float's own 6e-8 of the value. (SITL
-then keeps the position in 1e-7 degrees and whole centimetres of altitude: 11 mm and 10 mm, its sensors' resolution.)
+Rounding: the position is printed with %.12g and read as a double: 5e-12 of the value, at 50 km 50 nm at most. The other
+numbers are printed with %.9g and read as 32-bit floats; nine digits keep a float's own 6e-8 of the value. (SITL then
+keeps the position in 1e-7 degrees and whole centimetres of altitude: 11 mm and 10 mm, its sensors' resolution.)
 
 Time: SITL adds the difference of two timestamps, in microseconds, to an integer clock and drops the fraction. Printed
-plainly, differences come out as 2499.9999 us and lose a microsecond every so often. Timestamps are therefore whole
+plainly, differences come out as 2499.9999 us and lose a microsecond now and then. Timestamps are therefore whole
 microseconds, stretched by 1e-7: each difference then exceeds its whole number by a little, and SITL's clock counts
-exactly the bench's microseconds, for ever.
+exactly the bench's microseconds, without limit.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from math import atan2, sqrt
 from typing import NamedTuple, NoReturn
 
 from firmware_bridge.codecs.errors import CodecError
-from hil.signals._kernel import rotate_into_body
-from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
-from hil.signals.samples import Quat, TruthState, Vec3
-from hil.signals.units import STANDARD_GRAVITY_MPS2
+from signals._kernel import rotate_into_body
+from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
+from signals.samples import Quat, TruthState, Vec3
+from signals.units import STANDARD_GRAVITY_MPS2
 
 MAGIC_16 = 18458
 MAGIC_32 = 29569
@@ -44,27 +44,27 @@ CONTROLS = 16  # of an ActuatorFrame
 _unpack_16 = struct.Struct("<HHI16H").unpack
 _unpack_32 = struct.Struct("<HHI32H").unpack
 _BYTES_16, _BYTES_32 = 40, 72
-_LARGEST = 1e30  # nothing physical comes near; a 32-bit float ends at 3.4e38
-_STRETCH_PER_US = 1.0000001e-6  # seconds per microsecond, and the little more: see the module's header
+_LARGEST = 1e30  # far above any physical value; a 32-bit float ends at 3.4e38
+_STRETCH_PER_US = 1.0000001e-6  # seconds per microsecond, stretched: see the module's header
 
 
 class ServoPacket(NamedTuple):
-    """What SITL asks with: the outputs, and the number of the step that it wants to make."""
+    """A servo packet: the outputs, and the number of the step that SITL requests."""
 
-    frame_rate_hz: int  # the step it has in mind; the timestamps of the answers decide
-    frame_count: int  # 0 after a (re)start; goes on by one when an answer has been taken
+    frame_rate_hz: int  # requested; the timestamps of the answers decide
+    frame_count: int  # 0 after a (re)start, one more after each accepted answer
     pwm_us: tuple[int, ...]  # 16 or 32; 0: no pulse
 
 
 def decode_servos(datagram: bytes) -> ServoPacket:
-    """A servo packet. CodecError for any other bytes."""
+    """Decode a servo packet. CodecError for any other bytes."""
     size = len(datagram)
     if size == _BYTES_16:
         values, magic = _unpack_16(datagram), MAGIC_16
     elif size == _BYTES_32:
         values, magic = _unpack_32(datagram), MAGIC_32
     else:
-        raise CodecError(f"ArduPilot servo packet: {size} bytes; 16 channels are {_BYTES_16}, 32 are {_BYTES_32}")
+        raise CodecError(f"ArduPilot servo packet: {size} bytes, but 16 channels are {_BYTES_16}, 32 are {_BYTES_32}")
     if values[0] != magic:
         raise CodecError(f"ArduPilot servo packet: magic {values[0]} in {size} bytes, not {magic}")
     return ServoPacket(values[1], values[2], values[3:])
@@ -79,19 +79,21 @@ class PwmRange:
 
     def __post_init__(self) -> None:
         if not 0 < self.low_us < self.high_us <= 65535:
-            raise CodecError(f"pwm range {self.low_us}..{self.high_us} us: must rise, within 1..65535")
+            raise CodecError(
+                f"pwm range {self.low_us}..{self.high_us} us: the first must be below the second, both within 1..65535"
+            )
 
     def controls(self, pwm_us: Sequence[int]) -> tuple[float, ...]:
-        """The first 16 channels as controls 0..1. No pulse (0) is 0, and so is anything at or below `low_us`."""
+        """Return the first 16 channels as controls 0..1. No pulse (0) and widths up to `low_us` give 0."""
         low, high = self.low_us, self.high_us
         span = high - low
         return tuple([0.0 if pwm <= low else 1.0 if pwm >= high else (pwm - low) / span for pwm in pwm_us[:CONTROLS]])
 
 
 class VehicleState(NamedTuple):
-    """What SITL wants to know. N is NED with its origin at home, F the body, FRD; SI units.
+    """The state for SITL. N is NED with its origin at home, F is the body, FRD; SI units.
 
-    The fields with a default are left out of the line where they are None (or empty).
+    Fields with a default are omitted from the line if they are None (or empty).
     """
 
     t_ns: int
@@ -99,11 +101,11 @@ class VehicleState(NamedTuple):
     accel_F_mps2: Vec3  # specific force: (0, 0, -9.81) at rest
     p_NF: Vec3
     v_NF_N: Vec3
-    q_NF: Quat  # w-x-y-z, turns F into N
+    q_NF: Quat  # w-x-y-z, rotates F into N
     ranges_m: tuple[float, ...] = ()  # rng_1 ... rng_6
-    wind_N_mps: Vec3 | None = None  # "velocity_wind": firmware from 2026 on; older ones do not look for it
+    wind_N_mps: Vec3 | None = None  # "velocity_wind": firmware from 2026 on; older ones ignore it
     airspeed_mps: float | None = None
-    windvane: tuple[float, float] | None = None  # apparent: direction it comes from [rad from the nose], speed [m/s]
+    windvane: tuple[float, float] | None = None  # apparent wind: origin [rad from the nose], speed [m/s]
     battery: tuple[float, float] | None = None  # V, A: firmware from 2026 on
 
 
@@ -114,28 +116,28 @@ _STATE = (
 
 
 def encode_state(state: VehicleState) -> bytes:
-    """The line, ASCII. CodecError naming the field where a number is not finite."""
+    """Encode the line, ASCII. CodecError names each field that is not finite."""
     (t_ns, (gx, gy, gz), (ax, ay, az), (px, py, pz), (vx, vy, vz), (qw, qx, qy, qz)) = state[:6]
-    # Squares, so that nothing cancels. NaN fails the comparison; infinity, and what no float can hold, exceed it.
+    # Squares cannot cancel. NaN fails the comparison; infinity, and values beyond a float's range, exceed it.
     total = gx * gx + gy * gy + gz * gz + ax * ax + ay * ay + az * az + px * px + py * py + pz * pz
     total += vx * vx + vy * vy + vz * vz + qw * qw + qx * qx + qy * qy + qz * qz
     if not total < _LARGEST * _LARGEST:
         _refuse(state)
-    more = "" if state[6:] == _NOTHING_MORE else _optional(state)
+    more = "" if state[6:] == _DEFAULTS else _optional(state)
     return (
         _STATE
         % ((t_ns // 1000) * _STRETCH_PER_US, gx, gy, gz, ax, ay, az, px, py, pz, vx, vy, vz, qw, qx, qy, qz, more)
     ).encode("ascii")
 
 
-_NOTHING_MORE = ((), None, None, None, None)
+_DEFAULTS = ((), None, None, None, None)
 
 
 def _optional(state: VehicleState) -> str:
-    """The fields that may be absent, each with a comma in front."""
+    """Return the optional fields, each after a comma."""
     ranges, wind, airspeed, vane, battery = state[6:]
     if len(ranges) > RANGE_FINDERS:
-        raise CodecError(f"ArduPilot state: {len(ranges)} range finders; there is room for {RANGE_FINDERS}")
+        raise CodecError(f"ArduPilot state: {len(ranges)} range finders, but SITL takes {RANGE_FINDERS} at most")
     numbers = (*ranges, *(wind or ()), *(vane or ()), *(battery or ()), airspeed or 0.0)
     if not all(-_LARGEST < number < _LARGEST for number in numbers):
         _refuse(state)
@@ -152,7 +154,7 @@ def _optional(state: VehicleState) -> str:
 
 
 def _refuse(state: VehicleState) -> NoReturn:
-    """Raise, saying which number of `state` cannot be sent."""
+    """Raise CodecError, which names the numbers of `state` that cannot be sent."""
     bad = []
     for name, value in zip(state._fields[1:], state[1:], strict=True):
         for i, number in enumerate(value if isinstance(value, tuple) else (value,)):
@@ -170,7 +172,7 @@ def state_from_truth(
     gyro_B_radps: Vec3,
     ranges_m: tuple[float, ...] = (),
 ) -> VehicleState:
-    """The state at `truth`, with what the IMU measured. ENU -> NED, FLU -> FRD, position from `home_W`."""
+    """Return the state at `truth`, with the IMU's measurement. ENU -> NED, FLU -> FRD, position from `home_W`."""
     x, y, z = truth.p_WB
     return VehicleState(
         t_ns,
@@ -184,13 +186,13 @@ def state_from_truth(
 
 
 def ideal_imu(truth: TruthState, gravity_mps2: float = STANDARD_GRAVITY_MPS2) -> tuple[Vec3, Vec3]:
-    """Specific force [m/s2] and rate [rad/s] in B of an IMU without error at the body origin."""
+    """Return specific force [m/s2] and rate [rad/s] in B of an error-free IMU at the body origin."""
     a_E, a_N, a_U = truth.a_WB_W
     return rotate_into_body(truth.q_WB, (a_E, a_N, a_U + gravity_mps2)), truth.w_WB_B
 
 
 def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, float]]:
-    """Airspeed [m/s], and the wind that a vane on board feels: from where [rad clockwise from the nose], how fast."""
+    """Return airspeed [m/s], and (origin [rad clockwise from the nose], speed) of the wind at a vane on board."""
     v, w = truth.v_WB_W, wind_W_mps
     air_W = (v[0] - w[0], v[1] - w[1], v[2] - w[2])
     forward, left, _ = rotate_into_body(truth.q_WB, air_W)
@@ -198,11 +200,11 @@ def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, f
 
 
 def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:
-    """MOT_THST_EXPO at which ArduPilot's thrust is linear on rotors with T ~ f u^2 + (1 - f) u. Exact.
+    """Return the MOT_THST_EXPO with which ArduPilot's thrust is linear on rotors with T ~ f u^2 + (1 - f) u. Exact.
 
-    ArduPilot puts out u = spin_min + (spin_max - spin_min) a with e a^2 + (1 - e) a = the thrust it wants, 0..1. With
-    u put into the rotor's curve both are quadratics in a without a constant (thrust above that at spin_min), and e is
-    the share of the square. For f = 1 and spin 0.15 to 0.95 it is 8/11.
+    ArduPilot outputs u = spin_min + (spin_max - spin_min) a with e a^2 + (1 - e) a = the wanted thrust, 0..1. With u in
+    the rotor's curve both are quadratics in a without a constant (thrust above that at spin_min), and e is the share of
+    the square. For f = 1 and spin 0.15 to 0.95 it is 8/11.
     """
     f, d = thrust_model_factor, spin_max - spin_min
     square = f * d
@@ -210,7 +212,7 @@ def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float)
 
 
 def hover_throttle(hover_control: float, thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:
-    """MOT_THST_HOVER of a vehicle that hovers at `hover_control` (0..1 of the rotor command)."""
+    """Return MOT_THST_HOVER of a vehicle that hovers at `hover_control` (0..1 of the rotor command)."""
     f = thrust_model_factor
 
     def thrust(u: float) -> float:

@@ -1,14 +1,13 @@
-"""Messages of the companion link, version 3, as pure functions: msgpack headers in and out. No I/O.
+"""Messages of the companion link, version 3, as pure functions: msgpack headers in and out.
 
-Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian). To a
-client that reads shared memory a frame has no second part: the arrays lie in the memory.
-A client sends hello, credit, done, view, ping and bye: `decode_client` turns their bytes into frozen dataclasses and
-refuses everything that is not exactly such a message (`CodecError`, or `HelloRefused` with the code that the client is
-told).
-The bench sends welcome, refused, frame, pong and end: the `encode_` functions.
+Every message is multipart: a msgpack map, then, in frames only, the raw bytes of arrays (C order, little-endian). For a
+client that reads shared memory a frame has no second part: the arrays lie in the memory. A client sends hello, credit,
+done, view, ping and bye: `decode_client` turns their bytes into frozen dataclasses and refuses all other bytes
+(`CodecError`, or `HelloRefused` with the code for the client). The bench sends welcome, refused, frame, pong and end:
+the `encode_` functions.
 
-`schema_hash` names what the arrays and values of a session mean: topics, types, units, frames, and the keys of the
-messages. A client that was built against one schema is refused by a bench that speaks another.
+`schema_hash` identifies the meaning of a session's arrays and values: topics, types, units, frames, and the keys of the
+messages. A bench refuses a client that was built against another schema.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from firmware_bridge.codecs.companion_detections import detections_from_map
 from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.untrusted import number, shown, whole
-from hil.signals.desired import MOST_KNOTS, DesiredState, Knot
-from hil.signals.detections import Detections
-from hil.signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
+from signals.desired import MOST_KNOTS, DesiredState, Knot
+from signals.detections import Detections
+from signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
 MAGIC = "hil-companion"
 VERSION = 3
@@ -41,12 +40,12 @@ _PATTERN = re.compile(r"[A-Za-z0-9_./*?\[\]!-]{1,128}")
 _MAX_TOPICS = 32
 _MAX_INT = 2**63 - 1
 _MAX_TIME_NS = 2**62  # sums and differences of two times stay within 64 bits
-_MAX_REPORT, _MAX_REPORT_TEXT = 32, 200  # entries of what a client says of itself, characters of one
+_MAX_REPORT, _MAX_REPORT_TEXT = 32, 200  # entries of a client's report, characters of one
 _REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
-_MAX_REASON = 1000  # characters of a client's own words that are kept
-_LARGEST = 1e9  # m, m/s, ...: nothing commanded comes near, and squares of it stay finite
+_MAX_REASON = 1000  # characters of a client's reason that are kept
+_LARGEST = 1e9  # m, m/s, ...: far above any command, and its square is finite
 
-# Keys of every message: part of the schema, so that a change of the wire cannot go unnoticed.
+# Keys of every message: part of the schema, so that a change of the protocol changes the hash.
 _KEYS: dict[str, tuple[str, ...]] = {
     "hello": ("magic", "version", "schema", "name", "topics", "control", "credit", "shared_memory"),
     "credit": ("n",),
@@ -66,7 +65,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 
 class HelloRefused(CodecError):
-    """A hello that cannot be accepted. `code` is one of `REFUSALS`, and the client is told."""
+    """A hello that cannot be accepted. The client gets `code`, one of `REFUSALS`, and the text."""
 
     def __init__(self, code: str, message: str) -> None:
         self.code = code
@@ -74,7 +73,7 @@ class HelloRefused(CodecError):
 
 
 def desired_from_map(values: object) -> DesiredState:
-    """Checked from what a message holds. CodecError naming the entry that is wrong."""
+    """Validate and convert the map of a message. CodecError names the wrong entry."""
     if type(values) is not dict:
         raise CodecError(f"desired: {shown(values)} is not a map")
     unknown = [str(key)[:40] for key in values if key not in _DESIRED_KEYS]
@@ -100,7 +99,7 @@ def desired_from_map(values: object) -> DesiredState:
 
 
 def desired_map(desired: DesiredState) -> dict[str, Any]:
-    """What `desired_from_map` takes, without the entries that are not commanded."""
+    """Return the map that `desired_from_map` takes, without the entries that are not commanded."""
     out: dict[str, Any] = {}
     for key in _DESIRED_LENGTHS:
         value = getattr(desired, key)
@@ -113,11 +112,11 @@ def desired_map(desired: DesiredState) -> dict[str, Any]:
 
 def _knots(values: object) -> tuple[Knot, ...]:
     if type(values) is not list or len(values) > MOST_KNOTS:
-        raise CodecError(f"desired.ahead: {shown(values)}; a list of at most {MOST_KNOTS} knots")
+        raise CodecError(f"desired.ahead: {shown(values)}; expected a list of at most {MOST_KNOTS} knots")
     knots = []
     for i, knot in enumerate(values):
         if type(knot) is not list or len(knot) != 3:
-            raise CodecError(f"desired.ahead[{i}]: {shown(knot)}; a time, a position and a velocity are needed")
+            raise CodecError(f"desired.ahead[{i}]: {shown(knot)}; expected a time, a position and a velocity")
         p_W, v_W = (_vector(f"ahead[{i}]", v, 3) for v in knot[1:])
         knots.append(Knot(_number(f"ahead[{i}]", knot[0]), p_W, v_W))  # type: ignore[arg-type]
     return tuple(knots)
@@ -142,7 +141,7 @@ ReportValue = str | bool | int | float
 
 @dataclass(frozen=True)
 class Hello:
-    """A client introduces itself; on the port of one sensor: says whose socket that is."""
+    """A client's request to join; on the port of a sensor: the name of the client that connects."""
 
     name: str
     topics: tuple[str, ...]  # shell patterns
@@ -150,7 +149,7 @@ class Hello:
     credit: int
     shared_memory: bool
     schema: str | None
-    session: str | None = None  # on the port of one sensor: that of the welcome
+    session: str | None = None  # on the port of a sensor: the one from the welcome
 
 
 @dataclass(frozen=True)
@@ -164,16 +163,16 @@ class Done(NamedTuple):
     frame: int
     t_received_ns: int
     t_sent_ns: int
-    t2_ns: int  # what the client's function took
+    t2_ns: int  # run time of the client's function
     desired: DesiredState | None
     finished: bool
-    report: Mapping[str, ReportValue] | None = None  # None: nothing new
-    detections: Detections | None = None  # None: it looked at no picture
+    report: Mapping[str, ReportValue] | None = None  # None: no new values
+    detections: Detections | None = None  # None: it examined no picture
 
 
 @dataclass(frozen=True)
 class Ping:
-    """Optional: what the client's own pings have told it about the clocks so far."""
+    """A request for the bench's clock, with the client's own reading of the offset so far, if it has one."""
 
     id: int
     t_client_ns: int
@@ -191,14 +190,14 @@ ClientMessage = Hello | Credit | Done | View | Ping | Bye
 
 @dataclass(frozen=True)
 class TopicSchema:
-    """What the samples of a topic hold: the type's name, and unit and frame of every field."""
+    """The contents of a topic's samples: the type's name, and unit and frame of every field."""
 
     type: str
     fields: Mapping[str, tuple[str, str]]
 
 
 def topic_schema(sample_type: type, channel: str | None = None) -> TopicSchema:
-    """From `SAMPLE_FIELDS`; of a camera or radar, whose topics are single channels, of that channel."""
+    """Return the schema from `SAMPLE_FIELDS`; for a camera or radar, whose topics are channels, of that channel."""
     fields = dict(SAMPLE_FIELDS[sample_type])
     if channel is not None:
         units = CHANNEL_UNITS if sample_type is ImageSample else RADAR_UNITS
@@ -209,7 +208,7 @@ def topic_schema(sample_type: type, channel: str | None = None) -> TopicSchema:
 
 @dataclass(frozen=True)
 class Ring:
-    """Shared memory in which the arrays of frames lie."""
+    """The shared memory that holds the arrays of frames."""
 
     name: str
     bytes: int
@@ -217,7 +216,7 @@ class Ring:
 
 @dataclass(frozen=True)
 class Welcome:
-    """What a client is told at the beginning."""
+    """The reply to an accepted hello."""
 
     schema: str
     session: str
@@ -230,11 +229,11 @@ class Welcome:
     ports: Mapping[str, str]
     ring: Ring | None
     control: bool
-    views_every_ns: int = 0  # simulated time from one `view` to the next that are wanted; 0: none
+    views_every_ns: int = 0  # simulated time between wanted views; 0: none
 
 
 def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
-    """First 16 hex digits of the SHA-256 of what these topics and the messages of this version look like."""
+    """Return the first 16 hex digits of the SHA-256 over these topics and the messages of this version."""
     described = {name: [schema.type, {f: list(u) for f, u in schema.fields.items()}] for name, schema in topics.items()}
     messages = {k: list(v) for k, v in _KEYS.items()}
     parts = {"desired": sorted(_DESIRED_KEYS), "detections": list(_DETECTIONS_KEYS)}
@@ -244,15 +243,15 @@ def schema_hash(topics: Mapping[str, TopicSchema]) -> str:
 
 
 def decode_client(raw: bytes | memoryview) -> ClientMessage:
-    """One message of a client. CodecError (HelloRefused for a hello) saying what is wrong with it."""
+    """Decode one message of a client. CodecError (HelloRefused for a hello) describes the fault."""
     try:
         message = msgpack.unpackb(
             raw, raw=False, strict_map_key=True, max_str_len=4096, max_array_len=1024, max_map_len=64, max_ext_len=0
         )
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise CodecError(f"{len(raw)} bytes are no msgpack map ({str(error)[:100]})") from error
+        raise CodecError(f"{len(raw)} bytes are not a msgpack map ({str(error)[:100]})") from error
     if type(message) is not dict:
-        raise CodecError(f"{shown(message)} is no map")
+        raise CodecError(f"{shown(message)} is not a map")
     kind = message.get("k")
     decoder = _DECODERS.get(kind) if type(kind) is str else None
     if decoder is None:
@@ -278,32 +277,30 @@ def encode_end(status: str, text: str) -> bytes:
 
 
 def pack(message: object) -> bytes:
-    """As msgpack."""
+    """Encode as msgpack."""
     return msgpack.packb(message, use_bin_type=True)
 
 
 def _hello(m: dict[str, Any]) -> Hello:
     try:
         if m.get("magic") != MAGIC:
-            raise HelloRefused("magic", f"magic {shown(m.get('magic'))}; this is {MAGIC!r}")
+            raise HelloRefused("magic", f"magic {shown(m.get('magic'))}; expected {MAGIC!r}: is it another program?")
         if type(m.get("version")) is not int or m["version"] != VERSION:
-            other = (
-                f"version {shown(m.get('version'))}; this bench speaks {VERSION}: take the client from its rigs/jetson"
-            )
+            other = f"version {shown(m.get('version'))}; the bench has {VERSION}: use the client from its rigs/jetson"
             raise HelloRefused("version", other)
         name = m.get("name")
         if type(name) is not str or not _NAME.fullmatch(name):
-            raise HelloRefused("name", f"name {shown(name)}; 1 to 64 characters of A-Z a-z 0-9 _ . -")
+            raise HelloRefused("name", f"name {shown(name)}; expected 1 to 64 characters of A-Z a-z 0-9 _ . -")
         topics = m.get("topics")
         if type(topics) is not list or not 1 <= len(topics) <= _MAX_TOPICS:
-            raise CodecError(f"topics {shown(topics)}; a list of 1 to {_MAX_TOPICS} patterns")
+            raise CodecError(f"topics {shown(topics)}; expected a list of 1 to {_MAX_TOPICS} patterns")
         for topic in topics:
             if type(topic) is not str or not _PATTERN.fullmatch(topic):
-                raise CodecError(f"topics: {shown(topic)} is no pattern of a topic's name")
+                raise CodecError(f"topics: {shown(topic)} is not a pattern of topic names")
         schema, session = m.get("schema"), m.get("session")
         for key, text in (("schema", schema), ("session", session)):
             if text is not None and (type(text) is not str or len(text) > 64):
-                raise CodecError(f"{key} {shown(text)}; text of at most 64 characters, or nothing")
+                raise CodecError(f"{key} {shown(text)}; expected text of at most 64 characters, or nil")
         return Hello(
             name,
             tuple(topics),
@@ -338,18 +335,18 @@ def _done(m: dict[str, Any]) -> Done:
 
 
 def report_from_map(values: object) -> dict[str, ReportValue]:
-    """What a client says of itself: a flat map of texts, booleans and finite numbers. CodecError."""
+    """Validate a client's report: a flat map of texts, booleans and finite numbers. CodecError."""
     if type(values) is not dict or len(values) > _MAX_REPORT:
-        raise CodecError(f"report: {shown(values)}; a map of at most {_MAX_REPORT} entries")
+        raise CodecError(f"report: {shown(values)}; expected a map of at most {_MAX_REPORT} entries")
     made: dict[str, ReportValue] = {}
     for name, value in values.items():
         if type(name) is not str or not _REPORT_NAME.fullmatch(name):
-            raise CodecError(f"report: {shown(name)} is no name of 1 to 64 letters, digits and _")
+            raise CodecError(f"report: {shown(name)} is not a name of 1 to 64 letters, digits and _")
         whole = type(value) is int and abs(value) < 2**53
         if not (type(value) is bool or whole or (type(value) is float and isfinite(value))) and (
             type(value) is not str or len(value) > _MAX_REPORT_TEXT
         ):
-            raise CodecError(f"report.{name}: {shown(value)} is no text, no boolean and no finite number")
+            raise CodecError(f"report.{name}: {shown(value)} is neither text, boolean nor finite number")
         made[name] = value
     return made
 
@@ -365,7 +362,7 @@ def _ping(m: dict[str, Any]) -> Ping:
 def _bye(m: dict[str, Any]) -> Bye:
     reason = m.get("reason")
     if type(reason) is not str:
-        raise CodecError(f"bye.reason: {shown(reason)} is no text")
+        raise CodecError(f"bye.reason: {shown(reason)} is not a text")
     return Bye(reason[:_MAX_REASON])
 
 
@@ -396,5 +393,5 @@ def _number(key: str, value: object) -> float:
 
 def _vector(key: str, value: object, length: int) -> tuple[float, ...]:
     if type(value) is not list or len(value) != length:
-        raise CodecError(f"desired.{key}: {shown(value)}; {length} numbers are needed")
+        raise CodecError(f"desired.{key}: {shown(value)}; expected {length} numbers")
     return tuple(_number(f"{key}[{i}]", v) for i, v in enumerate(value))

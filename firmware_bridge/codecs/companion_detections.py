@@ -1,4 +1,4 @@
-"""Detections in an answer to a frame, as pure functions: msgpack values in and out, checked entry by entry.
+"""Detections in an answer to a frame, as pure functions: msgpack values in and out, each validated.
 
 {topic, t_capture_ns, size_px: [w, h], boxes: [...], objects: [...] or nil}
 box      [label, score, x0, y0, x1, y1, range_m or nil, radial_speed_mps or nil, [x, y, z] or nil]
@@ -12,8 +12,8 @@ from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.untrusted import number, shown, whole
-from hil.signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
-from hil.signals.samples import Vec3
+from signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
+from signals.samples import Vec3
 
 KEYS = ("topic", "t_capture_ns", "size_px", "boxes", "objects")
 _LABEL = re.compile(rf"[A-Za-z0-9_ .-]{{1,{LONGEST_LABEL}}}")
@@ -24,7 +24,7 @@ _MOST_COUNT = 2**31
 
 
 def detections_from_map(values: object) -> Detections:
-    """Checked from what a message holds. CodecError naming the entry that is wrong."""
+    """Validate and convert the map of a message. CodecError names the wrong entry."""
     if type(values) is not dict:
         raise CodecError(f"detections: {shown(values)} is not a map")
     unknown = [str(key)[:40] for key in values if key not in KEYS]
@@ -32,9 +32,9 @@ def detections_from_map(values: object) -> Detections:
         raise CodecError(f"detections: unknown entries {', '.join(sorted(unknown)[:5])}")
     topic, size = values.get("topic"), values.get("size_px")
     if type(topic) is not str or not 0 < len(topic) <= 200:
-        raise CodecError(f"detections.topic: {shown(topic)} is no topic's name")
+        raise CodecError(f"detections.topic: {shown(topic)} is not the name of a topic")
     if type(size) is not list or len(size) != 2:
-        raise CodecError(f"detections.size_px: {shown(size)}; width and height are needed")
+        raise CodecError(f"detections.size_px: {shown(size)}; expected width and height")
     width, height = (_whole("size_px", n, 1, _MOST_PIXELS) for n in size)
     boxes = _rows("boxes", values.get("boxes"), 9, MOST_BOXES)
     objects = values.get("objects")
@@ -48,7 +48,7 @@ def detections_from_map(values: object) -> Detections:
 
 
 def detections_map(detections: Detections) -> dict[str, Any]:
-    """What `detections_from_map` takes."""
+    """Return the map that `detections_from_map` takes."""
     objects = detections.objects
     return {
         "topic": detections.topic,
@@ -67,13 +67,13 @@ def detections_map(detections: Detections) -> dict[str, Any]:
 def _box(place: str, row: list[Any]) -> Detection:
     score = _number(place, row[1])
     if not 0.0 <= score <= 1.0:
-        raise CodecError(f"detections.{place}: a score of {score:g}; it goes from 0 to 1")
+        raise CodecError(f"detections.{place}: score {score:g} is not within 0..1")
     x0, y0, x1, y1 = (_number(place, v) for v in row[2:6])
     if not (x0 <= x1 and y0 <= y1):
-        raise CodecError(f"detections.{place}: a box from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) is inside out")
+        raise CodecError(f"detections.{place}: a box from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) has its corners swapped")
     range_m, speed_mps, p_W = (None if v is None else v for v in row[6:9])
     if range_m is not None and _number(place, range_m) < 0.0:
-        raise CodecError(f"detections.{place}: a range of {shown(range_m)}")
+        raise CodecError(f"detections.{place}: range {shown(range_m)} is below 0")
     return Detection(
         _label(place, row[0]),
         score,
@@ -90,7 +90,7 @@ def _objects(values: object) -> tuple[FoundObject, ...]:
         place = f"objects[{i}]"
         sigma_m = _number(place, row[6])
         if sigma_m < 0.0:
-            raise CodecError(f"detections.{place}: a sigma of {sigma_m:g} m")
+            raise CodecError(f"detections.{place}: sigma {sigma_m:g} m is below 0")
         found.append(
             FoundObject(
                 _whole(place, row[0], 0, _MOST_COUNT),
@@ -103,22 +103,22 @@ def _objects(values: object) -> tuple[FoundObject, ...]:
             )
         )
     if len({one.number for one in found}) != len(found):
-        raise CodecError("detections.objects: a number comes twice")
+        raise CodecError("detections.objects: two objects have the same number")
     return tuple(found)
 
 
 def _rows(name: str, values: object, length: int, most: int) -> list[list[Any]]:
     if type(values) is not list or len(values) > most:
-        raise CodecError(f"detections.{name}: {shown(values)}; a list of at most {most} is needed")
+        raise CodecError(f"detections.{name}: {shown(values)}; expected a list of at most {most}")
     for i, row in enumerate(values):
         if type(row) is not list or len(row) != length:
-            raise CodecError(f"detections.{name}[{i}]: {shown(row)}; {length} entries are needed")
+            raise CodecError(f"detections.{name}[{i}]: {shown(row)}; expected {length} entries")
     return values
 
 
 def _label(place: str, value: object) -> str:
     if type(value) is not str or not _LABEL.fullmatch(value):
-        raise CodecError(f"detections.{place}: {shown(value)} is no label of 1 to {LONGEST_LABEL} plain characters")
+        raise CodecError(f"detections.{place}: {shown(value)} is not a label of 1 to {LONGEST_LABEL} plain characters")
     return value
 
 
@@ -132,6 +132,6 @@ def _number(place: str, value: object) -> float:
 
 def _vector(place: str, value: object) -> Vec3:
     if type(value) is not list or len(value) != 3:
-        raise CodecError(f"detections.{place}: {shown(value)}; three numbers are needed")
+        raise CodecError(f"detections.{place}: {shown(value)}; expected three numbers")
     x, y, z = (_number(place, v) for v in value)
     return (x, y, z)

@@ -1,13 +1,13 @@
-"""What a client shows of itself to people: its map, its plan, its particles. No I/O.
+"""A client's view for display: its map, its plan, its particles. Pure functions.
 
-A `view` is a message of its own, sent behind the answer to a frame, a few times a second of simulated time at most. It
-decides nothing: it is no part of an answer, of the trace or of the digest; a session without any is the same flight.
-So it may be large as headers go, within the limit of a client's message (128 KiB):
+A `view` is a message of its own, sent after the answer to a frame, a few times a second of simulated time at most. It
+has no effect on the flight: it is not part of an answer, of the trace or of the digest. So it may be larger than other
+headers, within the limit of a client's message (128 KiB):
 
     {k: "view", frame, t_ns, p_W: [x, y, z], yaw_rad, goal_W: [x, y] or null, plan_W, particles_W: bytes,
      map: null, or {rows, columns, cell_m, origin_W: [x, y], cells: bytes}}
 
-`plan_W`, `particles_W`: pairs of little-endian float32, x and y. `cells`: one byte a cell, zlib; row 0 is the
+`plan_W`, `particles_W`: pairs of little-endian float32, x and y. `cells`: one byte per cell, zlib; row 0 is the
 southernmost, and the values are those of `CELLS`. `origin_W` is the corner of cell (0, 0).
 """
 
@@ -21,9 +21,9 @@ import numpy as np
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.untrusted import number, whole
 
-UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too near to something to fly there
+UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too close to an obstacle to fly there
 MAX_SIDE = 256  # cells of a map
-MAX_CELL_BYTES = 32 << 10  # packed: two bits a cell, and room for zlib's own
+MAX_CELL_BYTES = 32 << 10  # compressed: two bits per cell, and zlib's overhead
 MAX_POINTS = 256  # of a plan, of the particles
 _POINT_BYTES = 8
 _LARGEST_M = 1e7
@@ -31,7 +31,7 @@ _MAX_INT = 2**62
 
 
 class MapView(NamedTuple):
-    """An occupancy map; `cells` as they came, checked."""
+    """An occupancy map; `cells` as received, validated."""
 
     rows: int
     columns: int
@@ -40,16 +40,16 @@ class MapView(NamedTuple):
     cells: bytes  # zlib
 
     def unpacked(self) -> bytes:
-        """One byte a cell, row by row."""
+        """Return one byte per cell, row by row."""
         return zlib.decompress(self.cells)
 
 
 class View(NamedTuple):
-    """What a client showed after a frame."""
+    """The view of a client after a frame."""
 
     frame: int
     t_ns: int  # simulated, of that frame
-    p_W: tuple[float, float, float]  # where it believes that it is
+    p_W: tuple[float, float, float]  # its estimate
     yaw_rad: float
     goal_W: tuple[float, float] | None
     plan_W: bytes
@@ -58,7 +58,7 @@ class View(NamedTuple):
 
 
 def view_from_map(m: dict[str, Any]) -> View:
-    """Checked from what a message holds. CodecError naming the entry that is wrong."""
+    """Validate and convert the map of a message. CodecError names the wrong entry."""
     x, y, z = _numbers(m, "p_W", 3)
     goal = None if m.get("goal_W") is None else _numbers(m, "goal_W", 2)
     return View(
@@ -75,7 +75,7 @@ def view_from_map(m: dict[str, Any]) -> View:
 
 def _map(m: object) -> MapView:
     if type(m) is not dict:
-        raise CodecError("view.map: a map is needed")
+        raise CodecError("view.map: expected a map")
     rows, columns = _whole(m, "rows", 1, MAX_SIDE), _whole(m, "columns", 1, MAX_SIDE)
     cell_m = _number(m, "cell_m")
     if not 1e-3 <= cell_m <= 1e3:
@@ -83,24 +83,24 @@ def _map(m: object) -> MapView:
     x, y = _numbers(m, "origin_W", 2)
     cells = m.get("cells")
     if type(cells) is not bytes or len(cells) > MAX_CELL_BYTES:
-        raise CodecError(f"view.cells: at most {MAX_CELL_BYTES} bytes are needed")
-    # What unpacks to more than was announced is not unpacked any further.
+        raise CodecError(f"view.cells: expected at most {MAX_CELL_BYTES} bytes")
+    # Decompression stops at the announced size.
     unpacker = zlib.decompressobj()
     try:
         plain = unpacker.decompress(cells, rows * columns + 1)
     except zlib.error as error:
         raise CodecError(f"view.cells: {error}") from error
     if len(plain) != rows * columns or not unpacker.eof:
-        raise CodecError(f"view.cells: {rows * columns} cells are needed, {len(plain)} or more came")
+        raise CodecError(f"view.cells: {rows * columns} cells expected, {len(plain)} or more came")
     if int(np.frombuffer(plain, np.uint8).max()) > max(CELLS):
-        raise CodecError(f"view.cells: values are 0 to {max(CELLS)}")
+        raise CodecError(f"view.cells: a value is above {max(CELLS)}")
     return MapView(rows, columns, cell_m, (x, y), cells)
 
 
 def _points(m: dict[str, Any], key: str) -> bytes:
     data = m.get(key)
     if type(data) is not bytes or len(data) % _POINT_BYTES or len(data) > _POINT_BYTES * MAX_POINTS:
-        raise CodecError(f"view.{key}: at most {MAX_POINTS} pairs of float32 are needed")
+        raise CodecError(f"view.{key}: at most {MAX_POINTS} pairs of float32 expected")
     values = np.frombuffer(data, "<f4")
     if not bool((np.abs(values) <= _LARGEST_M).all()):  # false for NaN, too
         raise CodecError(f"view.{key}: a number is not finite, or too large")
@@ -118,5 +118,5 @@ def _number(m: dict[str, Any], key: str) -> float:
 def _numbers(m: dict[str, Any], key: str, count: int) -> list[float]:
     values = m.get(key)
     if type(values) is not list or len(values) != count:
-        raise CodecError(f"view.{key}: {count} numbers are needed")
+        raise CodecError(f"view.{key}: {count} numbers expected")
     return [number(f"view.{key}", value, _LARGEST_M) for value in values]

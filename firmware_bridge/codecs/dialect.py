@@ -1,8 +1,8 @@
-"""The one field table: pymavlink's `all` dialect, and what framing and packing need of it.
+"""The field table of all messages: pymavlink's `all` dialect, reduced to the needs of framing and packing.
 
-`all` holds `common` and what PX4 (`development`) and ArduPilot (`ardupilotmega`) say besides: a message that framing
-does not know cannot be checked, and so could not be handed on to a ground station. Importing it costs about 60 ms
-once; nothing here makes a pymavlink message object.
+`all` has `common` and the further messages of PX4 (`development`) and ArduPilot (`ardupilotmega`): the checksum of an
+unknown message cannot be verified, so such a message could not be forwarded to a ground station. The import takes about
+60 ms once. No pymavlink message object is made.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import all as dialect
 
-# TEST_TYPES is for testing generators and never on a wire.
+# TEST_TYPES only serves to test code generators.
 MAVLINK_MAP: dict[int, Any] = {i: m for i, m in dialect.mavlink_map.items() if m.msgname != "TEST_TYPES"}
 MSGID: dict[str, int] = {m.msgname: msgid for msgid, m in MAVLINK_MAP.items()}
 NAME: dict[int, str] = {msgid: name for name, msgid in MSGID.items()}
 
 
-# Messages that pymavlink leaves out (work in progress in MAVLink's XML) and that autopilots send all the same. Their
-# frames are checked, counted and handed on to ground stations, never unpacked here. Source: MAVLink message definitions
+# Messages that pymavlink omits (work in progress in MAVLink's XML) but autopilots send. Their frames are checked,
+# counted and forwarded to ground stations, and never unpacked here. Source: MAVLink message definitions
 # `common`, `minimal` and `development` of August 2025; (crc_extra, length without extensions, length) follow from the
 # definition by MAVLink's own rule.
 FRAMING_ONLY: dict[int, tuple[str, int, int, int]] = {
@@ -57,7 +57,7 @@ FRAMING_ONLY: dict[int, tuple[str, int, int, int]] = {
 
 
 class MessageShape(NamedTuple):
-    """What framing needs to know of a message: lengths in bytes without and with extension fields, and crc_extra."""
+    """The facts of a message that framing needs: crc_extra, and lengths [bytes] without and with extension fields."""
 
     crc_extra: int
     base_length: int
@@ -65,13 +65,13 @@ class MessageShape(NamedTuple):
 
 
 def wire_tokens(msgid: int) -> list[tuple[int, str]]:
-    """(element count, 0 for a scalar; `struct` type letter) of every field of a message, in wire order."""
+    """Return (element count, 0 for a scalar; `struct` type letter) of every field of a message, in wire order."""
     found = re.findall(r"(\d*)([a-zA-Z])", MAVLINK_MAP[msgid].unpacker.format)
     return [(int(count or 0), kind) for count, kind in found]
 
 
 def extension_count(msgid: int) -> int:
-    """How many fields are MAVLink 2 extensions: the last ones on the wire, those with a default."""
+    """Return the number of MAVLink 2 extension fields, the last ones on the wire."""
     return len(MAVLINK_MAP[msgid].__init__.__defaults__ or ())
 
 

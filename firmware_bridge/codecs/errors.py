@@ -1,9 +1,9 @@
-"""What can be wrong with a message itself, as opposed to the wire it travels on."""
+"""Errors in the contents of a message, as opposed to those of its transport."""
 
 from __future__ import annotations
 
-from hil.signals.errors import HilError
+from signals.errors import HilError
 
 
 class CodecError(HilError, ValueError):
-    """A value does not fit its field, a payload is not what its message says, or nobody knows the message."""
+    """A value does not fit its field, a payload does not fit its message, or the message is unknown."""

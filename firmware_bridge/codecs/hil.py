@@ -1,15 +1,15 @@
 """The MAVLink HIL messages as pure functions of samples.
 
-The bench speaks ENU/FLU and SI; MAVLink's HIL messages speak NED/FRD and scaled integers. `UNITS` states,
-once, for every field that is written here its MAVLink unit, the factor from the sample's unit, and its
-frame; the packers take their factors from it and a test compares its units with the dialect's own.
+The bench uses ENU/FLU and SI; MAVLink's HIL messages use NED/FRD and scaled integers. `UNITS` states the MAVLink unit,
+the factor from the sample's unit, and the frame of every field that is written here. The packers take their factors
+from it, and a test compares its units with the dialect's own.
 
     FLU -> FRD   (x, y, z) -> (x, -y, -z)          ENU -> NED   (x, y, z) -> (y, x, -z)
 
-Integers are rounded to nearest and saturate at their range, as a receiver that meets a value out of range
-should see the nearest one it can express. A number that is not finite is refused with `CodecError`, naming
-the field: an autopilot fed NaN answers nothing or nonsense, far from the cause. Only + - * /,
-comparisons and functions that are the same on every machine are used.
+Integers are rounded to nearest and saturate at their range, so that a receiver gets the nearest value that the field
+can express. A number that is not finite is refused with `CodecError`, which names the field: the effect of a NaN in an
+autopilot shows far from its cause. Only + - * /, comparisons and functions with the same result on every machine are
+used.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from typing import NamedTuple
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals._kernel import det_atan2
-from hil.signals.samples import (
+from signals._kernel import det_atan2
+from signals.samples import (
     ActuatorFrame,
     BaroSample,
     GpsSample,
     ImuSample,
     MagSample,
 )
-from hil.signals.units import DEG_PER_RAD
+from signals.units import DEG_PER_RAD
 
 
 class FieldUnit(NamedTuple):
-    """How a sample's value becomes a field: `unit` on the wire, wire = `scale` * SI value, axes of `frame`."""
+    """The conversion of a sample's value to a field: field = `scale` * SI value, in `unit`, axes of `frame`."""
 
     unit: str
     scale: float
@@ -79,7 +79,7 @@ UNITS: dict[str, dict[str, FieldUnit]] = {
     },
 }
 
-# HIL_SENSOR.fields_updated: PX4 takes a group whole or not at all.
+# HIL_SENSOR.fields_updated: PX4 takes a group only if all of its bits are set.
 FIELDS_ACCEL = 0x7
 FIELDS_GYRO = 0x38
 FIELDS_MAG = 0x1C0
@@ -107,7 +107,7 @@ _CDEG = UNITS["HIL_GPS"]["cog"].scale
 
 
 def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> bytes:
-    """Payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of the samples given.
+    """Return the payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of the given samples.
 
     Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressure Pa -> hPa.
     """
@@ -156,7 +156,7 @@ def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, 
 
 
 def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> str:
-    """Which sensor value is NaN or infinite, in words."""
+    """Name the sensor values that are NaN or infinite."""
     values: list[tuple[str, float]] = []
     if imu is not None:
         values += [(f"imu.accel_mps2[{i}]", v) for i, v in enumerate(imu.accel_mps2)]
@@ -170,7 +170,7 @@ def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample |
 
 
 def integer(field: str, value: float, low: int, high: int) -> int:
-    """`value` rounded to nearest and held within [low, high]. CodecError if it is not finite."""
+    """Return `value` rounded to nearest and limited to [low, high]. CodecError if it is not finite."""
     if value - value != 0.0:
         raise CodecError(f"{field} = {value!r}: not a finite number, so not sent")
     return low if value < low else high if value > high else round(value)
@@ -185,23 +185,23 @@ def _i16(field: str, value: float) -> int:
 
 
 def _u16_known(field: str, value: float) -> int:
-    """Unsigned 16-bit value below the one that means "not known"."""
+    """Return an unsigned 16-bit value below the one that means "not known"."""
     return integer(field, value, 0, UNKNOWN_U16 - 1)
 
 
 def _accuracy_cm(accuracy_m: float) -> int:
-    """1-sigma accuracy [m] in cm; one that is not finite or not positive is not known."""
+    """Return the 1-sigma accuracy [m] in cm, or "not known" if it is not finite or not positive."""
     if not (accuracy_m > 0.0 and accuracy_m - accuracy_m == 0.0):
         return UNKNOWN_U16
     return _u16_known("HIL_GPS accuracy", accuracy_m * _CM)
 
 
-# Below this speed a receiver's course is noise, and real ones report it as not known.
+# Below this speed a course is noise, and real receivers report it as not known.
 _COURSE_MIN_SPEED_MPS = 0.1
 
 
 def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
-    """Payload of HIL_GPS, id 0. Position deg -> degE7, altitude and velocity m -> mm, cm/s, ENU -> NED.
+    """Return the payload of HIL_GPS, id 0. Position deg -> degE7, altitude and velocity m -> mm, cm/s, ENU -> NED.
 
     `eph` and `epv` carry the accuracy in cm, 65535 where it is not known; `vel` is the horizontal speed.
     """
@@ -231,7 +231,7 @@ def hil_gps_payload(t_ns: int, gps: GpsSample) -> bytes:
 
 
 def actuator_frame(tick: int, frame: Frame) -> ActuatorFrame:
-    """The commands in a HIL_ACTUATOR_CONTROLS frame, latched for `tick`. `t_ns` is the message's own time.
+    """Return the commands of a HIL_ACTUATOR_CONTROLS frame for `tick`. `t_ns` is the message's own time.
 
     CodecError if a control is not finite or outside -1..1 (0..1 for motors; servos may be negative).
     """

@@ -1,7 +1,7 @@
 """The MAVLink messages of downward range finder and optical flow, as pure functions of samples.
 
-Axes and units as in `firmware_bridge.codecs.hil`: B (FLU) -> F (FRD) turns the sign of y and z, of positions and of
-turns alike. Integers are rounded to nearest and saturate; a number that is not finite is refused with `CodecError`.
+Axes and units as in `firmware_bridge.codecs.hil`: B (FLU) -> F (FRD) changes the sign of y and z, for positions and
+rotations alike. Integers are rounded to nearest and saturate; a number that is not finite is refused with `CodecError`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import struct
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import integer
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals.samples import FlowSample, RangeSample, Sample
+from signals.samples import FlowSample, RangeSample, Sample
 
 HIL_OPTICAL_FLOW = MSGID["HIL_OPTICAL_FLOW"]
 DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
@@ -19,7 +19,7 @@ DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
 _DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270
 _LASER = 0  # MAV_DISTANCE_SENSOR_LASER
 _UNKNOWN_VARIANCE = 255
-_INVALID, _LEAST, _BEST = 1, 2, 100  # signal_quality; 0 would mean that it is not known
+_INVALID, _LEAST, _BEST = 1, 2, 100  # signal_quality; 0 means "not known"
 _UNKNOWN_DISTANCE = -1.0
 
 _pack_flow = struct.Struct("<QI5fIfhBB").pack
@@ -27,10 +27,10 @@ _pack_distance = struct.Struct("<IHHHBBBB2f4fB").pack
 
 
 def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 0, sensor_type: int = _LASER) -> bytes:
-    """Payload of DISTANCE_SENSOR for a sensor that points down. `sensor_type` is a MAV_DISTANCE_SENSOR.
+    """Return the payload of DISTANCE_SENSOR for a sensor that points down. `sensor_type` is a MAV_DISTANCE_SENSOR.
 
     Without a valid distance `signal_quality` is 1 (invalid). The variance saturates at 254 cm^2 (a deviation of
-    15.9 cm): the byte holds no more, and 255 means that it is not known.
+    15.9 cm), since 255 means "not known".
     """
     name = "DISTANCE_SENSOR"
     sigma_cm = sample.sigma_m * 1e2
@@ -57,7 +57,7 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
 
 
 def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 0) -> bytes:
-    """Payload of HIL_OPTICAL_FLOW. Flow and gyro from B to F; the distance is -1 where it is not known."""
+    """Return the payload of HIL_OPTICAL_FLOW. Flow and gyro from B to F; the distance is -1 where it is not known."""
     (x, y), (gx, gy, gz) = sample.flow_rad, sample.gyro_rad
     distance = sample.distance_m if sample.distance_m >= 0.0 else _UNKNOWN_DISTANCE
     total = x + y + gx + gy + gz + sample.distance_m + sample.temperature_degc
@@ -83,7 +83,7 @@ def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 
 
 
 def ranging_message(t_ns: int, sample: Sample) -> tuple[int, bytes]:
-    """Message id and payload of a range or flow sample. CodecError for any other."""
+    """Return message id and payload of a range or flow sample. CodecError for any other."""
     if isinstance(sample, RangeSample):
         return DISTANCE_SENSOR, distance_sensor_payload(t_ns, sample)
     if isinstance(sample, FlowSample):

@@ -1,11 +1,11 @@
-"""MAVLink frames: bytes in, checked frames out, and back. The one place that knows where a frame begins and ends.
+"""MAVLink framing: bytes to checked frames and back.
 
 MAVLink 2 (0xFD, https://mavlink.io/en/guide/serialization.html):
     FD len incompat compat seq sysid compid msgid[3] payload[len] crc[2] (signature[13] if incompat & 1)
 MAVLink 1 (0xFE):
     FE len seq sysid compid msgid payload[len] crc[2]
 crc is CRC-16/MCRF4XX over everything after the start byte up to the payload's end, then over the message's
-crc_extra. MAVLink 2 senders cut zero bytes off the payload's end; receivers put them back.
+crc_extra. MAVLink 2 senders truncate zero bytes at the payload's end; receivers restore them.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _SIGNED = 0x01  # incompatibility flag
 _CRC_LENGTH, _SIGNATURE_LENGTH = 2, 13
 MAX_FRAME_LENGTH = 10 + 255 + _CRC_LENGTH + _SIGNATURE_LENGTH
 _DATAGRAM_LIMIT = 1400  # bytes; PX4 reads datagrams of at most 1600
-NO_FRAME = 0xFFFFFFFF  # stands for the message id of bytes that are no frame
+NO_FRAME = 0xFFFFFFFF  # message id of bytes outside of frames
 
-_LATE_GAP = 240  # a sequence number this far ahead is one that is up to 16 behind
+_LATE_GAP = 240  # a sequence number that is further ahead than this is one up to 16 behind
 _ZEROS = bytes(256)
 _EXTRA_BYTE = {msgid: bytes((shape.crc_extra,)) for msgid, shape in SHAPES.items()}
 _start_byte = re.compile(b"[\xfd\xfe]").search
@@ -38,7 +38,7 @@ _crc_bytes = struct.Struct("<H").pack
 class Frame(NamedTuple):
     """One checked frame.
 
-    `payload` has the message's full length, cut zeros put back; `raw` is what was on the wire.
+    `payload` has the message's full length, truncated zeros restored; `raw` has the bytes as received.
     """
 
     msgid: int
@@ -53,10 +53,10 @@ _make_frame = Frame._make
 
 
 def _claim(data: bytes, pos: int) -> tuple[int, int, int]:
-    """(message id, where the payload ends, where the frame ends) as the whole header at `pos` says.
+    """Return (message id, end of the payload, end of the frame) from the complete header at `pos`.
 
-    The id is `NO_FRAME` where a MAVLink 2 header has unknown incompatibility flags: the standard says that such frames
-    must be thrown away.
+    The id is `NO_FRAME` if a MAVLink 2 header has unknown incompatibility flags: the standard demands that such frames
+    are dropped.
     """
     if data[pos] == _V2:
         incompat = data[pos + 2]
@@ -79,15 +79,13 @@ def _checksum_fits(data: bytes, pos: int, crc_at: int, msgid: int) -> bool:
 class FrameParser:
     """Incremental parser of one byte stream.
 
-    Never raises, whatever the bytes. Frames come out in stream order and depend on the stream only, not on
-    how it was cut into chunks. At most `MAX_FRAME_LENGTH` - 1 bytes are held back. Time is linear in the
-    bytes fed.
+    Never raises. Frames come out in stream order and depend on the stream only, not on its division into chunks. At
+    most `MAX_FRAME_LENGTH` - 1 bytes are held back. Time is linear in the bytes fed.
 
-    After bytes that are no frame it looks for the next start byte right behind the one that deceived it, so
-    that a true frame inside a false one is not lost. Counters: `frames` good ones; `bad_crc` headers that
-    made sense but whose checksum failed; `unknown` headers with a message id outside the dialect;
-    `garbage_bytes` all bytes that belong to no good frame; `lost` gaps in the sequence numbers, per (sysid,
-    compid); `senders` those pairs.
+    After a false start byte the search continues with the next byte, so that a true frame inside a false one is not
+    lost. Counters: `frames` good ones; `bad_crc` plausible headers whose checksum failed; `unknown` headers with a
+    message id outside the dialect; `garbage_bytes` bytes outside of good frames; `lost` gaps in the sequence numbers,
+    per (sysid, compid).
     """
 
     __slots__ = ("_next_seq", "_pending", "bad_crc", "frames", "garbage_bytes", "lost", "unknown")
@@ -99,12 +97,8 @@ class FrameParser:
 
     @property
     def pending(self) -> int:
-        """Bytes held back because they may be the beginning of a frame."""
+        """Number of bytes held back because they may begin a frame."""
         return len(self._pending)
-
-    @property
-    def senders(self) -> int:
-        return len(self._next_seq)
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take `data` and return the frames that it completes."""
@@ -115,17 +109,17 @@ class FrameParser:
         return frames
 
     def rescan(self) -> list[Frame]:
-        """Whole frames inside the bytes held back, or [].
+        """Return whole frames inside the bytes held back, or [].
 
-        A damaged length byte makes the parser wait for bytes that never come while a good frame sits inside
-        what it holds. A caller that sees the line go quiet calls this; if nothing whole is inside, nothing
-        changes, so that a frame which is merely slow is not lost.
+        After a damaged length byte the parser waits for bytes that never come, with good frames among the bytes that it
+        holds. A caller calls this when the line is quiet. Without a whole frame inside, the held bytes stay, so that a
+        slow frame is not lost.
         """
         pending = self._pending
         counters = (self.bad_crc, self.garbage_bytes, self.unknown)
         frames: list[Frame] = []
         end = 0
-        # Each header that waits for more may itself be false: go on behind each of them in turn.
+        # Each header that waits for more bytes may be false: continue after each of them in turn.
         while not frames and end + 1 < len(pending):
             frames, end = self._scan(pending, end + 1)
         self.bad_crc, self.garbage_bytes, self.unknown = counters
@@ -135,7 +129,7 @@ class FrameParser:
         return frames
 
     def _scan(self, data: bytes, pos: int) -> tuple[list[Frame], int]:
-        """Frames of `data` from `pos` on, and where the bytes begin that must wait for more."""
+        """Return the frames of `data` from `pos` on, and the index of the bytes that must wait for more."""
         found: list[Frame] = []
         size = len(data)
         while pos < size:
@@ -152,7 +146,7 @@ class FrameParser:
             msgid, crc_at, end = _claim(data, pos)
             shape = SHAPES.get(msgid)
             length = crc_at - body
-            # MAVLink 1 cuts no zeros, so there the length tells too.
+            # MAVLink 1 truncates no zeros, so its length must fit as well.
             if shape is None or (magic == _V1 and not shape[1] <= length <= shape[2]):
                 self.unknown += shape is None and msgid != NO_FRAME
                 self.garbage_bytes += 1
@@ -168,7 +162,7 @@ class FrameParser:
             sender = pos + 4 if magic == _V2 else pos + 2
             seq, sysid, compid = data[sender : sender + 3]
             self._count_gap(sysid << 8 | compid, seq)
-            # A newer sender may know more extension fields: what is behind those known here is not ours.
+            # A newer sender may have more extension fields than are known here; they are ignored.
             payload = data[body : min(crc_at, body + shape[2])]
             if length < shape[2]:
                 payload += _ZEROS[: shape[2] - length]
@@ -183,15 +177,15 @@ class FrameParser:
             self.lost += gap
             self._next_seq[sender] = (seq + 1) & 0xFF
         elif self.lost:
-            # PX4 sends from two threads: a frame that comes a little late was counted as lost, and is not.
+            # PX4 sends from two threads: a frame that comes a little late was counted as lost before.
             self.lost -= 1
 
 
 class FrameSplitter:
-    """Cuts a byte stream into units: whole frames, and the single bytes between them.
+    """Splits a byte stream into units: whole frames, and the single bytes between them.
 
-    Unlike the parser it takes frames of unknown messages (other dialects) by their length, and loses nothing: all bytes
-    come out, in their order. Incremental: holds back at most one frame's beginning, which `flush` gives up waiting for.
+    Unlike the parser it takes frames of unknown messages (other dialects) by their length, and drops no byte: all come
+    out, in order. Incremental: holds back at most the begin of one frame, which `flush` releases.
     """
 
     __slots__ = ("_pending",)
@@ -201,7 +195,7 @@ class FrameSplitter:
 
     @property
     def pending(self) -> int:
-        """Bytes held back because they may be the beginning of a frame."""
+        """Number of bytes held back because they may begin a frame."""
         return len(self._pending)
 
     def feed(self, data: bytes) -> list[bytes]:
@@ -212,18 +206,18 @@ class FrameSplitter:
         return [unit for _, unit in pieces]
 
     def flush(self) -> list[bytes]:
-        """All that is held back, as units: nothing more will come."""
+        """Return the bytes held back as units: no more bytes will come."""
         pieces, _ = _pieces(self._pending, last=True)
         self._pending = b""
         return [unit for _, unit in pieces]
 
     def clear(self) -> None:
-        """Forget what is held back."""
+        """Drop the bytes held back."""
         self._pending = b""
 
 
 def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
-    """(message id, unit) of the units of `data`, and where the bytes begin that must wait for more, unless `last`."""
+    """Return (message id, unit) of each unit of `data`, and the index of bytes that must wait, unless `last`."""
     found: list[tuple[int, bytes]] = []
     pos, size = 0, len(data)
     while pos < size:
@@ -234,7 +228,7 @@ def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
             found += [(NO_FRAME, data[i : i + 1]) for i in range(pos, to)]
             pos = to
             continue
-        msgid, end = NO_FRAME, size + 1  # more bytes are needed to tell
+        msgid, end = NO_FRAME, size + 1  # needs more bytes
         if pos + header <= size:
             msgid, crc_at, end = _claim(data, pos)
             if end <= size and msgid in SHAPES and not _checksum_fits(data, pos, crc_at, msgid):
@@ -251,16 +245,16 @@ def _pieces(data: bytes, *, last: bool) -> tuple[list[tuple[int, bytes]], int]:
 
 
 def message_id(unit: bytes) -> int:
-    """The message id of a unit, damaged or not; `NO_FRAME` if it has no header."""
+    """Return the message id of a unit, damaged or not; `NO_FRAME` if it has no header."""
     if len(unit) <= _HEADER_LENGTH.get(unit[0], len(unit)):
         return NO_FRAME
     return int.from_bytes(unit[7:10], "little") if unit[0] == _V2 else unit[5]
 
 
 def split_frames(data: bytes) -> list[tuple[int, bytes]]:
-    """(message id, frame) of every frame in `data`, in order.
+    """Return (message id, frame) of every frame in `data`, in order.
 
-    Bytes that are no frame (a damaged or cut one) come as one piece with id `NO_FRAME`: joining the pieces gives
+    Bytes outside of frames (of a damaged or truncated one) come as one piece with id `NO_FRAME`: the joined pieces are
     `data` again.
     """
     joined: list[tuple[int, bytes]] = []
@@ -278,7 +272,7 @@ def split_frames(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def datagrams(frames: Iterable[bytes]) -> Iterator[tuple[bytes, int]]:
-    """Whole frames packed into datagrams below any MTU: (bytes, number of frames)."""
+    """Pack whole frames into datagrams below any MTU: yields (bytes, number of frames)."""
     batch: list[bytes] = []
     size = 0
     for raw in frames:
@@ -292,14 +286,14 @@ def datagrams(frames: Iterable[bytes]) -> Iterator[tuple[bytes, int]]:
 
 
 def with_checksum(body: bytes, msgid: int) -> bytes:
-    """A frame of the dialect from start byte to payload, with its checksum behind it."""
+    """Return a frame, given from start byte to payload, with its checksum appended."""
     return body + _crc_bytes(mcrf4xx(body[1:] + _EXTRA_BYTE[msgid]))
 
 
 class FrameEncoder:
-    """Makes the frames of one sender and owns its sequence number.
+    """Makes the frames of one sender and holds its sequence number.
 
-    MAVLink 2, unsigned, trailing zeros cut.
+    MAVLink 2, unsigned, trailing zeros truncated.
     """
 
     __slots__ = ("_seq", "compid", "sysid")
@@ -312,9 +306,9 @@ class FrameEncoder:
         self._seq = 0
 
     def frame(self, msgid: int, payload: bytes) -> bytes:
-        """The bytes of one frame.
+        """Return the bytes of one frame.
 
-        `payload` is the whole payload of a message of the dialect (KeyError otherwise).
+        `payload` is the whole payload of a message of the dialect (KeyError for another id).
         """
         if msgid not in SHAPES:
             raise KeyError(msgid)
@@ -322,7 +316,7 @@ class FrameEncoder:
             raise ValueError("a payload has at most 255 bytes")
         seq = self._seq
         self._seq = (seq + 1) & 0xFF
-        # At least one byte stays, even if it is zero: the standard's rule.
+        # The standard keeps at least one byte, even if it is zero.
         cut = payload.rstrip(b"\0") or b"\0"
         body = _header_v2(_V2, len(cut), 0, 0, seq, self.sysid, self.compid, msgid & 0xFFFF, msgid >> 16) + cut
         return with_checksum(body, msgid)

@@ -1,12 +1,12 @@
 """Every message of the MAVLink dialect `all` as a plain named tuple.
 
-The one field table is pymavlink's dialect (field names, types, wire order, array lengths, extensions,
-crc_extra). From it each message gets, on first use, a precompiled `struct.Struct` and a named tuple class.
-No pymavlink object is ever made: a named tuple is two to three times as fast, and compares and hashes by value.
+The field table is pymavlink's dialect (field names, types, wire order, array lengths, extensions, crc_extra). From it
+each message gets, on first use, a precompiled `struct.Struct` and a named tuple class. No pymavlink object is made: a
+named tuple is two to three times as fast, and compares and hashes by value.
 
-Values are MAVLink's own: NED/FRD and scaled integers, exactly as on the wire. Fields stand in the order of
-the dialect (not of the wire). `char[]` fields are `str`, arrays are tuples of their full length. Extension
-fields may be left out when a message is made; they are then zero.
+Values are MAVLink's own: NED/FRD and scaled integers, exactly as on the wire. Fields have the order of the dialect, not
+of the wire. `char[]` fields are `str`, arrays are tuples of their full length. Extension fields may be omitted when a
+message is made; they are then zero.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class _Codec:
             values: list[Any] = []
             for start, count, kind in slices:
                 if kind == "s":
-                    # A text ends at its first NUL; bytes that are no UTF-8 must not end a run.
+                    # A text ends at its first NUL; invalid UTF-8 must not end a run.
                     values.append(flat[start].split(b"\0", 1)[0].decode("utf-8", "replace"))
                 elif count:
                     values.append(flat[start : start + count])
@@ -117,24 +117,24 @@ def _codec(msgid: int) -> _Codec:
     except KeyError:
         name = NAME.get(msgid)
         if name is None:
-            raise CodecError(f"message id {msgid} is not in the MAVLink dialects known here") from None
+            raise CodecError(f"message id {msgid} is not in the MAVLink dialect `all`") from None
         codec = _codecs[msgid] = _Codec(name)
         return codec
 
 
 def message_class(name: str) -> Any:
-    """Named tuple class of message `name`; the same object every time.
+    """Return the named tuple class of message `name`, always the same object.
 
-    Class attribute `MSGID`. CodecError if unknown.
+    Its class attribute `MSGID` is the message id. CodecError if the message is unknown.
     """
     msgid = MSGID.get(name)
     if msgid is None:
-        raise CodecError(f"message {name!r} is not in the MAVLink dialects known here")
+        raise CodecError(f"message {name!r} is not in the MAVLink dialect `all`")
     return _codec(msgid).cls
 
 
 def pack(msg: Any) -> bytes:
-    """Payload of `msg`, all fields, not truncated.
+    """Return the payload of `msg`, all fields, not truncated.
 
     CodecError names the first field whose value does not fit.
     """
@@ -146,7 +146,7 @@ def pack(msg: Any) -> bytes:
 
 
 def unpack(frame: Frame) -> Any:
-    """The message in `frame`, an instance of its named tuple class.
+    """Return the message in `frame`, an instance of its named tuple class.
 
     CodecError for an id outside the dialect.
     """
@@ -158,7 +158,7 @@ def unpack(frame: Frame) -> Any:
 
 
 def _blame(codec: _Codec, msg: tuple[Any, ...]) -> str | None:
-    """Which field of `msg` does not fit, in words; None if each fits by itself."""
+    """Describe the first field of `msg` that does not fit; None if each fits by itself."""
     for (field, _, count, kind), value in zip(codec.fields, msg, strict=False):
         where = f"{codec.cls.__name__}.{field}"
         try:
@@ -179,7 +179,7 @@ def _blame(codec: _Codec, msg: tuple[Any, ...]) -> str | None:
 
 @cache
 def _target_offsets(msgid: int) -> tuple[int | None, int | None]:
-    """Bytes of the payload at which `target_system` and `target_component` stand; None where there is no such field."""
+    """Return the payload offsets of `target_system` and `target_component`; None for a missing field."""
     message = MAVLINK_MAP.get(msgid)
 
     def offset(field: str) -> int | None:
@@ -192,7 +192,7 @@ def _target_offsets(msgid: int) -> tuple[int | None, int | None]:
 
 
 def target(frame: Frame) -> tuple[int, int]:
-    """(system, component) that `frame` is addressed to. A zero is everybody, and so is a message without targets."""
+    """Return (system, component) that `frame` is addressed to; zeros for a broadcast or a message without targets."""
     system, component = _target_offsets(frame[0])
     if system is None:
         return (0, 0)

@@ -1,15 +1,16 @@
-"""MAVLink 2 signing (https://mavlink.io/en/guide/message_signing.html): signatures made, checked, taken off.
+"""MAVLink 2 signing (https://mavlink.io/en/guide/message_signing.html): makes, verifies and removes signatures.
 
-A signed frame has incompatibility flag 1 and 13 bytes behind its checksum:
+A signed frame has incompatibility flag 1 and 13 bytes after its checksum:
 
     link id, 1 byte | timestamp, 6 bytes, little-endian, 10 us since 2015-01-01T00:00Z | signature, 6 bytes
 
-The signature is the beginning of SHA-256(key, frame up to and with the timestamp). A timestamp must be greater than the
-last one of the same stream (link id, system, component); the first one of a stream at most a minute behind one's own
-clock; and whoever accepts a frame moves that clock up to the frame's timestamp.
+The signature is the first bytes of SHA-256(key, frame up to and with the timestamp). A timestamp must be greater than
+the last one of the same stream (link id, system, component); the first one of a stream may be a minute behind the
+receiver's clock at most. The receiver moves its clock up to the timestamp of each accepted frame.
 
-A timestamp is never used twice, in no run: autopilots keep the last one over their restarts and refuse what is older.
-So it comes from the wall clock and not from simulated time, and a run in which the bench signs is not repeatable.
+A timestamp is never used twice, also not in another run: autopilots keep the last one over their restarts and refuse
+older ones. So it comes from the wall clock, not from simulated time, and a run in which the bench signs is not
+repeatable.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from enum import Enum
 
 from firmware_bridge.codecs.dialect import MSGID
 from firmware_bridge.codecs.mavlink_frame import Frame, with_checksum
-from hil.signals.time import NS_PER_S
+from signals.time import NS_PER_S
 
 KEY_LENGTH = 32
-SETUP_SIGNING = MSGID["SETUP_SIGNING"]  # carries a key: never to be shown to others, nor kept in a log
-# Radios make this one themselves and have no key: the standard's one exception.
+SETUP_SIGNING = MSGID["SETUP_SIGNING"]  # carries a key: must not be forwarded or logged
+# Made by radios, which have no key: the standard's only exception.
 ACCEPTED_UNSIGNED = frozenset({MSGID["RADIO_STATUS"]})
 
 _EPOCH_2015_NS = 1_420_070_400 * NS_PER_S
@@ -40,7 +41,7 @@ _HEX_KEY = re.compile(rb"[0-9a-fA-F]{64}")
 
 
 class SigningKey:
-    """32 secret bytes. Not shown by repr, so that no message or traceback gives them away."""
+    """32 secret bytes. `repr` hides them, so that no message or traceback contains them."""
 
     __slots__ = ("secret",)
 
@@ -51,10 +52,10 @@ class SigningKey:
 
     @classmethod
     def from_text(cls, data: bytes) -> SigningKey:
-        """The key in a file's content: 64 hexadecimal digits, else 32 raw bytes, else a passphrase.
+        """Read the key from a file's content: 64 hexadecimal digits, else 32 raw bytes, else a passphrase.
 
-        Of a passphrase it is the SHA-256, as in QGroundControl and Mission Planner; white space at its ends is not
-        part of it. ValueError if there is none.
+        The key of a passphrase is its SHA-256, as in QGroundControl and Mission Planner, without white space at its
+        ends. ValueError if the content is empty.
         """
         text = data.strip()
         if _HEX_KEY.fullmatch(text):
@@ -76,12 +77,12 @@ class SigningKey:
 
 
 class Check(Enum):
-    """What became of a frame at a verifier."""
+    """The verdict of a verifier on a frame."""
 
     GOOD = "good"
     UNSIGNED = "unsigned"
     FORGED = "forged"  # signed with another key, or altered since
-    REPLAYED = "replayed"  # its timestamp is not newer than the stream's last, or more than a minute old
+    REPLAYED = "replayed"  # its timestamp is not newer than the stream's last, or over a minute old
 
 
 def _is_text(data: bytes) -> bool:
@@ -92,12 +93,12 @@ def _is_text(data: bytes) -> bool:
 
 
 def wall_timestamp() -> int:
-    """Now, in 10 us since 2015, by the machine's clock."""
+    """Return the machine's time in 10 us since 2015."""
     return (time.time_ns() - _EPOCH_2015_NS) // 10_000
 
 
 class SigningClock:
-    """One side's signing time: the machine's clock, never behind what was sent or accepted."""
+    """One side's signing time: the machine's clock, but never behind a sent or accepted timestamp."""
 
     def __init__(self, now: Callable[[], int] = wall_timestamp) -> None:
         self._now = now
@@ -107,7 +108,7 @@ class SigningClock:
         return max(self._last, self._now())
 
     def take(self) -> int:
-        """A timestamp to sign with; each one is given once."""
+        """Return a new timestamp to sign with."""
         self._last = max(self._last + 1, self._now())
         return self._last
 
@@ -124,7 +125,7 @@ class Signer:
         self._clock = clock if clock is not None else SigningClock()
 
     def sign(self, raw: bytes) -> bytes:
-        """One frame, signed now. MAVLink 1 has no place for a signature and stays as it is."""
+        """Return the frame with a new signature. A MAVLink 1 frame cannot have one and is returned unchanged."""
         if raw[0] != _V2:
             return raw
         data = _with_flag(strip_signature(raw), _FLAG) + _STAMP.pack(self._link_id, self._clock.take())[:7]
@@ -132,7 +133,7 @@ class Signer:
 
 
 class Verifier:
-    """Checks frames and remembers each stream's last timestamp."""
+    """Verifies frames and keeps each stream's last timestamp."""
 
     def __init__(self, key: SigningKey, clock: SigningClock | None = None) -> None:
         self._key = key
@@ -140,7 +141,7 @@ class Verifier:
         self._streams: dict[tuple[int, int, int], int] = {}
 
     def check(self, frame: Frame) -> Check:
-        """GOOD frames count: their stream's and the own clock move up. Others leave no trace."""
+        """Verify a frame. Only a GOOD one moves the clocks, of its stream and of the verifier."""
         if not is_signed(frame.raw):
             return Check.UNSIGNED
         if not matches(self._key, frame.raw):
@@ -160,22 +161,22 @@ def is_signed(raw: bytes) -> bool:
 
 
 def stamp(raw: bytes) -> tuple[int, int]:
-    """(link id, timestamp [10 us since 2015]) of a signed frame."""
+    """Return (link id, timestamp [10 us since 2015]) of a signed frame."""
     return raw[-_TRAILER], int.from_bytes(raw[-_TRAILER + 1 : -_SIGNATURE], "little")
 
 
 def matches(key: SigningKey, raw: bytes) -> bool:
-    """Whether a signed frame's signature is of `key`, whatever its timestamp."""
+    """Return True if a frame is signed with `key`, whatever its timestamp."""
     return hmac.compare_digest(_signature(key, raw[:-_SIGNATURE]), raw[-_SIGNATURE:])
 
 
 def strip_signature(raw: bytes) -> bytes:
-    """The same frame without signature, with the checksum that it then has."""
+    """Return the frame without its signature, with a new checksum."""
     return _with_flag(raw[:-_TRAILER], 0) if is_signed(raw) else raw
 
 
 def _with_flag(raw: bytes, flag: int) -> bytes:
-    """A frame without trailer, with the signed flag as given and its checksum made anew."""
+    """Return a frame without trailer, with the given signed flag and a new checksum."""
     msgid = raw[7] | raw[8] << 8 | raw[9] << 16
     body = raw[:2] + bytes((raw[2] & ~_FLAG | flag,)) + raw[3 : 10 + raw[1]]
     return with_checksum(body, msgid)

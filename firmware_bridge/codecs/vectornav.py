@@ -1,16 +1,16 @@
-"""A VectorNav inertial navigation system (VN-100, VN-200, VN-300) as pure functions and one state machine. No I/O.
+"""Codec of a VectorNav inertial navigation system (VN-100, VN-200, VN-300): pure functions and one state machine.
 
-Layouts: VectorNav's interface control documents; what ArduPilot's driver makes of them: docs/ardupilot-on-a-board.md.
+Layouts: VectorNav's interface control documents; their use by ArduPilot's driver: docs/ardupilot-on-a-board.md.
 
 Set-up, text:      $VNWRG,75,3,2,01,0721*CC CR LF     answered with the same, or with $VNERR,nn
     CC is the exclusive or of all characters between $ and *; four digits are a CRC-16 instead, XX is no check.
-    Register 75 to 77: ports, divisor of the base rate, groups, one mask of fields for each group. Any selection of
-    `_FIELDS` is understood, so a driver that asks for other packets gets those.
+    Register 75 to 77: ports, divisor of the base rate, groups, one mask of fields for each group. The device sends
+    any selection of `_FIELDS`.
 Measurements, binary, little-endian:     FA groups masks payload CRC
     CRC-16/XMODEM over everything between FA and itself, its high byte first.
 
-World ENU and body FLU are turned into NED and FRD here. A number that is not finite is refused with `CodecError`, which
-names the field.
+World ENU and body FLU are converted to NED and FRD here. A number that is not finite is refused with `CodecError`,
+which names the field.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from typing import NamedTuple
 from fastcrc.crc16 import xmodem
 
 from firmware_bridge.codecs.errors import CodecError
-from hil.signals._kernel import roll_pitch_yaw
-from hil.signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
-from hil.signals.samples import BaroSample, GpsSample, ImuSample, MagSample, Quat, Vec3
+from signals._kernel import roll_pitch_yaw
+from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
+from signals.samples import BaroSample, GpsSample, ImuSample, MagSample, Quat, Vec3
 
 _SYNC = b"\xfa"
 _GAUSS_PER_TESLA = 1e4
@@ -35,7 +35,7 @@ _KPA_PER_PA = 1e-3
 
 _COMMON, _GNSS1, _ATTITUDE, _INS, _GNSS2 = 0, 3, 4, 5, 6
 
-# (group, field) -> type on the wire and, in its order, the attributes of `Readings` that it holds.
+# (group, field) -> its type, and the attributes of `Readings` that it holds, in order.
 _FIELDS: dict[tuple[int, int], tuple[str, tuple[str, ...]]] = {
     (_COMMON, 0): ("Q", ("startup_ns",)),
     (_COMMON, 1): ("Q", ("gps_ns",)),
@@ -71,7 +71,7 @@ _FIELDS: dict[tuple[int, int], tuple[str, tuple[str, ...]]] = {
 INS_TRACKING = 2  # mode, bits 0 and 1
 INS_GNSS_FIX = 4
 
-# 1 sigma of a good receiver's velocity; a GpsSample does not tell its own.
+# 1 sigma of a good receiver's velocity, which a GpsSample does not contain.
 GNSS_VELOCITY_SIGMA_MPS = 0.1
 # Accuracy of a receiver at a dilution of precision of 1.
 _RANGE_ERROR_M = 0.6
@@ -88,7 +88,7 @@ def _finite(name: str, values: Sequence[float]) -> None:
 
 @dataclass(slots=True)
 class Readings:
-    """What the device knows, in its own units and frames (N: NED, F: FRD). Each `take_` refuses what is not finite."""
+    """The device's measurements in its units and frames (N: NED, F: FRD). `take_...` refuse non-finite values."""
 
     startup_ns: int = 0
     gps_ns: int = 0  # since 6 January 1980
@@ -106,7 +106,7 @@ class Readings:
     ins_sigma_m: float = 0.0
     ins_v_sigma_mps: float = 0.0
     satellites: int = 0
-    fix: int = 0  # MAVLink's GPS_FIX_TYPE: ArduPilot takes the number as it is
+    fix: int = 0  # as MAVLink's GPS_FIX_TYPE: ArduPilot does not convert it
     gnss_lla: Vec3 = (0.0, 0.0, 0.0)
     gnss_v_N_mps: Vec3 = (0.0, 0.0, 0.0)
     gnss_sigma_N_m: Vec3 = (0.0, 0.0, 0.0)
@@ -131,12 +131,12 @@ class Readings:
         self.pressure_kpa = baro.pressure_pa * _KPA_PER_PA
 
     def take_gps(self, gps: GpsSample, gps_ns: int) -> None:
-        """`gps_ns`: GPS time of the sample."""
+        """Take a GPS sample. `gps_ns`: its GPS time."""
         lla = (gps.latitude_deg, gps.longitude_deg, gps.altitude_m)
         for name, value in zip(("latitude_deg", "longitude_deg", "altitude_m"), lla, strict=True):
             _finite(f"gps.{name}", (value,))
         _finite("gps.v_W", gps.v_W)
-        # A receiver without a fix may call its accuracy infinite; that is no defect, but no number either.
+        # A receiver without a fix may report an infinite accuracy, which cannot be sent.
         horizontal, vertical = min(gps.horizontal_accuracy_m, _UNKNOWN_M), min(gps.vertical_accuracy_m, _UNKNOWN_M)
         _finite("gps.horizontal_accuracy_m", (horizontal,))
         _finite("gps.vertical_accuracy_m", (vertical,))
@@ -162,7 +162,7 @@ class Readings:
         velocity_sigma_mps: float,
         status: int,
     ) -> None:
-        """What the device believes of its motion, with the uncertainty that it admits."""
+        """Take the device's estimate of its motion, with the uncertainty that it reports."""
         _finite("solution.q_WB", q_WB)
         _finite("solution.lla", lla)
         _finite("solution.v_W", v_W)
@@ -192,7 +192,7 @@ class PacketFormat:
             for bit in range(16):
                 if mask >> bit & 1:
                     if (group, bit) not in _FIELDS:
-                        raise CodecError(f"VectorNav: field {bit} of binary group {group} is not known here")
+                        raise CodecError(f"VectorNav: field {bit} of binary group {group} is not supported")
                     kind, attributes = _FIELDS[group, bit]
                     types += kind
                     names += attributes
@@ -208,28 +208,28 @@ class PacketFormat:
 
     @property
     def size(self) -> int:
-        """Bytes of one packet."""
+        """Size of one packet [bytes]."""
         return 1 + len(self._header) + self._payload.size + 2
 
-    def shows(self, group: int) -> bool:
-        """Whether the packet has fields of `group`."""
+    def has_group(self, group: int) -> bool:
+        """Return True if the packet has fields of `group`."""
         return any(g == group and mask for g, mask in self.masks)
 
     @property
     def is_gnss(self) -> bool:
-        return self.shows(_GNSS1) or self.shows(_GNSS2)
+        return self.has_group(_GNSS1) or self.has_group(_GNSS2)
 
     @property
     def is_solution(self) -> bool:
-        """Whether it tells attitude, position or velocity, which a GNSS packet does not."""
-        return self.shows(_ATTITUDE) or self.shows(_INS)
+        """True if it has attitude, position or velocity of the solution."""
+        return self.has_group(_ATTITUDE) or self.has_group(_INS)
 
     @property
     def needs_position(self) -> bool:
-        return self.is_gnss or self.shows(_INS)
+        return self.is_gnss or self.has_group(_INS)
 
     def encode(self, readings: Readings) -> bytes:
-        """The packet. CodecError if a number does not fit its field."""
+        """Encode a packet. CodecError if a number does not fit its field."""
         values: list[float] = []
         for name in self._names:
             value = getattr(readings, name)
@@ -245,7 +245,7 @@ class PacketFormat:
 
 
 class BinaryOutput(NamedTuple):
-    """What is asked for in registers 75 to 77: `packet`, at the base rate divided by `divisor`."""
+    """A request in registers 75 to 77: `packet` at the base rate divided by `divisor`."""
 
     ports: int
     divisor: int
@@ -272,7 +272,7 @@ _form = re.compile(r"VN[A-Z]{3}(?:,[ -)+-~]*)?\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4}|X
 
 
 class _Refusal(Exception):
-    """The device answers $VNERR."""
+    """A command that the device answers with $VNERR."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -280,11 +280,11 @@ class _Refusal(Exception):
 
 
 class VectorNavDevice:
-    """The device's end of the set-up: takes what the driver writes and remembers what it asked for.
+    """The device's end of the set-up: answers the driver's commands and keeps its requests.
 
-    `outputs` holds the binary outputs by register; they are to be sent while `streaming`. `starts` counts how often
-    they were stopped and let go again, which ArduPilot does once per boot. `refused` tells in words what was refused.
-    Bytes that are no command are passed over and counted.
+    `outputs` has the binary outputs by register, to be sent while `streaming`. `starts` counts how often they were
+    stopped and started again, which ArduPilot does once per boot. `refused` describes the last refused command. Bytes
+    outside of commands are ignored.
     """
 
     def __init__(self, model: str = "VN-200T", *, baud: int = 921_600) -> None:
@@ -301,26 +301,21 @@ class VectorNavDevice:
 
     @property
     def base_rate_hz(self) -> int:
-        """What the divisors divide. 400 Hz for a VN-300: what ArduPilot takes it for."""
+        """Base of the divisors. 400 Hz for a VN-300, as ArduPilot assumes."""
         return 400 if self.model.startswith("VN-300") else 800
 
     @property
     def has_ins(self) -> bool:
-        """Whether it has GNSS, and with it a position. A VN-100 has not."""
+        """True if it has GNSS, and with it a position. A VN-100 has none."""
         return not self.model.startswith("VN-1")
 
     @property
-    def configured(self) -> bool:
-        """Whether it has been told to send something, and may."""
-        return self.streaming and bool(self.outputs)
-
-    @property
     def load_bytes_per_s(self) -> float:
-        """What all outputs together need of the line."""
+        """Load of all outputs on the line [bytes/s]."""
         return sum(self.base_rate_hz / out.divisor * out.packet.size for out in self.outputs.values())
 
     def take(self, data: bytes) -> bytes:
-        """Take bytes of the driver; the device's answers."""
+        """Take bytes of the driver. Return the device's answers."""
         data = self._pending + data
         answers = b""
         end = 0
@@ -335,20 +330,20 @@ class VectorNavDevice:
     def _answer(self, line: str) -> bytes:
         found = _form.fullmatch(line)
         if found is None:
-            return b""  # noise, or half a command: the driver will say it again
+            return b""  # noise, or part of a command: the driver repeats it
         text, check = line[: found.start(1) - 1], found[1]
         long = len(check) == 4
         try:
             if check != "XX" and int(check, 16) != (_crc(text) if long else _xor(text)):
                 raise _Refusal(_BAD_CHECKSUM)
-            answer = self._obey(text)
+            answer = self._execute(text)
             self.commands += 1
         except _Refusal as refusal:
             self.refused = f"{text!r} has {_REFUSALS[refusal.code]}"
             answer = f"VNERR,{refusal.code:02d}"
         return sentence(answer, long=long)
 
-    def _obey(self, text: str) -> str:
+    def _execute(self, text: str) -> str:
         command, *terms = text.split(",")
         if command == "VNRRG":
             (number,) = _exactly(terms, 1)
@@ -365,7 +360,7 @@ class VectorNavDevice:
             self.streaming = switch == "1"
         elif command == "VNRFS":
             self.outputs.clear()
-        elif command not in ("VNWNV", "VNRST", "VNTAR"):  # what is set stays, as it would if it had been saved
+        elif command not in ("VNWNV", "VNRST", "VNTAR"):  # settings stay, as if they had been saved
             raise _Refusal(_BAD_COMMAND)
         return text
 
@@ -395,7 +390,7 @@ def _exactly(terms: Sequence[str], count: int) -> Sequence[str]:
 
 
 def _binary_output(terms: Sequence[str]) -> BinaryOutput | None:
-    """Ports, divisor, groups, masks. None: no output. A divisor of 0, which would be none by accident, is refused."""
+    """Parse ports, divisor, groups, masks. Return None for no output; a divisor of 0 is refused."""
     if len(terms) < 3:
         raise _Refusal(_TOO_FEW)
     try:
@@ -427,13 +422,13 @@ def _crc(text: str) -> int:
 
 
 def sentence(text: str, *, long: bool = False) -> bytes:
-    """`text` between $ and its checksum: two hexadecimal digits, or the four of a CRC-16."""
+    """Return `text` between $ and its checksum: two hexadecimal digits, or the four of a CRC-16."""
     check = f"{_crc(text):04X}" if long else f"{_xor(text):02X}"
     return f"${text}*{check}\r\n".encode("latin-1")
 
 
 def ardupilot_outputs(device: VectorNavDevice, rate_hz: int) -> dict[int, BinaryOutput]:
-    """What ArduPilot asks of `device` at its boot with EAHRS_RATE = `rate_hz`: for one that has booted long since."""
+    """Return the outputs that ArduPilot requests of `device` at its boot with EAHRS_RATE = `rate_hz`."""
     imu = ((_COMMON, 0x0721),)
     attitude = ((_COMMON, 0x0001), (_ATTITUDE, 0x0106))
     base = device.base_rate_hz

@@ -1,17 +1,18 @@
-"""The clients of a session: who has a place, with what credit and which frames under way, and what was counted.
+"""The client registry of a session: each client with its credit, its frames under way, its clock and its counts.
 
-A client's clock against the bench's, from what its answers say about both.
+The offset of a client's clock comes from its answers.
 
 With a frame sent at T1 (bench), received at T2, answered at T3 (client) and the answer here at T4 (bench), RFC 5905
 (section 8):
 
     offset = ((T2 - T1) + (T3 - T4)) / 2        client's clock minus the bench's
-    delay  = (T4 - T1) - (T3 - T2)              time on the wires, both ways
+    delay  = (T4 - T1) - (T3 - T2)              time on the wire, both ways
 
-The offset is wrong by half the difference of the two ways, so by at most delay / 2. Of the last exchanges the one with
-the least delay is taken (RFC 5905, section 10, the clock filter); an older one counts as worse by what clocks may have
-drifted since. A frame is much longer than its answer, and over a slow wire that is such a difference; a client that
-compares clocks by pings, short in both directions, tells its own reading in addition, and the surer one counts.
+The offset is wrong by half the difference between the two directions, so by at most delay / 2. The exchange with the
+least delay among the last ones is used (RFC 5905, section 10, the clock filter); the delay of an older one counts as
+larger by the possible drift since. A frame is much longer than its answer, which makes the directions differ on a slow
+line. A client that compares clocks by pings, short in both directions, also sends its own reading, and the reading with
+the smaller error is used.
 """
 
 from __future__ import annotations
@@ -23,12 +24,10 @@ from typing import NamedTuple
 from firmware_bridge.codecs.companion import MAX_CREDIT, Done, Hello, HelloRefused
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import ClientInfo, Reply
-from hil.signals.latency import LatencyHistogram
+from signals.latency import LatencyHistogram
 
-_CLOCKS_APART_NS = 1_000_000  # how much longer than here a function may seem to have taken by another clock
-_UNKNOWN = 256  # senders of nonsense that are remembered
-
-
+_CLOCKS_APART_NS = 1_000_000  # how much longer than on the bench's clock a function may take on the client's
+_UNKNOWN = 256  # unregistered senders of malformed messages that are remembered
 _EXCHANGES = 64
 _DRIFT = 100e-6  # quartz: some tens of ppm on each side
 
@@ -42,23 +41,23 @@ class ClockReading(NamedTuple):
 class ClockOffset:
     """Minimum-delay filter over the last exchanges.
 
-    All readings grow worse at one rate, so which is the surest does not depend on when that is asked: a reading
-    is kept until a surer one comes or the window has passed it, and the first of those kept is the one wanted.
+    All readings age at one rate, so the order of their errors does not change with time: a reading is kept until one
+    with a smaller error comes or it leaves the window, and the first of the kept readings is the best.
     """
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, float, ClockReading]] = deque()  # number, what it counts as at time 0, reading
+        self._kept: deque[tuple[int, float, ClockReading]] = deque()  # number, delay as if taken at time 0, reading
         self._count = 0
 
     def add(self, t1_ns: int, t2_ns: int, t3_ns: int, t4_ns: int) -> None:
-        """One exchange: bench sent, client received, client sent, bench received."""
+        """Add one exchange: bench sent, client received, client sent, bench received."""
         delay_ns = (t4_ns - t1_ns) - (t3_ns - t2_ns)
         if delay_ns < 0 or t3_ns < t2_ns:
-            return  # a clock jumped, or the client makes times up
+            return  # a clock jumped, or the client's times are wrong
         self._add(ClockReading(t4_ns, ((t2_ns - t1_ns) + (t3_ns - t4_ns)) // 2, delay_ns))
 
     def add_reading(self, t_ns: int, offset_ns: int, delay_ns: int) -> None:
-        """What the client found out itself."""
+        """Add a reading that the client measured itself."""
         self._add(ClockReading(t_ns, offset_ns, delay_ns))
 
     def _add(self, reading: ClockReading) -> None:
@@ -73,33 +72,33 @@ class ClockOffset:
 
     @property
     def best(self) -> ClockReading | None:
-        """The surest reading; None before the first."""
+        """The reading with the smallest error; None before the first."""
         return self._kept[0][2] if self._kept else None
 
 
 class UnderWay(NamedTuple):
     """A frame that a client has not answered yet."""
 
-    t_begun_ns: int  # when the bench set about sending it
+    t_begun_ns: int  # when the bench began to send it
     t_sent_ns: int
     slot: int | None  # of the ring
 
 
 @dataclass
 class ClientStats:
-    """Of one name, over all its connections."""
+    """Counts of one client name, over all its connections."""
 
     frames: int = 0  # sent
-    dropped: int = 0  # not sent: no credit, no room, or not joined yet
-    bytes: int = 0  # of headers and arrays sent; of arrays in shared memory too
+    dropped: int = 0  # not sent: no credit, a full buffer, or not joined yet
+    bytes: int = 0  # of headers and arrays, those in shared memory included
     malformed: int = 0
     returned: int = 0
-    overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # bench sets about sending to answer, less t2
+    overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # send to answer, less t2
     clock_offset_ns: int = 0  # client's clock minus the bench's, the last reading
 
 
 class Client:
-    """A client with a place. `ports`: identity and connection on each sensor's port, where sensors have their own."""
+    """A registered client. `ports`: identity and connection on each sensor's port, where sensors have their own."""
 
     def __init__(
         self, hello: Hello, identity: bytes, fd: int, topics: frozenset[str], groups: frozenset[str], stats: ClientStats
@@ -115,28 +114,30 @@ class Client:
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
         self.in_ring = False
-        self.user = ""  # public key, where there is one
+        self.user = ""  # public key, with CURVE
 
     @property
     def ready(self) -> bool:
-        """Whether frames can go: it has said on every sensor's port who it is."""
+        """True once it has a connection to every sensor's port, so that frames can be sent."""
         return self.groups <= self.ports.keys()
 
     def add_credit(self, n: int) -> bool:
-        """Whether that was within what a client may have."""
+        """Add credit. Return False if that is more than a client may have."""
         if self.credit + n > MAX_CREDIT:
             return False
         self.credit += n
         return True
 
     def count_dropped(self, frames: int = 1) -> None:
-        """Frames that passed it by."""
+        """Count frames that it did not get."""
         self.stats.dropped += frames
         self.dropped_since += frames
 
     def answered(self, done: Done, t_ns: int) -> tuple[Reply, list[int | None]]:
-        """What it says of a frame, here at `t_ns`, measured and counted; and the slots of the ring that it has read.
-        CodecError."""
+        """Take its answer to a frame, received at `t_ns`: return the reply, and the slots of the ring that it has read.
+
+        CodecError if the answer does not fit the frames under way.
+        """
         if done.frame not in self.under_way:
             raise CodecError(f"done: frame {done.frame} was not sent, or has been answered")
         if done.desired is not None and not self.control:
@@ -146,7 +147,7 @@ class Client:
         sent = self.under_way[done.frame]
         if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
             raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
-        # Frames are answered in order: what is older, the client has passed over.
+        # Frames are answered in order: the client has skipped the older ones.
         answered = [self.under_way.pop(n) for n in list(self.under_way) if n <= done.frame]
         self.credit = min(self.credit + 1, MAX_CREDIT)
         self.clock.add(sent.t_sent_ns, done.t_received_ns, done.t_sent_ns, t_ns)
@@ -174,15 +175,15 @@ class Client:
         return ClientInfo(self.name, self.topics, self.control, self.credit, self.stats.returned)
 
 
-class Clients:
-    """Who is here, who was, and unknown senders of nothing sensible so far."""
+class ClientRegistry:
+    """The connected clients, the lost ones, and unregistered senders of malformed messages."""
 
     def __init__(self) -> None:
         self.by_name: dict[str, Client] = {}
         self._by_identity: dict[bytes, Client] = {}
         self.stats: dict[str, ClientStats] = {}
-        self.lost: dict[str, str] = {}  # why, by name; those that came back are not in it
-        self._names: dict[int, tuple[bytes, str]] = {}  # by connection: who has had a place there
+        self.lost: dict[str, str] = {}  # name: reason; without the clients that came back
+        self._names: dict[int, tuple[bytes, str]] = {}  # by connection: identity and client name
         self._unknown: OrderedDict[bytes, int] = OrderedDict()
 
     def at(self, identity: bytes) -> Client | None:
@@ -198,7 +199,7 @@ class Clients:
         """HelloRefused for a second name on one connection."""
         before = self._names.get(fd)
         if before is not None and before[0] == identity and before[1] != name:
-            raise HelloRefused("name", f"this connection is {before[1]}'s; {name} needs one of its own")
+            raise HelloRefused("name", f"this connection belongs to {before[1]}; {name} needs one of its own")
 
     def connection_ended(self, fd: int) -> None:
         self._names.pop(fd, None)
@@ -217,10 +218,10 @@ class Clients:
             self.lost[client.name] = why
         self._by_identity.pop(client.identity, None)
 
-    def strike(self, identity: bytes) -> int:
-        """How many messages without sense this unknown sender has sent in a row, with this one. Few are remembered."""
-        strikes = self._unknown.pop(identity, 0) + 1
-        self._unknown[identity] = strikes
+    def count_malformed(self, identity: bytes) -> int:
+        """Count a malformed message of an unregistered sender. Return how many it has sent in a row."""
+        in_a_row = self._unknown.pop(identity, 0) + 1
+        self._unknown[identity] = in_a_row
         while len(self._unknown) > _UNKNOWN:
             self._unknown.popitem(last=False)
-        return strikes
+        return in_a_row

@@ -1,4 +1,4 @@
-"""What goes to the clients and what comes back, as the bench sees it."""
+"""Frames to the clients and their replies, as the rest of the bench sees them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from firmware_bridge.codecs.companion import ReportValue, TopicSchema
-from hil.signals.desired import DesiredState
-from hil.signals.detections import Detections
+from signals.desired import DesiredState
+from signals.detections import Detections
 
 
 @dataclass(frozen=True)
 class CompanionSample:
-    """A sample of one topic. The arrays are C-contiguous and little-endian, or made so.
+    """A sample of one topic. The arrays are sent C-contiguous and little-endian.
 
     `values` holds what msgpack can: numbers, texts, booleans, lists of them.
     """
@@ -30,7 +30,7 @@ class CompanionSample:
 
 @dataclass(frozen=True)
 class CompanionFrame:
-    """The samples released since the frame before, in order."""
+    """The samples released since the previous frame, in order."""
 
     frame: int
     tick: int
@@ -45,19 +45,19 @@ class Reply(NamedTuple):
     frame: int
     desired: DesiredState | None
     finished: bool
-    t2_ns: int  # what its function took
+    t2_ns: int  # run time of its function
     t_received_ns: int  # client's clock
     t_sent_ns: int  # client's clock
     t_arrived_ns: int  # bench's clock
     clock_offset_ns: int  # client's clock minus the bench's
-    t_frame_sent_ns: int = 0  # bench's clock: when the frame went
-    report: Mapping[str, ReportValue] | None = None  # what it says of itself; None: nothing new
-    detections: Detections | None = None  # what it made out in a picture; None: it looked at none
+    t_frame_sent_ns: int = 0  # bench's clock
+    report: Mapping[str, ReportValue] | None = None  # values that it reports; None: no new ones
+    detections: Detections | None = None  # found in a picture; None: it examined none
 
 
 @dataclass(frozen=True)
 class SessionFacts:
-    """What every client is told about the run, and the topics there are."""
+    """Facts about the run that every client gets in its welcome, and the available topics."""
 
     topics: Mapping[str, TopicSchema]
     mode: str  # lockstep, realtime, latency_true
@@ -65,16 +65,16 @@ class SessionFacts:
     rate_hz: float
     sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # calibration, by sensor
     waypoints_W: tuple[tuple[float, float, float], ...] = ()
-    control: bool = True  # whether what a client desires is flown at all
-    views_every_ns: int = 0  # simulated; 0: no client need show anything
+    control: bool = True  # a client may control the vehicle
+    views_every_ns: int = 0  # simulated time between views of a client; 0: none are wanted
 
 
 @dataclass(frozen=True)
 class ClientInfo:
-    """A client that has its place."""
+    """A client that has joined."""
 
     name: str
     topics: frozenset[str]
     control: bool
     credit: int
-    returned: int  # how often it came back after it was lost
+    returned: int  # how often it reconnected after it was lost

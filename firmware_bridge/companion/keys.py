@@ -1,9 +1,9 @@
-"""CURVE key pairs of the bench and its clients: made, read, and who is let in.
+"""CURVE key pairs of the bench and its clients: makes and reads them, and lists the authorized clients.
 
 A folder holds `bench.key` and `bench.pub`, and `NAME.key` and `NAME.pub` of each client. A file is a comment line and
-the key as 40 characters of Z85 (ZeroMQ RFC 32). Secret files are for their owner's eyes only, and are refused if
-others may read them. Whoever's public key lies in the bench's folder is let in: the client's own folder needs only its
-key and `bench.pub`; removing NAME.pub locks it out.
+the key as 40 characters of Z85 (ZeroMQ RFC 32). A secret file is refused if other users
+may read it. A client is authorized if its public key lies in the bench's folder; removing NAME.pub revokes it. The
+client's own folder needs only its key and `bench.pub`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 import zmq
 from zmq.utils import z85
 
-from hil.signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, Problem
 
 BENCH = "bench"
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
@@ -32,8 +32,10 @@ class KeyPair:
 
 
 def make_keys(folder: Path, names: Sequence[str] = ()) -> list[Path]:
-    """Key pairs of the bench, where it has none, and of `names`; returns the files made. Overwrites nothing."""
-    problems = [Problem(name, "is no name of a client", "1 to 64 of A-Z a-z 0-9 _ . -") for name in names if _bad(name)]
+    """Make key pairs for the bench, if it has none, and for `names`. Return the new files. Overwrites nothing."""
+    problems = [
+        Problem(name, "is not a valid client name", "use 1 to 64 of A-Z a-z 0-9 _ . -") for name in names if _bad(name)
+    ]
     if len(set(names)) != len(names):
         problems.append(Problem(str(folder), "a name is given twice"))
     wanted = [name for name in names if not _bad(name)]
@@ -44,7 +46,7 @@ def make_keys(folder: Path, names: Sequence[str] = ()) -> list[Path]:
         problems.append(Problem(str(folder), "has the bench's keys already", "name a client, or remove the files"))
     for name in wanted:
         problems += [
-            Problem(str(file), "exists already", "remove it first: whoever uses it will need the new key")
+            Problem(str(file), "exists already", "remove it first; programs that use it will then need the new key")
             for file in (_file(folder, name, "key"), _file(folder, name, "pub"))
             if file.exists()
         ]
@@ -63,16 +65,16 @@ def make_keys(folder: Path, names: Sequence[str] = ()) -> list[Path]:
 
 
 def read_bench_keys(folder: Path) -> KeyPair:
-    """The bench's own pair. ConfigError if it is missing, damaged, or readable by others."""
+    """Read the bench's own pair. ConfigError if it is missing, damaged, or readable by others."""
     return read_pair(folder, BENCH)
 
 
 def read_pair(folder: Path, name: str) -> KeyPair:
-    """The pair of `name`. ConfigError if it is missing, damaged, or its secret readable by others."""
+    """Read the pair of `name`. ConfigError if it is missing, damaged, or its secret readable by others."""
     file = _file(folder, name, "key")
     secret = _read(file)
     if file.stat().st_mode & 0o077:
-        raise ConfigError([Problem(str(file), "can be read by others", f"chmod 600 {file}")])
+        raise ConfigError([Problem(str(file), "can be read by other users", f"chmod 600 {file}")])
     public = _read(_file(folder, name, "pub"))
     if zmq.curve_public(secret) != public:
         raise ConfigError([Problem(str(file), f"does not belong to {name}.pub", _HINT)])
@@ -80,10 +82,10 @@ def read_pair(folder: Path, name: str) -> KeyPair:
 
 
 def read_allowed(folder: Path) -> dict[bytes, str]:
-    """Public key -> name of every client whose .pub lies in the folder."""
+    """Return public key -> name of every client whose .pub lies in the folder."""
     allowed = {_read(file): file.stem for file in sorted(folder.glob("*.pub")) if file.stem != BENCH}
     if not allowed:
-        raise ConfigError([Problem(str(folder), "holds no client's public key: nobody could connect", _HINT)])
+        raise ConfigError([Problem(str(folder), "holds no client's public key: no client could connect", _HINT)])
     return allowed
 
 
@@ -118,4 +120,4 @@ def _read(file: Path) -> bytes:
     with suppress(ValueError, KeyError):
         if len(keys) == 1 and len(keys[0]) == 40 and len(z85.decode(keys[0].encode("ascii"))) == 32:
             return keys[0].encode("ascii")
-    raise ConfigError([Problem(str(file), "holds no key: one line of 40 characters (Z85) is wanted", _HINT)])
+    raise ConfigError([Problem(str(file), "holds no key: expected one line of 40 characters (Z85)", _HINT)])

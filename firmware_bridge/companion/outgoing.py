@@ -1,4 +1,4 @@
-"""A frame made ready for the wire: arrays laid out and put together, and headers packed."""
+"""Prepares a frame for sending: lays its arrays out in one block and packs the headers."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import CompanionFrame
 from firmware_bridge.companion.shared_ring import Block
 
-_PLAIN = "?biufc"
-_AS_THEY_ARE = frozenset(np.dtype(t) for t in ("?", "u1", "i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8"))
+_KINDS = "?biufc"
+_SENT_UNCHANGED = frozenset(np.dtype(t) for t in ("?", "u1", "i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8"))
 
 
 class Outgoing:
-    """One frame. What goes to several clients is made once."""
+    """One frame. Parts that several clients get are made once."""
 
     def __init__(self, frame: CompanionFrame) -> None:
         """CodecError for arrays that cannot be sent."""
@@ -31,14 +31,14 @@ class Outgoing:
         self._bodies: dict[frozenset[str], list[zmq.Frame]] = {}
 
     def block(self, topics: frozenset[str]) -> Block:
-        """The arrays of these topics, good while the frame's are."""
+        """Return the arrays of these topics; they are views of the frame's arrays."""
         return self._laid_out(topics)[0]
 
     def body(self, topics: frozenset[str]) -> list[zmq.Frame]:
-        """The same as one part of a message, if there are any.
+        """Return the arrays of these topics as one part of a message; an empty list if there are none.
 
-        ZeroMQ sends a part of a megabyte in half the time of ten parts that make one, and tells by a thread of
-        pyzmq's when it is done with memory that was lent to it, which costs more than copying.
+        ZeroMQ sends a part of one megabyte in half the time of ten parts of a tenth. Sending without a copy is slower:
+        pyzmq learns through a thread when ZeroMQ has finished with the memory.
         """
         ready = self._bodies.get(topics)
         if ready is None:
@@ -58,8 +58,11 @@ class Outgoing:
         release: int | None = None,
         ports_of_frame: Sequence[str] | None = None,
     ) -> bytes:
-        """For a client of these topics, whose arrays lie in the block of `within`: that of several clients, from
-        `release` on in the shared memory."""
+        """Return the header for a client of these topics.
+
+        Its arrays lie in the block of the topics `within`, which several clients share. `release`: where that block
+        begins in the shared memory.
+        """
         f, samples = self.frame, self._laid_out(within)[1]
         head: dict[str, Any] = {"k": "frame", "frame": f.frame, "tick": f.tick, "t_ns": f.t_ns}
         head |= {"t_sent_ns": t_sent_ns, "dropped": dropped}
@@ -71,11 +74,11 @@ class Outgoing:
         return pack(head)
 
     def array_bytes(self, topics: frozenset[str]) -> int:
-        """Of the arrays of these topics."""
+        """Return the size of the arrays of these topics [bytes]."""
         return sum(a.nbytes for i, s in enumerate(self.frame.samples) if s.topic in topics for _, a in self._arrays[i])
 
     def _laid_out(self, topics: frozenset[str]) -> tuple[Block, dict[str, dict[str, Any]]]:
-        """The arrays of these topics, and what the header says of each sample."""
+        """Return the arrays of these topics, and the header's entry for each sample."""
         ready = self._blocks.get(topics)
         if ready is None:
             block, samples = ready = self._blocks[topics] = Block(), {}
@@ -96,11 +99,11 @@ class Outgoing:
 
 
 def _plain(topic: str, name: str, array: np.ndarray) -> np.ndarray:
-    """In C order and little-endian; as it is if it is so already."""
-    if array.dtype in _AS_THEY_ARE and array.flags.c_contiguous:
+    """Return the array in C order and little-endian, without a copy if it is so already."""
+    if array.dtype in _SENT_UNCHANGED and array.flags.c_contiguous:
         return array
-    if array.dtype.kind not in _PLAIN:
-        raise CodecError(f"{topic}.{name}: {array.dtype} cannot be sent; make plain columns of it")
+    if array.dtype.kind not in _KINDS:
+        raise CodecError(f"{topic}.{name}: {array.dtype} cannot be sent; send each field as a plain numeric array")
     if array.dtype.str[0] == ">":
         array = array.astype(array.dtype.newbyteorder("<"))
     return np.ascontiguousarray(array)

@@ -1,11 +1,12 @@
-"""The bench's end of the companion link: lets clients in, sends them frames, takes their answers. One thread.
+"""The bench's end of the companion link: registers clients, sends them frames, takes their answers. One thread.
 
-A client has a place from its welcome until its connection ends, it says bye, sends nonsense, or `drop` ends it; a
-client of the same name takes the place over and goes on where frames are now. Frames go only against credits, so
-nothing queues without bound; what cannot be sent at once is dropped and counted. No call waits longer than it is told.
+A client is registered from its welcome until its connection ends, it sends a bye or too many malformed messages, or
+`drop` removes it. A client of the same name may then join in its place and gets the frames from then on. A frame costs
+a credit, so that no queue grows without bound; a frame that cannot be sent at once is dropped and counted. No call
+waits longer than its limit.
 
-What is wrong on a wire never raises here: it is counted, told to the client where there is one, and to `on_event`
-(joined, left, lost, refused, malformed, wire). Only setting up raises.
+Errors of a client or its connection never raise here: they are counted, reported to the client if it is connected, and
+reported to `on_event` (joined, left, lost, refused, malformed, wire). Only setting up raises.
 """
 
 from __future__ import annotations
@@ -20,32 +21,33 @@ import zmq
 from firmware_bridge.codecs import companion as wire
 from firmware_bridge.codecs.companion_view import View
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.companion.admission import Admission
-from firmware_bridge.companion.clients import Client, Clients, ClientStats, UnderWay
+from firmware_bridge.companion.clients import Client, ClientRegistry, ClientStats, UnderWay
 from firmware_bridge.companion.frames import ClientInfo, CompanionFrame, Reply, SessionFacts
 from firmware_bridge.companion.outgoing import Outgoing
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.sockets import CONTROL, Received, Sockets, Unreachable, group_of
-from hil.signals.errors import HandshakeError, LinkClosed
+from firmware_bridge.companion.validator import HelloValidator
+from signals.errors import HandshakeError, LinkClosed
 
-_SERVE_NS = 500_000  # then the caller's limit is looked at; only one message can take longer
+_SERVE_NS = 500_000  # then the caller's limit is checked; only one message can take longer
 _MS = 1_000_000
 _NAP_NS = 100_000
-_ROUND_MS = 50  # the caller's own checks go on while nothing is heard
-_LINGER_MS = 300  # for the last words to leave
+_ROUND_MS = 50  # how often the caller's own checks run while no message comes
+_LINGER_MS = 300  # for the last messages to leave
 _REFUSALS_KEPT = 20
-_MALFORMED_IN_A_ROW = 10  # so many end a client's place
+_MALFORMED_IN_A_ROW = 10  # so many remove a client
 
 
-def _unseen(client: str, view: View) -> None:
-    """Nobody looks."""
+def _ignore_view(client: str, view: View) -> None:
+    """Drop a view: the bench has no display for it."""
 
 
 class CompanionServer:
     """One session. `on_event(kind, text)` and `on_view(client, view)` are called from within the calls below.
 
-    `barred`: whose link is unplugged just now."""
+    `unplugged(client)` returns True while a declared fault keeps this client's link unplugged.
+    """
 
     def __init__(
         self,
@@ -53,19 +55,19 @@ class CompanionServer:
         facts: SessionFacts,
         *,
         on_event: Callable[[str, str], None] | None = None,
-        on_view: Callable[[str, View], None] = _unseen,
-        barred: Callable[[str], bool] = lambda _client: False,
+        on_view: Callable[[str, View], None] = _ignore_view,
+        unplugged: Callable[[str], bool] = lambda _client: False,
         clock_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.settings, self.facts = settings, facts
         self.session = secrets.token_hex(8)
         self.malformed = 0  # messages, of clients and unknown senders
-        self.refused: list[str] = []  # who was turned away and why, the last ones
-        self._on_event: Callable[[str, str], object] = on_event if on_event is not None else _unheard
-        self._on_view, self._barred = on_view, barred
+        self.refused: list[str] = []  # the last refusals, with their reasons
+        self._on_event: Callable[[str, str], object] = on_event if on_event is not None else _ignore_event
+        self._on_view, self._unplugged = on_view, unplugged
         self._clock_ns = clock_ns
-        self._clients = Clients()
-        self._admission = Admission(settings, facts, self._clients)
+        self._clients = ClientRegistry()
+        self._validator = HelloValidator(settings, facts, self._clients)
         self._endpoint = ""
         self._sockets: Sockets | None = None
         self._ring: SharedRing | None = None
@@ -85,14 +87,14 @@ class CompanionServer:
 
     @property
     def endpoint(self) -> str:
-        """Where clients connect to, with the port that was given."""
+        """The address that clients connect to, with the port that the system chose."""
         return self._endpoint
 
     def close(self, status: str = "", text: str = "") -> None:
-        """Tell every client that it is over, and let go of everything. Within a second; may be called twice."""
+        """Send every client the end of the session and close all sockets, within a second. May be called twice."""
         last = wire.encode_end(status, text)
         for client in list(self._clients.by_name.values()):
-            self._tell(client.identity, last)
+            self._send_message(client.identity, last)
             self._clients.remove(client, "the session ended")
         if self._sockets is not None:
             self._sockets.close(_LINGER_MS)
@@ -106,15 +108,17 @@ class CompanionServer:
     def wait_for_clients(
         self, count: int, limit_s: float, while_waiting: Callable[[], None] | None = None
     ) -> tuple[ClientInfo, ...]:
-        """Until so many clients have their place. HandshakeError saying how many came, and who was turned away."""
+        """Wait until so many clients have joined. HandshakeError with their names and the refusals if they do not."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
         while len(self.living) < count:
             left_ns = deadline_ns - self._clock_ns()
             if left_ns <= 0:
                 here = ", ".join(self.living) or "none"
-                turned = f"; turned away: {'; '.join(self.refused)}" if self.refused else ""
+                refused = f"; refused: {'; '.join(self.refused)}" if self.refused else ""
                 raise HandshakeError(
-                    self.endpoint, f"{len(self.living)} of {count} clients within {limit_s:g} s ({here}){turned}"
+                    self.endpoint,
+                    f"{len(self.living)} of {count} clients within {limit_s:g} s ({here}){refused}; start the others, "
+                    "or raise companion.connect_timeout_s",
                 )
             self.poll(min(left_ns * 1e-9, _ROUND_MS * 1e-3))
             if while_waiting is not None:
@@ -123,7 +127,7 @@ class CompanionServer:
 
     @property
     def living(self) -> tuple[str, ...]:
-        """Names of the clients that frames can go to, in the order in which they came."""
+        """Names of the clients that frames can be sent to, in the order in which they joined."""
         return tuple(name for name, client in self._clients.by_name.items() if client.ready)
 
     @property
@@ -132,35 +136,35 @@ class CompanionServer:
 
     @property
     def lost(self) -> dict[str, str]:
-        """Why, by name, of clients that are gone and have not come back."""
+        """The lost clients that have not come back: name and reason."""
         return dict(self._clients.lost)
 
     @property
     def topics(self) -> frozenset[str]:
-        """What the clients that are here want."""
+        """All topics that the registered clients have subscribed to."""
         return frozenset().union(*(client.topics for client in self._clients.by_name.values()))
 
     def limit_topics(self, topics: frozenset[str]) -> None:
-        """No more than these from now on: who comes and wants another is refused."""
-        self._admission.limit = topics
+        """Refuse, from now on, clients that ask for other topics than these."""
+        self._validator.limit = topics
 
     def stats(self) -> dict[str, ClientStats]:
-        """What was counted, by name, of all that were ever here."""
+        """Return the counts of every client of the session, by name."""
         return dict(self._clients.stats)
 
     def drop(self, name: str, why: str) -> None:
-        """End a client's place; it is told, and may come back. Nothing if it is not here."""
+        """Remove a client, with a message to it; it may join again. Does nothing if it is not registered."""
         client = self._clients.by_name.get(name)
         if client is not None:
-            self._tell(client.identity, wire.encode_end("dropped", why))
+            self._send_message(client.identity, wire.encode_end("dropped", why))
             self._lose(client, why)
 
     # --- frames ---
 
     def send(self, frame: CompanionFrame, *, to: Sequence[str] | None = None, dropped: int = 0) -> list[str]:
-        """Send to these clients, or to all; returns who got it. The others' loss is counted, and the `dropped` frames
-        that the caller passed them by. Never waits.
+        """Send a frame to these clients, or to all, without waiting. Return the names of those that it was sent to.
 
+        A drop is counted for each of the others. `dropped`: earlier frames that the caller left out for these clients.
         Arrays are copied before it returns. CodecError for arrays that cannot be sent.
         """
         if self._sockets is None:
@@ -185,8 +189,10 @@ class CompanionServer:
     def _send_to(
         self, client: Client, out: Outgoing, slot: int | None, within: frozenset[str], t_begun_ns: int
     ) -> bool:
-        """Returns False if there was no room: that counts as dropped. `slot` of the ring: holds the block of
-        `within`."""
+        """Send to one client. Return False, and count a drop, if its buffer is full or the ring had no room.
+
+        `slot` of the ring contains the block of the topics `within`.
+        """
         t_sent_ns = self._clock_ns()
         sent = False
         try:
@@ -199,11 +205,11 @@ class CompanionServer:
                 client.stats.bytes += len(header) + out.array_bytes(client.topics)
                 sent = self._push(client.identity, CONTROL, [header])
         except Unreachable:
-            self._give_back(client, slot)  # it was not under way yet
+            self._release(client, slot)  # the frame is not under way yet
             self._lose(client, "its connection has gone")
             return False
         if not sent:
-            self._give_back(client, slot)
+            self._release(client, slot)
             client.count_dropped()
             return False
         client.credit -= 1
@@ -213,14 +219,14 @@ class CompanionServer:
         return True
 
     def _send_parts(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
-        """Over the one socket, or over its sensors' own: the topics of each there."""
+        """Send over the one socket, or each sensor's topics over its own."""
         topics = sorted(client.topics & out.topics)
         parts = [(CONTROL, client.topics)]
         whole: list[str] | None = None
         if client.groups and topics:
             whole = topics
             groups = [(group, frozenset(t for t in topics if group_of(t) == group)) for group in client.groups]
-            # Small ones first: they are read while the large ones are being sent.
+            # Small ones first: the client reads them while the large ones are being sent.
             parts = sorted((p for p in groups if p[1]), key=lambda p: (out.block(p[1]).size, p[0]))
         sent = True
         for group, mine in parts:
@@ -231,18 +237,18 @@ class CompanionServer:
         return sent
 
     def _push(self, identity: bytes, group: str, parts: Sequence[bytes | zmq.Frame]) -> bool:
-        """Returns False if the send buffer is full. Unreachable if the client has gone."""
+        """Return False if the send buffer is full. Unreachable if the client has disconnected."""
         return self._sockets is not None and self._sockets.by_group[group].send(identity, parts)
 
-    def _give_back(self, client: Client, slot: int | None) -> None:
-        """The client has read the slot, or never will."""
+    def _release(self, client: Client, slot: int | None) -> None:
+        """Release a slot that the client has read, or will never read."""
         if self._ring is not None and slot is not None:
-            self._ring.give_back(slot, client.name)
+            self._ring.release(slot, client.name)
 
     # --- what comes in ---
 
     def poll(self, limit_s: float) -> list[Reply]:
-        """Answers that are here, or come within the limit; returns with the first ones. Serves all else meanwhile."""
+        """Return the answers that have come, or the first that come within the limit. Serves all else meanwhile."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
         replies: list[Reply] = []
         while self._sockets is not None:
@@ -257,9 +263,11 @@ class CompanionServer:
         return replies
 
     def _serve(self, sockets: Sockets, replies: list[Reply]) -> None:
-        """One message of each socket in turn, another socket first each time, and no longer than a moment: so no flood
-        holds the bench."""
-        self._watch(sockets)
+        """Take one message of each socket in turn, for a short time only, so that no flood blocks the bench.
+
+        Another socket is the first each time.
+        """
+        self._remove_ended(sockets)
         end_ns = self._clock_ns() + _SERVE_NS
         waiting = sockets.in_turn()
         while waiting:
@@ -270,12 +278,12 @@ class CompanionServer:
                     still.append((group, bound))
                     self._take(group, message, replies)
                     if self._clock_ns() >= end_ns:
-                        return  # and look again at once
+                        return  # the caller checks its limit and calls again
             waiting = still
-        self._watch(sockets)  # of whoever went, all has been heard now
+        self._remove_ended(sockets)  # all messages of ended connections have been taken now
 
-    def _watch(self, sockets: Sockets, *, at_once: bool = False) -> None:
-        """Who has gone. `at_once`: also those of whom something may not have been heard yet."""
+    def _remove_ended(self, sockets: Sockets, *, at_once: bool = False) -> None:
+        """Remove clients whose connection has ended. `at_once`: even if messages of theirs may still be unread."""
         for group, bound in sockets.by_group.items():
             ended = bound.ended(self.settings.max_clients, at_once=at_once)
             for text in bound.texts():
@@ -297,21 +305,21 @@ class CompanionServer:
         client = self._clients.at(message.identity) if group == CONTROL else None
         try:
             if message.parts != 1:
-                raise CodecError(f"{message.parts} parts; a client sends headers only, one part each")
+                raise CodecError(f"{message.parts} parts; a client's message has one part, a header")
             decoded = wire.decode_client(message.raw)
             if isinstance(decoded, wire.Hello):
                 self._welcome(group, message, decoded)
             elif client is None:
                 raise CodecError("the first message must be a hello")
             else:
-                self._hear(client, decoded, t_ns, replies)
+                self._handle(client, decoded, t_ns, replies)
                 client.malformed_in_a_row = 0
         except wire.HelloRefused as error:
             self._refuse(group, message, error)
         except CodecError as error:
             self._malformed(group, message.identity, client, str(error))
 
-    def _hear(
+    def _handle(
         self,
         client: Client,
         message: wire.Credit | wire.Done | View | wire.Ping | wire.Bye,
@@ -322,59 +330,59 @@ class CompanionServer:
             reply, slots = client.answered(message, t_ns)
             replies.append(reply)
             for slot in slots:
-                self._give_back(client, slot)
+                self._release(client, slot)
         elif isinstance(message, View):
             self._on_view(client.name, message)
         elif isinstance(message, wire.Ping):
             if message.bench_minus_client_ns is not None and message.round_trip_ns is not None:
                 client.clock.add_reading(t_ns, -message.bench_minus_client_ns, message.round_trip_ns)
-            self._tell(client.identity, wire.encode_pong(message, t_ns, self._clock_ns()))
+            self._send_message(client.identity, wire.encode_pong(message, t_ns, self._clock_ns()))
         elif isinstance(message, wire.Credit):
             if not client.add_credit(message.n):
                 raise CodecError(f"credit: {client.credit} + {message.n} are more than {wire.MAX_CREDIT}")
         else:
             self._lose(client, f"it left: {message.reason}" if message.reason else "it left", kind="left")
 
-    # --- in and out ---
+    # --- joining and leaving ---
 
     def _welcome(self, group: str, message: Received, hello: wire.Hello) -> None:
         user = message.property("User-Id")
         if group != CONTROL:
-            client = self._admission.check_port(hello, group, user, self.session)
+            client = self._validator.check_port(hello, group, user, self.session)
             client.ports[group] = (message.identity, message.fd)
             if client.ready:
                 self._joined(client)
             return
         here = self._clients.at(message.identity)
         if here is not None:
-            # A client that was cut off while it joined cannot know whether its first hello went with the old
-            # connection, and sends it once more.
+            # A client that lost its connection while joining cannot know whether its first hello arrived, and sends
+            # it again.
             if hello == here.hello:
                 return
-            raise CodecError("hello: it has a place already; say bye first")
+            raise CodecError("hello: this client has joined already; send a bye first")
         if self._sockets is not None:
-            self._watch(self._sockets, at_once=True)  # a predecessor that has just gone makes its place free
+            self._remove_ended(self._sockets, at_once=True)  # its own earlier connection may just have ended
         self._clients.check_name(message.identity, message.fd, hello.name)
-        if self._barred(hello.name):
+        if self._unplugged(hello.name):
             raise wire.HelloRefused("full", f"the link of {hello.name} is unplugged")
-        topics = self._admission.check(hello, message.identity)
+        topics = self._validator.check(hello, message.identity)
         groups = frozenset(map(group_of, topics)) if self.settings.arrangement == "ports" else frozenset()
         client = Client(hello, message.identity, message.fd, topics, groups, self._clients.stats_of(hello.name))
         client.in_ring = self._ring is not None and hello.shared_memory
         client.user = user
         self._clients.add(client)
-        self._tell(client.identity, wire.encode_welcome(self._welcome_of(client)))
+        self._send_message(client.identity, wire.encode_welcome(self._welcome_of(client)))
         if client.ready:
             self._joined(client)
 
     def _welcome_of(self, client: Client) -> wire.Welcome:
-        """The run, its topics, and the ways on which frames will come."""
+        """Return the facts of the run, its topics, and the connections that frames will come on."""
         assert self._sockets is not None
         facts, ring = self.facts, self._ring if client.in_ring else None
         topics = sorted(client.topics)
         sensors = {group_of(topic) for topic in topics}
         return wire.Welcome(
-            schema=self._admission.schema,
+            schema=self._validator.schema,
             session=self.session,
             mode=facts.mode,
             tick_ns=facts.tick_ns,
@@ -394,7 +402,7 @@ class CompanionServer:
         self._on_event("joined", f"{client.name} ({again}{len(client.topics)} topics{control})")
 
     def _refuse(self, group: str, message: Received, error: wire.HelloRefused) -> None:
-        self._tell(message.identity, wire.encode_refused(error.code, str(error)), group)
+        self._send_message(message.identity, wire.encode_refused(error.code, str(error)), group)
         if error.code == "malformed":
             self.malformed += 1
         self._refuse_text(f"{error.code}: {error}")
@@ -405,30 +413,30 @@ class CompanionServer:
             self._on_event(kind, text)
 
     def _malformed(self, group: str, identity: bytes, client: Client | None, why: str) -> None:
-        """Told to the sender; one of many in a row loses its place, and is told no more."""
+        """Report it to the sender. After too many in a row it is removed and gets no more reports."""
         self.malformed += 1
-        in_a_row = self._clients.strike(identity) if client is None else client.malformed_in_a_row + 1
+        in_a_row = self._clients.count_malformed(identity) if client is None else client.malformed_in_a_row + 1
         if in_a_row <= _MALFORMED_IN_A_ROW:
-            self._tell(identity, wire.encode_refused("malformed", why), group)
+            self._send_message(identity, wire.encode_refused("malformed", why), group)
             self._on_event("malformed", f"{client.name if client else 'an unknown sender'}: {why}")
         if client is not None:
             client.malformed_in_a_row = in_a_row
             client.stats.malformed += 1
             if in_a_row >= _MALFORMED_IN_A_ROW:
-                self._lose(client, f"{in_a_row} messages without sense in a row; the last: {why}")
+                self._lose(client, f"{in_a_row} malformed messages in a row; the last: {why}")
 
     def _lose(self, client: Client, why: str, kind: str = "lost") -> None:
         for under_way in client.under_way.values():
-            self._give_back(client, under_way.slot)
+            self._release(client, under_way.slot)
         client.under_way.clear()
         self._clients.remove(client, why)
         self._on_event(kind, f"{client.name}: {why}")
 
-    def _tell(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
-        """A word to a client, if it can take one."""
+    def _send_message(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
+        """Send one message to a client if it is connected and its buffer has room."""
         with suppress(Unreachable):
             self._push(identity, group, [message])
 
 
-def _unheard(kind: str, text: str) -> None:
-    """Nobody wants to know."""
+def _ignore_event(kind: str, text: str) -> None:
+    """Drop an event: the caller gave no `on_event`."""

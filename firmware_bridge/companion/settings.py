@@ -1,4 +1,4 @@
-"""What a companion link is set to: addresses, arrangement, keys and limits. Data only; checked when made."""
+"""Settings of a companion link: addresses, arrangement, keys and limits. Validated when made."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from firmware_bridge.loopback_host import is_loopback
-from hil.signals.errors import ConfigError, Problem
+from firmware_bridge.transports.loopback_host import is_loopback
+from signals.errors import ConfigError, Problem
 
 Arrangement = Literal["shared_memory", "one_port", "ports"]
 _MAX_CLIENTS = 32
@@ -15,18 +15,18 @@ _MAX_CLIENTS = 32
 
 @dataclass(frozen=True)
 class CompanionSettings:
-    """`bind` is where clients say hello: ipc:// for shared memory, tcp:// for the others.
+    """`bind` is the address of the first port, where clients join: ipc:// for shared memory, else tcp://.
 
-    With several ports, the sensors' ports are taken on the same host: any free ones, or `first_port`, +1, +2, ... in
-    the order of the sensors' names, for where a firewall has to know.
+    With several ports, the sensors' ports are on the same host: any free ones, or `first_port`, +1, +2, ... in the
+    order of the sensors' names, so that a firewall can be configured.
     """
 
     bind: str = "tcp://127.0.0.1:5570"
     arrangement: Arrangement = "one_port"
-    keys: Path | None = None  # folder made by `hil keys`; needed off the loopback
+    keys: Path | None = None  # folder made by `hil keys`; required unless `bind` is a loopback address
     first_port: int | None = None
     max_clients: int = _MAX_CLIENTS
-    max_message_bytes: int = 128 << 10  # of one part that a client sends; more ends its connection
+    max_message_bytes: int = 128 << 10  # largest part of a client's message; a larger one ends its connection
     ring_bytes: int = 64 << 20
 
     def __post_init__(self) -> None:
@@ -41,7 +41,7 @@ class CompanionSettings:
             problems.append(self._problem(f"bind {self.bind!r}", "tcp://HOST:PORT, or tcp://HOST:* for any port"))
         elif scheme == "tcp" and not self.loopback and self.keys is None:
             problems.append(
-                self._problem(f"bind {self.bind!r} can be reached from outside", "make keys: hil keys DIR NAME")
+                self._problem(f"bind {self.bind!r} can be reached from other machines", "make keys: hil keys DIR NAME")
             )
         for name, low, high in (
             ("max_clients", 1, _MAX_CLIENTS),
@@ -59,18 +59,18 @@ class CompanionSettings:
 
     @property
     def host(self) -> str:
-        """Of a tcp address, as it stands there."""
+        """The host of a tcp address, as it is written there."""
         return self.bind.partition("://")[2].rpartition(":")[0]
 
     @property
     def port(self) -> str | None:
-        """Of a tcp address: digits or '*'; None where there is none."""
+        """The port of a tcp address, digits or '*'; None if it has none."""
         port = self.bind.rpartition(":")[2]
         return port if port == "*" or (port.isdigit() and int(port) < 65536) else None
 
     @property
     def loopback(self) -> bool:
-        """Whether nobody outside this machine can reach `bind`."""
+        """True if only this machine can reach `bind`."""
         if self.bind.startswith("ipc://"):
             return True
         return is_loopback(self.host)

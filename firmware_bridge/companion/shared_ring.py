@@ -1,11 +1,11 @@
 """Frames in POSIX shared memory: the bench copies arrays in once, clients on the same machine read them in place.
 
-A slot holds the arrays of one frame, each on a 64-byte boundary, and is held by the clients that were told of it until
-they answer (or are lost). Slots are taken first-fit, not strictly in turn, so that a client that sits on its frame
-keeps that slot and no more: the others' frames go round it. When nothing fits, the frame is dropped: nobody waits.
+A slot contains the arrays of one frame, each on a 64-byte boundary. The clients that got its header hold it until they
+answer or are lost. Slots are allocated first-fit, not strictly in turn, so that a client that is slow to answer blocks
+its own slot only. If no slot fits, the frame is dropped; nothing waits.
 
-The name is gone from /dev/shm as soon as the bench closes; if the bench is killed, Python's resource tracker, a process
-of its own, takes it away. What a client has mapped stays readable to it until it lets go.
+The name disappears from /dev/shm as soon as the bench closes; if the bench is killed, Python's resource tracker, a
+separate process, removes it. Memory that a client has mapped stays readable to it until it unmaps it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.signals.errors import PortNotFound
+from signals.errors import PortNotFound
 
 ALIGN = 64
 _FOLDER = Path("/dev/shm")  # noqa: S108
 
 
 class Block:
-    """Arrays in C order that are to lie together, each on a boundary of 64 bytes."""
+    """Arrays in C order, laid out one after the other on boundaries of 64 bytes."""
 
     __slots__ = ("arrays", "size")
 
@@ -36,7 +36,7 @@ class Block:
         self.size = 0
 
     def add(self, array: np.ndarray) -> int:
-        """Its offset."""
+        """Append an array. Return its offset."""
         offset, size = self.size, array.nbytes
         if size:  # a radar that sees nothing has no points
             self.arrays.append((array, offset))
@@ -44,7 +44,7 @@ class Block:
         return offset
 
     def copy_to(self, view: memoryview) -> None:
-        """The arrays, each to its offset."""
+        """Copy each array to its offset in `view`."""
         for array, offset in self.arrays:
             view[offset : offset + array.nbytes] = _bytes_of(array)
 
@@ -52,35 +52,35 @@ class Block:
 def _bytes_of(array: np.ndarray) -> memoryview:
     try:
         return array.data.cast("B")
-    except (TypeError, ValueError):  # complex numbers are none of memoryview's
+    except (TypeError, ValueError):  # memoryview knows no complex numbers
         return array.reshape(-1).view(np.uint8).data
 
 
 class SharedRing:
-    """One block of shared memory, and who holds which part of it."""
+    """One block of shared memory, and the clients that hold each part of it."""
 
     def __init__(self, size: int) -> None:
         name = f"hil-companion-{secrets.token_hex(8)}"
         try:
             self._memory = shared_memory.SharedMemory(name, create=True, size=size)
         except OSError as error:
-            raise _none(size, error) from error
+            raise _unavailable(size, error) from error
         try:
             _allocate(name, size)
         except OSError as error:
             self._memory.unlink()
             self._memory.close()
-            raise _none(size, error) from error
+            raise _unavailable(size, error) from error
         self.name = self._memory.name
         self.size = size
         assert self._memory.buf is not None
         view = self._memory.buf[:size]
-        np.frombuffer(view, np.uint8)[::4096] = 0  # pages are made now, not under the first frames
+        np.frombuffer(view, np.uint8)[::4096] = 0  # the system maps the pages now, not during the first frames
         self._view: memoryview | None = view
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
 
     def put(self, block: Block, holders: Iterable[str]) -> int | None:
-        """Copy a block in; where it begins. None if there is no room."""
+        """Copy a block in. Return where it begins, or None if there is no room."""
         size = max(block.size, ALIGN)
         place = self._gap(size)
         if place is None or self._view is None:
@@ -91,7 +91,7 @@ class SharedRing:
         return start
 
     def _gap(self, size: int) -> tuple[int, int] | None:
-        """(index among the slots, start) of the first free place."""
+        """Return (index among the slots, start) of the first gap that fits, or None."""
         start = 0
         for index, (taken, end, _) in enumerate(self._slots):
             if taken - start >= size:
@@ -99,8 +99,8 @@ class SharedRing:
             start = end
         return (len(self._slots), start) if self.size - start >= size else None
 
-    def give_back(self, slot: int, holder: str) -> None:
-        """`holder` has read the slot. One that is not held is passed over."""
+    def release(self, slot: int, holder: str) -> None:
+        """Release the slot for this holder. Does nothing if it holds none there."""
         for index, (start, _, holders) in enumerate(self._slots):
             if start == slot:
                 holders.discard(holder)
@@ -109,16 +109,16 @@ class SharedRing:
                 return
 
     def close(self) -> None:
-        """Take the name away and let go. May be called twice."""
+        """Remove the name and unmap the memory. May be called twice."""
         self._view = None
         with suppress(FileNotFoundError):
             self._memory.unlink()
-        with suppress(BufferError):  # somebody still has a view: the memory goes when that does
+        with suppress(BufferError):  # a view still exists: the memory is freed with it
             self._memory.close()
 
 
 def _allocate(name: str, size: int) -> None:
-    """Memory that is only promised ends the process when it is touched and there is none. OSError."""
+    """Reserve the memory; without this the process dies at a write that finds none. OSError if there is none."""
     path = _FOLDER / name
     if path.exists():
         descriptor = os.open(path, os.O_RDWR)
@@ -128,11 +128,11 @@ def _allocate(name: str, size: int) -> None:
             os.close(descriptor)
 
 
-def _none(size: int, error: OSError) -> PortNotFound:
-    what = f"{size / 2**20:g} MiB of shared memory cannot be had ({error.strerror or error})"
+def _unavailable(size: int, error: OSError) -> PortNotFound:
+    what = f"{size / 2**20:g} MiB of shared memory are not available ({error.strerror or error})"
     if error.errno in (errno.ENOSPC, errno.ENOMEM, errno.EFBIG):
         what += (
-            "; give more room (docker run --shm-size=256m), take less (--set companion.ring_mb), "
-            "or do without (--set companion.arrangement=one_port)"
+            "; give it more (docker run --shm-size=256m), use less (--set companion.ring_mb), or use none "
+            "(--set companion.arrangement=one_port)"
         )
     return PortNotFound(str(_FOLDER), what)

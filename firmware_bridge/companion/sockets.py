@@ -1,13 +1,13 @@
-"""ROUTER sockets of the bench: bound, limited, encrypted where there are keys, and watched for connections that end.
+"""ROUTER sockets of the bench: bound, limited, encrypted where there are keys, and monitored for ended connections.
 
-Floods are bounded by ZeroMQ: a message of a client has a greatest size, and of one connection no more than a number of
-messages wait unread; what comes beyond stays in the kernel's buffers, and then with its sender. A connection that does
-not finish its handshake is ended.
+ZeroMQ bounds floods: the size of a message and the number of unread messages of a connection are limited; further
+messages stay in the kernel's buffers, and then with their sender. A connection that does not finish its handshake is
+closed.
 
-Known limits of libzmq 4.3: a message of parts without end is kept in memory until its last part has come. And when a
-connection breaks whose messages were held back while it sent ZeroMQ's own heartbeats (ZMQ_HEARTBEAT_IVL), an assertion
-in stream_engine_base.cpp ends the process (libzmq's issue 4841). So neither the bench nor its client's library sends
-such heartbeats: TCP's keepalive takes their place.
+Known limits of libzmq 4.3: a message with an endless number of parts stays in memory until its last part has come. When
+a connection breaks whose messages were held back while it sent ZeroMQ's own heartbeats (ZMQ_HEARTBEAT_IVL), an
+assertion in stream_engine_base.cpp ends the process (libzmq issue 4841). So neither the bench nor its client library
+sends such heartbeats: TCP's keepalive replaces them.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from zmq.utils.monitor import recv_monitor_message
 
 from firmware_bridge.companion.keys import KeyPair, read_allowed, read_bench_keys
 from firmware_bridge.companion.settings import CompanionSettings
-from hil.signals.errors import PortBusy, PortNotFound
+from signals.errors import PortBusy, PortNotFound
 
-CONTROL = ""  # the group of the first socket, to which clients say hello; the others are sensors' own
+CONTROL = ""  # the group of the first socket, where clients join; the others are the sensors' own
 RECEIVE_HWM = 256  # messages of one connection that wait here unread
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
 _HANDSHAKE_MS = 3000
-_VANISHED_S = 2  # a machine that is silent for so long has gone; a process that only stalls has not
+_VANISHED_S = 2  # a machine whose kernel is silent for so long is gone; a stalled process does not count
 _EVENTS = (
     zmq.EVENT_DISCONNECTED
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
@@ -47,25 +47,25 @@ _DOMAIN = "companion"
 
 
 def group_of(topic: str) -> str:
-    """The sensor that a topic belongs to, which may have a port of its own: what is before the first slash."""
+    """Return the sensor that a topic belongs to, its part before the first slash. A sensor may have its own port."""
     return topic.partition("/")[0]
 
 
 class Unreachable(Exception):  # never leaves the companion package
-    """The peer has gone."""
+    """The peer has disconnected."""
 
 
 class Received(NamedTuple):
-    """A message of a client, or of somebody unknown."""
+    """A message of a client, or of an unregistered sender."""
 
     identity: bytes
     fd: int  # of its connection
     raw: memoryview  # part 0
     parts: int
-    frame: zmq.Frame  # of part 0, for what else ZeroMQ knows
+    frame: zmq.Frame  # of part 0, with the properties that ZeroMQ knows
 
     def property(self, name: str) -> str:
-        """What the handshake told; "" where it told nothing."""
+        """Return a property from the handshake, or "" if it has none."""
         try:
             return str(self.frame.get(name))
         except (zmq.ZMQError, KeyError, ValueError):
@@ -86,7 +86,7 @@ class Sockets:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context(io_threads=1)
         try:
             if keys is not None and s.keys is not None:
-                allowed = _Allowed(read_allowed(s.keys))
+                allowed = _AllowedKeys(read_allowed(s.keys))
                 self._authenticator = ThreadAuthenticator(self._context)
                 self._authenticator.start()
                 self._authenticator.configure_curve_callback(domain=_DOMAIN, credentials_provider=allowed)
@@ -104,17 +104,17 @@ class Sockets:
         bound.register(self._poller)
 
     def in_turn(self) -> list[tuple[str, BenchSocket]]:
-        """All of them, another one first each time."""
+        """Return all sockets by group, another one first each time."""
         sockets = list(self.by_group.items())
         self._turn = (self._turn + 1) % len(sockets)
         return sockets[self._turn :] + sockets[: self._turn]
 
     def wait(self, limit_ms: int) -> None:
-        """Until something comes."""
+        """Wait until a message comes or a connection ends, or the limit has passed."""
         self._poller.poll(limit_ms)
 
     def close(self, linger_ms: int) -> None:
-        """Let go of everything, the last words within so long."""
+        """Close all sockets. Messages still to send have so long."""
         for bound in self.by_group.values():
             bound.close(linger_ms)
         self.by_group.clear()
@@ -122,17 +122,17 @@ class Sockets:
         if self._authenticator is not None:
             with suppress(zmq.ZMQError):
                 self._authenticator.stop()
-        self._context.term()  # waits for what lingers, no longer
+        self._context.term()  # waits for the lingering messages only
 
 
-class _Allowed:
-    """Which keys are let in, asked by ZeroMQ's handshake from the authenticator's thread (ZAP, RFC 27)."""
+class _AllowedKeys:
+    """The authorized keys. ZeroMQ's handshake calls it from the authenticator's thread (ZAP, RFC 27)."""
 
     def __init__(self, allowed: Mapping[bytes, str]) -> None:
         self._allowed = frozenset(allowed)
 
     def callback(self, domain: str, key: bytes) -> bool:
-        """Whether the owner of this public key (Z85) may come in."""
+        """Return True if the owner of this public key (Z85) may connect."""
         del domain
         return key in self._allowed
 
@@ -175,7 +175,7 @@ class BenchSocket:
         self._folder: Path | None = None
         self._file: Path | None = None
         self._received = 0
-        self._ended: deque[tuple[int, int]] = deque()  # connections, and at which `_received` all of theirs is here
+        self._ended: deque[tuple[int, int]] = deque()  # connection, and the value of `_received` with all its messages
         self._texts: list[str] = []
         try:
             self._bind(address, any_free)
@@ -185,39 +185,41 @@ class BenchSocket:
         self.endpoint = s.getsockopt_string(zmq.LAST_ENDPOINT)
 
     def _bind(self, address: str, any_free: str) -> None:
-        """`ipc://*` is a file in a new folder. The file of a local socket is the user's own: nobody else opens it."""
+        """Bind. `ipc://*` is a file in a new folder. Only its user may open the file of a local socket."""
         if address == f"{_IPC}*":
             try:
                 self._folder = Path(tempfile.mkdtemp(prefix="hil-companion-")).absolute()
             except OSError as error:
-                text = f"cannot be had in {tempfile.gettempdir()} ({error.strerror or error})"
-                raise PortNotFound("a socket's file", text) from error
+                text = f"cannot hold the socket's file ({error.strerror or error}); set TMPDIR to another folder"
+                raise PortNotFound(tempfile.gettempdir(), text) from error
             address = f"{_IPC}{self._folder / 'socket'}"
-        text = f"another program listens there (a second bench?); --set {any_free} takes any free one"
+        text = f"another program listens there (a second bench?); stop it, or use any free one with --set {any_free}"
         busy = PortBusy(address, text)
-        if address.startswith(_IPC) and _somebody_listens(address.removeprefix(_IPC)):
+        if address.startswith(_IPC) and _has_listener(address.removeprefix(_IPC)):
             raise busy
         try:
             self._socket.bind(address)
         except zmq.ZMQError as error:
             if error.errno == errno.EADDRINUSE:
                 raise busy from error
-            raise PortNotFound(address, f"cannot be listened on ({error.strerror})") from error
+            raise PortNotFound(
+                address, f"cannot be listened on ({error.strerror}); is it an address of this machine?"
+            ) from error
         if address.startswith(_IPC):
             self._file = Path(address.removeprefix(_IPC))
             with suppress(OSError):  # an abstract name has no file
                 self._file.chmod(0o600)
 
     def register(self, poller: zmq.Poller) -> None:
-        """Let it wake whoever waits: by messages, and by connections that end."""
+        """Register with `poller`, which then wakes at messages and at ended connections."""
         poller.register(self._socket, zmq.POLLIN)
         poller.register(self._monitor, zmq.POLLIN)
 
     def receive(self) -> Received | None:
-        """The next message; None while there is none."""
+        """Return the next message, or None."""
         if not int(self._socket.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
-            self._ended = deque((fd, 0) for fd, _ in self._ended)  # nothing of theirs is left
-            return None  # asked first: an exception costs more, and most sockets are silent most of the time
+            self._ended = deque((fd, 0) for fd, _ in self._ended)  # none of their messages are left
+            return None  # checked first: most sockets are silent most of the time, and an exception costs more
         try:
             parts = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
         except zmq.Again:
@@ -229,7 +231,7 @@ class BenchSocket:
         return Received(parts[0].bytes, fd, first.buffer, len(parts) - 1, first)
 
     def send(self, identity: bytes, parts: Sequence[bytes | zmq.Frame]) -> bool:
-        """Returns False if the send buffer is full. Unreachable if the peer has gone."""
+        """Return False if the send buffer is full. Unreachable if the peer has disconnected."""
         try:
             self._socket.send_multipart([identity, *parts], zmq.NOBLOCK, copy=False)
         except zmq.Again:
@@ -241,26 +243,28 @@ class BenchSocket:
         return True
 
     def ended(self, others: int, *, at_once: bool = False) -> list[int]:
-        """Descriptors of connections that have ended, once what they said before has been received, or `at_once`.
+        """Return descriptors of ended connections, once all their messages have been received, or `at_once`.
 
-        ZeroMQ gives each connection its turn: with so many `others`, no message of an ended one is left after
-        RECEIVE_HWM turns of all, or as soon as nothing is left at all.
+        ZeroMQ reads the connections in turn: with so many `others`, no message of an ended one is left after
+        RECEIVE_HWM rounds, or as soon as no message is left at all.
         """
         while int(self._monitor.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
             event = recv_monitor_message(self._monitor, zmq.NOBLOCK)
             if event["event"] == zmq.EVENT_DISCONNECTED:
                 self._ended.append((event["value"], self._received + RECEIVE_HWM * (others + 1)))
             elif event["event"] == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-                self._text("a client was turned away: its key is not among the allowed ones")
+                self._text(
+                    "a client was refused: its key is not among the allowed ones; is its .pub in the key folder?"
+                )
             else:
-                self._text("a connection failed to greet: not ZeroMQ, or without the right keys")
+                self._text("a connection failed in the handshake: not ZeroMQ, or without the right keys")
         found = []
         while self._ended and (at_once or self._ended[0][1] <= self._received):
             found.append(self._ended.popleft()[0])
         return found
 
     def texts(self) -> list[str]:
-        """What else happened, for people to read."""
+        """Return the descriptions of failed connections since the last call."""
         texts, self._texts = self._texts, []
         return texts
 
@@ -270,8 +274,8 @@ class BenchSocket:
 
     def close(self, linger_ms: int) -> None:
         self._socket.disable_monitor()
-        self._monitor.close(linger=0)  # else the context would wait for it
-        # While the socket still listens no other bench can have taken the path over.
+        self._monitor.close(linger=0)  # otherwise the context waits for it
+        # Before the socket closes: no other bench can have bound the path while it still listens.
         with suppress(OSError):
             if self._file is not None:
                 self._file.unlink()
@@ -281,8 +285,8 @@ class BenchSocket:
         self._socket.close(linger=linger_ms)
 
 
-def _somebody_listens(path: str) -> bool:
-    """ZeroMQ would take the path of a living listener away."""
+def _has_listener(path: str) -> bool:
+    """Return True if a program listens on this path, which ZeroMQ would take over without an error."""
     if not os.path.exists(path):
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, suppress(OSError):

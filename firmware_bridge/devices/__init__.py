@@ -1,1 +1,1 @@
-"""What is plugged into this machine: autopilot boards, serial ports, gamepads. Finds and names; never talks to them."""
+"""Devices plugged into this machine: autopilot boards, serial ports, gamepads. Lists them without opening them."""

@@ -1,6 +1,6 @@
-"""What the inventory needs of USB, serial ports and HID: three small interfaces, and what they list.
+"""The interfaces of USB, serial ports and HID to the inventory, and the records that they list.
 
-The real ones are `PyUsbBus`, `PySerialPorts` and `HidApi`; `mock_bus` has ones to plug and unplug by program.
+Implementations: `PyUsbBus`, `PySerialPorts` and `HidApi`; `mock_bus` has mocks to plug and unplug by program.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from hil.signals.errors import HilError
+from signals.errors import HilError
 
 
 class BackendMissing(HilError):
-    """The library that would list these devices is not installed. `str` says what to install."""
+    """The library that lists these devices is not installed. The text names the package to install."""
 
 
 @dataclass(frozen=True)
 class UsbDevice:
-    """One device on the USB. Texts are None where reading them was not allowed; `location` is 'BUS-PORT[.PORT]'."""
+    """One USB device. Texts are None without permission to read them; `location` is 'BUS-PORT[.PORT]'."""
 
     vendor_id: int
     product_id: int
@@ -30,7 +30,7 @@ class UsbDevice:
 
 @dataclass(frozen=True)
 class SerialPort:
-    """One serial device. The USB fields are None for ports that are not on the USB."""
+    """One serial device. The USB fields are None for other ports."""
 
     device: str
     vendor_id: int | None = None
@@ -39,12 +39,12 @@ class SerialPort:
     product: str | None = None
     serial_number: str | None = None
     location: str | None = None  # 'BUS-PORT[.PORT][:CONFIGURATION.INTERFACE]'
-    accessible: bool = True  # may this user open it?
+    accessible: bool = True  # this user has the permission to open it
 
 
 @dataclass(frozen=True)
 class HidInterface:
-    """One HID interface. `usage_page` and `usage` are 0 where the operating system does not tell."""
+    """One HID interface. `usage_page` and `usage` are 0 if the operating system does not report them."""
 
     path: bytes
     vendor_id: int
@@ -61,7 +61,7 @@ class UsbBus(Protocol):
     """Lists USB devices."""
 
     def devices(self) -> Sequence[UsbDevice]:
-        """All of them. BackendMissing without a library for it; OSError if looking failed this time."""
+        """Return all devices. BackendMissing without the library; OSError if listing failed this time."""
         ...
 
 
@@ -69,7 +69,7 @@ class SerialPorts(Protocol):
     """Lists serial ports."""
 
     def ports(self) -> Sequence[SerialPort]:
-        """All of them. BackendMissing, OSError as in `UsbBus`."""
+        """Return all ports. BackendMissing, OSError as in `UsbBus`."""
         ...
 
 
@@ -77,11 +77,11 @@ class HidDevice(Protocol):
     """One opened HID interface."""
 
     def read(self, max_length: int) -> bytes:
-        """The oldest report not yet read, or b"" at once if there is none. OSError when the device is gone."""
+        """Return the oldest unread report, or b"" at once if there is none. OSError if the device is unplugged."""
         ...
 
     def report_descriptor(self) -> bytes:
-        """The device's own description of its reports. OSError where it cannot be had."""
+        """Return the device's description of its reports. OSError if it cannot be read."""
         ...
 
     def close(self) -> None: ...
@@ -91,9 +91,9 @@ class HidBus(Protocol):
     """Lists and opens HID interfaces."""
 
     def interfaces(self) -> Sequence[HidInterface]:
-        """All of them. BackendMissing, OSError as in `UsbBus`."""
+        """Return all interfaces. BackendMissing, OSError as in `UsbBus`."""
         ...
 
     def open(self, path: bytes) -> HidDevice:
-        """OSError if it is gone or this user may not open it."""
+        """Open an interface. OSError if it is unplugged or this user may not open it."""
         ...

@@ -14,7 +14,7 @@ GENERIC_DESKTOP = 0x01
 KINDS = {0x04: "joystick", 0x05: "gamepad"}
 TRANSMITTER = "RC transmitter"
 
-# (vendor, product): (name, kind). They count whether or not the operating system tells what they are for.
+# (vendor, product): (name, kind). Recognised also where the operating system does not report the usage.
 KNOWN = {
     (0x1209, 0x4F54): ("EdgeTX/OpenTX radio (RadioMaster, Jumper, FrSky, ...)", TRANSMITTER),
     (0x0483, 0x5710): ("FrSky radio with OpenTX", TRANSMITTER),
@@ -32,11 +32,11 @@ KNOWN = {
 
 
 def identify_gamepad(interface: HidInterface) -> tuple[str, str] | None:
-    """(name, kind) if this is something to fly with, else None."""
+    """Return (name, kind) of a device with sticks, None for any other."""
     known = KNOWN.get((interface.vendor_id, interface.product_id))
-    tells = interface.usage_page != 0
+    reported = interface.usage_page != 0
     kind = KINDS.get(interface.usage) if interface.usage_page == GENERIC_DESKTOP else None
-    if tells and kind is None:
+    if reported and kind is None:
         return None  # another interface of the same device: a headset, a touch pad
     if known is not None:
         return known
@@ -46,7 +46,7 @@ def identify_gamepad(interface: HidInterface) -> tuple[str, str] | None:
 
 
 class HidApi:
-    """HID through hidapi."""
+    """HID interfaces, listed by hidapi."""
 
     def interfaces(self) -> Sequence[HidInterface]:
         return [
@@ -94,7 +94,7 @@ class _OpenHid:
 
 
 def _hidapi() -> ModuleType:
-    """hidapi's module. On Linux the one over hidraw: the other takes the device away from the kernel."""
+    """Return hidapi's module. On Linux the one over hidraw: the other detaches the device from the kernel."""
     for name in ("hidraw", "hid") if sys.platform == "linux" else ("hid",):
         try:
             module = __import__(name)
@@ -103,5 +103,5 @@ def _hidapi() -> ModuleType:
         if hasattr(module, "device") and hasattr(module, "enumerate"):
             return module
     raise BackendMissing(
-        "hidapi is not installed: `pip install hidapi` (the package `hid` is another one; remove it if it is there)"
+        "hidapi is not installed: `pip install hidapi` (the package `hid` is another one; remove it if it is installed)"
     )

@@ -1,7 +1,7 @@
-"""All that is plugged in, at one moment.
+"""The inventory of plugged-in devices at one moment.
 
-A board is found on the USB or, where libusb is missing or tells nothing, by its serial ports alone; both views are
-joined. What could not be looked at is a note for the person, never an error: a bench without libusb still flies.
+A board is found on USB or, where libusb is missing or lists nothing, by its serial ports; both lists are joined. A bus
+that cannot be listed becomes a note for the user, not an error: a bench without libusb still flies.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Autopilot:
-    """An autopilot board. `ports` by interface; the first is the one to try first."""
+    """An autopilot board. `ports` in the order of interfaces; the first is the most likely one."""
 
     board: str
     vendor_id: int
@@ -65,13 +65,13 @@ class Autopilot:
 
     @property
     def port(self) -> str | None:
-        """The serial device to try first; None if there is none or a bootloader would answer."""
+        """The serial device to try first; None if there is none, or in a bootloader."""
         return self.ports[0].device if self.ports and not self.bootloader else None
 
 
 @dataclass(frozen=True)
 class Gamepad:
-    """Something to fly with. `kind`: gamepad, joystick or RC transmitter."""
+    """A device with sticks. `kind`: gamepad, joystick or RC transmitter."""
 
     name: str
     kind: str
@@ -84,16 +84,16 @@ class Gamepad:
 
 @dataclass(frozen=True)
 class Devices:
-    """The inventory. `ports` are those that belong to no autopilot; `failed` names what could not be looked at."""
+    """The inventory. `ports` belong to no autopilot; `failed` names the buses that could not be listed."""
 
     autopilots: tuple[Autopilot, ...] = ()
     ports: tuple[SerialPort, ...] = ()
     gamepads: tuple[Gamepad, ...] = ()
     notes: tuple[str, ...] = ()
-    failed: frozenset[str] = frozenset()  # of usb, serial, hid: this time, not for want of a library
+    failed: frozenset[str] = frozenset()  # of usb, serial, hid; without those whose library is missing
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data. Ids are text as everybody writes them, '26ac:0032'."""
+        """Return plain data. Ids are text such as '26ac:0032'."""
         return {
             "schema": 1,
             "autopilots": [
@@ -106,26 +106,26 @@ class Devices:
 
 
 def usb_ids(item: Autopilot | SerialPort | Gamepad) -> str | None:
-    """'26ac:0032', or None for what is not on the USB."""
+    """Return ids such as '26ac:0032', or None for a device that is not on USB."""
     if item.vendor_id is None or item.product_id is None:
         return None
     return f"{item.vendor_id:04x}:{item.product_id:04x}"
 
 
 def port_hint(port: SerialPort) -> str | None:
-    """What a serial port that is no board is likely to be."""
+    """Return the probable kind of a serial port that is not a board, or None."""
     if port.vendor_id is None or port.product_id is None:
         return None
     return ADAPTERS.get((port.vendor_id, port.product_id)) or port.product
 
 
 def find_devices(usb: UsbBus | None = None, ports: SerialPorts | None = None, hid: HidBus | None = None) -> Devices:
-    """Look once. None means the real thing. Never raises for what is missing or forbidden."""
+    """List all devices once. None means the real bus. Missing libraries and permissions become notes."""
     notes: list[str] = []
     failed: set[str] = set()
-    on_usb = _look("usb", (usb or PyUsbBus()).devices, notes, failed)
-    serial = _look("serial", (ports or PySerialPorts()).ports, notes, failed)
-    interfaces = _look("hid", (hid or HidApi()).interfaces, notes, failed)
+    on_usb = _list("usb", (usb or PyUsbBus()).devices, notes, failed)
+    serial = _list("serial", (ports or PySerialPorts()).ports, notes, failed)
+    interfaces = _list("hid", (hid or HidApi()).interfaces, notes, failed)
     autopilots, rest = _autopilots(on_usb, serial)
     return Devices(
         autopilots=tuple(autopilots),
@@ -136,22 +136,22 @@ def find_devices(usb: UsbBus | None = None, ports: SerialPorts | None = None, hi
     )
 
 
-_WHAT = {"usb": "USB boards", "serial": "serial ports", "hid": "gamepads"}
+_NAMES = {"usb": "USB boards", "serial": "serial ports", "hid": "gamepads"}
 
 
-def _look(kind: str, look: Callable[[], Sequence[_T]], notes: list[str], failed: set[str]) -> Sequence[_T]:
+def _list(kind: str, lister: Callable[[], Sequence[_T]], notes: list[str], failed: set[str]) -> Sequence[_T]:
     try:
-        return look()
+        return lister()
     except BackendMissing as error:
-        notes.append(f"{_WHAT[kind]} were not looked for: {error}")
+        notes.append(f"{_NAMES[kind]} were not listed: {error}")
     except (OSError, ValueError, RuntimeError) as error:
         failed.add(kind)
-        notes.append(f"{_WHAT[kind]} could not be listed this time: {type(error).__name__}: {error}")
+        notes.append(f"{_NAMES[kind]} could not be listed this time: {type(error).__name__}: {error}")
     return ()
 
 
 def _autopilots(on_usb: Sequence[UsbDevice], serial: Sequence[SerialPort]) -> tuple[list[Autopilot], list[SerialPort]]:
-    """The boards, and the ports that belong to none."""
+    """Return the boards, and the ports that belong to none."""
     found: list[Autopilot] = []
     left = list(serial)
     boards = [(device, row) for device in on_usb if (row := identify_board(device.vendor_id, device.product_id))]
@@ -172,7 +172,7 @@ def _autopilots(on_usb: Sequence[UsbDevice], serial: Sequence[SerialPort]) -> tu
         if by_ids is None:
             continue
         left = [port for port in left if port not in group]
-        # A board on the USB whose port could not be told from its twin's is this board, seen from the other side.
+        # A USB board without ports and with the same ids is this board, listed by libusb.
         twin = next((a for a in found if not a.ports and usb_ids(a) == usb_ids(first)), None)
         if twin is not None:
             found.remove(twin)
@@ -182,7 +182,7 @@ def _autopilots(on_usb: Sequence[UsbDevice], serial: Sequence[SerialPort]) -> tu
 
 
 def _autopilot(row: BoardId, device: UsbDevice, ports: list[SerialPort]) -> Autopilot:
-    # Where the USB device may not be opened its texts are missing; the serial driver has read them.
+    # Without permission to open the USB device its texts are missing; the serial driver has read them.
     texts = replace(
         device,
         manufacturer=device.manufacturer or next((p.manufacturer for p in ports if p.manufacturer), None),
@@ -217,7 +217,7 @@ def _autopilot(row: BoardId, device: UsbDevice, ports: list[SerialPort]) -> Auto
 
 
 def _gamepads(interfaces: Sequence[HidInterface]) -> list[Gamepad]:
-    """One per path: hidapi lists a device once for each thing that it can be."""
+    """Return one gamepad per path: hidapi lists a device once for each of its usages."""
     found: dict[bytes, Gamepad] = {}
     for interface in interfaces:
         named = identify_gamepad(interface)

@@ -1,4 +1,4 @@
-"""A USB, serial ports and HID to plug things into by program: for this project's tests and for a user's CI.
+"""Mocks of USB, serial ports and HID with devices plugged in by program, for this project's tests and a user's CI.
 
 desk = MockDesk()
 board = desk.plug_board(0x3162, 0x0053, product="PX4 Pixhawk6C")
@@ -18,13 +18,13 @@ from firmware_bridge.devices.inventory import Devices, find_devices
 
 
 class _Fallible:
-    """Something that can be told to fail: `error` is raised at the next looks, until it is None again."""
+    """A bus that can fail: `error` is raised by each listing until it is None again."""
 
     def __init__(self) -> None:
         self.error: Exception | None = None
 
     def without_backend(self, advice: str = "install the mock's library") -> None:
-        """As if the library were not installed."""
+        """Behave as if the library were not installed."""
         self.error = BackendMissing(advice)
 
     def _check(self) -> None:
@@ -33,7 +33,7 @@ class _Fallible:
 
 
 class MockUsbBus(_Fallible):
-    """A USB."""
+    """A mocked USB."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,7 +45,7 @@ class MockUsbBus(_Fallible):
 
 
 class MockSerialPorts(_Fallible):
-    """Serial ports."""
+    """Mocked serial ports."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class MockSerialPorts(_Fallible):
 
 
 class MockPad:
-    """A HID device: what `report` is given, whoever opened it reads. `present` False: it was pulled out."""
+    """A HID device: its readers get the bytes given to `report`. `present` is False while it is unplugged."""
 
     def __init__(self, interface: HidInterface, descriptor: bytes | None) -> None:
         self.interface = interface
@@ -89,7 +89,7 @@ class MockPad:
 
 
 class MockHid(_Fallible):
-    """HID."""
+    """A mocked HID bus."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -120,7 +120,7 @@ class MockBoard:
 
 @dataclass
 class MockDesk:
-    """A machine's three buses, and the hands that plug."""
+    """A machine's three buses, with methods to plug and unplug devices."""
 
     usb: MockUsbBus = field(default_factory=MockUsbBus)
     ports: MockSerialPorts = field(default_factory=MockSerialPorts)
@@ -129,7 +129,7 @@ class MockDesk:
     _ttys: int = 0
 
     def find(self) -> Devices:
-        """What `find_devices` finds here."""
+        """Return the inventory of these buses."""
         return find_devices(self.usb, self.ports, self.hid)
 
     def plug_board(
@@ -143,7 +143,7 @@ class MockDesk:
         accessible: bool = True,
         usb_texts: bool = True,
     ) -> MockBoard:
-        """Plug a board in. `ports`: its serial devices, or how many. `usb_texts` False: no right to read them."""
+        """Plug a board in. `ports`: its serial devices, or their number. `usb_texts` False: they cannot be read."""
         self._sockets += 1
         location = f"1-{self._sockets}"
         if isinstance(ports, int):
@@ -158,7 +158,7 @@ class MockDesk:
             serial_number=serial_number if usb_texts else None,
             location=location,
         )
-        # A CDC port takes two interfaces, so a board's second port is interface 2.
+        # A CDC port has two interfaces, so a board's second port is interface 2.
         serial = tuple(
             SerialPort(
                 name,
@@ -176,7 +176,7 @@ class MockDesk:
         return board
 
     def plug_port(self, device: str, *, accessible: bool = True) -> MockBoard:
-        """A serial port that is not on the USB. Returned as a board without USB device, to unplug it by."""
+        """Add a serial port that is not on USB. It is returned as a board without USB device, for `unplug`."""
         port = SerialPort(device, accessible=accessible)
         self.ports.plugged.append(port)
         return MockBoard(UsbDevice(0, 0), (port,))
@@ -192,7 +192,7 @@ class MockDesk:
         descriptor: bytes | None = None,
         accessible: bool = True,
     ) -> MockPad:
-        """Plug a gamepad in. Without `descriptor` it cannot be asked for one."""
+        """Plug a gamepad in. Without `descriptor`, reading its report descriptor fails."""
         self._sockets += 1
         interface = HidInterface(
             f"/dev/hidraw{self._sockets}".encode(),
@@ -208,7 +208,7 @@ class MockDesk:
         return pad
 
     def replug(self, thing: MockBoard | MockPad) -> None:
-        """Put back what was unplugged."""
+        """Plug in again what was unplugged."""
         if isinstance(thing, MockPad):
             thing.present = True
             self.hid.plugged.append(thing)
@@ -218,7 +218,7 @@ class MockDesk:
         self.ports.plugged.extend(thing.ports)
 
     def unplug(self, thing: MockBoard | MockPad) -> None:
-        """Pull it out: it is no longer listed, and reading it fails."""
+        """Unplug: the device is no longer listed, and reading it fails."""
         if isinstance(thing, MockPad):
             thing.present = False
             self.hid.plugged.remove(thing)

@@ -1,4 +1,4 @@
-"""Serial ports, and which of them belong to which USB board."""
+"""Serial ports, and their assignment to USB boards."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from firmware_bridge.devices.buses import BackendMissing, SerialPort, UsbDevice
 
-# Adapters that are no autopilots themselves but may lead to one.
+# Adapters that an autopilot may be connected to.
 ADAPTERS = {
     (0x0403, 0x6001): "FTDI adapter or SiK telemetry radio",
     (0x0403, 0x6015): "FTDI adapter or SiK telemetry radio",
@@ -22,7 +22,7 @@ ADAPTERS = {
 
 
 class PySerialPorts:
-    """The serial ports as pyserial lists them."""
+    """Serial ports, listed by pyserial."""
 
     def ports(self) -> Sequence[SerialPort]:
         try:
@@ -45,32 +45,31 @@ class PySerialPorts:
 
 
 def may_open(path: str | bytes) -> bool:
-    """May this user read and write the device file? True where devices are no files (Windows)."""
+    """Return True if this user may read and write the device file, and where devices are no files (Windows)."""
     return not os.path.exists(path) or os.access(path, os.R_OK | os.W_OK)
 
 
 def usb_location(port: SerialPort) -> str | None:
-    """Where on the USB the port's device sits, without the interface."""
+    """Return the USB location of the port's device, without the interface."""
     return None if port.location is None else port.location.split(":")[0]
 
 
 def port_order(port: SerialPort) -> tuple[object, ...]:
-    """Sorts a board's ports by interface, then by name with numbers as numbers."""
+    """Return a sort key: interface first, then name with numbers as numbers."""
     interface = port.location.partition(":")[2] if port.location else ""
     return (natural(interface), natural(port.device))
 
 
 def natural(text: str) -> tuple[tuple[int, str], ...]:
-    """'ttyACM10' after 'ttyACM2'."""
+    """Return a sort key that puts 'ttyACM10' after 'ttyACM2'."""
     return tuple((int(digits), "") if digits else (-1, other) for digits, other in re.findall(r"(\d+)|(\D+)", text))
 
 
 def join_ports(devices: Sequence[UsbDevice], ports: Iterable[SerialPort]) -> list[list[SerialPort]]:
-    """For each of `devices` the ports that belong to it, by interface.
+    """Return the ports of each of `devices`, in the order of interfaces.
 
-    The place on the USB decides where both sides tell it alike (Linux). Ports still without a device then go by
-    serial number, and at last by ids, each only to a device that is the one possible: a wrong guess would fly the
-    wrong vehicle.
+    The USB location decides where both lists have it in the same form (Linux). The other ports are assigned by serial
+    number, and then by ids, each only if a single device is possible: a wrong guess would fly the wrong vehicle.
     """
     joined: list[list[SerialPort]] = [[] for _ in devices]
     left = list(ports)
@@ -94,12 +93,12 @@ def join_ports(devices: Sequence[UsbDevice], ports: Iterable[SerialPort]) -> lis
     for i in without:
         d = devices[i]
         if not joined[i] and kinds[d.vendor_id, d.product_id] == 1:
-            take(i, lambda port, d=d: _may_be(d, port))  # type: ignore[misc]
+            take(i, lambda port, d=d: _is_possible(d, port))  # type: ignore[misc]
     return [sorted(mine, key=port_order) for mine in joined]
 
 
-def _may_be(device: UsbDevice, port: SerialPort) -> bool:
-    """Nothing that both tell speaks against it. Places are told differently on some systems and prove nothing."""
+def _is_possible(device: UsbDevice, port: SerialPort) -> bool:
+    """Return True if no fact that both have contradicts. Locations differ in form on some systems and prove nothing."""
     both = device.serial_number is not None and port.serial_number is not None
     places = device.location is not None and port.location is not None
     return device.serial_number == port.serial_number if both else not places

@@ -1,8 +1,8 @@
 """Autopilot boards by their USB ids.
 
-The ids are those that PX4's board configurations, ArduPilot's board definitions and QGroundControl's table give.
-Vendors put several boards under one id and several vendors share one, so an entry is a good guess with a name, and
-the board's own product text, where it can be read, is the better name.
+Sources: PX4's board configurations, ArduPilot's board definitions and QGroundControl's table. Some vendors use one id
+for several boards, and several vendors share one, so an entry is only probable. The board's own product text, where it
+can be read, is the better name.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class BoardId:
     product_id: int | None
     firmwares: tuple[str, ...] = _BOTH
     bootloader: bool = False
-    generic: bool = False  # an id that things other than autopilots use too
+    generic: bool = False  # devices other than autopilots have this id, too
 
 
 BOARDS = (
-    # 3D Robotics' vendor id, which many boards of the Pixhawk family use.
+    # 3D Robotics' vendor id, used by many boards of the Pixhawk family.
     BoardId("Omnibus F4 SD or other FMUv4-class board", 0x26AC, 0x0001),
     BoardId("PX4 FMUv1", 0x26AC, 0x0010),
     BoardId("Pixhawk 1 (FMUv2/v3)", 0x26AC, 0x0011),
@@ -107,17 +107,17 @@ _BOOTLOADER = re.compile(r"(^|[\s_-])BL([\s_-]|$)|bootloader", re.IGNORECASE)
 
 
 def identify_board(vendor_id: int, product_id: int) -> BoardId | None:
-    """The row for these ids: the exact one, else the vendor's, else None."""
+    """Return the row for these ids: the exact one, else the vendor's, else None."""
     return _EXACT.get((vendor_id, product_id)) or _EXACT.get((vendor_id, None))
 
 
 def names_bootloader(product: str | None) -> bool:
-    """Does the product text say that this is a bootloader? Most share their ids with the firmware."""
+    """Return True if the product text names a bootloader. Most bootloaders share their ids with the firmware."""
     return product is not None and _BOOTLOADER.search(product) is not None
 
 
 class PyUsbBus:
-    """The USB as libusb sees it, through pyusb."""
+    """USB devices, listed by libusb through pyusb."""
 
     def devices(self) -> Sequence[UsbDevice]:
         try:
@@ -135,7 +135,7 @@ class PyUsbBus:
 
 
 def _describe(device: object) -> UsbDevice:
-    """What may be read of a pyusb device."""
+    """Return the readable facts of a pyusb device."""
     ports = getattr(device, "port_numbers", None)
     bus = getattr(device, "bus", None)
     return UsbDevice(
@@ -149,7 +149,7 @@ def _describe(device: object) -> UsbDevice:
 
 
 def _text(device: object, name: str) -> str | None:
-    """A string descriptor; None where this user may not open the device, or it has none or a damaged one."""
+    """Return a string descriptor; None without permission, or if it is missing or damaged."""
     try:
         return getattr(device, name) or None
     except (OSError, ValueError, NotImplementedError):

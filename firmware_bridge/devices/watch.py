@@ -1,6 +1,6 @@
-"""Plugging and unplugging, by looking again and again and comparing.
+"""Detects plugging and unplugging by comparing inventories.
 
-Polling, because no hot-plug interface works on all systems and without rights; a look takes milliseconds.
+It polls, because no hot-plug interface works on all systems and without privileges; an inventory takes milliseconds.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from firmware_bridge.devices.inventory import Autopilot, Devices, Gamepad, find_
 Item: TypeAlias = Autopilot | SerialPort | Gamepad
 _Key: TypeAlias = tuple[object, ...]
 
-# What must have been looked at for the absence of a thing to mean anything.
-_SEEN_BY = {
+# The buses that must have been listed before a missing device counts as unplugged.
+_LISTED_BY = {
     "autopilot": frozenset({"usb", "serial"}),
     "serial port": frozenset({"serial"}),
     "gamepad": frozenset({"hid"}),
@@ -25,7 +25,7 @@ _SEEN_BY = {
 
 @dataclass(frozen=True)
 class Change:
-    """Something was plugged in, or `unplugged`: then `item` is as it was last seen."""
+    """A device was plugged in, or `unplugged`: then `item` is its last known state."""
 
     kind: str  # autopilot, serial port or gamepad
     item: Item
@@ -36,16 +36,16 @@ class Change:
 
 
 class DeviceWatch:
-    """Says what changed between two looks. What is there at the first look is no event."""
+    """Reports the changes between two calls of `poll`. Devices present at the first call are no change."""
 
     def __init__(self, find: Callable[[], Devices] = find_devices) -> None:
         self._find = find
         self._known: dict[_Key, tuple[str, Item]] | None = None
         self._settling: set[_Key] = set()
-        self.devices = Devices()  # of the last look
+        self.devices = Devices()  # of the last poll
 
     def poll(self) -> list[Change]:
-        """Look and compare."""
+        """List all devices and compare. Return the changes."""
         self.devices = devices = self._find()
         now = _items(devices)
         if self._known is None:
@@ -53,14 +53,14 @@ class DeviceWatch:
             return []
         known = self._known
         for key, (kind, item) in known.items():
-            # A look that failed says nothing about what is there.
-            if key not in now and devices.failed & _SEEN_BY[kind]:
+            # A bus that could not be listed proves no absence.
+            if key not in now and devices.failed & _LISTED_BY[kind]:
                 now[key] = (kind, item)
         events: list[Change] = [Change(*known[key], unplugged=True) for key in known if key not in now]
         waiting: set[_Key] = set()
         for key in [key for key in now if key not in known]:
             kind, item = now[key]
-            # A board is on the USB a moment before its serial port exists: give it one more look.
+            # A board is on USB a moment before its serial port exists: wait for the next poll.
             if isinstance(item, Autopilot) and not item.ports and not item.bootloader and key not in self._settling:
                 waiting.add(key)
                 del now[key]
@@ -72,7 +72,7 @@ class DeviceWatch:
 
 
 def describe(item: Item) -> str:
-    """One line on it."""
+    """Describe a device in one line."""
     if isinstance(item, Autopilot):
         parts = [item.product or item.board]
         parts += [f"at {item.port}"] if item.port else []
@@ -86,7 +86,7 @@ def describe(item: Item) -> str:
 def _items(devices: Devices) -> dict[_Key, tuple[str, Item]]:
     found: dict[_Key, tuple[str, Item]] = {}
     for a in devices.autopilots:
-        # The bootloader of a board is another thing than the board: the change is worth an event.
+        # A board that changes to its bootloader counts as another device.
         key = ("autopilot", a.vendor_id, a.product_id, a.location or a.serial_number, a.bootloader)
         found[key] = ("autopilot", a)
     for port in devices.ports:

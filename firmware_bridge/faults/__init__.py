@@ -1,1 +1,1 @@
-"""Declared faults of a wire, and the transport that commits them."""
+"""Declared faults of a link, and the transport that applies them."""

@@ -1,8 +1,8 @@
-"""One declared fault on one direction of the wire: units in, units out, some of them later.
+"""One declared fault on one direction of the link: units in, units out, some of them later.
 
-Which units are hit is a pure function of (seed, place of the fault in the list, direction, number of the unit). Units
-are numbered while the fault is active, those that it can hit only; so the same traffic meets the same hits, however
-the bytes were cut and whenever they came.
+A hit is a pure function of (seed, index of the fault in the list, direction, number of the unit). Only units that the
+fault can hit are numbered, and only while it is active; so the same traffic gets the same hits, however the bytes were
+split and whenever they came.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from firmware_bridge.codecs.mavlink_frame import message_id
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.faults.hit_log import HitLog
 from firmware_bridge.faults.link_fault import Direction, LinkFault
-from hil.signals.noise import NoiseStream
+from signals.noise import NoiseStream
 
 _BLOCK = 256  # of NoiseStream
 _LANES = 3  # hit or not; which byte of the unit; what it becomes
 
 
-class _Draws:
-    """The hits of one stage, found a block of units at a time."""
+class _Hits:
+    """The hits of one stage, drawn for a block of units at a time."""
 
     def __init__(self, seed: int, name: str, rate: float) -> None:
         self._stream = NoiseStream(seed, name, lanes=_LANES)
@@ -39,7 +39,7 @@ class _Draws:
             self._hits = [first + int(i) for i in (self._block[:, 0] < self._rate).nonzero()[0]]
 
     def any_hit(self, start: int, count: int) -> bool:
-        """Whether one of the units `start` to `start + count - 1` is hit."""
+        """Return True if one of the units `start` to `start + count - 1` is hit."""
         at, end = start, start + count
         while at < end and self._rate > 0.0:
             self._load(at // _BLOCK)
@@ -50,7 +50,7 @@ class _Draws:
         return False
 
     def damage(self, number: int, unit: bytes) -> bytes:
-        """`unit` with one byte changed."""
+        """Return `unit` with one byte changed."""
         self._load(number // _BLOCK)
         _, where, what = self._block[number % _BLOCK].tolist()
         at = int(where * len(unit))
@@ -61,8 +61,8 @@ class _Draws:
 class FaultStage:
     """Fault number `index` of the list, on units that travel in `direction`.
 
-    `push` and `poll` are told both times [ns], simulated and wall clock. What is held back comes out of `poll`, or of
-    `push` before (stall, delay) or behind (reorder) what was pushed.
+    `push` and `poll` get both times [ns], simulated and wall clock. Units that were held back come out of `poll`, or of
+    `push` before (stall, delay) or after (reorder) the units pushed.
     """
 
     def __init__(self, index: int, fault: LinkFault, direction: Direction, *, seed: int, log: HitLog) -> None:
@@ -70,37 +70,37 @@ class FaultStage:
         self._fault = fault
         self._direction: Direction = direction
         self._log = log
-        self._draws = _Draws(seed, f"link_fault.{index}.{direction}", fault.rate or 0.0)
+        self._drawn = _Hits(seed, f"link_fault.{index}.{direction}", fault.rate or 0.0)
         self._only = frozenset(MSGID[name] for name in fault.messages)
         self._begin_ns = fault.begin_ns
         self._end_ns = self._begin_ns + fault.length_ns
         self._count = 0  # units that could have been hit
         self._burst_left = 0
-        self._stall_end_wall_ns: int | None = None  # of the stall that is going on
+        self._stall_end_wall_ns: int | None = None  # of the active stall
         self._stall_over = False
-        # (wall clock at which it may go on, unit); the stall's go all at once.
+        # (wall clock of its release, unit); a stall releases all of its units at once.
         self._held: deque[tuple[int, bytes]] = deque()
         self._overtake_left = 0
 
     @property
     def holds(self) -> bool:
-        """Whether something is held back."""
+        """True while units are held back."""
         return bool(self._held)
 
     @property
     def next_release_ns(self) -> int | None:
-        """Wall clock at which `poll` has something to give; None: nothing held."""
+        """Wall clock at which `poll` releases the next unit; None if none is held."""
         if not self._held:
             return None
         return self._stall_end_wall_ns if self._stall_end_wall_ns is not None else self._held[0][0]
 
     def clear(self) -> None:
-        """What is held back is lost: the wire was closed."""
+        """Drop the units held back: the transport was closed."""
         self._held.clear()
         self._burst_left = self._overtake_left = 0
 
     def poll(self, t_ns: int, wall_ns: int) -> list[bytes]:
-        """Units whose time has come."""
+        """Return the units that are due."""
         if self._stall_end_wall_ns is not None:
             if t_ns < self._end_ns and wall_ns < self._stall_end_wall_ns:
                 return []
@@ -112,7 +112,7 @@ class FaultStage:
         return out
 
     def push(self, units: list[bytes], t_ns: int, wall_ns: int) -> list[bytes]:
-        """What comes out when `units` go in."""
+        """Pass `units` through the fault. Return the units that leave it now."""
         out = self.poll(t_ns, wall_ns)
         active = self._begin_ns <= t_ns < self._end_ns and not self._stall_over
         if active and self._fault.kind == "stall":
@@ -136,9 +136,9 @@ class FaultStage:
         return []
 
     def _by_bytes(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
-        """The bytes of one unit, one by one; what comes out at once stays together."""
+        """Pass the bytes of one unit one by one. Bytes that leave at once stay one unit."""
         quiet = not self._held and not self._burst_left
-        if quiet and active and not self._draws.any_hit(self._count, len(unit)):
+        if quiet and active and not self._drawn.any_hit(self._count, len(unit)):
             self._count += len(unit)
             return [unit]
         out = []
@@ -164,10 +164,10 @@ class FaultStage:
             return []
         if kind == "duplicate":
             return [unit, unit]
-        return [self._draws.damage(number, unit)]
+        return [self._drawn.damage(number, unit)]
 
     def _is_hit(self, number: int) -> bool:
-        drawn = self._draws.any_hit(number, 1)
+        drawn = self._drawn.any_hit(number, 1)
         if self._fault.kind == "reorder":
             return drawn
         if drawn:
@@ -177,7 +177,7 @@ class FaultStage:
         return hit
 
     def _delay(self, unit: bytes, hit: bool, wall_ns: int) -> list[bytes]:
-        """A line keeps its order: what comes behind a delayed unit waits for it."""
+        """Delay a unit. A line keeps its order: the units after a delayed one wait for it."""
         release_ns = wall_ns + self._fault.hold_ns if hit else wall_ns
         if self._held:
             release_ns = max(release_ns, self._held[-1][0])
@@ -187,7 +187,7 @@ class FaultStage:
         return []
 
     def _reorder(self, unit: bytes, hit: bool, t_ns: int, wall_ns: int) -> list[bytes]:
-        """One unit at a time waits for `burst` others to pass."""
+        """Hold one unit at a time until `burst` others have passed."""
         if not self._held:
             if not hit:
                 return [unit]

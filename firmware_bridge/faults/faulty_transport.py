@@ -1,20 +1,20 @@
-"""Puts declared faults over any transport.
+"""Wraps any transport with declared faults.
 
-Both directions are cut into units (`FrameSplitter`), which then pass the faults in the order of the list. The same
-seed and the same traffic give the same hits. What is held back travels on when its time has come, at the next call of
-`read` or `write`; `read` wakes up for it by itself. There is no thread.
+Both directions are split into units (`FrameSplitter`), which pass the faults in the order of the list. The same seed
+and the same traffic give the same hits. Units that were held back leave at the first call of `read` or `write` after
+they are due; `read` wakes up for them. There is no thread.
 
-What lockstep makes of it, with the limits of `LockstepLink`:
+Effects on a run in lockstep, with the limits of `LockstepLink`:
 
-    a HIL_SENSOR or its answer dropped or damaged    LockstepLost: the autopilot does not answer what it never heard
+    a HIL_SENSOR or its answer dropped or damaged    LockstepLost: the autopilot does not answer what it never received
     an answer doubled                                LockstepLost: it answers an earlier tick twice
-    delayed, stalled or put behind, not too long     nothing but a slower run: simulated time stands still
+    delayed, stalled or reordered, not too long      only a slower run: simulated time stands still
     the same for longer than the reply limit         LockstepLost
     the heartbeat lost                               HandshakeError
     unplugged                                        LinkClosed; PortNotFound from `open` until it is over
 
-Bytes with which a frame may begin are held back until the frame is whole or the line has been quiet for a while; that
-is the only effect of a fault that never hits. What is held back when the wire is closed is lost.
+Bytes that may begin a frame are held back until the frame is whole or the line has been quiet for a while; that is the
+only effect of a fault that never hits. Units held back when the transport is closed are lost.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from firmware_bridge.faults.fault_stage import FaultStage
 from firmware_bridge.faults.hit_log import EventSink, HitLog
 from firmware_bridge.faults.link_fault import Direction, LinkFault
 from firmware_bridge.transports.transport import Transport
-from hil.signals.errors import LinkClosed, PortNotFound
+from signals.errors import LinkClosed, PortNotFound
 
-# A frame's beginning without its end, and then nothing for this long: it is no frame.
+# The begin of a frame without its end, followed by silence for this long, is no frame.
 _QUIET_NS = 200_000_000
 
 
-class _Way:
-    """One direction: the splitter and the faults behind it."""
+class _Direction:
+    """One direction: the splitter, then the faults."""
 
     def __init__(self, direction: Direction, faults: Sequence[LinkFault], *, seed: int, log: HitLog) -> None:
         self.splitter = FrameSplitter()
@@ -62,19 +62,19 @@ class _Way:
             stage.clear()
 
     def push(self, units: list[bytes], t_ns: int, wall_ns: int) -> bytes:
-        """What comes out when `units` go in, and whatever was due anyhow."""
+        """Pass `units` through the faults. Return the bytes that leave now, units that were due included."""
         for stage in self.stages:
             units = stage.push(units, t_ns, wall_ns)
         return b"".join(units)
 
     def next_release_ns(self) -> int | None:
-        """Wall clock at which the next unit that is held back goes on; None: there is none."""
+        """Return the wall clock at which the next held unit is due; None if none is held."""
         times = [at for stage in self.stages if (at := stage.next_release_ns) is not None]
         return min(times) if times else None
 
 
 class _Plug:
-    """The unplug faults: which of them has hold of the plug, and until when."""
+    """The unplug faults: the one that is active, and when it ends."""
 
     def __init__(self, faults: Sequence[LinkFault], log: HitLog) -> None:
         self._waiting = [(index, fault) for index, fault in enumerate(faults) if fault.kind == "unplug"]
@@ -87,12 +87,12 @@ class _Plug:
 
     @property
     def index(self) -> int:
-        """The fault that pulled the plug."""
+        """Index of the active unplug fault."""
         assert self._out is not None
         return self._out[0]
 
     def pulled(self, t_ns: int, wall_ns: int) -> bool:
-        """Whether a plug that is in comes out now. Each fault pulls once."""
+        """Unplug if a fault is due. Return True if so. Each fault unplugs once."""
         for place, (index, fault) in enumerate(self._waiting):
             if t_ns >= fault.begin_ns:
                 del self._waiting[place]
@@ -102,7 +102,7 @@ class _Plug:
         return False
 
     def back_in(self, t_ns: int, wall_ns: int) -> bool:
-        """Whether the port is there to be opened."""
+        """Return True if the port can be opened: no fault is active, or it has ended."""
         if self._out is None:
             return True
         index, end_ns, end_wall_ns = self._out
@@ -114,10 +114,10 @@ class _Plug:
 
 
 class FaultyTransport:
-    """`inner` with `faults` over it.
+    """Wraps `inner` with `faults`.
 
-    `now_ns` gives simulated time; before time has begun, 0. `on_event` is told of each hit as `HitLog` says. One
-    thread at a time, as with any transport.
+    `now_ns` returns simulated time, 0 before the run. `on_event` gets the hits as `HitLog` describes. One thread at a
+    time, as with any transport.
     """
 
     def __init__(
@@ -138,11 +138,11 @@ class FaultyTransport:
         self.faults = list(faults)
         self._log = HitLog(faults, on_event)
         self._plug = _Plug(faults, self._log)
-        self._out = _Way("to_autopilot", faults, seed=seed, log=self._log)
-        self._in = _Way("from_autopilot", faults, seed=seed, log=self._log)
-        self._heard_wall_ns = 0  # when the far side was last heard
-        self._unplugged: str | None = None  # why nothing works until `open`
-        self._gone: LinkClosed | None = None  # the far side's end, told once all it had said is out
+        self._out = _Direction("to_autopilot", faults, seed=seed, log=self._log)
+        self._in = _Direction("from_autopilot", faults, seed=seed, log=self._log)
+        self._heard_wall_ns = 0  # last bytes from the far side
+        self._unplugged: str | None = None  # the error text of all calls until `open`
+        self._gone: LinkClosed | None = None  # raised once all bytes from the far side have been read
         self._idle: tuple[int, int] | None = None
 
     @property
@@ -150,18 +150,18 @@ class FaultyTransport:
         return self._inner.name
 
     def inject(self, fault: LinkFault) -> None:
-        """One more, behind the others."""
+        """Add a fault, after the others."""
         self.faults.append(fault)
         index = self._log.add(fault)
         for part in (self._plug, self._out, self._in):
             part.add(index, fault)
 
     def hits(self) -> dict[int, int]:
-        """How many units each fault has hit since this object was made, by the fault's place in the list. Exact."""
+        """Return the exact number of hits of each fault since this object was made, by the fault's index."""
         return self._log.counts()
 
     def open(self) -> None:
-        """As `inner`; PortNotFound while unplugged."""
+        """Open `inner`. PortNotFound while a fault keeps it unplugged."""
         t_ns, wall_ns = self._now_ns(), self._wall_ns()
         if not self._plug.back_in(t_ns, wall_ns) or self._plug.pulled(t_ns, wall_ns):
             raise PortNotFound(self.name, f"unplugged by the declared link fault {self._plug.index}")
@@ -184,13 +184,13 @@ class FaultyTransport:
     def _check_plug(self, t_ns: int, wall_ns: int) -> None:
         if self._unplugged is None and self._plug.pulled(t_ns, wall_ns):
             self._unplugged = f"unplugged by the declared link fault {self._plug.index} at {t_ns * 1e-9:g} s"
-            # The far side must see the line go dead as well.
+            # The far side sees the line closed as well.
             self._inner.close()
         if self._unplugged is not None:
             raise LinkClosed(self.name, self._unplugged)
 
     def write(self, data: bytes) -> None:
-        if not self.faults:  # none yet: no time is lost over them
+        if not self.faults:  # the usual case takes no extra time
             self._inner.write(data)
             return
         t_ns, wall_ns = self._now_ns(), self._wall_ns()
@@ -198,7 +198,7 @@ class FaultyTransport:
         if not self._out.stages:
             self._inner.write(data)
             return
-        # Writers write whole frames: what is left over is none.
+        # Writers write whole frames: a remainder is no frame.
         units = self._out.splitter.feed(data) + self._out.splitter.flush()
         self._send(self._out.push(units, t_ns, wall_ns))
 
@@ -232,14 +232,14 @@ class FaultyTransport:
                 if data:
                     return data
             elif self._gone is not None and not self._in.holds:
-                continue  # and say so
+                continue  # to raise it
             elif self._in_memory and not self._holds:
                 return b""
             if self._wall_ns() >= deadline_ns:
                 return b""
 
     def _quiet(self, wall_ns: int) -> list[bytes]:
-        """What was held back as a frame's beginning, once it is clear that it is none."""
+        """Return bytes held back as the begin of a frame, once it is clear that they are none."""
         if not self._in.splitter.pending:
             return []
         if self._in_memory or self._gone is not None or wall_ns - self._heard_wall_ns >= _QUIET_NS:
@@ -247,18 +247,18 @@ class FaultyTransport:
         return []
 
     def _wake_times(self) -> list[int]:
-        times = [at for way in (self._in, self._out) if (at := way.next_release_ns()) is not None]
+        times = [at for side in (self._in, self._out) if (at := side.next_release_ns()) is not None]
         if self._in.splitter.pending:
             times.append(self._heard_wall_ns + _QUIET_NS)
         return times
 
     def _listen(self, wait_s: float) -> bytes:
-        """Read from the wire, or let the time pass where reading does not."""
+        """Read from `inner`, or sleep where its `read` does not wait."""
         if self._gone is None:
             try:
                 data = self._inner.read(wait_s)
             except LinkClosed as error:
-                # First all that it had said.
+                # Raised after all bytes from the far side have been read.
                 self._gone = error
                 return b""
             if data or not self._in_memory or not self._holds:
@@ -276,11 +276,10 @@ class FaultyTransport:
         return self._in.holds or self._out.holds
 
     def fileno(self) -> int | None:
-        """As `inner`.
+        """Return the descriptor of `inner`.
 
-        None means that all that can come has come; so while something is held back over a wire without a descriptor,
-        one on which nothing ever arrives is named. `read` returns what is held back when its time has come, whatever
-        the descriptor says.
+        None means that no more bytes can come. So while units are held back over a transport without a descriptor, this
+        is one on which no bytes ever arrive; `read` returns the held units when they are due, whatever it signals.
         """
         fd = self._inner.fileno()
         if fd is not None or not self._holds or self._unplugged is not None:

@@ -1,4 +1,4 @@
-"""Counts what the declared link faults hit, and tells the recording."""
+"""Counts the hits of the declared link faults and reports them to the recording."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event
 LISTED_PER_FAULT = 1000  # further hits are counted, and reported as a number at the end
 _DONE = {"drop": "dropped", "delay": "delayed", "duplicate": "doubled", "reorder": "moved back", "corrupt": "damaged",
          "stall": "held back", "unplug": "unplugged"}  # fmt: skip
-_WORDS = {"to_autopilot": "to the autopilot", "from_autopilot": "from the autopilot"}
+_DIRECTIONS = {"to_autopilot": "to the autopilot", "from_autopilot": "from the autopilot"}
 
 
 def describe(unit: bytes) -> str:
-    """A unit in words."""
+    """Return a short description of a unit."""
     msgid = message_id(unit)
     if msgid == NO_FRAME:
         return f"byte 0x{unit.hex()}" if len(unit) == 1 else f"{len(unit)} bytes"
@@ -34,42 +34,42 @@ class HitLog:
         self._summarised = [LISTED_PER_FAULT] * len(self._faults)
 
     def add(self, fault: LinkFault) -> int:
-        """One more; its place in the list."""
+        """Add a fault. Return its index."""
         self._faults.append(fault)
         self._counts.append(0)
         self._summarised.append(LISTED_PER_FAULT)
         return len(self._faults) - 1
 
     def counts(self) -> dict[int, int]:
-        """Hits so far, by the fault's place in the list."""
+        """Return the hits so far, by the fault's index."""
         return dict(enumerate(self._counts))
 
     def hit(self, index: int, direction: Direction, unit: bytes, t_ns: int) -> None:
-        """Fault `index` has hit `unit`."""
+        """Count a hit of fault `index` on `unit`."""
         self._counts[index] += 1
         count = self._counts[index]
         if self._on_event is None or count > LISTED_PER_FAULT:
             return
-        text = f"{_DONE[self._faults[index].kind]} {describe(unit)} {_WORDS[direction]}"
+        text = f"{_DONE[self._faults[index].kind]} {describe(unit)} {_DIRECTIONS[direction]}"
         if count == LISTED_PER_FAULT:
             text += "; further hits are counted, not listed"
-        self.tell(index, text, t_ns)
+        self._report(index, text, t_ns)
 
     def plug(self, index: int, t_ns: int, *, out: bool) -> None:
-        """Fault `index` has pulled the plug, or put it in again (which is no hit)."""
+        """Count fault `index` unplugging, and report it; plugging in again is reported only."""
         if out:
             self._counts[index] += 1
-        self.tell(index, "unplugged" if out else "plugged in again", t_ns)
+        self._report(index, "unplugged" if out else "plugged in again", t_ns)
 
-    def tell(self, index: int, text: str, t_ns: int) -> None:
-        """One event of fault `index`."""
+    def _report(self, index: int, text: str, t_ns: int) -> None:
+        """Send one event of fault `index`."""
         if self._on_event is not None:
             self._on_event(t_ns, "fault", f"link fault {index}: {text}")
 
     def summarise(self, t_ns: int) -> None:
-        """One event for each fault with hits that were not listed and not yet summarised."""
+        """Send one event for each fault with hits that were neither listed nor summarised."""
         for index, count in enumerate(self._counts):
             more = count - self._summarised[index]
             if more > 0:
                 self._summarised[index] = count
-                self.tell(index, f"{_DONE[self._faults[index].kind]} {more} more units ({count} in all)", t_ns)
+                self._report(index, f"{_DONE[self._faults[index].kind]} {more} more units ({count} in all)", t_ns)

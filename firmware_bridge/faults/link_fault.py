@@ -1,23 +1,22 @@
-"""Faults of the wire to the autopilot, from a simulated time on, as data.
+"""Faults of the link to the autopilot as data, each from a simulated time on.
 
-    - {kind: drop,      at_s: 20, for_s: 5, rate: 0.01}                       1 % of all messages vanish, both ways
+    - {kind: drop,      at_s: 20, for_s: 5, rate: 0.01}                       1 % of all messages vanish
     - {kind: drop,      at_s: 20, rate: 0.1, messages: [HIL_GPS]}             only those messages
-    - {kind: delay,     at_s: 20, rate: 1, delay_s: 0.02}                     what follows waits too, as on a line
+    - {kind: delay,     at_s: 20, rate: 1, delay_s: 0.02}                     later messages wait too, as on a line
     - {kind: duplicate, at_s: 20, rate: 0.001, direction: from_autopilot}
-    - {kind: reorder,   at_s: 20, rate: 0.01, burst: 2}                       overtaken by the two units behind it
+    - {kind: reorder,   at_s: 20, rate: 0.01, burst: 2}                       overtaken by the next two units
     - {kind: corrupt,   at_s: 20, rate: 0.0001, unit: byte}                   that byte gets another value
-    - {kind: stall,     at_s: 20, for_s: 0.5}                                 nothing passes; all of it comes afterwards
-    - {kind: unplug,    at_s: 20, for_s: 2}                                   the port is gone; can be opened after it
+    - {kind: stall,     at_s: 20, for_s: 0.5}                                 no unit passes until it ends
+    - {kind: unplug,    at_s: 20, for_s: 2}                                   the port is gone until it ends
 
 A fault holds while at_s <= t < at_s + for_s (to the end without `for_s`), t being simulated time. `rate` is the
 probability of each unit to be hit. A unit is a whole MAVLink frame, or one byte (`unit: byte`); bytes outside any frame
 are units of their own. `burst`: that many units in a row are hit, so the share of units hit is about rate * burst.
 
-Two kinds of time. When a fault begins is simulated time. How long something is held back, `delay_s`, is wall clock: so
-is the delay of a real wire. At real time both are the same. In lockstep simulated time stands still while the bench
-waits, so a delay below the reply limit changes nothing but the run's speed, and one above it ends in LockstepLost.
-For the same reason `for_s` of a stall or an unplug ends by whichever clock gets there first, from the moment on when
-the wire was first used within it.
+Two kinds of time. A fault begins at a simulated time. A unit is held back, `delay_s`, for a wall-clock time, as on a
+real line. At real time both are the same. In lockstep simulated time stands still while the bench waits, so a delay
+below the reply limit only makes the run slower, and one above it ends in LockstepLost. For the same reason `for_s` of a
+stall or an unplug ends by the clock that reaches it first, counted from the first use of the link within it.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from firmware_bridge.codecs.messages import MSGID
-from hil.signals.documents.validate import Section, nearest
-from hil.signals.time import NS_PER_S
+from signals.documents.validate import Section, nearest
+from signals.time import NS_PER_S
 
 Kind = Literal["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "unplug"]
 Direction = Literal["to_autopilot", "from_autopilot"]
@@ -39,7 +38,7 @@ _FOREVER_NS = 1 << 62
 
 
 class LinkFault(Section):
-    """One fault of the wire."""
+    """One fault of the link."""
 
     kind: Kind
     direction: Literal["to_autopilot", "from_autopilot", "both"] = "both"
@@ -57,7 +56,7 @@ class LinkFault(Section):
         for name in messages:
             if name not in MSGID:
                 hint = nearest(name, MSGID, listed=False)
-                raise ValueError(f"{name[:100]!r} is no MAVLink message known here{hint and '; ' + hint}")
+                raise ValueError(f"{name[:100]!r} is not a MAVLink message of this dialect{hint and '; ' + hint}")
         return messages
 
     @model_validator(mode="after")
@@ -87,19 +86,19 @@ class LinkFault(Section):
 
     @property
     def begin_ns(self) -> int:
-        """First instant [ns of simulated time]."""
+        """Begin [ns of simulated time]."""
         return round(self.at_s * NS_PER_S)
 
     @property
     def length_ns(self) -> int:
-        """How long it holds; without an end, longer than any run."""
+        """Duration [ns]; without an end, longer than any run."""
         return _FOREVER_NS if self.for_s is None else round(self.for_s * NS_PER_S)
 
     @property
     def hold_ns(self) -> int:
-        """How long a delayed unit is held back, a reordered one at most [ns of wall clock]."""
+        """Time that a delayed unit is held back, and a reordered one at most [ns of wall clock]."""
         return round((self.delay_s or REORDER_WAIT_S) * NS_PER_S)
 
     def acts_on(self, direction: Direction) -> bool:
-        """Whether units that travel in `direction` are hit."""
+        """Return True if units that travel in `direction` are hit."""
         return self.direction in ("both", direction)

@@ -1,1 +1,1 @@
-"""The bench's own ground station: uploads the mission, starts it and watches it, in simulated time."""
+"""The bench's own ground station: uploads a mission, starts and monitors it, in simulated time."""

@@ -1,13 +1,13 @@
-"""What a mission script says to the autopilot, at simulated times or after something has happened.
+"""Carries out a mission script: actions at simulated times, or after events of the vehicle.
 
-A pure function of (simulated time, frames received), as the ground station is: no I/O and no clock of its own. It
-speaks as a component of its own on the ground station's system, so that answers to the two are never confused.
+A pure function of (simulated time, frames received), as the ground station is: no I/O and no clock of its own. It has
+its own component id on the ground station's system, so that answers to the two cannot be confused.
 
-What talks to the autopilot is done one after the other, in the order in which it falls due, each until it has been
-answered; an `Effect` (a gust, a fault) happens at its instant whatever else is under way. Nothing is said before the
-vehicle's first heartbeat, which tells whose modes and parameters these are.
+Requests to the autopilot are made one after the other, in the order in which they fall due, each until it has been
+answered; an `Effect` (a gust, a fault) takes place at its instant, independently of them. No request is sent before the
+vehicle's first heartbeat, which identifies the autopilot, and with it the numbers of modes and parameters.
 
-    command     asked again each second while nobody answers or while it is rejected for now, five times
+    command     repeated each second without an answer or while it is rejected temporarily, five times
     mode        DO_SET_MODE with the numbers of this autopilot
     parameter   read first, for its type, then set; done when the autopilot echoes the value
 """
@@ -23,14 +23,20 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
-from firmware_bridge.ground_station.wire import Wire, enum_name, param_as_held, param_as_read, param_as_sent
-from hil.signals.errors import HandshakeError
-from hil.signals.time import NS_PER_S
+from firmware_bridge.ground_station.vehicle_link import (
+    VehicleLink,
+    enum_name,
+    param_as_held,
+    param_as_read,
+    param_as_sent,
+)
+from signals.errors import HandshakeError
+from signals.time import NS_PER_S
 
 _ParamRequestRead = message_class("PARAM_REQUEST_READ")
 _ParamSet = message_class("PARAM_SET")
 
-SCRIPT_COMPID = 25  # MAV_COMP_ID_USER1: none of the numbers that ground stations and SDKs use
+SCRIPT_COMPID = 25  # MAV_COMP_ID_USER1, which ground stations and SDKs do not use
 _DO_SET_MODE = 176
 _SAFETY_ARMED = 0x80
 _LANDED_ON_GROUND = 1
@@ -41,8 +47,8 @@ _RETRY_NS = NS_PER_S
 _HEARTBEAT_LIMIT_NS = 30 * NS_PER_S  # from when an action is due
 
 
-class Happening(NamedTuple):
-    """Something the autopilot reports. It counts when it is reported for the first time.
+class VehicleEvent(NamedTuple):
+    """An event that the autopilot reports. Only its first report counts.
 
     `kind`: armed, disarmed, takeoff, landed, item (mission item `number` reached) or mode (changed to `word`).
     """
@@ -53,56 +59,56 @@ class Happening(NamedTuple):
 
 
 class SetMode(NamedTuple):
-    """Enter the mode called `word` (see `modes`)."""
+    """Enter the mode named `word` (see `modes`)."""
 
     word: str
 
 
 class SetParam(NamedTuple):
-    """Give a parameter a value."""
+    """Set a parameter."""
 
     name: str
     value: float
 
 
 class RunCommand(NamedTuple):
-    """Any COMMAND_LONG; up to seven parameters, the others zero."""
+    """Send a COMMAND_LONG with up to seven parameters; the others are zero."""
 
     command: int
     params: tuple[float, ...]
 
 
 class Effect(NamedTuple):
-    """Something done to the world, not said to the autopilot: `run` is called with the simulated time [ns]."""
+    """Change the simulated world: `run` is called with the simulated time [ns]."""
 
     run: Callable[[int], None]
 
 
 class Action(NamedTuple):
-    """One entry of a script: what, and when: `at_ns`, or `delay_ns` after a happening.
+    """One entry of a script: what to do, at `at_ns` or `delay_ns` after an event.
 
-    `name` is how people call it ('flight.yaml:12: set_mode HOLD'). One that is not `required` may be refused.
+    `name` is for messages ('flight.yaml:12: set_mode HOLD'). An action that is not `required` may be refused.
     """
 
     name: str
     do: SetMode | SetParam | RunCommand | Effect
     at_ns: int | None = None
-    after: Happening | None = None
+    after: VehicleEvent | None = None
     delay_ns: int = 0
     required: bool = True
 
 
 class Record(NamedTuple):
-    """What became of an action: when it began [ns], and in one word how it ended."""
+    """The result of an action: when it began [ns], and its outcome."""
 
     name: str
     required: bool
-    t_ns: int | None  # None: it never fell due
+    t_ns: int | None  # None: it was never due
     outcome: str  # waiting, running, done or refused
 
 
 class _Job(Protocol):
-    """An action under way. `step` says whether it is done; HandshakeError if it never will be."""
+    """An action under way. `step` returns True when it is done; HandshakeError if it is refused."""
 
     @property
     def due_ns(self) -> int: ...
@@ -111,10 +117,10 @@ class _Job(Protocol):
 
 
 class ActionSource:
-    """Carries out `actions`. A required one that is refused ends the run as a HandshakeError that names it.
+    """Carries out `actions`. A required one that is refused ends the run with a HandshakeError that names it.
 
-    `first_item` is the number the autopilot gives to the mission's first item (1 where home counts as 0).
-    `on_event(t_ns, kind, text)` is told what is done and what was refused.
+    `first_item` is the autopilot's number of the mission's first item (1 where home is item 0).
+    `on_event(t_ns, kind, text)` gets the begin of each action, and refusals.
     """
 
     def __init__(
@@ -126,18 +132,18 @@ class ActionSource:
         on_event: Callable[[int, str, str], None] | None = None,
     ) -> None:
         self._actions = tuple(actions)
-        self._wire = Wire(target_sysid=target_sysid, compid=SCRIPT_COMPID)
-        self._commands = Commands(self._wire)
+        self._link = VehicleLink(target_sysid=target_sysid, compid=SCRIPT_COMPID)
+        self._commands = Commands(self._link)
         self._first_item = first_item
         self._on_event = on_event
         self._due: list[tuple[int, int]] = []
-        self._waiting: dict[Happening, list[int]] = {}
+        self._waiting: dict[VehicleEvent, list[int]] = {}
         for index, action in enumerate(self._actions):
             if action.after is not None:
                 self._waiting.setdefault(action.after, []).append(index)
             else:
                 heapq.heappush(self._due, (action.at_ns or 0, index))
-        self._queue: deque[tuple[int, int]] = deque()  # (when it fell due, index)
+        self._queue: deque[tuple[int, int]] = deque()  # (due time, index)
         self._running: int | None = None
         self._job: _Job | None = None
         self._began_ns: list[int | None] = [None] * len(self._actions)
@@ -152,20 +158,22 @@ class ActionSource:
             MSGID["HEARTBEAT"]: self._on_heartbeat,
             MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
             MSGID["PARAM_VALUE"]: self._on_param_value,
-            MSGID["MISSION_ITEM_REACHED"]: lambda m: self._happened(Happening("item", m.seq - self._first_item)),
+            MSGID["MISSION_ITEM_REACHED"]: lambda m: self._on_vehicle_event(
+                VehicleEvent("item", m.seq - self._first_item)
+            ),
             MSGID["EXTENDED_SYS_STATE"]: self._on_extended_sys_state,
         }
 
     @property
     def records(self) -> list[Record]:
-        """What has become of every action so far, in the order of the script."""
+        """The results of all actions so far, in the order of the script."""
         columns = zip(self._actions, self._began_ns, self._outcome, strict=True)
         return [Record(action.name, action.required, t_ns, outcome) for action, t_ns, outcome in columns]
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the bytes to send at `t_ns`."""
         self._t_ns = t_ns
-        if not self._wire.hand_on(frames, self._handlers) and t_ns < self._next_ns:
+        if not self._link.dispatch(frames, self._handlers) and t_ns < self._next_ns:
             return b""
         while self._due and self._due[0][0] <= t_ns:
             due_ns, index = heapq.heappop(self._due)
@@ -179,10 +187,10 @@ class ActionSource:
         while self._work(t_ns):
             pass
         self._next_ns = self._wake_ns()
-        return self._wire.take()
+        return self._link.take()
 
     def _work(self, t_ns: int) -> bool:
-        """Go on with the action under way, or begin the next one. False when there is nothing more to do now."""
+        """Continue the action under way, or begin the next one. Return False when there is no more to do now."""
         if self._job is None:
             if not self._queue:
                 return False
@@ -191,7 +199,7 @@ class ActionSource:
                 if t_ns - due_ns < _HEARTBEAT_LIMIT_NS:
                     return False
                 self._queue.popleft()
-                self._refuse(index, t_ns, "the vehicle has sent no heartbeat, so nobody is there to be told")
+                self._refuse(index, t_ns, "the vehicle has sent no heartbeat, so there is no autopilot to send it to")
                 return True
             self._queue.popleft()
             self._running = index
@@ -217,14 +225,14 @@ class ActionSource:
         if isinstance(do, SetMode):
             return _CommandJob(self._commands, _DO_SET_MODE, mode_params(autopilot, do.word), t_ns)
         if isinstance(do, SetParam):
-            return _ParamJob(self._wire, do, bytewise=autopilot != ARDUPILOT, t_ns=t_ns)
+            return _ParamJob(self._link, do, bytewise=autopilot != ARDUPILOT, t_ns=t_ns)
         assert isinstance(do, RunCommand)
         return _CommandJob(self._commands, do.command, do.params, t_ns)
 
     def _begin(self, index: int, t_ns: int) -> None:
         self._began_ns[index] = t_ns
         self._outcome[index] = "running"
-        self._tell(t_ns, "action", self._actions[index].name)
+        self._report(t_ns, "action", self._actions[index].name)
 
     def _end(self, t_ns: int, error: HandshakeError) -> None:
         index = self._running
@@ -235,16 +243,16 @@ class ActionSource:
     def _refuse(self, index: int, t_ns: int, why: str) -> None:
         action = self._actions[index]
         self._outcome[index] = "refused"
-        self._tell(t_ns, "warning", f"{action.name}: {why}")
+        self._report(t_ns, "warning", f"{action.name}: {why}")
         if action.required:
-            raise HandshakeError("mission script", f"{action.name}: {why} (required: false would let the flight go on)")
+            raise HandshakeError("mission script", f"{action.name}: {why} (`required: false` lets the flight continue)")
 
-    def _tell(self, t_ns: int, kind: str, text: str) -> None:
+    def _report(self, t_ns: int, kind: str, text: str) -> None:
         if self._on_event is not None:
             self._on_event(t_ns, kind, text)
 
     def _wake_ns(self) -> int:
-        """When there is something to do again if nobody says anything."""
+        """Return when the next work is due if no frames come."""
         wake = [self._due[0][0]] if self._due else []
         if self._job is not None:
             wake.append(self._job.due_ns)
@@ -252,10 +260,10 @@ class ActionSource:
             wake.append(self._queue[0][0] + _HEARTBEAT_LIMIT_NS)
         return min(wake, default=1 << 62)
 
-    # -- what the vehicle says --------------------------------------------------------------------------------
+    # -- messages of the vehicle --------------------------------------------------------------------------------
 
-    def _happened(self, what: Happening) -> None:
-        for index in self._waiting.pop(what, ()):
+    def _on_vehicle_event(self, event: VehicleEvent) -> None:
+        for index in self._waiting.pop(event, ()):
             heapq.heappush(self._due, (self._t_ns + self._actions[index].delay_ns, index))
 
     def _on_heartbeat(self, message: Any) -> None:
@@ -263,19 +271,19 @@ class ActionSource:
         armed = bool(message.base_mode & _SAFETY_ARMED)
         if armed != self._armed:
             self._armed = armed
-            self._happened(Happening("armed" if armed else "disarmed"))
+            self._on_vehicle_event(VehicleEvent("armed" if armed else "disarmed"))
         if message.custom_mode != self._custom_mode:
             first, self._custom_mode = self._custom_mode is None, message.custom_mode
             if not first:
-                self._happened(Happening("mode", word=mode_word(message.autopilot, message.custom_mode)))
+                self._on_vehicle_event(VehicleEvent("mode", word=mode_word(message.autopilot, message.custom_mode)))
 
     def _on_extended_sys_state(self, message: Any) -> None:
         if message.landed_state in _LANDED_IN_AIR:
             if not self._flown:
                 self._flown = True
-                self._happened(Happening("takeoff"))
+                self._on_vehicle_event(VehicleEvent("takeoff"))
         elif message.landed_state == _LANDED_ON_GROUND and self._flown:
-            self._happened(Happening("landed"))
+            self._on_vehicle_event(VehicleEvent("landed"))
 
     def _on_param_value(self, message: Any) -> None:
         if isinstance(self._job, _ParamJob):
@@ -283,13 +291,13 @@ class ActionSource:
 
 
 class _CommandJob:
-    """Asks until it is accepted."""
+    """Sends a command until it is accepted."""
 
     def __init__(self, commands: Commands, command: int, params: tuple[float, ...], t_ns: int) -> None:
         self._commands, self._command, self._params = commands, command, params
         self._rejections = 0
         self._retry_ns: int | None = None
-        commands.ask(t_ns, command, params)
+        commands.send(t_ns, command, params)
 
     @property
     def due_ns(self) -> int:
@@ -302,7 +310,7 @@ class _CommandJob:
         if self._retry_ns is not None:
             if t_ns >= self._retry_ns:
                 self._retry_ns = None
-                commands.ask(t_ns, self._command, self._params)
+                commands.send(t_ns, self._command, self._params)
             return False
         if commands.busy:
             commands.step(t_ns)
@@ -313,8 +321,8 @@ class _CommandJob:
         if commands.result != TEMPORARILY_REJECTED or self._rejections >= _TRIES:
             assert commands.result is not None
             result = enum_name("MAV_RESULT", commands.result)
-            asked = f"asked {self._rejections} times, " if self._rejections > 1 else ""
-            raise HandshakeError("mission script", f"{asked}the autopilot answered {result}")
+            tries = f"sent {self._rejections} times, " if self._rejections > 1 else ""
+            raise HandshakeError("mission script", f"{tries}the autopilot answered {result}")
         self._retry_ns = t_ns + _RETRY_NS
         return False
 
@@ -322,8 +330,8 @@ class _CommandJob:
 class _ParamJob:
     """Reads the parameter for its type, sets it, and waits for the echo."""
 
-    def __init__(self, wire: Wire, wanted: SetParam, *, bytewise: bool, t_ns: int) -> None:
-        self._wire, self._wanted, self._bytewise = wire, wanted, bytewise
+    def __init__(self, link: VehicleLink, wanted: SetParam, *, bytewise: bool, t_ns: int) -> None:
+        self._link, self._wanted, self._bytewise = link, wanted, bytewise
         self._kind: int | None = None  # MAV_PARAM_TYPE, once it is known
         self._value = 0.0  # as the autopilot can hold it
         self._done = False
@@ -340,19 +348,20 @@ class _ParamJob:
             name = self._wanted.name
             if self._kind is None:
                 raise HandshakeError(
-                    "mission script", f"asked {_TRIES} times for the parameter {name}, never answered: has it one?"
+                    "mission script",
+                    f"no answer to {_TRIES} requests for the parameter {name}: does the firmware have it?",
                 )
             raise HandshakeError(
-                "mission script", f"{name} was set {_TRIES} times and never became {self._value:g}: out of range?"
+                "mission script", f"{name} was set {_TRIES} times and never became {self._value:g}: is it out of range?"
             )
         self._tries += 1
         self.due_ns = t_ns + _RETRY_NS
-        wire, name = self._wire, self._wanted.name
+        link, name = self._link, self._wanted.name
         if self._kind is None:
-            wire.say(_ParamRequestRead(wire.target_sysid, wire.target_compid, name, -1))
+            link.send(_ParamRequestRead(link.target_sysid, link.target_compid, name, -1))
         else:
             bits = param_as_sent(self._value, self._kind, bytewise=self._bytewise)
-            wire.say(_ParamSet(wire.target_sysid, wire.target_compid, name, bits, self._kind))
+            link.send(_ParamSet(link.target_sysid, link.target_compid, name, bits, self._kind))
         return False
 
     def on_value(self, t_ns: int, message: Any) -> None:
@@ -361,7 +370,7 @@ class _ParamJob:
         if self._kind is None:
             wanted, self._kind = self._wanted, message.param_type
             held = param_as_held(wanted.value, message.param_type)
-            if held is None:  # raised in `step`, where it is this action's
+            if held is None:  # raised in `step`, which ends this action
                 text = f"{wanted.name} takes a whole number of 32 bits, not {wanted.value:g}"
                 self._unfit = HandshakeError("mission script", text)
             self._value = held or 0.0

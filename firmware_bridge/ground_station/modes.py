@@ -1,17 +1,17 @@
-"""Flight modes as words that mean the same on every autopilot, and the numbers that each one wants for them.
+"""Flight modes as words with the same meaning on every autopilot, and each autopilot's numbers for them.
 
-    word        PX4                ArduPilot (Copter)   what it is
+    word        PX4                ArduPilot (Copter)   meaning
     MISSION     AUTO.MISSION       AUTO                 flies the uploaded mission
-    HOLD        AUTO.LOITER        BRAKE                stops and stays, without a pilot
+    HOLD        AUTO.LOITER        BRAKE                stops and holds the position
     RTL         AUTO.RTL           RTL                  returns home and lands
-    LAND        AUTO.LAND          LAND                 lands where it is
+    LAND        AUTO.LAND          LAND                 lands at its place
     TAKEOFF     AUTO.TAKEOFF       -                    climbs to the take-off height (ArduPilot: NAV_TAKEOFF)
-    OFFBOARD    OFFBOARD           GUIDED               flies what a companion commands; GUIDED is the same word
-    POSITION    POSCTL             POSHOLD              by hand, position held
-    ALTITUDE    ALTCTL             ALT_HOLD             by hand, height held
-    STABILIZED  STABILIZED         STABILIZE            by hand, attitude held
+    OFFBOARD    OFFBOARD           GUIDED               flies a companion's set-points; GUIDED is the same word
+    POSITION    POSCTL             POSHOLD              manual, position held
+    ALTITUDE    ALTCTL             ALT_HOLD             manual, height held
+    STABILIZED  STABILIZED         STABILIZE            manual, attitude held
 
-HOLD is not ArduPilot's LOITER, which follows the throttle stick: with nobody at the sticks it descends.
+HOLD is not ArduPilot's LOITER, which follows the throttle stick: without stick input it descends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from firmware_bridge.ground_station.wire import enum_name, refused
+from firmware_bridge.ground_station.vehicle_link import enum_name, refused
 
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT, as in HEARTBEAT.autopilot
 
@@ -28,7 +28,7 @@ _SYNONYMS = {"GUIDED": "OFFBOARD", "AUTO": "MISSION"}
 
 
 class ModeNumber(NamedTuple):
-    """A mode as DO_SET_MODE carries it: param 2 and param 3, and as HEARTBEAT.custom_mode shows it."""
+    """A mode in DO_SET_MODE, as param 2 and param 3, and in HEARTBEAT.custom_mode."""
 
     main: int
     sub: int
@@ -68,35 +68,35 @@ MODE_TABLE: Mapping[int, Mapping[str, ModeNumber]] = {
 }
 
 WORDS: tuple[str, ...] = (*MODE_TABLE[PX4], *_SYNONYMS)
-"""Every word that a script or a ground station may say."""
+"""Every word for a mode that a script may use."""
 
 
 def plain_word(word: str) -> str:
-    """The one word of those that mean the same: AUTO is MISSION, GUIDED is OFFBOARD."""
+    """Return the main one of synonymous words: AUTO is MISSION, GUIDED is OFFBOARD."""
     return _SYNONYMS.get(word, word)
 
 
 def mode_number(autopilot: int, word: str) -> ModeNumber:
-    """The mode that `autopilot` (MAV_AUTOPILOT) calls `word`. HandshakeError where it has none."""
+    """Return the numbers of mode `word` on `autopilot` (MAV_AUTOPILOT). HandshakeError if it has no such mode."""
     modes = MODE_TABLE.get(autopilot)
     if modes is None:
         name = enum_name("MAV_AUTOPILOT", autopilot)
-        raise refused(f"mode {word} was wanted of {name}, whose modes are not known; known: PX4 and ArduPilot")
+        raise refused(f"mode {word}: the modes of {name} are not known; use PX4 or ArduPilot")
     number = modes.get(plain_word(word))
     if number is None:
         name = enum_name("MAV_AUTOPILOT", autopilot)
-        raise refused(f"{name} has no mode {word}; it has: {', '.join(modes)}")
+        raise refused(f"{name} has no mode {word}; choose from: {', '.join(modes)}")
     return number
 
 
 def mode_params(autopilot: int, word: str) -> tuple[float, float, float]:
-    """Params 1 to 3 of MAV_CMD_DO_SET_MODE. HandshakeError where the autopilot has no such mode."""
+    """Return params 1 to 3 of MAV_CMD_DO_SET_MODE. HandshakeError if the autopilot has no such mode."""
     number = mode_number(autopilot, word)
     return (_CUSTOM_MODE_ENABLED, float(number.main), float(number.sub))
 
 
 def mode_word(autopilot: int, custom_mode: int) -> str:
-    """The word for HEARTBEAT.custom_mode; the number in words where there is none."""
+    """Return the word for HEARTBEAT.custom_mode, or its number if there is none."""
     for word, number in MODE_TABLE.get(autopilot, {}).items():
         if number.custom_mode == custom_mode:
             return word

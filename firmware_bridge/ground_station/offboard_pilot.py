@@ -1,16 +1,16 @@
-"""Flies what a companion computer wants: connects, arms at its first desired state, streams set-points, lands.
+"""Flies a companion computer's desired states: connects, arms at the first one, streams set-points, lands.
 
 A function of (simulated time, frames received, desired states). `step` is called once per tick; set-points fall on
-fixed ticks whatever was heard or wanted when. Besides the phases of `phased_flight`:
+fixed ticks, independently of when frames and desired states come. Besides the phases of `phased_flight`:
 
     PREFLIGHT   until its pre-arm check passes and its local frame is known; PX4: set-points from then on; then until
                 the companion's first desired state takes effect
     ARMING      PX4: mode OFFBOARD, arm. ArduPilot: mode GUIDED, arm, take-off
     FLYING      set-points; on ArduPilot once it has climbed to the take-off height, which they would interrupt
-    LANDING     from the first desired state that says so: the autopilot's own landing. There is no way back
+    LANDING     from the first desired state with `land`: the autopilot's own landing, which cannot be cancelled
 
-A vehicle that leaves OFFBOARD by itself (a failsafe, a pilot at the sticks) is not called back: that is said once, and
-its landing ends the flight all the same.
+A vehicle that leaves OFFBOARD by itself (a failsafe, a pilot at the sticks) stays in its new mode, with one event; its
+landing ends the flight as usual.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from firmware_bridge.ground_station.modes import ARDUPILOT, mode_number, mode_pa
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import Step
 from firmware_bridge.ground_station.projections import AutopilotFrame, GeodeticFromW, Projection
-from firmware_bridge.ground_station.wire import refused
-from hil.signals.desired import DesiredState
-from hil.signals.time import NS_PER_S, is_due
+from firmware_bridge.ground_station.vehicle_link import refused
+from signals.desired import DesiredState
+from signals.time import NS_PER_S, is_due
 
 _DO_SET_MODE = 176
 _COMPONENT_ARM_DISARM = 400
@@ -42,11 +42,11 @@ _CLIMBED = 0.9  # part of the take-off height, above which ArduPilot's take-off 
 
 
 class OffboardPilot(PhasedFlight):
-    """Flies what is desired. Other settings as `PhasedFlight`.
+    """Flies desired states. Other settings as `PhasedFlight`.
 
-    `geodetic_from_W` tells where on Earth a point of the world is. `projection`: the autopilot's map of the Earth
-    (`projections`), None for the one of the firmware heard; the mock passes for a PX4 and has another one.
-    `on_event(t_ns, kind, text)` hears what the pilot has to say.
+    `geodetic_from_W` returns the place on Earth of a point in W. `projection`: the autopilot's (`projections`), None
+    for that of the connected firmware; the mock identifies itself as PX4 but has another one. `on_event(t_ns, kind,
+    text)` gets the pilot's events.
     """
 
     _streams = (
@@ -56,7 +56,7 @@ class OffboardPilot(PhasedFlight):
         (MSGID["GLOBAL_POSITION_INT"], 200_000.0),
         (MSGID["GPS_GLOBAL_ORIGIN"], 1_000_000.0),
     )
-    waypoints = 0  # for those who show the progress of a mission
+    waypoints = 0  # as `GroundStation` has them
     reached = 0
     set_points = 0  # sent so far
 
@@ -78,21 +78,21 @@ class OffboardPilot(PhasedFlight):
         if not 2000 < self._setpoint_mhz <= self._tick_mhz:
             raise ValueError(
                 f"set-points at {setpoint_hz:g} Hz on ticks at {self._tick_mhz / 1000:g} Hz: "
-                "autopilots want more than 2 Hz, and there is at most one a tick"
+                "autopilots need more than 2 Hz, and there is at most one a tick; change setpoint_hz or tick_hz"
             )
         if not stale_s > 0.0 or not takeoff_height_m > 0.0:
-            raise ValueError(f"stale_s ({stale_s:g}) and takeoff_height_m ({takeoff_height_m:g}) have to be above 0")
+            raise ValueError(f"stale_s ({stale_s:g}) and takeoff_height_m ({takeoff_height_m:g}) must be above 0")
         self._takeoff_height_m = takeoff_height_m
         self._on_event = on_event
         self._frame = AutopilotFrame(geodetic_from_W, projection)
         self._queue = DesiredQueue()
         self._stale_ns = round(stale_s * NS_PER_S)
-        self._follower = Follower(self._wire, self._frame, self._queue, stale_ns=self._stale_ns, tell=self._tell)
+        self._follower = Follower(self._link, self._frame, self._queue, stale_ns=self._stale_ns, on_event=self._report)
         self._origin_tries = 0
         self._unfit_since_ns: int | None = None
         self._streaming_since_ns: int | None = None  # set-points; None: none are sent
-        self._ground_d_m = 0.0  # height of the place where it was armed
-        self._in_mode: bool | None = None  # as its heartbeat shows; None until it first shows it
+        self._ground_d_m = 0.0  # D of the place where it was armed
+        self._in_mode: bool | None = None  # from its heartbeat; None before it was first in the mode
         self._handlers |= {
             MSGID["LOCAL_POSITION_NED"]: self._frame.on_local_position,
             MSGID["GLOBAL_POSITION_INT"]: self._frame.on_global_position,
@@ -101,32 +101,32 @@ class OffboardPilot(PhasedFlight):
 
     @property
     def stale(self) -> bool:
-        """The companion has wanted nothing new for too long, and the vehicle holds its position."""
+        """True while no new desired states come and the vehicle holds its position."""
         return self._follower.stale
 
     def set_desired(self, desired: DesiredState, t_apply_ns: int, t_of_ns: int | None = None) -> None:
-        """`desired` counts from the first step with t_ns >= `t_apply_ns` on, until the next one does.
+        """Apply `desired` from the first step with t_ns >= `t_apply_ns` until the next one applies.
 
-        `t_of_ns`: the instant that it speaks of, that of the frame it answers; None: when it begins to count.
+        `t_of_ns`: the instant for which it was computed, that of the frame it answers; None: `t_apply_ns`.
         """
         self._queue.put(desired, t_apply_ns, t_apply_ns if t_of_ns is None else t_of_ns)
         self._due_ns = min(self._due_ns, t_apply_ns)
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
-        """Take last tick's `frames`; return the bytes to send at `t_ns`."""
+        """Take last tick's `frames`. Return the bytes to send at `t_ns`."""
         self._t_ns = t_ns
-        if self._wire.hand_on(frames, self._handlers) or t_ns >= self._due_ns:
+        if self._link.dispatch(frames, self._handlers) or t_ns >= self._due_ns:
             self._queue.advance(t_ns)
             self._decide(t_ns)
             self._decide_by(self._queue.next_ns)
-        # A tick after the grid on which frames leave: what was desired in answer to a frame is sent at once.
+        # One tick after the grid on which frames leave, so that the answer to a frame is sent at once.
         behind = t_ns // self._tick_ns - 1
         if self._streaming_since_ns is not None and is_due(
             behind, event_mhz=self._setpoint_mhz, tick_mhz=self._tick_mhz
         ):
-            self._wire.say(self._follower.message(t_ns))
+            self._link.send(self._follower.message(t_ns))
             self.set_points += 1
-        return self._wire.take()
+        return self._link.take()
 
     # -- decisions ----------------------------------------------------------------------------------------------
 
@@ -134,8 +134,8 @@ class OffboardPilot(PhasedFlight):
         if not self._connected(t_ns):
             return
         autopilot = self._heartbeats.autopilot
-        mode_number(autopilot, "OFFBOARD")  # known before it is needed, or refused
-        self._frame.settle(autopilot)
+        mode_number(autopilot, "OFFBOARD")  # raises early if there is no such mode
+        self._frame.set_autopilot(autopilot)
         self._follower.plain_masks = autopilot == ARDUPILOT
         self._enter(Phase.PREFLIGHT, t_ns)
 
@@ -144,8 +144,8 @@ class OffboardPilot(PhasedFlight):
         if not (healthy and self._place_known(t_ns)):
             if self._unfit_since_ns is None:
                 self._unfit_since_ns = t_ns
-            complaint = "it does not tell where it is (LOCAL_POSITION_NED)" if healthy else self._health.complaint()
-            self._check_preflight(t_ns, self._unfit_since_ns, complaint)
+            problem = "it does not send its position (LOCAL_POSITION_NED)" if healthy else self._health.problem()
+            self._check_preflight(t_ns, self._unfit_since_ns, problem)
             return
         self._unfit_since_ns = self._retry_ns = None
         if self._heartbeats.autopilot != ARDUPILOT:
@@ -155,19 +155,19 @@ class OffboardPilot(PhasedFlight):
                 self._retry_ns = self._streaming_since_ns + _STREAM_FIRST_NS
                 return
         applied = self._queue.current
-        # Only a state that leads somewhere, and is no old wish, sets the motors going.
+        # Only a recent state that moves starts the motors.
         if applied is None or applied.desired.land or not applied.desired.moves or self._commands.busy:
             return
         if t_ns - applied.t_apply_ns >= self._stale_ns:
             return
         assert self._frame.p_N is not None
         self._ground_d_m = self._frame.p_N[2]
-        steps = _into_the_air(self._heartbeats.autopilot, self._takeoff_height_m)
-        self._asking.begin(t_ns, steps, self._preflight_limit_ns)
+        steps = _start_steps(self._heartbeats.autopilot, self._takeoff_height_m)
+        self._requests.begin(t_ns, steps, self._preflight_limit_ns)
         self._enter(Phase.ARMING, t_ns)
 
     def _place_known(self, t_ns: int) -> bool:
-        """The vehicle's place and its origin; asks for the origin where it is not told, and does without in the end."""
+        """Return True once position and origin are known. Requests a missing origin, and infers it in the end."""
         if self._frame.known:
             return True
         if self._frame.origin is not None or self._commands.busy or t_ns < (self._retry_ns or 0):
@@ -175,16 +175,18 @@ class OffboardPilot(PhasedFlight):
         if self._origin_tries < _ORIGIN_TRIES:
             self._origin_tries += 1
             self._retry_ns = t_ns + _RETRY_NS
-            self._commands.ask(t_ns, _REQUEST_MESSAGE, (float(MSGID["GPS_GLOBAL_ORIGIN"]),))
+            self._commands.send(t_ns, _REQUEST_MESSAGE, (float(MSGID["GPS_GLOBAL_ORIGIN"]),))
             return False
         self._retry_ns = t_ns + _RETRY_NS
         if not self._frame.infer_origin():
             return False
-        self._tell(t_ns, "status", "the autopilot does not tell its origin: taken from where it says that it is")
+        self._report(
+            t_ns, "status", "the autopilot does not send its origin: computed from its local and global position"
+        )
         return True
 
     def _arming(self, t_ns: int) -> None:
-        if self._asking.step(t_ns):
+        if self._requests.step(t_ns):
             self._enter(Phase.FLYING, t_ns)
 
     def _flying(self, t_ns: int) -> None:
@@ -192,20 +194,20 @@ class OffboardPilot(PhasedFlight):
         if progress.flown and progress.on_ground and not armed:
             self._land_reached(t_ns)
             return
-        self._watch_mode(t_ns)
+        self._check_mode(t_ns)
         if self._streaming_since_ns is None and self._climbed():
             self._streaming_since_ns = t_ns
         applied = self._queue.current
         if applied is not None and applied.desired.land and armed and not self._commands.busy:
             mode = "AUTO.LAND" if self._heartbeats.autopilot != ARDUPILOT else "LAND"
             land = Step(f"enter mode {mode}", _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
-            self._asking.begin(t_ns, (land,), self._preflight_limit_ns)
+            self._requests.begin(t_ns, (land,), self._preflight_limit_ns)
             self._enter(Phase.LANDING, t_ns)
             return
         if not armed:
             if not progress.flown:
                 raise refused(f"the vehicle disarmed before it took off{self._texts.last()}")
-            return  # it falls, and the flight is over once it lies
+            return  # it falls; the flight ends on the ground
         if not (progress.flown and self._streaming_since_ns is not None):
             self._check_takeoff(t_ns, "; do the desired states lead up?")
 
@@ -213,7 +215,7 @@ class OffboardPilot(PhasedFlight):
         assert self._frame.p_N is not None
         return self._ground_d_m - self._frame.p_N[2] >= _CLIMBED * self._takeoff_height_m
 
-    def _watch_mode(self, t_ns: int) -> None:
+    def _check_mode(self, t_ns: int) -> None:
         beat = self._heartbeats
         in_mode = beat.custom_mode == mode_number(beat.autopilot, "OFFBOARD").custom_mode
         if in_mode == self._in_mode or (self._in_mode is None and not in_mode):
@@ -223,11 +225,13 @@ class OffboardPilot(PhasedFlight):
             return
         word = mode_word(beat.autopilot, beat.custom_mode)
         text = f"the vehicle is in mode {word} again" if in_mode else f"the vehicle went to mode {word} by itself"
-        self._tell(t_ns, "status" if in_mode else "warning", text + ("" if in_mode else ": set-points do not fly it"))
+        self._report(
+            t_ns, "status" if in_mode else "warning", text + ("" if in_mode else ": it does not follow set-points")
+        )
 
     def _landing(self, t_ns: int) -> None:
-        # OFFBOARD without set-points is a failsafe: they go on until the landing has begun.
-        if self._asking.step(t_ns):
+        # OFFBOARD without set-points triggers a failsafe: they continue until the landing has begun.
+        if self._requests.step(t_ns):
             self._streaming_since_ns = None
         if not self._heartbeats.armed:
             self._land_reached(t_ns)
@@ -236,22 +240,22 @@ class OffboardPilot(PhasedFlight):
         self._streaming_since_ns = None
         super()._land_reached(t_ns)
 
-    # -- what the vehicle says, and what is said of it ------------------------------------------------------------
+    # -- messages and events --------------------------------------------------------------------------------------
 
     def _on_origin(self, message: Any) -> None:
         before = self._frame.origin
         self._frame.on_origin(message)
         if before is not None and before != self._frame.origin:
             self._follower.on_new_origin()
-            self._tell(self._t_ns, "warning", "the autopilot has moved the origin of its local frame")
+            self._report(self._t_ns, "warning", "the autopilot has moved the origin of its local frame")
 
-    def _tell(self, t_ns: int, kind: str, text: str) -> None:
+    def _report(self, t_ns: int, kind: str, text: str) -> None:
         if self._on_event is not None:
             self._on_event(t_ns, kind, text)
 
 
-def _into_the_air(autopilot: int, height_m: float) -> tuple[Step, ...]:
-    """What to ask for, in order, before set-points fly the vehicle."""
+def _start_steps(autopilot: int, height_m: float) -> tuple[Step, ...]:
+    """Return the steps, in order, before set-points fly the vehicle."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
     if autopilot == ARDUPILOT:
         return (

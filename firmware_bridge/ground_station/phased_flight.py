@@ -1,10 +1,10 @@
-"""What a flight has in common whoever leads it, a mission or a companion: it connects, asks, decides, ends.
+"""The common part of flights by mission and by companion: connecting, requests, phases, end.
 
 A pure function of (simulated time, frames received): no I/O and no clock of its own, so that a run with it is as
-repeatable as one without. It costs about a microsecond a tick when there is nothing to do. The phases it shares:
+repeatable as one without. An idle tick costs about a microsecond. The common phases:
 
-    CONNECTING  until the vehicle's first heartbeat; then asks for the telemetry needed
-    LANDED      on the ground and disarmed; one more second, for what the vehicle still has to say
+    CONNECTING  until the vehicle's first heartbeat; then requests the necessary telemetry
+    LANDED      on the ground and disarmed; one more second, for the vehicle's last messages
     DONE        only heartbeats
 """
 
@@ -18,9 +18,9 @@ from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, Commands
 from firmware_bridge.ground_station.procedure import Step, declined_for_now
 from firmware_bridge.ground_station.progress import Progress
-from firmware_bridge.ground_station.wire import Wire, enum_name, refused
-from hil.signals.mission import MissionItem
-from hil.signals.time import NS_PER_S
+from firmware_bridge.ground_station.vehicle_link import VehicleLink, enum_name, refused
+from signals.mission import MissionItem
+from signals.time import NS_PER_S
 
 _Heartbeat = message_class("HEARTBEAT")
 _TYPE_GCS = 6
@@ -30,18 +30,18 @@ _MAVLINK_VERSION = 3
 _SAFETY_ARMED = 0x80
 
 _PREARM_CHECK = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
-# A vehicle that does not report its pre-arm check is asked to arm after this long, and again until it agrees.
+# A vehicle that does not report its pre-arm check gets the arm command after this time, repeated until it accepts.
 _UNREPORTED_NS = 5 * NS_PER_S
 
 _SET_MESSAGE_INTERVAL = 511
 _SETTLE_NS = NS_PER_S
 _RETRY_NS = NS_PER_S
 _ARMINGS_LIMIT = 5
-_TEXTS_LIMIT = 1000  # a vehicle that complains without end must not fill the memory
+_TEXTS_LIMIT = 1000  # bounds the memory for a vehicle that sends texts without end
 
 
 class Phase(Enum):
-    """Where a flight stands. The order is that of a flight; none has all of them."""
+    """The phases in the order of a flight, none of which has all of them."""
 
     CONNECTING = "connecting"
     UPLOADING = "uploading"
@@ -54,13 +54,13 @@ class Phase(Enum):
 
 
 class Heartbeats:
-    """Says once a simulated second that a ground station is there, and keeps the vehicle's latest heartbeat.
+    """Sends the ground station's heartbeat once a simulated second, and keeps the vehicle's latest one.
 
     PX4 starts its data-link failsafe when the ground station's heartbeats stop.
     """
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
+    def __init__(self, link: VehicleLink) -> None:
+        self._link = link
         self.due_ns = 0
         self.connected = False
         self.armed = False
@@ -77,7 +77,7 @@ class Heartbeats:
         if t_ns >= self.due_ns:
             # From the previous due time, not from now: no drift if a tick does not fall on the second.
             self.due_ns += NS_PER_S * ((t_ns - self.due_ns) // NS_PER_S + 1)
-            self._wire.say(_Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, _MAVLINK_VERSION))
+            self._link.send(_Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, _MAVLINK_VERSION))
 
 
 class Health:
@@ -97,15 +97,15 @@ class Health:
         )
 
     def ready(self, t_ns: int) -> bool:
-        """Worth asking to arm at `t_ns`?"""
+        """Return True if the vehicle is ready to arm at `t_ns`, as far as it reports."""
         if self._since_ns is None:
             self._since_ns = t_ns
         if self._reported:
             return self._healthy
         return t_ns - self._since_ns >= _UNREPORTED_NS
 
-    def complaint(self) -> str:
-        """What is missing, in words."""
+    def problem(self) -> str:
+        """Describe why the vehicle is not ready."""
         if not self._reported:
             return "it does not report its pre-arm check (SYS_STATUS)"
         return f"its pre-arm check does not pass (unhealthy sensors: {self._sensors_bad:#x} in SYS_STATUS)"
@@ -128,34 +128,34 @@ class StatusTexts:
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
 
     def last(self, count: int = 3) -> str:
-        """The latest texts that differ, for an error message; "" if there are none."""
+        """Return the latest different texts, for an error message; "" if there are none."""
         latest = list(dict.fromkeys(text.strip() for _, _, text in reversed(self.texts)))[:count]
         return f"; it last said: {' | '.join(reversed(latest))}" if latest else ""
 
 
-class Asking:
-    """Steps asked of the vehicle one after the other, each again while the vehicle declines it for now.
+class RequestSequence:
+    """Steps requested of the vehicle one after the other, each repeated while it is declined temporarily.
 
-    `begin` with steps, then `step` until it says True. HandshakeError where the vehicle refuses one for good.
+    Call `begin` with the steps, then `step` until it returns True. HandshakeError if the vehicle refuses a step.
     """
 
     def __init__(self, commands: Commands, heartbeats: Heartbeats, texts: StatusTexts) -> None:
         self._commands, self._heartbeats, self._texts = commands, heartbeats, texts
         self._steps: tuple[Step, ...] = ()
-        self._asked: Step | None = None
+        self._requested: Step | None = None
         self._since_ns = self._limit_ns = 0
         self._armings = 0
-        self.retry_ns: int | None = None  # when to ask again
+        self.retry_ns: int | None = None  # when to request again
 
     def begin(self, t_ns: int, steps: Sequence[Step], limit_ns: int) -> None:
-        """`limit_ns`: how long a step may be declined for now, from `t_ns` on, which may be past."""
+        """Start with these steps. `limit_ns`: for how long after `t_ns` a step may be declined temporarily."""
         self._steps = tuple(steps)
-        self._asked = self.retry_ns = None
+        self._requested = self.retry_ns = None
         self._since_ns, self._limit_ns = t_ns, limit_ns
-        self._commands.result = None  # an answer to an earlier question answers none of these
+        self._commands.result = None  # drop the answer to an earlier command
 
     def step(self, t_ns: int) -> bool:
-        """Ask what is to be asked at `t_ns`; whether all has been done."""
+        """Send the request that is due at `t_ns`. Return True when all steps are done."""
         while True:
             while self._steps and self._steps[0].arms and self._heartbeats.armed:
                 self._next()
@@ -164,49 +164,49 @@ class Asking:
             if self._commands.busy or (self.retry_ns is not None and t_ns < self.retry_ns):
                 return False
             result, self._commands.result = self._commands.result, None
-            asked, self._asked = self._asked, None
-            if asked is not None and result == ACCEPTED and not asked.arms:
+            requested, self._requested = self._requested, None
+            if requested is not None and result == ACCEPTED and not requested.arms:
                 self._next()
                 continue
-            if asked is not None and result is not None:
-                self._wait(t_ns, asked, result)
+            if requested is not None and result is not None:
+                self._wait(t_ns, requested, result)
                 return False
             self.retry_ns = None
-            self._asked = self._steps[0]
-            self._commands.ask(t_ns, self._asked.command, self._asked.params)
+            self._requested = self._steps[0]
+            self._commands.send(t_ns, self._requested.command, self._requested.params)
             return False
 
     def _next(self) -> None:
         self._steps = self._steps[1:]
-        self._asked = self.retry_ns = None
+        self._requested = self.retry_ns = None
 
-    def _wait(self, t_ns: int, asked: Step, result: int) -> None:
-        """The step is not done, but may be a second later."""
+    def _wait(self, t_ns: int, requested: Step, result: int) -> None:
+        """Repeat the step in a second, or raise HandshakeError."""
         self.retry_ns = t_ns + _RETRY_NS
-        if result == ACCEPTED:  # arming: the heartbeat will say so
+        if result == ACCEPTED:  # arming: the heartbeat shows the result
             self._armings += 1
             if self._armings > _ARMINGS_LIMIT:
                 raise refused(
-                    f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never say that "
-                    f"it is armed{self._texts.last()}"
+                    f"the vehicle has accepted arming {_ARMINGS_LIMIT} times, but its heartbeats never show it "
+                    f"armed{self._texts.last()}"
                 )
             return
         waited_ns = t_ns - self._since_ns
         if result not in declined_for_now(self._heartbeats.autopilot) or waited_ns >= self._limit_ns:
             raise refused(
-                f"the vehicle was asked to {asked.what} and answered {enum_name('MAV_RESULT', result)} "
+                f"the vehicle was asked to {requested.description} and answered {enum_name('MAV_RESULT', result)} "
                 f"{waited_ns / NS_PER_S:.1f} s after the first request{self._texts.last()}"
             )
 
 
 class PhasedFlight:
-    """A flight of vehicle `target_sysid`, None being the first autopilot heard. All limits are simulated time.
+    """A flight of vehicle `target_sysid`; None: the first autopilot that sends a heartbeat. Limits are simulated time.
 
-    HandshakeError says what was asked, what was answered, and what to do. With `grid_ns`, decisions fall on multiples
-    of it only, whenever what they rest on was heard.
+    A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
+    independently of when the frames for them came.
     """
 
-    # (message, interval [us]): what the phases wait for, often enough that they never wait long.
+    # (message, interval [us]): the telemetry that the phases wait for.
     _streams: ClassVar[Sequence[tuple[int, float]]]
 
     def __init__(
@@ -219,22 +219,22 @@ class PhasedFlight:
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
     ) -> None:
-        self._wire = Wire(target_sysid=target_sysid)
+        self._link = VehicleLink(target_sysid=target_sysid)
         self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
         self._preflight_limit_ns = round(preflight_limit_s * NS_PER_S)
         self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
-        self._heartbeats = Heartbeats(self._wire)
-        self._commands = Commands(self._wire)
+        self._heartbeats = Heartbeats(self._link)
+        self._commands = Commands(self._link)
         self._health = Health()
         self._progress = Progress(mission)
         self._texts = StatusTexts()
-        self._asking = Asking(self._commands, self._heartbeats, self._texts)
+        self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
         self._grid_ns = grid_ns
-        self._grid_cell = -1  # in which it last decided
+        self._grid_cell = -1  # of the last decision
         self.phase = Phase.CONNECTING
         self._phase_since_ns = 0
-        self._retry_ns: int | None = None  # when the phase has something to do again
-        self._streams_asked = 0
+        self._retry_ns: int | None = None  # when the phase is due again
+        self._streams_requested = 0
         self._t_ns = 0
         self._started = False
         self._due_ns = 0
@@ -248,7 +248,7 @@ class PhasedFlight:
 
     @property
     def statustexts(self) -> list[tuple[int, int, str]]:
-        """(t_ns, MAV_SEVERITY, text) of everything the vehicle has said in words."""
+        """(t_ns, MAV_SEVERITY, text) of all texts of the vehicle."""
         return self._texts.texts
 
     @property
@@ -256,7 +256,7 @@ class PhasedFlight:
         return self._heartbeats.armed
 
     def _decide(self, t_ns: int) -> None:
-        """Go through the phases as far as they go now."""
+        """Advance through the phases as far as possible."""
         if not self._started:
             self._started = True
             self._heartbeats.due_ns = self._phase_since_ns = t_ns
@@ -272,14 +272,14 @@ class PhasedFlight:
         dues = (
             self._heartbeats.due_ns,
             self._commands.due_ns,
-            self._asking.retry_ns,
+            self._requests.retry_ns,
             self._retry_ns,
             (cell + 1) * self._grid_ns if self._grid_ns else None,
         )
         self._due_ns = min(due for due in dues if due is not None)
 
     def _decide_by(self, t_ns: int | None) -> None:
-        """Decide again at `t_ns` at the latest."""
+        """Make the next decision at `t_ns` at the latest."""
         if t_ns is not None:
             self._due_ns = min(self._due_ns, t_ns)
 
@@ -287,34 +287,34 @@ class PhasedFlight:
         self.phase = phase
         self._phase_since_ns = t_ns
         self._retry_ns = None
-        self._commands.result = None  # an answer to the last phase's question answers none of this one's
+        self._commands.result = None  # drop the answer to a command of the last phase
 
     def _connected(self, t_ns: int) -> bool:
-        """Whether the vehicle has been heard, and has answered to what telemetry is wanted of it."""
+        """Return True once the vehicle has sent a heartbeat and answered the requests for telemetry."""
         if not self._heartbeats.connected:
             if t_ns - self._phase_since_ns >= self._heartbeat_limit_ns:
-                sysid = self._wire.target_sysid
+                sysid = self._link.target_sysid
                 raise refused(
                     f"no heartbeat of {f'vehicle {sysid}' if sysid else 'any autopilot'} within "
-                    f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; has it another system id?"
+                    f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; does it have another system id?"
                 )
             return False
         if self._commands.busy:
             return False
-        # Whether a stream was granted does not matter here: the phases that need it say so if it never comes.
-        if self._streams_asked < len(self._streams):
-            msgid, interval_us = self._streams[self._streams_asked]
-            self._streams_asked += 1
-            self._commands.ask(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
+        # A refused stream does no harm here: the phases that need it raise an error if it never comes.
+        if self._streams_requested < len(self._streams):
+            msgid, interval_us = self._streams[self._streams_requested]
+            self._streams_requested += 1
+            self._commands.send(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
             return False
         return True
 
-    def _check_preflight(self, t_ns: int, since_ns: int, complaint: str) -> None:
-        """Refused if that was too long ago."""
+    def _check_preflight(self, t_ns: int, since_ns: int, problem: str) -> None:
+        """Raise HandshakeError if the vehicle has not been ready since `since_ns` for too long."""
         if t_ns - since_ns >= self._preflight_limit_ns:
             raise refused(
                 f"the vehicle is not ready to arm after {self._preflight_limit_ns / NS_PER_S:g} s of simulated time: "
-                f"{complaint}{self._texts.last()}"
+                f"{problem}{self._texts.last()}"
             )
 
     def _check_takeoff(self, t_ns: int, hint: str = "") -> None:

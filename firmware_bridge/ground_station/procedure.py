@@ -1,7 +1,7 @@
-"""How a mission is given to an autopilot and started: the steps differ between firmwares, the mission does not.
+"""Mission upload and start on each firmware: the steps differ, the mission does not.
 
             PX4                            ArduPilot
-items       as they are                    behind a place-holder for home, which is its item 0; no open (NaN) params
+items       unchanged                      after a place-holder for home, which is its item 0; NaN params become 0
 start       mode AUTO.MISSION, arm         mode GUIDED, arm, MISSION_START (it does not arm in AUTO)
 """
 
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from firmware_bridge.ground_station.commands import FAILED, TEMPORARILY_REJECTED
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
-from hil.signals.mission import MissionItem
+from signals.mission import MissionItem
 
 _DO_SET_MODE = 176
 _DO_JUMP = 177
@@ -21,7 +21,7 @@ _COMPONENT_ARM_DISARM = 400
 _MISSION_START = 300
 _WAYPOINT = 16
 _FRAME_GLOBAL, _FRAME_MISSION = 0, 2
-# These name no place, so their frame means nothing: planners write 0 or 3 as often as 2, and PX4 takes only 2.
+# Without a place, so their frame has no meaning: planners write 0 or 3 as often as 2, but PX4 accepts only 2.
 # RTL; CONDITION_DELAY, _DISTANCE, _YAW; DO_JUMP, CHANGE_SPEED, relay, servo, actuator, mount, gripper, camera.
 _PLACELESS = frozenset(
     (20, 93, 112, 114, 115, 177, 178, 181, 183, 187, 197, 205, 206, 211, 212, 214, 530, 2000, 2001, 2500, 2501, 3000)
@@ -29,16 +29,16 @@ _PLACELESS = frozenset(
 
 
 class Step(NamedTuple):
-    """One command on the way into the air, and what it does in words. `arms`: done when the heartbeat says armed."""
+    """One command of the start, with its description. `arms`: it is done when the heartbeat shows armed."""
 
-    what: str
+    description: str
     command: int
     params: tuple[float, ...]
     arms: bool = False
 
 
 def start_steps(autopilot: int) -> tuple[Step, ...]:
-    """What to ask `autopilot` (MAV_AUTOPILOT) for, in order, to fly the mission that it holds."""
+    """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it holds."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
     if autopilot == ARDUPILOT:
         return (
@@ -50,26 +50,26 @@ def start_steps(autopilot: int) -> tuple[Step, ...]:
 
 
 def declined_for_now(autopilot: int) -> tuple[int, ...]:
-    """Results that may be another one a second later. ArduPilot says FAILED for everything that is not yet so."""
+    """Return results that may change within seconds. ArduPilot answers FAILED while it is not yet ready."""
     return (TEMPORARILY_REJECTED, FAILED) if autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)
 
 
 def first_seq(autopilot: int) -> int:
-    """The number that the autopilot gives to the mission's first item."""
+    """Return the autopilot's number of the mission's first item."""
     return 1 if autopilot == ARDUPILOT else 0
 
 
 def items_for(autopilot: int, items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
-    """`items` as `autopilot` wants them uploaded."""
+    """Return `items` in the form that `autopilot` accepts."""
     if autopilot != ARDUPILOT:
-        return tuple(_frame_of_its_own(item) for item in items)
+        return tuple(_in_mission_frame(item) for item in items)
     shift = first_seq(autopilot)
     home = MissionItem(0, _FRAME_GLOBAL, _WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
     return (home, *(_ardupilot_item(item, shift) for item in items))
 
 
-def _frame_of_its_own(item: MissionItem) -> MissionItem:
-    """An item without a place, in the frame that says so: params 5 and 6 are plain numbers then, not degrees."""
+def _in_mission_frame(item: MissionItem) -> MissionItem:
+    """Return an item without a place in the mission frame, where params 5 and 6 are plain numbers, not degrees."""
     if item.command not in _PLACELESS or item.frame == _FRAME_MISSION:
         return item
     x, y = round(item.lat_degE7 / 1e7), round(item.lon_degE7 / 1e7)

@@ -1,11 +1,11 @@
-"""How far the mission is: items reached, in the air or on the ground."""
+"""Progress of a mission: items reached, in the air or on the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from hil.signals.mission import MissionItem
+from signals.mission import MissionItem
 
 _LANDED_ON_GROUND = 1
 _LANDED_IN_AIR = (2, 3, 4)  # in the air, taking off, landing
@@ -23,19 +23,19 @@ _TO_A_PLACE = (16, 17, 18, 19, 22, 31, 82, 84)
 
 
 def is_waypoint(item: MissionItem) -> bool:
-    """Does the item name a place to fly to? A landing counts if it says where; returning home does not."""
+    """Return True if the item has a place to fly to. A landing counts if it has one; a return does not."""
     if item.command in (_LAND, _VTOL_LAND):
         return item.lat_degE7 != 0 or item.lon_degE7 != 0
     return item.command in _TO_A_PLACE
 
 
 def navigation_items(items: Sequence[MissionItem]) -> list[MissionItem]:
-    """Items the vehicle flies, in order: waypoints and endings, without the DO_ and CONDITION_ ones."""
+    """Return the items that the vehicle flies: waypoints and endings, without the DO_ and CONDITION_ ones."""
     return [item for item in items if is_waypoint(item) or item.command in _ENDINGS]
 
 
 class Progress:
-    """Counts of one flight of `items`. An item is known by its place in the sequence."""
+    """Counts of one flight of `items`. An item is identified by its index."""
 
     def __init__(self, items: Sequence[MissionItem]) -> None:
         self._known = bool(items)
@@ -44,11 +44,11 @@ class Progress:
         self.lands_by_itself = bool(flown) and flown[-1].command in _ENDINGS
         landings = [index for index in self._waypoints if items[index].command in (_LAND, _VTOL_LAND)]
         self._final_landing = landings[-1] if landings and landings[-1] == self._waypoints[-1] else None
-        # With jumps an item is reached more than once, so that only the vehicle knows when all is flown.
+        # With jumps an item is reached more than once, so that only the vehicle knows the end.
         self._jumps = any(item.command == _DO_JUMP for item in items)
         self._reached: dict[int, None] = {}
         self._reported_complete = False
-        self.first_seq = 0  # the number that the vehicle gives to item 0
+        self.first_seq = 0  # the vehicle's number of item 0
         self.current = 0
         self.landed_state = 0
         self.flown = False
@@ -59,14 +59,14 @@ class Progress:
 
     @property
     def reached(self) -> int:
-        """Waypoints that the vehicle reported as reached; of a mission that is not known, any items."""
+        """Number of waypoints that the vehicle reported as reached; of an unknown mission, of all items."""
         if not self._known:
             return len(self._reached)
         return sum(index in self._reached for index in self._waypoints)
 
     @property
     def completed(self) -> bool:
-        """Every waypoint reached (of a mission without jumps), or the vehicle says that the mission is over."""
+        """True if every waypoint is reached (in a mission without jumps), or the vehicle reports completion."""
         all_reached = bool(self._waypoints) and not self._jumps and self.reached == self.waypoints
         return self._reported_complete or all_reached
 
@@ -88,7 +88,7 @@ class Progress:
             self.flown = True
 
     def on_landed(self) -> None:
-        """The flight is over: a landing being flown has been reached, even if the vehicle did not say so."""
+        """Count a landing under way as reached at the end of the flight, even without the vehicle's report."""
         last = self._final_landing
         if last is not None and self.current == last and self.reached == self.waypoints - 1:
             self._reached[last] = None

@@ -1,16 +1,16 @@
-"""How autopilots turn a place on Earth into metres about their local origin. Each has a map of its own.
+"""Map projections with which autopilots convert a place on Earth to metres from their local origin.
 
-The same place 1 km away differs by up to 3 m between them, so that a point given in metres must be computed with the
-map of the autopilot that it is given to. All three take down as the difference of altitudes.
+At 1 km they differ by up to 3 m, so a point in metres must be computed with the projection of the autopilot that gets
+it. All three use the difference of altitudes for down.
 
     PX4        azimuthal equidistant on a sphere of 6371 km (Snyder, Map Projections, USGS 1987, eq. 22-4, 22-5)
     ArduPilot  equirectangular at the mean latitude, on a sphere of 6378.1 km
-    tangent    north and east of the exact difference on WGS-84: what the mock does (`hil.signals._kernel.tangent_ned`)
+    tangent    north and east of the exact difference on WGS-84, as in the mock (`signals._kernel.tangent_ned`)
 
-Own elementary functions: the same bits on every machine.
+The elementary functions are the project's own: the same bits on every machine.
 
-Autopilots put the origin of LOCAL_POSITION_NED where their estimator started, and tell it in GPS_GLOBAL_ORIGIN (to
-1e-7 degrees: 6 mm). Where they do not, it follows from LOCAL_POSITION_NED and GLOBAL_POSITION_INT of a vehicle at rest.
+The origin of LOCAL_POSITION_NED is where the estimator started; autopilots send it in GPS_GLOBAL_ORIGIN (to 1e-7
+degrees: 6 mm). Without that message it follows from LOCAL_POSITION_NED and GLOBAL_POSITION_INT of a vehicle at rest.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from math import sqrt
 from typing import Any, NamedTuple
 
 from firmware_bridge.ground_station.modes import ARDUPILOT
-from hil.signals._kernel import det_atan2, det_cos, det_sin
-from hil.signals.samples import Vec3
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_atan2, det_cos, det_sin
+from signals.samples import Vec3
+from signals.units import RAD_PER_DEG
 
 _PX4_RADIUS_M = 6371000.0
 _ARDUPILOT_M_PER_DEG = 0.011131884502145034 * 1e7
@@ -44,7 +44,7 @@ Projection = Callable[[Place, Place], Vec3]
 
 
 def px4_ned(origin: Place, place: Place) -> Vec3:
-    """As PX4's estimator and position controller have it."""
+    """Project as PX4's estimator and position controller do."""
     lat0, lat = origin.lat_deg * RAD_PER_DEG, place.lat_deg * RAD_PER_DEG
     sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
     dlon = _turn_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
@@ -58,7 +58,7 @@ def px4_ned(origin: Place, place: Place) -> Vec3:
 
 
 def ardupilot_ned(origin: Place, place: Place) -> Vec3:
-    """As ArduPilot's estimator has it."""
+    """Project as ArduPilot's estimator does."""
     scale = det_cos(0.5 * (origin.lat_deg + place.lat_deg) * RAD_PER_DEG)
     north_deg, east_deg = place.lat_deg - origin.lat_deg, _turn_deg(place.lon_deg - origin.lon_deg)
     return (
@@ -69,7 +69,7 @@ def ardupilot_ned(origin: Place, place: Place) -> Vec3:
 
 
 def ardupilot_place(origin: Place, p_N: Vec3) -> Place:
-    """Where `ardupilot_ned` has a point: the inverse."""
+    """Return the place of a point: the inverse of `ardupilot_ned`."""
     north_deg = p_N[0] / _ARDUPILOT_M_PER_DEG
     scale = det_cos((origin.lat_deg + 0.5 * north_deg) * RAD_PER_DEG)
     east_deg = _turn_deg(p_N[1] / (_ARDUPILOT_M_PER_DEG * scale))
@@ -77,17 +77,17 @@ def ardupilot_place(origin: Place, p_N: Vec3) -> Place:
 
 
 def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
-    """A point of W to its place on Earth, as ArduPilot's SITL has it.
+    """Return the map from W to the place on Earth that ArduPilot's SITL uses.
 
-    SITL is told metres from home and lays them out on the Earth itself, by its own map: the place that it believes in
-    is not the scene's, by 2 to 3 m per km, and a point has to be named as it would.
+    SITL gets metres from home and converts them by its own projection. Its places differ from the scene's by 2 to 3 m
+    per km, so points for it must be converted in the same way.
     """
     x0, y0, z0 = home_W
     return lambda p_W: ardupilot_place(home, (p_W[1] - y0, p_W[0] - x0, z0 - p_W[2]))
 
 
 def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
-    """The origin about which `place` is at `p_N`: a fixed number of steps, each a factor of distance over radius."""
+    """Return the origin from which `place` is at `p_N`. Each of the fixed steps gains a factor of distance/radius."""
     per_deg = _ARDUPILOT_M_PER_DEG
     lat, lon = place.lat_deg, place.lon_deg
     for _ in range(6):
@@ -98,44 +98,44 @@ def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
 
 
 def _turn_deg(angle_deg: float) -> float:
-    """A difference of longitudes, the short way round."""
+    """Return a difference of longitudes in [-180, 180]."""
     if angle_deg > 180.0:
         return angle_deg - 360.0
     return angle_deg + 360.0 if angle_deg < -180.0 else angle_deg
 
 
 class AutopilotFrame:
-    """The autopilot's local frame: where its origin is, where the vehicle is in it, and how to get there from W.
+    """The autopilot's local frame: its origin, the vehicle's position in it, and the conversion from W.
 
-    `project`: the autopilot's map; None: by the kind of autopilot, see `settle`.
+    `project`: the autopilot's projection; None: chosen by the kind of autopilot, see `set_autopilot`.
     """
 
     def __init__(self, geodetic_from_W: GeodeticFromW, project: Projection | None) -> None:
         self._geodetic_from_W = geodetic_from_W
         self._project = project
         self.origin: Place | None = None
-        self.p_N: Vec3 | None = None  # of the vehicle, as last told
+        self.p_N: Vec3 | None = None  # the vehicle's, as last reported
         self._place: Place | None = None
 
-    def settle(self, autopilot: int) -> None:
-        """The autopilot (MAV_AUTOPILOT) is known now, and with it its map."""
+    def set_autopilot(self, autopilot: int) -> None:
+        """Choose the projection of this autopilot (MAV_AUTOPILOT)."""
         if self._project is None:
             self._project = ardupilot_ned if autopilot == ARDUPILOT else px4_ned
 
     @property
     def known(self) -> bool:
-        """Points can be converted, and the vehicle has told where it is."""
+        """True once points can be converted and the vehicle's position is known."""
         return self.origin is not None and self.p_N is not None
 
     def infer_origin(self) -> bool:
-        """Without being told: from where the vehicle says that it is, both ways. False if it has not said so."""
+        """Compute the origin from the vehicle's local and global position. Return False if one is missing."""
         if self._place is None or self.p_N is None or self._project is None:
             return False
         self.origin = origin_of(self._place, self.p_N, self._project)
         return True
 
     def ned_from_W(self, p_W: Vec3) -> Vec3:
-        """A point in W as the autopilot wants it. Only once `known`."""
+        """Convert a point in W to the autopilot's NED. Only once `known`."""
         assert self.origin is not None
         assert self._project is not None
         return self._project(self.origin, Place(*self._geodetic_from_W(p_W)))

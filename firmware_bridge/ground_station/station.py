@@ -1,11 +1,11 @@
-"""The bench's ground station: connects, uploads the mission, starts it, watches it, sees it landed.
+"""The bench's ground station: connects, uploads the mission, starts it, and monitors it until it has landed.
 
-`step` is called once per tick with everything received during the last one and returns the bytes to send in this one.
+`step` is called once per tick with the frames received during the last one and returns the bytes to send in this one.
 Besides the phases of `phased_flight`:
 
     UPLOADING   the mission protocol
     PREFLIGHT   until the vehicle's pre-arm check passes
-    ARMING      the steps into the air (`procedure`), each asked again while the vehicle declines for now
+    ARMING      the steps of the start (`procedure`), each repeated while the vehicle declines it temporarily
     FLYING      until it has flown, is on the ground and has disarmed
 """
 
@@ -20,16 +20,16 @@ from firmware_bridge.ground_station.mission_upload import MissionUpload
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import first_seq, items_for, start_steps
-from firmware_bridge.ground_station.wire import refused
-from hil.signals.mission import MissionItem
+from firmware_bridge.ground_station.vehicle_link import refused
+from signals.mission import MissionItem
 
 _DO_SET_MODE = 176
 
 
 class GroundStation(PhasedFlight):
-    """Flies `mission`, or with `fly` False watches who flies. Other settings as `PhasedFlight`.
+    """Flies `mission`, or with `fly` False only monitors the flight. Other settings as `PhasedFlight`.
 
-    A mission whose last item is neither a landing nor a return is landed where it ends, by mode AUTO.LAND.
+    After a mission whose last item is neither a landing nor a return, the vehicle lands in mode AUTO.LAND.
     """
 
     _streams = (
@@ -40,10 +40,10 @@ class GroundStation(PhasedFlight):
 
     def __init__(self, mission: Sequence[MissionItem], *, fly: bool = True, **settings: Any) -> None:
         if fly and not mission:
-            raise refused("the mission has no items; there is nothing to fly")
+            raise refused("the mission has no items to fly: give another one")
         super().__init__(mission, **settings)
         self._mission = tuple(mission)
-        self._upload = MissionUpload(self._wire)
+        self._upload = MissionUpload(self._link)
         self._fly = fly
         self._must_land = fly and not self._progress.lands_by_itself
         self._preflight_since_ns = 0
@@ -57,28 +57,23 @@ class GroundStation(PhasedFlight):
 
     @property
     def waypoints(self) -> int:
-        """Navigation items of the mission that have a place."""
+        """Number of navigation items with a place."""
         return self._progress.waypoints
 
     @property
     def reached(self) -> int:
-        """Those of them that the vehicle has reported as reached."""
+        """Number of them that the vehicle has reported as reached."""
         return self._progress.reached
 
-    @property
-    def mission_completed(self) -> bool:
-        """Every waypoint reached, or the vehicle has said that the mission is complete."""
-        return self._progress.completed
-
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
-        """Take last tick's `frames`; return the bytes to send at `t_ns`."""
+        """Take last tick's `frames`. Return the bytes to send at `t_ns`."""
         self._t_ns = t_ns
-        if not self._wire.hand_on(frames, self._handlers) and t_ns < self._due_ns:
+        if not self._link.dispatch(frames, self._handlers) and t_ns < self._due_ns:
             return b""
         self._decide(t_ns)
         self._upload.step(t_ns)
         self._decide_by(self._upload.due_ns)
-        return self._wire.take()
+        return self._link.take()
 
     def _connecting(self, t_ns: int) -> None:
         if not self._connected(t_ns):
@@ -86,7 +81,7 @@ class GroundStation(PhasedFlight):
         if self._fly:
             autopilot = self._heartbeats.autopilot
             self._progress.first_seq = first_seq(autopilot)
-            self._upload.start(t_ns, items_for(autopilot, self._mission), patient=autopilot == ARDUPILOT)
+            self._upload.start(t_ns, items_for(autopilot, self._mission), retry_refusals=autopilot == ARDUPILOT)
             self._enter(Phase.UPLOADING, t_ns)
         else:
             self._enter(Phase.ARMING, t_ns)
@@ -100,17 +95,17 @@ class GroundStation(PhasedFlight):
         if self._health.ready(t_ns):
             self._enter(Phase.ARMING, t_ns)
             steps = start_steps(self._heartbeats.autopilot)
-            self._asking.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)
+            self._requests.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)
         else:
-            self._check_preflight(t_ns, self._preflight_since_ns, self._health.complaint())
+            self._check_preflight(t_ns, self._preflight_since_ns, self._health.problem())
 
     def _arming(self, t_ns: int) -> None:
-        if not self._asking.step(t_ns):
+        if not self._requests.step(t_ns):
             return
         if self._heartbeats.armed:
             self._enter(Phase.FLYING, t_ns)
         elif self._fly and t_ns - self._preflight_since_ns >= self._preflight_limit_ns:
-            raise refused(f"the vehicle took the mission, but is not armed and does not fly{self._texts.last(6)}")
+            raise refused(f"the vehicle accepted the mission, but did not arm{self._texts.last(6)}")
 
     def _flying(self, t_ns: int) -> None:
         progress = self._progress
@@ -128,4 +123,4 @@ class GroundStation(PhasedFlight):
             self._land_reached(t_ns)
         elif self._must_land and progress.completed and not self._commands.busy:
             self._must_land = False
-            self._commands.ask(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
+            self._commands.send(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))

@@ -1,1 +1,1 @@
-"""Links: a transport plus a codec make an autopilot the bench can talk to, tick by tick."""
+"""Links: a transport and a codec connect the bench to an autopilot, tick by tick."""

@@ -1,4 +1,4 @@
-"""A link to an autopilot, whatever wire and firmware are behind it: what the bench demands of it, what each one has."""
+"""The interface and the common part of all links to autopilots, whatever their transport and firmware."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from typing import Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from firmware_bridge.links.child_process import ChildProcess
-from hil.signals.errors import LinkClosed, LinkError
-from hil.signals.latency import LatencyHistogram
-from hil.signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+from signals.errors import LinkClosed, LinkError
+from signals.latency import LatencyHistogram
+from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+
+# The bench's MAVLink address: neither the ground station's (255) nor that of any vehicle.
+SIMULATOR_SYSID, SIMULATOR_COMPID = 254, 200
 
 
 class InvalidControls(LinkError, ValueError):
@@ -21,14 +24,23 @@ class InvalidControls(LinkError, ValueError):
 
 @dataclass(frozen=True)
 class LinkCaps:
-    """What a link can do. The bench branches on these facts, never on the class of a link."""
+    """Capabilities of a link. The bench branches on these facts, never on the class of a link."""
 
-    kind: str  # the registry's name of it
+    kind: str  # its name in a bench file
     lockstep: bool  # simulated time stands still until the autopilot has answered; if not, the link has `begin`
-    deterministic: bool  # the same bytes in give the same bytes out, run after run
-    boot_sensors: int | None  # first HIL_SENSORs that get no answer; None: found out by running at wall-clock pace
-    busy_processors: int = 1  # that the autopilot keeps busy while it thinks, where it runs on this machine
-    takes_truth: bool = False  # is told the vehicle's true state before each `send` (`observe`)
+    deterministic: bool  # the same input bytes give the same output bytes in every run
+    boot_sensors: int | None  # first HIL_SENSORs without an answer; None: unknown, found at wall-clock pace
+    busy_processors: int = 1  # processors that the autopilot keeps busy, where it runs on this machine
+    takes_truth: bool = False  # `observe` must give it the true state before each `send`
+
+
+@dataclass(frozen=True)
+class LinkTimeouts:
+    """Limits of a link on the wall clock [s]; infinite for no limit."""
+
+    reply_s: float = 10.0  # for the answer to a tick; of a free-running autopilot, for anything at all
+    connect_s: float = 20.0  # for the first message after `open`
+    reconnect_s: float = 10.0  # for a transport that has gone to come back (free-running links only)
 
 
 @dataclass
@@ -36,7 +48,7 @@ class LinkStats:
     """Counters of one link since `open`."""
 
     steps: int = 0  # HIL_SENSORs sent
-    late: int = 0  # answers that came after the tick they answer had passed (free-running links only)
+    late: int = 0  # samples that left more than 2 ms late (free-running links only)
     rtt: LatencyHistogram = field(default_factory=LatencyHistogram)  # from the write to the answer, wall clock
     tx_bytes: int = 0
     rx_bytes: int = 0
@@ -44,18 +56,18 @@ class LinkStats:
     bad_crc: int = 0
     garbage_bytes: int = 0
     lost_frames: int = 0  # gaps in the autopilot's sequence numbers
-    bad_controls: int = 0  # commands that are no numbers, passed over (free-running links only)
+    bad_controls: int = 0  # skipped commands that were not numbers (free-running links only)
 
     def take_received(self, *parsers: FrameParser) -> None:
-        """Bring the counters of what was received up to date: the sums over the link's wires."""
+        """Update the counters of received data: the sums over the link's parsers."""
         self.rx_frames = sum(parser.frames for parser in parsers)
         self.bad_crc = sum(parser.bad_crc for parser in parsers)
         self.garbage_bytes = sum(parser.garbage_bytes for parser in parsers)
         self.lost_frames = sum(parser.lost for parser in parsers)
 
 
-class Wire(Protocol):
-    """What a link opens and closes."""
+class Connection(Protocol):
+    """Anything that a link opens and closes."""
 
     @property
     def name(self) -> str: ...
@@ -65,51 +77,49 @@ class Wire(Protocol):
     def close(self) -> None: ...
 
 
-def _tell_nobody(kind: str, text: str) -> None:
-    """No events are wanted."""
+def _ignore_event(kind: str, text: str) -> None:
+    """Drop an event: the caller gave no `on_event`."""
 
 
 class AutopilotLink:
     """One autopilot. Per tick: one `send`, one `wait`, one `take_frames`, in this order.
 
-    `open` opens its wires in their order, starts the program, then waits for the far side (`_await_far_side`).
+    `open` opens the connections in their order, starts the program, then waits for the far side (`_await_far_side`).
 
-    `start_process` is called once the wires are open, and the process it returns started; `close` ends that process.
-    `aside` is a wire that errors do not name. `deaf`: a program that waits for the bench does not hear SIGTERM.
-    `on_event(kind, text)` hears what happens on the link and is worth a line in the recording.
+    `start_process` is called once the connections are open, and the returned process is started; `close` ends it.
+    `unnamed` is a connection that errors do not name. `on_event(kind, text)` gets events of the link for the recording.
     """
 
     _stats: LinkStats
+    _ignores_sigterm = False  # the program, while it waits for the bench
 
     def __init__(
         self,
         caps: LinkCaps,
-        *wires: Wire,
-        aside: Wire | None = None,
+        *connections: Connection,
+        unnamed: Connection | None = None,
         start_process: Callable[[], ChildProcess] | None = None,
-        deaf: bool = False,
         on_event: Callable[[str, str], None] | None = None,
     ) -> None:
         self._caps = caps
-        self._named_wires = wires
-        self._all_wires = wires if aside is None else (*wires, aside)
+        self._named_connections = connections
+        self._all_connections = connections if unnamed is None else (*connections, unnamed)
         self._start_process = start_process
-        self._deaf = deaf
-        self._on_event = on_event if on_event is not None else _tell_nobody
+        self._on_event = on_event if on_event is not None else _ignore_event
         self._process: ChildProcess | None = None
         self._frames: list[Frame] = []  # for take_frames
         self._reset()
 
     def _reset(self) -> None:
-        """As before the first byte."""
+        """Set the state before the first byte."""
         raise NotImplementedError
 
     def _await_far_side(self) -> None:
-        """Return once the autopilot is there; named LinkErrors if it does not come."""
+        """Wait for the autopilot. Named LinkErrors if it does not answer."""
         raise NotImplementedError
 
     def _parsers(self) -> Sequence[FrameParser]:
-        """Of the wires that speak MAVLink."""
+        """Return the parsers of the connections that carry MAVLink."""
         raise NotImplementedError
 
     def send(
@@ -127,10 +137,10 @@ class AutopilotLink:
         raise NotImplementedError
 
     def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:
-        """The answer to this tick's `send`; None while the autopilot boots.
+        """Return the answer to this tick's `send`; None while the autopilot boots.
 
-        LockstepLost: no answer within the wall-clock limit, or the answer to another time. LinkClosed: the
-        far side is gone. InvalidControls: the answer's controls are no commands.
+        LockstepLost: no answer within the wall-clock limit, or an answer to another time. LinkClosed: the far side has
+        disconnected. InvalidControls: the answer's controls are not numbers, or out of range.
         """
         raise NotImplementedError
 
@@ -146,20 +156,20 @@ class AutopilotLink:
 
     @property
     def name(self) -> str:
-        return f"autopilot ({self._caps.kind}, {', '.join(wire.name for wire in self._named_wires)})"
+        return f"autopilot ({self._caps.kind}, {', '.join(one.name for one in self._named_connections)})"
 
     @property
     def pid(self) -> int | None:
-        """Of the autopilot, if the bench started it."""
+        """Process id of the autopilot, if the bench started it."""
         return None if self._process is None else self._process.pid
 
     def open(self) -> None:
-        """Bring the far side up and wait for it. Named LinkErrors if it does not come."""
+        """Open the connections, start the program, wait for the far side. Named LinkErrors if that fails."""
         self._frames = []
         self._reset()
         try:
-            for wire in self._all_wires:
-                wire.open()
+            for connection in self._all_connections:
+                connection.open()
             if self._start_process is not None:
                 self._process = self._start_process()
                 self._process.start()
@@ -169,22 +179,22 @@ class AutopilotLink:
             raise
 
     def close(self) -> None:
-        """End the link and whatever `open` started. May be called at any time, any number of times."""
-        # The wires first: a well-behaved far side sees the hang-up and leaves by itself.
-        for wire in self._all_wires:
-            wire.close()
+        """Close the link and end the program that `open` started. May be called at any time, any number of times."""
+        # The connections first: a well-behaved far side sees the hang-up and ends by itself.
+        for connection in self._all_connections:
+            connection.close()
         process, self._process = self._process, None
         if process is not None:
-            if self._deaf and process.running() and process.pid is not None:
+            if self._ignores_sigterm and process.running() and process.pid is not None:
                 os.kill(process.pid, signal.SIGKILL)
             process.close()
 
     def take_frames(self) -> list[Frame]:
-        """Every frame received since the last call, in the order of arrival, the answers included."""
+        """Return every frame received since the last call in the order of arrival, the answers included."""
         frames, self._frames = self._frames, []
         return frames
 
     def _check_process(self, what: str) -> None:
-        """LinkClosed if the program has ended; `what` it did then."""
+        """LinkClosed if the program has ended; `what` describes the moment."""
         if self._process is not None and not self._process.running():
             raise LinkClosed(self.name, f"{what}: {self._process.describe_end()}", cause="crashed")

@@ -1,4 +1,4 @@
-"""A program on the far side of a link that the bench starts, watches and ends."""
+"""A program on the far side of a link that the bench starts, monitors and ends."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
 import firmware_bridge
-from hil.signals.errors import PortNotFound
+from signals.errors import PortNotFound
 
 _PR_SET_PDEATHSIG = 1
-# Looked up before any fork: between fork and exec nothing may be loaded.
+# Looked up before any fork: between fork and exec no library may be loaded.
 _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else None
 
 _TERMINATE_S = 2.0
@@ -26,17 +27,28 @@ _STDERR_TAIL_BYTES = 8192
 
 
 def _die_with_parent() -> None:
-    """Runs in the child: the kernel kills it when the thread that started it ends, however that happens."""
+    """Make the kernel kill this process when the thread that started it ends, for any reason. Runs in the child."""
     if _prctl is not None:
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@dataclass(frozen=True)
+class FirmwareBuild:
+    """A user's build of a firmware and how to run it."""
+
+    binary: Path
+    folder: Path  # its working folder
+    log: Path
+    arguments: Sequence[str] = ()
+    env: Mapping[str, str] = field(default_factory=dict)  # over the environment of the bench
 
 
 class ChildProcess:
     """`argv`, run without standard input, its standard error in `stderr_path` (or a temporary file).
 
-    Its working directory is `cwd` (made if need be), or the bench's; the bench's own packages are importable in it.
-    With `log_output`, standard output joins standard error: firmware logs there. `env` lies over the environment.
-    With `own_group`, what the program starts is ended with it, and Ctrl-C at the terminal reaches the bench only.
+    Its working directory is `cwd` (made if it does not exist), or the bench's. It can import the bench's packages.
+    With `log_output`, standard output joins standard error: firmware logs there. `env` overrides the environment.
+    With `own_group`, programs that it starts are ended with it, and Ctrl-C at the terminal reaches the bench only.
     """
 
     def __init__(
@@ -63,7 +75,7 @@ class ChildProcess:
         return None if self._process is None else self._process.pid
 
     def start(self) -> None:
-        """PortNotFound if there is no such program."""
+        """Start the program. PortNotFound if it does not exist."""
         if self._stderr_path is None:
             self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 (closed in close)
         else:
@@ -92,7 +104,7 @@ class ChildProcess:
         return self._process is not None and self._process.poll() is None
 
     def stderr_tail(self, lines: int = 5) -> str:
-        """The last lines the program wrote to standard error, "" if none."""
+        """Return the last lines that the program wrote to standard error, "" if none."""
         if self._stderr is None or self._stderr.closed:
             return ""
         fd = self._stderr.fileno()
@@ -102,16 +114,16 @@ class ChildProcess:
         return "\n".join(text.rstrip().splitlines()[-lines:])
 
     def describe_end(self) -> str:
-        """How the program ended and its last words, for an error message.
+        """Describe how the program ended and quote its last output, for an error message.
 
-        Waits a moment for one that is ending.
+        Waits a moment for a program that is ending.
         """
         if self._process is None:
             return "its process was never started"
         try:
             code = self._process.wait(_EXIT_S)
         except subprocess.TimeoutExpired:
-            how = f"its process (pid {self._process.pid}) still runs but has let go of the link"
+            how = f"its process (pid {self._process.pid}) still runs but has closed the link"
         else:
             how = (
                 f"its process was ended by signal {signal.Signals(-code).name}"
@@ -122,7 +134,7 @@ class ChildProcess:
         return how + (f"; it last said:\n{tail}" if tail else "; it said nothing")
 
     def close(self) -> None:
-        """End and reap the program: asked first, killed if it does not go within two seconds."""
+        """End and reap the program: SIGTERM first, SIGKILL after two seconds."""
         process, self._process = self._process, None
         if process is not None and process.poll() is None:
             process.terminate()

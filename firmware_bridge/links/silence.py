@@ -1,15 +1,15 @@
-"""Why an autopilot in lockstep has stopped answering: told apart from what it said last, and from what a probe finds.
+"""Diagnoses why an autopilot in lockstep has stopped answering, from its last messages and from probes.
 
-    cause                        how it shows
-    slow                         the answer comes after all, past the limit
-    lost                         later messages are answered: this one, or its answer, went astray on the wire
-    terminated                   flight termination: HEARTBEAT.system_status is 8, it said so in words, or was told to.
-                                 PX4's last answer then still carries hover thrust and the armed bit
-    offboard_without_setpoints   mode OFFBOARD while disarmed, and nobody sends set-points
+    cause                        symptom
+    slow                         the answer comes past the limit
+    lost                         later messages are answered: this one, or its answer, was lost on the link
+    terminated                   flight termination: HEARTBEAT.system_status is 8, a STATUSTEXT reports it, or it was
+                                 commanded. PX4's last answer then still carries hover thrust and the armed bit
+    offboard_without_setpoints   mode OFFBOARD while disarmed, without a stream of set-points
     stopped                      its process is halted (SIGSTOP, a debugger)
-    silent                       none of these: it runs, or so it seems, and says nothing that explains it
+    silent                       none of these: it seems to run, and no message explains the silence
 
-A process that has ended, or a wire that has closed, is no silence: that is `LinkClosed`, cause `crashed`.
+A process that has ended, or a connection that has closed, is `LinkClosed` with cause `crashed` instead.
 """
 
 from __future__ import annotations
@@ -35,32 +35,33 @@ _DO_SET_MODE = 176
 _TEXTS = 3
 
 
-class Verdict(NamedTuple):
-    """A cause of the table above, and what a person should know about it."""
+class Diagnosis(NamedTuple):
+    """A cause of the table above, and its explanation for the user."""
 
     cause: str
     text: str
 
 
-class VehicleWatch:
-    """Keeps what the vehicle said last of itself, and what it was last told. Cheap enough for every tick."""
+class VehicleMonitor:
+    """Keeps the vehicle's last heartbeat and texts, and the last commands to it. Cheap enough for every tick."""
 
     def __init__(self) -> None:
         self.texts: deque[str] = deque(maxlen=_TEXTS)
         self.base_mode = 0  # of the newest heartbeat
         self._heartbeat: Any = None
-        self._told: deque[bytes] = deque(maxlen=256)
+        self._sent: deque[bytes] = deque(maxlen=256)
         self._probing = False
 
-    def told(self, data: bytes) -> None:
-        """Commands that went to the vehicle in one tick."""
-        self._told.append(data)
+    def sent(self, data: bytes) -> None:
+        """Add the commands that went to the vehicle in one tick."""
+        self._sent.append(data)
 
     def probing(self) -> None:
-        """From now on it says what the probe made it say: sensors that seem to fail."""
+        """Ignore sensor failures in its texts from now on: the probes cause them."""
         self._probing = True
 
-    def heard(self, frames: Iterable[Frame]) -> None:
+    def received(self, frames: Iterable[Frame]) -> None:
+        """Add frames from the vehicle."""
         for frame in frames:
             if frame[0] == _HEARTBEAT:
                 if frame[2] == 1:  # the autopilot's own, not that of a camera or gimbal on the same link
@@ -72,44 +73,44 @@ class VehicleWatch:
                     self.texts.append(text)
 
     @property
-    def last_words(self) -> str:
-        """Its last texts, for an error message; "" if there are none."""
+    def last_texts(self) -> str:
+        """The last texts, for an error message; "" if there are none."""
         return f"it last said: {' / '.join(self.texts)}" if self.texts else ""
 
-    def verdict(self) -> Verdict | None:
-        """What explains a silence, if what was said and heard explains it."""
-        terminated = any(m.param1 == 1.0 for m in self._told_commands(_DO_FLIGHTTERMINATION))
-        offboard = [m.param2 for m in self._told_commands(_DO_SET_MODE)][-1:] == [_PX4_OFFBOARD >> 16]
+    def diagnosis(self) -> Diagnosis | None:
+        """Explain a silence from the messages in both directions; None if they do not explain it."""
+        terminated = any(m.param1 == 1.0 for m in self._sent_commands(_DO_FLIGHTTERMINATION))
+        offboard = [m.param2 for m in self._sent_commands(_DO_SET_MODE)][-1:] == [_PX4_OFFBOARD >> 16]
         beat = self._heartbeat
         if beat is not None:
             terminated = terminated or beat.system_status == _STATE_FLIGHT_TERMINATION
             if beat.autopilot == _AUTOPILOT_PX4:
                 offboard = offboard or beat.custom_mode & 0xFF0000 == _PX4_OFFBOARD
         terminated = terminated or any("terminat" in text.lower() for text in self.texts)
-        said = f"; {self.last_words}" if self.texts else ""
+        said = f"; {self.last_texts}" if self.texts else ""
         if terminated:
-            return Verdict(
+            return Diagnosis(
                 "terminated",
-                "the flight was terminated: PX4 answers nothing afterwards, and the thrust in its last answer means "
-                f"nothing{said}",
+                "the flight was terminated: PX4 does not answer afterwards, and the thrust in its last answer is not "
+                f"meant; look for the reason in its texts and log{said}",
             )
         if offboard and not self.base_mode & _ARMED_BIT:
-            return Verdict(
+            return Diagnosis(
                 "offboard_without_setpoints",
-                "mode OFFBOARD was chosen while disarmed and no set-points come: PX4 falls silent then. Send "
+                "mode OFFBOARD was selected while disarmed and no set-points come, which silences PX4: send "
                 f"set-points first, or arm first{said}",
             )
         return None
 
-    def _told_commands(self, command: int) -> list[Any]:
-        """Those that it was told, the last one last."""
-        frames = FrameParser().feed(b"".join(self._told))
+    def _sent_commands(self, command: int) -> list[Any]:
+        """Return the commands of this kind that were sent, in order."""
+        frames = FrameParser().feed(b"".join(self._sent))
         messages = [unpack(frame) for frame in frames if frame.msgid == _COMMAND_LONG]
         return [message for message in messages if message.command == command]
 
 
 def process_is_stopped(pid: int | None) -> bool:
-    """Whether the system says that process `pid` is halted. False where it cannot be told."""
+    """Return True if process `pid` is halted. False where the system does not report it."""
     if pid is None:
         return False
     try:

@@ -1,16 +1,15 @@
-"""Two clocks related by MAVLink TIMESYNC: the autopilot's time since boot and the bench's monotonic clock.
+"""Relates the autopilot's time since boot to the bench's monotonic clock by MAVLink TIMESYNC.
 
-    we ask     tc1 = 0, ts1 = t1 (our clock)
-    it answers tc1 = t  (its clock), ts1 = t1
-    we hear it at t2 (our clock)
+    request    tc1 = 0, ts1 = t1        bench's clock
+    answer     tc1 = t, ts1 = t1        t is the autopilot's clock; received at t2 of the bench's
 
     rtt    = t2 - t1
-    offset = t - (t1 + t2) / 2          its clock minus ours, wrong by at most rtt / 2
+    offset = t - (t1 + t2) / 2          autopilot's clock minus the bench's, wrong by at most rtt / 2
 
-Queues only ever add to a round trip, so of several answers the one with the shortest is the best one (the clock filter
-of RFC 5905): one best answer is kept per block of time, and a line through the blocks gives the drift. An answer that
-contradicts the best one by more than both uncertainties allow means that the autopilot's clock jumped (it rebooted):
-all is begun anew. Times are passed in; nothing here looks at a clock.
+Queues only add to a round trip, so the answer with the shortest one is the best (the clock filter of RFC 5905): one
+best answer is kept per block of time, and a line through the blocks gives the drift. An answer that contradicts the
+best one by more than both uncertainties means that the autopilot's clock jumped (it rebooted): the filter then starts
+anew. Times are passed in; no clock is read here.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ import numpy as np
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
-from hil.signals.latency import LatencyHistogram
-from hil.signals.time import NS_PER_MS, NS_PER_S, period_ns_from_hz
+from signals.latency import LatencyHistogram
+from signals.time import NS_PER_MS, NS_PER_S, period_ns_from_hz
 
 TIMESYNC = MSGID["TIMESYNC"]
 _Timesync = message_class("TIMESYNC")
 
 _BLOCK_NS = 2 * NS_PER_S
-_BLOCKS = 60  # the drift is that of the last two minutes
+_BLOCKS = 60  # two minutes, over which the drift is taken
 _DRIFT_SPAN_NS = 10 * NS_PER_S  # below this the line through the blocks is mostly jitter
 _OUTSTANDING = 64
-# Crystals are within 100 ppm; this bound only has to tell a drift from a jump.
+# Crystals are within 100 ppm; this bound only has to distinguish a drift from a jump.
 _MAX_DRIFT = 500e-6
 _MIN_JUMP_NS = NS_PER_MS
 
 
 class ClockReading(NamedTuple):
-    """One answer: at `t_ns` of our clock theirs was `offset_ns` ahead, to within half of `rtt_ns`."""
+    """One answer: at `t_ns` of the bench's clock the autopilot's was `offset_ns` ahead, within half of `rtt_ns`."""
 
     t_ns: int
     offset_ns: int
@@ -46,34 +45,34 @@ class ClockReading(NamedTuple):
 
 
 class TimeSync:
-    """Asks at `rate_hz` and keeps the relation of the clocks. `rtt` and `resets` are for the report."""
+    """Sends requests at `rate_hz` and keeps the relation of the clocks. `rtt` and `resets` are for the report."""
 
     def __init__(self, *, rate_hz: float = 10.0) -> None:
         self.rtt = LatencyHistogram()
         self.resets = 0  # jumps of the autopilot's clock
         self._period_ns = period_ns_from_hz(rate_hz)
         self._next_ns: int | None = None
-        self._asked: deque[int] = deque(maxlen=_OUTSTANDING)
+        self._requested: deque[int] = deque(maxlen=_OUTSTANDING)
         self._blocks: deque[ClockReading] = deque(maxlen=_BLOCKS)  # best of each block, the last one still open
         self._block_start_ns = 0
 
     def request(self, now_ns: int) -> bytes | None:
-        """Payload of the question to send at `now_ns`, or None while none is due."""
+        """Return the payload of the request to send at `now_ns`, or None while none is due."""
         if self._next_ns is not None and now_ns < self._next_ns:
             return None
-        # From now, not from when it was due: after a pause one question is enough.
+        # From now, not from when it was due: after a pause one request is enough.
         self._next_ns = now_ns + self._period_ns
-        self._asked.append(now_ns)
+        self._requested.append(now_ns)
         return pack(_Timesync(0, now_ns))
 
     def take(self, frame: Frame, now_ns: int) -> ClockReading | None:
-        """A TIMESYNC heard at `now_ns`: the reading if it answers a question of ours, else None."""
+        """Take a TIMESYNC received at `now_ns`. Return the reading if it answers a request of the bench, else None."""
         message = unpack(frame)
         if message.tc1 == 0:
-            return None  # the autopilot's own question
-        if message.ts1 not in self._asked or now_ns < message.ts1:
+            return None  # the autopilot's own request
+        if message.ts1 not in self._requested or now_ns < message.ts1:
             return None
-        self._asked.remove(message.ts1)
+        self._requested.remove(message.ts1)
         rtt_ns = now_ns - message.ts1
         reading = ClockReading(now_ns, message.tc1 - (message.ts1 + now_ns) // 2, rtt_ns)
         self.rtt.add(rtt_ns)
@@ -100,12 +99,12 @@ class TimeSync:
 
     @property
     def drift_ppm(self) -> float | None:
-        """How much faster the autopilot's clock runs than ours; None before 10 s of answers."""
+        """Rate of the autopilot's clock against the bench's [ppm]; None before 10 s of answers."""
         drift = self._line()
         return None if drift is None else drift * 1e6
 
     def _line(self) -> float | None:
-        """Slope of offset over our time: least squares, each block weighted by how certain it is."""
+        """Slope of offset over time: least squares, each block weighted by the inverse of its uncertainty."""
         blocks = self._blocks
         if len(blocks) < 3 or blocks[-1].t_ns - blocks[0].t_ns < _DRIFT_SPAN_NS:
             return None
@@ -114,7 +113,7 @@ class TimeSync:
         return float(np.polyfit(t / NS_PER_S, y / NS_PER_S, 1, w=1.0 / (rtt + 1.0))[0])
 
     def best(self) -> ClockReading | None:
-        """The most certain reading of the last blocks, allowing for drift since; None before the first answer."""
+        """Return the reading with the least uncertainty, drift since then included; None before the first answer."""
         if not self._blocks:
             return None
         now_ns = self._blocks[-1].t_ns

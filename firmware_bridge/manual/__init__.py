@@ -1,1 +1,1 @@
-"""Flying by hand: gamepads, radios and the keyboard become MAVLink MANUAL_CONTROL in simulated time."""
+"""Manual flight: gamepads, radios and the keyboard, sent as MAVLink MANUAL_CONTROL in simulated time."""

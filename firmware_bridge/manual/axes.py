@@ -1,4 +1,4 @@
-"""From what a stick reads to what the autopilot is told: calibration, dead zone, expo, and who is which axis."""
+"""Converts axis readings to stick positions and MANUAL_CONTROL: calibration, dead zone, expo, mapping of axes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from firmware_bridge.manual.sticks import ManualControlError, Sticks
 
 @dataclass(frozen=True)
 class Calibration:
-    """What an axis really reads at its ends and at rest."""
+    """The readings of an axis at its ends and at rest."""
 
     minimum: int
     centre: int
@@ -20,11 +20,11 @@ class Calibration:
     def __post_init__(self) -> None:
         if not self.minimum < self.centre < self.maximum:
             raise ManualControlError(
-                f"axis range {self.minimum}, {self.centre}, {self.maximum}: must rise: minimum, centre, maximum"
+                f"axis range {self.minimum}, {self.centre}, {self.maximum}: minimum, centre and maximum must rise"
             )
 
     def position(self, raw: int) -> float:
-        """-1..1, each side of the centre scaled by itself; beyond the ends it stays there."""
+        """Return -1..1, each side of the centre scaled by itself, limited at the ends."""
         if raw >= self.centre:
             return min((raw - self.centre) / (self.maximum - self.centre), 1.0)
         return max((raw - self.centre) / (self.centre - self.minimum), -1.0)
@@ -32,13 +32,13 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Axis:
-    """One stick axis of a device and how it is felt. `source` is the device's name of it: x, y, z, rx, slider..."""
+    """One axis of a device and its response. `source` is the device's name of it: x, y, z, rx, slider..."""
 
     source: str
     inverted: bool = False
-    dead_zone: float = 0.05  # share of the travel round the centre that reads as the centre
-    expo: float = 0.0  # 0 linear .. 1 cubic: finer round the centre, the ends stay
-    calibration: Calibration | None = None  # None: the range that the device states
+    dead_zone: float = 0.05  # share of the travel around the centre that counts as the centre
+    expo: float = 0.0  # 0 linear .. 1 cubic: finer around the centre, same ends
+    calibration: Calibration | None = None  # None: the range in the device's description
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.dead_zone < 1.0:
@@ -47,7 +47,7 @@ class Axis:
             raise ManualControlError(f"axis {self.source}: expo {self.expo} must be from 0 to 1")
 
     def value(self, raw: int, low: int, high: int) -> float:
-        """-1..1 of a reading from a device that says it reads from `low` to `high`."""
+        """Return -1..1 for a reading of a device with the range `low` to `high`."""
         if self.calibration is not None:
             position = self.calibration.position(raw)
         else:
@@ -58,7 +58,7 @@ class Axis:
 
 
 def shape(position: float, dead_zone: float, expo: float) -> float:
-    """Dead zone, then expo. Continuous, odd, rising, and 1 stays 1."""
+    """Apply the dead zone, then expo. Continuous, odd, rising; 1 stays 1."""
     size = abs(position)
     if size <= dead_zone:
         return 0.0
@@ -69,19 +69,19 @@ def shape(position: float, dead_zone: float, expo: float) -> float:
 
 @dataclass(frozen=True)
 class StickMapping:
-    """Which axis flies what, and which buttons mean what. Buttons count from 1, as the device does."""
+    """The functions of axes and buttons. Buttons are numbered from 1, as the device does."""
 
     pitch: Axis
     roll: Axis
     throttle: Axis
     yaw: Axis
-    dead_man: int | None = None  # the button that must be held for the sticks to count
+    dead_man: int | None = None  # the sticks count only while this button is held
     arm: int | None = None
     disarm: int | None = None
     modes: Mapping[int, str] = field(default_factory=dict)  # button -> name of a mode
 
     def check(self, layout: ReportLayout) -> None:
-        """ManualControlError, naming everything, if the device lacks an axis or a button of this mapping."""
+        """ManualControlError, with all that is missing, if the device lacks an axis or a button of this mapping."""
         missing = [
             f"axis {axis.source!r} for {role}"
             for role, axis in (
@@ -104,7 +104,7 @@ class StickMapping:
             )
 
     def sticks(self, state: HidState, layout: ReportLayout) -> Sticks:
-        """The stick positions in `state`. The mapping must have passed `check`."""
+        """Return the stick positions in `state`. The mapping must have passed `check`."""
         ranges = {a.name: (a.low, a.high) for a in layout.axes}
 
         def value(axis: Axis) -> float:
@@ -114,10 +114,10 @@ class StickMapping:
 
 
 def manual_control_axes(sticks: Sticks) -> tuple[int, int, int, int]:
-    """(x, y, z, r) of MANUAL_CONTROL: x forward, y right, r nose right, each -1000..1000; z 0..1000, centre 500.
+    """Return (x, y, z, r) of MANUAL_CONTROL: x forward, y right, r nose right, each -1000..1000; z 0..1000, centre 500.
 
-    The message's text says that r is positive counter-clockwise; PX4, ArduPilot and QGroundControl all take positive
-    as a turn to the right, and so does this.
+    The message's documentation has r positive counter-clockwise; PX4, ArduPilot and QGroundControl all use positive for
+    a turn to the right, and so does this.
     """
     pitch, roll, throttle, yaw = (min(max(s, -1.0), 1.0) for s in sticks)
     return round(1000 * pitch), round(1000 * roll), round(500 + 500 * throttle), round(1000 * yaw)

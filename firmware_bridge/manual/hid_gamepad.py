@@ -1,4 +1,4 @@
-"""A HID gamepad, joystick or radio, read without ever waiting, and how the common ones are held.
+"""A HID gamepad, joystick or radio, read without waiting, and default mappings for common ones.
 
 Sticks are in "mode 2": throttle and yaw left, pitch and roll right. A gamepad's y axes read low when pushed forward.
 """
@@ -15,21 +15,21 @@ from firmware_bridge.manual.report_layout import HidState, ReportLayout, parse_r
 from firmware_bridge.manual.sticks import ManualControlError, StickLost, StickState
 
 _REPORT_BYTES = 4096
-_READS_LIMIT = 256  # reports taken in one poll: a device that never stops must not stop the bench
+_READS_LIMIT = 256  # reports read in one poll: a device that sends without pause must not block the bench
 _BAD_LIMIT = 25  # unreadable reports in a row after which the device counts as lost
 _USAGE_JOYSTICK = 0x04
 _USAGES = {"joystick": _USAGE_JOYSTICK, "gamepad": 0x05}
 
 
 class HidGamepad:
-    """An open device. Most send a report only when something moved, so that silence is no loss."""
+    """An open device. Most send a report only when a control moved, so silence is no loss."""
 
     def __init__(
         self, device: HidDevice, layout: ReportLayout, mapping: StickMapping, *, name: str, needs_dead_man: bool = True
     ) -> None:
         if needs_dead_man and mapping.dead_man is None:
             raise ManualControlError(
-                f"{name}: the mapping has no dead-man button. Name one, or say explicitly that none is needed"
+                f"{name}: the mapping has no dead-man button: name one, or set needs_dead_man to false"
             )
         mapping.check(layout)
         self.name = name
@@ -41,11 +41,11 @@ class HidGamepad:
 
     @property
     def mapping(self) -> StickMapping:
-        """What its axes and buttons mean."""
+        """The functions of its axes and buttons."""
         return self._mapping
 
     def poll(self) -> StickState | None:
-        """The newest state; None before the first report. StickLost when unplugged, or for nothing but garbage."""
+        """Return the newest state; None before the first report. StickLost if unplugged, or if reports are invalid."""
         self._tapped = frozenset()
         try:
             for _ in range(_READS_LIMIT):
@@ -54,7 +54,7 @@ class HidGamepad:
                     break
                 self._take(report)
         except OSError as error:
-            raise StickLost(f"{self.name}: unplugged or no longer readable ({error})") from error
+            raise StickLost(f"{self.name}: unplugged or no longer readable ({error}); plug it in again") from error
         if self._bad_in_a_row >= _BAD_LIMIT:
             raise StickLost(
                 f"{self.name}: {self._bad_in_a_row} reports in a row that do not fit its description; "
@@ -89,15 +89,14 @@ def open_gamepad(
     mapping: StickMapping | None = None,
     needs_dead_man: bool = True,
 ) -> HidGamepad:
-    """Open `pad`, or the first gamepad there is. `mapping` None: the device's default.
+    """Open `pad`, or the first gamepad found. `mapping` None: the device's default.
 
-    `needs_dead_man` False is the explicit word that a mapping without dead-man switch is meant.
-
-    StickLost if there is none or it cannot be opened; ManualControlError if it cannot be flown with.
+    `needs_dead_man` False permits a mapping without dead-man switch. StickLost if there is no gamepad or it cannot be
+    opened; ManualControlError if it lacks axes or buttons.
     """
     hid = hid or HidApi()
     if pad is None:
-        devices = find_devices(usb=_Nothing(), ports=_Nothing(), hid=hid)
+        devices = find_devices(usb=_EmptyBus(), ports=_EmptyBus(), hid=hid)
         if not devices.gamepads:
             raise StickLost("; ".join(("no gamepad, joystick or radio is plugged in", *devices.notes)))
         pad = devices.gamepads[0]
@@ -120,7 +119,7 @@ def open_gamepad(
 
 
 def layout_of(device: HidDevice) -> ReportLayout:
-    """From the device's own descriptor. ManualControlError where there is none to fly with."""
+    """Read the layout from the device's descriptor. ManualControlError if it has none that can be used."""
     try:
         return parse_report_descriptor(device.report_descriptor())
     except OSError as error:
@@ -132,13 +131,13 @@ _XBOX = frozenset({(0x045E, 0x02E0), (0x045E, 0x02FD), (0x045E, 0x0B13)})
 
 
 def default_mapping(vendor_id: int, product_id: int, usage: int, layout: ReportLayout) -> StickMapping:
-    """A mapping for this device as it is usually held.
+    """Return the usual mapping for this device.
 
     Dead-man switch: left shoulder button of a gamepad, trigger of a joystick, channel 9 (button 1) of a radio.
     """
     ids = (vendor_id, product_id)
     if ids in _RADIOS:
-        # A radio has done its own dead zones, expo and reversing: take channels 1 to 4 (AETR) as they come.
+        # A radio applies dead zones, expo and reversing itself: channels 1 to 4 (AETR) are used unchanged.
         return StickMapping(
             roll=Axis("x", dead_zone=0.0),
             pitch=Axis("y", dead_zone=0.0),
@@ -172,8 +171,8 @@ def _left_shoulder(ids: tuple[int, int], layout: ReportLayout) -> int:
     return 7 if ids in _XBOX and len(layout.buttons) > 12 else 5
 
 
-class _Nothing:
-    """A bus that is not looked at."""
+class _EmptyBus:
+    """A bus without devices, for those that are not listed."""
 
     def devices(self) -> tuple[()]:
         return ()

@@ -1,8 +1,8 @@
-"""Flying from a terminal: W A S D is the left stick (climb, yaw), the arrows are the right one (pitch, roll).
+"""Manual flight from a terminal: W A S D is the left stick (climb, yaw), the arrows are the right one (pitch, roll).
 
-A terminal tells of keys going down, never of keys coming up; a key that stays down repeats. So a stick stays out for
-as long as its key may still be repeating and then springs back. Only one key repeats at a time: with two held, the
-first springs back. The dead-man switch is being at the keyboard at all: any key renews it, and Escape lets go at once.
+A terminal reports keys pressed but not released; a key that is held repeats. So a stick stays deflected for as long as
+its key may still repeat, and then returns to the centre. Only one key repeats at a time: with two held, the first stick
+returns. Any key renews the dead-man switch, and Escape releases it at once.
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from types import TracebackType
 from typing import Protocol
 
 from firmware_bridge.manual.sticks import ManualControlError, StickLost, Sticks, StickState
-from hil.signals.time import NS_PER_S
+from signals.time import NS_PER_S
 
-HELP = "W/S climb, sink   A/D yaw   arrows fly   space centre   1-9 buttons   Esc let go"
-
-# Keys -> (axis of Sticks, direction). Terminals send arrows in one of two ways.
+# Keys -> (axis of Sticks, direction). Terminals send arrows in one of two forms.
 _STICK_KEYS = {
     b"w": ("throttle", 1.0),
     b"s": ("throttle", -1.0),
@@ -36,14 +34,14 @@ _STICK_KEYS = {
     b"\x1bOD": ("roll", -1.0),
 }
 _ESCAPE = b"\x1b"
-_PRESS_NS = 120_000_000  # how long a digit key counts as a pressed button
+_PRESS_NS = 120_000_000  # a digit key counts as a pressed button for so long
 
 
 class Keys(Protocol):
-    """Where key presses come from."""
+    """A source of key presses."""
 
     def read(self) -> bytes:
-        """What was typed since the last call, b"" if nothing. OSError when nobody can type any more."""
+        """Return the keys typed since the last call, b"" if none. OSError after the end of input."""
         ...
 
     def close(self) -> None: ...
@@ -52,8 +50,8 @@ class Keys(Protocol):
 class KeyboardSticks:
     """Stick positions from keys.
 
-    `first_hold_s` bridges the pause before a held key repeats, `repeat_hold_s` the pause between repeats.
-    `deflection` is how far out a key puts its stick. `clock_ns` is wall time: fingers are not simulated.
+    `first_hold_s` covers the pause before a held key repeats, `repeat_hold_s` the pause between repeats. `deflection`
+    is the stick position of a pressed key. `clock_ns` is wall time, as key presses are.
     """
 
     name = "keyboard"
@@ -84,7 +82,7 @@ class KeyboardSticks:
         try:
             typed = self._keys.read()
         except OSError as error:
-            raise StickLost(f"keyboard: the terminal is gone ({error})") from error
+            raise StickLost(f"keyboard: the terminal is gone ({error}); start the run in a terminal") from error
         now_ns = self._clock_ns()
         for key in self._split(typed):
             self._press(key, now_ns)
@@ -121,7 +119,7 @@ class KeyboardSticks:
             self._buttons[int(key)] = now_ns + _PRESS_NS
 
     def _split(self, typed: bytes) -> list[bytes]:
-        """Single keys. An escape at the end may begin an arrow: it waits one poll for the rest."""
+        """Split into single keys. An escape at the end may begin an arrow: it waits one poll for the rest."""
         data, self._pending = self._pending + typed, b""
         keys: list[bytes] = []
         at = 0
@@ -151,9 +149,9 @@ class KeyboardSticks:
 
 
 class Terminal:
-    """The terminal this program runs in, giving keys at once and unseen; as it was again after `close`.
+    """The program's terminal, with keys delivered at once and without echo. `close` restores its settings.
 
-    Not fully raw: Ctrl-C must still end the program.
+    Ctrl-C still ends the program.
     """
 
     def __init__(self, fd: int | None = None) -> None:
@@ -168,7 +166,9 @@ class Terminal:
             self._before = termios.tcgetattr(self._fd)
             tty.setcbreak(self._fd, termios.TCSANOW)
         except termios.error as error:
-            raise ManualControlError("standard input is no terminal: fly from a gamepad, or in a terminal") from error
+            raise ManualControlError(
+                "standard input is not a terminal: use a gamepad, or start the run in a terminal"
+            ) from error
         self._open = True
 
     def read(self) -> bytes:
@@ -184,7 +184,7 @@ class Terminal:
     def close(self) -> None:
         if self._open:
             self._open = False
-            # The other end may be gone already; then there is nothing to put back.
+            # The terminal may be gone already.
             try:
                 self._termios.tcsetattr(self._fd, self._termios.TCSANOW, self._before)
             except (OSError, self._termios.error):

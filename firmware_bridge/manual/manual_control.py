@@ -1,15 +1,15 @@
-"""Sticks to the autopilot: MANUAL_CONTROL at a fixed rate of simulated time, behind a dead-man switch.
+"""Sends the sticks to the autopilot: MANUAL_CONTROL at a fixed rate of simulated time, with a dead-man switch.
 
-    SILENT    nothing is sent. The dead-man switch pressed -> FLYING
+    SILENT    no message is sent. The dead-man switch pressed -> FLYING
     FLYING    the sticks are sent. Switch released, or device lost -> RELEASED
     RELEASED  centred sticks are sent for `neutral_s`. Then -> SILENT; the switch pressed again -> FLYING
 
-Silence is meant: the autopilot's own failsafe for a lost remote control then takes over, exactly as it would with a
-dead radio. After the loss of a device the switch must be seen released before it counts again: a pad that was put back
-with a finger on it flies nothing.
+The silence is intended: the autopilot's failsafe for a lost remote control then takes over, as with a dead radio. After
+the loss of a device the switch must be released before it counts again, so that a pad plugged in with the button
+pressed has no effect.
 
-A pure function of (simulated time, frames received, what the device says). Fingers make a run unrepeatable; with no
-device, or a scripted one, it is as repeatable as one without.
+The output is a pure function of (simulated time, frames received, state of the device). Input by hand makes a run
+unrepeatable; without a device, or with a scripted one, it stays repeatable.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from typing import NamedTuple
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, Commands
-from firmware_bridge.ground_station.wire import Wire, enum_name
+from firmware_bridge.ground_station.vehicle_link import VehicleLink, enum_name
 from firmware_bridge.manual.axes import StickMapping, manual_control_axes
 from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickDevice, StickLost, StickState
-from hil.signals.errors import HandshakeError
-from hil.signals.time import NS_PER_S
+from signals.errors import HandshakeError
+from signals.time import NS_PER_S
 
-# ArduPilot takes sticks from its ground station's system id only. Another component than the bench's ground station:
-# each sender counts its own messages.
+# ArduPilot accepts sticks from its ground station's system id only. A component other than the bench's ground station,
+# because each sender numbers its own messages.
 _COMPID = 25  # MAV_COMP_ID_USER1
 
 _ManualControl = message_class("MANUAL_CONTROL")
@@ -63,7 +63,7 @@ ARDUCOPTER_MODES: dict[str, tuple[float, float]] = {
 
 
 class ManualEvent(NamedTuple):
-    """Something worth a line in the recording."""
+    """An event for the recording."""
 
     t_ns: int
     kind: str
@@ -71,7 +71,7 @@ class ManualEvent(NamedTuple):
 
 
 class Control(Enum):
-    """Who flies, as far as the sticks are concerned."""
+    """The state of manual control; see the module's header."""
 
     SILENT = "silent"
     FLYING = "flying"
@@ -79,7 +79,7 @@ class Control(Enum):
 
 
 class Buttons(NamedTuple):
-    """What buttons ask of the autopilot. They count only while the sticks do; disarming too."""
+    """The functions of buttons. They count only while the sticks do; disarming too."""
 
     arm: int | None = None
     disarm: int | None = None
@@ -87,15 +87,15 @@ class Buttons(NamedTuple):
 
 
 def buttons_of(mapping: StickMapping) -> Buttons:
-    """The buttons that a mapping names."""
+    """Return the buttons of a mapping."""
     return Buttons(mapping.arm, mapping.disarm, mapping.modes)
 
 
 class ManualControlSource:
     """A source of commands for the scheduler: the sticks of `device`.
 
-    `device` None: none is plugged in yet. `reopen` is asked for one every `retry_s` while there is none; it returns
-    None or raises StickLost where there still is none. All times are simulated.
+    `device` None: none is plugged in yet. `reopen` is called every `retry_s` while there is none; it returns None or
+    raises StickLost while there still is none. All times are simulated.
     """
 
     def __init__(
@@ -116,35 +116,35 @@ class ManualControlSource:
             raise ManualControlError(f"neutral_s {neutral_s} must not be negative, retry_s {retry_s} must be positive")
         unknown = sorted(set(buttons.modes.values()) - set(modes))
         if unknown:
-            raise ManualControlError(f"no mode {', '.join(unknown)}; there are: {', '.join(modes)}")
+            raise ManualControlError(f"unknown mode {', '.join(unknown)}; choose from: {', '.join(modes)}")
         self.control = Control.SILENT
         self.sent = 0  # MANUAL_CONTROL messages
         self._device, self._reopen = device, reopen
         self._buttons, self._modes = buttons, modes
         self._rate_mhz = round(rate_hz * 1000)
         self._neutral_ns, self._retry_ns = round(neutral_s * NS_PER_S), round(retry_s * NS_PER_S)
-        self._wire = Wire(target_sysid=target_sysid, compid=_COMPID)
-        self._commands = Commands(self._wire, tries=_TRIES)
-        self._asked = ""  # what the command under way is called
+        self._link = VehicleLink(target_sysid=target_sysid, compid=_COMPID)
+        self._commands = Commands(self._link, tries=_TRIES)
+        self._command_name = ""  # of the command under way
         self._next = 0  # number of the next poll
         self._released_at_ns = 0
         self._retry_at_ns = 0
-        self._must_let_go = False
+        self._must_release = False
         self._unusable = ""
         self._pressed: frozenset[int] = frozenset()
         self._events: list[ManualEvent] = []
 
     def take_events(self) -> list[ManualEvent]:
-        """What happened since the last call."""
+        """Return the events since the last call."""
         events, self._events = self._events, []
         return events
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
-        """One tick: bytes for the autopilot."""
-        self._wire.hand_on(frames, {_COMMAND_ACK: lambda ack: self._commands.on_ack(t_ns, ack)})
+        """Run one tick. Return the bytes for the autopilot."""
+        self._link.dispatch(frames, {_COMMAND_ACK: lambda ack: self._commands.on_ack(t_ns, ack)})
         self._follow_up(t_ns)
         self._poll_when_due(t_ns)
-        return self._wire.take()
+        return self._link.take()
 
     def _poll_when_due(self, t_ns: int) -> None:
         # Poll n is due at n / rate, in whole nanoseconds from the start: no drift whatever the tick.
@@ -155,19 +155,19 @@ class ManualControlSource:
         held = state is not None and state.held
         if not held:
             if state is not None:
-                self._must_let_go = False
+                self._must_release = False
             if self.control is Control.FLYING:
-                self._let_go(t_ns, "released", "dead-man switch released: sticks centred")
-        elif self.control is not Control.FLYING and not self._must_let_go:
+                self._release(t_ns, "released", "dead-man switch released: sticks centred")
+        elif self.control is not Control.FLYING and not self._must_release:
             self.control = Control.FLYING
-            self._say(t_ns, "flying", f"{self._name}: the sticks count")
+            self._event(t_ns, "flying", f"{self._name}: the sticks count")
         if self.control is Control.FLYING and state is not None:
             self._on_buttons(t_ns, state.pressed - self._pressed)
         self._pressed = frozenset() if state is None else state.pressed
-        self._say_sticks(t_ns, state)
+        self._send_sticks(t_ns, state)
 
     def close(self) -> None:
-        """Let the device go. May be called any number of times."""
+        """Close the device. May be called any number of times."""
         device, self._device = self._device, None
         if device is not None:
             with suppress(OSError):
@@ -177,25 +177,25 @@ class ManualControlSource:
     def _name(self) -> str:
         return self._device.name if self._device is not None else "no device"
 
-    def _say(self, t_ns: int, kind: str, text: str) -> None:
+    def _event(self, t_ns: int, kind: str, text: str) -> None:
         self._events.append(ManualEvent(t_ns, f"manual_{kind}", text))
 
     # -- sticks -------------------------------------------------------------------------------------------------
 
-    def _say_sticks(self, t_ns: int, state: StickState | None) -> None:
+    def _send_sticks(self, t_ns: int, state: StickState | None) -> None:
         if self.control is Control.RELEASED and t_ns - self._released_at_ns >= self._neutral_ns:
             self.control = Control.SILENT
-            self._say(t_ns, "silent", "no more sticks are sent: the autopilot's failsafe decides")
+            self._event(t_ns, "silent", "no more sticks are sent: the autopilot's failsafe decides")
         if self.control is Control.SILENT:
             return
         sticks = state.sticks if self.control is Control.FLYING and state is not None else NEUTRAL
         self.sent += 1
         x, y, z, r = manual_control_axes(sticks)
-        self._wire.say(_ManualControl(target=self._wire.target_sysid, x=x, y=y, z=z, r=r, buttons=0))
+        self._link.send(_ManualControl(target=self._link.target_sysid, x=x, y=y, z=z, r=r, buttons=0))
 
     def _poll(self, t_ns: int) -> StickState | None:
         if self._device is None:
-            self._try_again(t_ns)
+            self._try_reopen(t_ns)
         if self._device is None:
             return None
         try:
@@ -203,14 +203,14 @@ class ManualControlSource:
         except StickLost as error:
             self.close()
             self._retry_at_ns = t_ns + self._retry_ns
-            self._must_let_go = True
+            self._must_release = True
             if self.control is Control.FLYING:
-                self._let_go(t_ns, "lost", f"{error}: sticks centred")
+                self._release(t_ns, "lost", f"{error}: sticks centred")
             else:
-                self._say(t_ns, "lost", str(error))
+                self._event(t_ns, "lost", str(error))
             return None
 
-    def _try_again(self, t_ns: int) -> None:
+    def _try_reopen(self, t_ns: int) -> None:
         if self._reopen is None or t_ns < self._retry_at_ns:
             return
         self._retry_at_ns = t_ns + self._retry_ns
@@ -219,50 +219,50 @@ class ManualControlSource:
         except StickLost:
             return
         except ManualControlError as error:
-            # Another device than before, perhaps. Said once, and it may still be swapped for the right one.
+            # Perhaps another device than before. Reported once; the right one may still be plugged in.
             if str(error) != self._unusable:
                 self._unusable = str(error)
-                self._say(t_ns, "unusable", self._unusable)
+                self._event(t_ns, "unusable", self._unusable)
             return
         if self._device is not None:
-            advice = "; let go of the dead-man switch, then press it" if self._must_let_go else ""
-            self._say(t_ns, "found", f"{self._name}: plugged in{advice}")
+            advice = "; release the dead-man switch, then press it" if self._must_release else ""
+            self._event(t_ns, "found", f"{self._name}: plugged in{advice}")
 
-    def _let_go(self, t_ns: int, kind: str, text: str) -> None:
+    def _release(self, t_ns: int, kind: str, text: str) -> None:
         self.control = Control.RELEASED
         self._released_at_ns = t_ns
-        self._commands.drop()  # nobody arms for a pilot who is no longer there
-        self._say(t_ns, kind, text)
+        self._commands.drop()  # a pilot who has released the switch must not arm
+        self._event(t_ns, kind, text)
 
     # -- buttons ------------------------------------------------------------------------------------------------
 
     def _on_buttons(self, t_ns: int, new: frozenset[int]) -> None:
-        """One command for the buttons newly pressed: disarm before mode before arm."""
+        """Send one command for the newly pressed buttons: disarm before mode before arm."""
         buttons = self._buttons
         if buttons.disarm in new:
-            self._ask(t_ns, "disarm", _COMPONENT_ARM_DISARM, (0.0,))
+            self._request(t_ns, "disarm", _COMPONENT_ARM_DISARM, (0.0,))
             return
         for button, name in sorted(buttons.modes.items()):
             if button in new:
-                self._ask(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
+                self._request(t_ns, f"mode {name}", _DO_SET_MODE, (_CUSTOM_MODE, *self._modes[name]))
                 return
         if buttons.arm in new:
-            self._ask(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
+            self._request(t_ns, "arm", _COMPONENT_ARM_DISARM, (1.0,))
 
-    def _ask(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> None:
-        self._say(t_ns, "button", f"{what} asked for")
-        self._asked = what
-        self._commands.ask(t_ns, command, params)
+    def _request(self, t_ns: int, what: str, command: int, params: tuple[float, ...]) -> None:
+        self._event(t_ns, "button", f"{what} requested")
+        self._command_name = what
+        self._commands.send(t_ns, command, params)
 
     def _follow_up(self, t_ns: int) -> None:
-        """Tell the answer to the command under way, or ask again."""
+        """Report the answer to the command under way, or repeat it."""
         commands = self._commands
         if commands.result is not None:
             kind = "done" if commands.result == ACCEPTED else "refused"
-            self._say(t_ns, kind, f"{self._asked}: {enum_name('MAV_RESULT', commands.result)}")
+            self._event(t_ns, kind, f"{self._command_name}: {enum_name('MAV_RESULT', commands.result)}")
             commands.drop()
         try:
             commands.step(t_ns)
         except HandshakeError:
             commands.drop()
-            self._say(t_ns, "refused", f"{self._asked}: asked {_TRIES} times and never answered")
+            self._event(t_ns, "refused", f"{self._command_name}: sent {_TRIES} times without an answer")

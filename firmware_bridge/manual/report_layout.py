@@ -1,8 +1,8 @@
-"""What is where in a HID device's reports, read from the device's own report descriptor.
+"""The layout of a HID device's reports, read from its report descriptor.
 
 The descriptor is a list of short items (USB HID 1.11, section 6.2.2): a prefix byte of size, type and tag, then 0, 1,
 2 or 4 bytes. Global items set a state, local items name usages, and each Input item lays out fields from both. Only
-what is needed to fly is kept: axes, buttons and the hat.
+axes, buttons and the hat are kept.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _AXES = {
     (_SIMULATION, 0xC5): "brake",
 }
 _MAX_REPORT_BITS = 8 * 4096
-_MAX_DESCRIPTOR_BYTES = 4096  # what Linux and hidapi allow
+_MAX_DESCRIPTOR_BYTES = 4096  # the limit of Linux and hidapi
 
 
 class AxisField(NamedTuple):
@@ -43,7 +43,7 @@ class AxisField(NamedTuple):
     high: int
 
     def read(self, number: int) -> int:
-        """Its value in a report taken as one little-endian number."""
+        """Return its value in a report given as one little-endian number."""
         value = number >> self.at & (1 << self.bits) - 1
         return value - (1 << self.bits) if self.low < 0 and value >> self.bits - 1 else value
 
@@ -56,7 +56,7 @@ class ButtonField(NamedTuple):
 
 
 class HidState(NamedTuple):
-    """One report, read. Axis values as the device sends them."""
+    """The contents of one report. Axis values as the device sends them."""
 
     axes: dict[str, int]
     pressed: frozenset[int]
@@ -72,17 +72,17 @@ class ReportLayout:
     buttons: tuple[ButtonField, ...]
 
     def range_of(self, axis: str) -> tuple[int, int] | None:
-        """(lowest, highest) value of `axis`; None if there is no such axis."""
+        """Return (lowest, highest) value of `axis`; None if there is no such axis."""
         return next(((a.low, a.high) for a in self.axes if a.name == axis), None)
 
     def is_other_report(self, report: bytes) -> bool:
-        """A report with another number: motion, battery; not the sticks and no fault."""
+        """Return True for a report with another number, such as motion or battery, which is no fault."""
         return self.report_id is not None and len(report) > 0 and report[0] != self.report_id
 
     def read(self, report: bytes) -> HidState | None:
-        """The state in `report`; None if it is of another length or an axis is out of its range.
+        """Return the state in `report`; None if its length is wrong or an axis is out of its range.
 
-        Zeros behind it are no fault: Windows fills every report up to the longest.
+        Zeros after it are no fault: Windows pads every report to the longest.
         """
         if self.report_id is not None:
             if not report or report[0] != self.report_id:
@@ -94,7 +94,7 @@ class ReportLayout:
         axes: dict[str, int] = {}
         for axis in self.axes:
             value = axis.read(number)
-            # A hat out of its range is not pressed (HID's null state); a stick out of its range is no stick.
+            # A hat out of its range is not pressed (HID's null state); a stick out of its range is invalid.
             if axis.name != "hat" and not axis.low <= value <= axis.high:
                 return None
             axes[axis.name] = value
@@ -120,7 +120,7 @@ class _Report:
 
 
 def parse_report_descriptor(descriptor: bytes) -> ReportLayout:
-    """The layout of the report with the most axes. ManualControlError if nothing in it can be flown with."""
+    """Return the layout of the report with the most axes. ManualControlError if none has two axes."""
     if len(descriptor) > _MAX_DESCRIPTOR_BYTES:
         raise _bad(f"it is {len(descriptor)} bytes long")
     state = _Globals()
@@ -159,7 +159,7 @@ def parse_report_descriptor(descriptor: bytes) -> ReportLayout:
                 stack.append(state)
             elif tag == 11:
                 if not stack:
-                    raise _bad("it takes back a state that it never put away")
+                    raise _bad("it pops a state that it never pushed")
                 state = stack.pop()
         elif kind == 2:
             # A four-byte usage carries its own page.
@@ -178,7 +178,7 @@ def parse_report_descriptor(descriptor: bytes) -> ReportLayout:
         raise _bad("some of its reports are numbered and some are not")
     report_id, report = max(reports.items(), key=lambda item: len(item[1].axes), default=(None, _Report()))
     if sum(axis.name != "hat" for axis in report.axes) < 2:
-        raise _bad("it has fewer than two axes: not a gamepad?")
+        raise _bad("it has fewer than two axes; is it a gamepad?")
     return ReportLayout(report_id, (report.bits + 7) // 8, tuple(report.axes), tuple(report.buttons))
 
 

@@ -1,18 +1,18 @@
-"""What every way of flying by hand comes to: four stick positions, a dead-man switch and the buttons pressed."""
+"""The common result of all stick devices: four positions, a dead-man switch and the buttons pressed."""
 
 from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from hil.signals.errors import HilError
+from signals.errors import HilError
 
 
 class ManualControlError(HilError):
-    """A stick mapping or a device's description of itself cannot be used."""
+    """A stick mapping, or a device's own description, cannot be used."""
 
 
 class StickLost(HilError):
-    """The device with the sticks is gone, or what it sends can no longer be read."""
+    """The stick device is unplugged, or its reports can no longer be read."""
 
 
 class Sticks(NamedTuple):
@@ -28,7 +28,7 @@ NEUTRAL = Sticks(0.0, 0.0, 0.0, 0.0)
 
 
 class StickState(NamedTuple):
-    """What a device says now. `held`: the dead-man switch; `pressed`: button numbers from 1, as the device counts."""
+    """The present state of a device. `held`: the dead-man switch; `pressed`: button numbers from 1."""
 
     sticks: Sticks
     held: bool
@@ -36,13 +36,13 @@ class StickState(NamedTuple):
 
 
 class StickDevice(Protocol):
-    """Whatever has sticks."""
+    """A source of stick positions."""
 
     @property
     def name(self) -> str: ...
 
     def poll(self) -> StickState | None:
-        """The newest state; None until the device has said anything. Never waits. StickLost when it is gone."""
+        """Return the newest state; None before the first report. Never waits. StickLost if it is unplugged."""
         ...
 
     def close(self) -> None: ...

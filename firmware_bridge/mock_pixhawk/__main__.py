@@ -16,12 +16,12 @@ from collections.abc import Callable, Sequence
 
 import serial
 
-from firmware_bridge.mock_pixhawk.autopilot import DEFAULT_BAUD, MockPixhawk
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import EXIT_STATUS_DIED, Died, parse_fault
-from firmware_bridge.mock_pixhawk.hitl import BoardClock
+from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board, BoardClock
 from firmware_bridge.mock_pixhawk.line import serve
-from firmware_bridge.mock_pixhawk.params import airframes
-from hil.signals.errors import ConfigError
+from firmware_bridge.mock_pixhawk.parameters.params import airframes
+from signals.errors import ConfigError
 
 _MAX_DRIFT_PPM = 10_000.0
 
@@ -91,6 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run until the line hangs up. Returns the exit status."""
     signal.signal(signal.SIGTERM, _end)
     arguments = _arguments(argv)
+    clock = BoardClock(offset_us=arguments.clock_offset_us, drift_ppm=arguments.clock_drift_ppm)
     try:
         autopilot = MockPixhawk(
             airframe=arguments.airframe,
@@ -99,9 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             params=arguments.param,
             faults=[parse_fault(text) for text in arguments.fault],
             offboard_silence=not arguments.answer_offboard,
-            mode="hitl" if arguments.hitl else "lockstep",
-            clock=BoardClock(offset_us=arguments.clock_offset_us, drift_ppm=arguments.clock_drift_ppm),
-            baud=arguments.baud,
+            board=Board(clock, arguments.baud) if arguments.hitl else None,
         )
     except ConfigError as error:
         print(f"mock_pixhawk: {error}", file=sys.stderr)  # noqa: T201

@@ -11,24 +11,20 @@ that is as repeatable.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 from firmware_bridge import _native
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.mock_pixhawk.commander import Commander
 from firmware_bridge.mock_pixhawk.faults import Fault, Misbehaviour
 from firmware_bridge.mock_pixhawk.firmware import Firmware
-from firmware_bridge.mock_pixhawk.hitl import BoardClock, Hitl
+from firmware_bridge.mock_pixhawk.flight.commander import Commander
+from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
+from firmware_bridge.mock_pixhawk.hitl import Board, Hitl
 from firmware_bridge.mock_pixhawk.ids import COMPONENT_AUTOPILOT
 from firmware_bridge.mock_pixhawk.lockstep import Lockstep
-from firmware_bridge.mock_pixhawk.navigator import Navigator
-from firmware_bridge.mock_pixhawk.outbox import Outbox
-from firmware_bridge.mock_pixhawk.params import ParamTable
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from firmware_bridge.mock_pixhawk.services.outbox import Outbox
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
-from hil.signals.mission import MissionItem
-
-DEFAULT_BAUD = 921600
-MODES = ("lockstep", "hitl")
+from signals.mission import MissionItem
 
 
 class MockPixhawk:
@@ -38,8 +34,8 @@ class MockPixhawk:
     `sysid`, if given, overrides their MAV_SYS_ID.
     Lockstep only: `boot_sensors` HIL_SENSORs are left unanswered; `offboard_silence`: fall silent, as PX4 does, when
     OFFBOARD is selected while disarmed without set-points.
-    HITL only: `clock` is the board's (default: the monotonic wall clock), `baud` the link's rate; on a slow link PX4
-    ignores HIL messages. SYS_HITL is 1 unless `params` say otherwise, and takes effect at boot.
+    With a `board` it runs in HITL, without in lockstep. In HITL SYS_HITL is 1 unless `params` set it, and takes effect
+    at boot.
     """
 
     def __init__(
@@ -51,20 +47,16 @@ class MockPixhawk:
         params: Sequence[str] = (),
         faults: Sequence[Fault] = (),
         offboard_silence: bool = True,
-        mode: Literal["lockstep", "hitl"] = "lockstep",
-        clock: BoardClock | None = None,
-        baud: int = DEFAULT_BAUD,
+        board: Board | None = None,
     ) -> None:
-        if mode not in MODES:
-            raise ValueError(f"mode {mode!r}: there are {', '.join(MODES)}")
-        self.mode = mode
-        self.clock = clock or BoardClock()
-        self._boot_sensors, self._offboard_silence, self._baud = boot_sensors, offboard_silence, baud
+        self._board = board
+        self.clock = None if board is None else board.clock  # in lockstep HIL_SENSOR is the clock
+        self._boot_sensors, self._offboard_silence = boot_sensors, offboard_silence
         self._misbehaviour = Misbehaviour(tuple(faults))
-        self.params = ParamTable(_native_params(), hitl=mode == "hitl")
+        self.params = ParamTable(_native_params(), hitl=board is not None)
         self.params.load_airframe(airframe)
         given = [] if sysid is None else [f"MAV_SYS_ID={sysid}"]
-        self.params.load([*(["SYS_HITL=1"] if mode == "hitl" else []), *params, *given])
+        self.params.load([*([] if board is None else ["SYS_HITL=1"]), *params, *given])
         self.boots = 0
         self._power_on([])
 
@@ -81,15 +73,13 @@ class MockPixhawk:
             params=self.params,
             outbox=outbox,
             sysid=sysid,
-            hitl=self.mode == "hitl" and self.params["SYS_HITL"] == 1,
+            hitl=self._board is not None and self.params["SYS_HITL"] == 1,
             host=self,
             mission=mission,
-            offboard_silence=self._offboard_silence and self.mode == "lockstep",
+            offboard_silence=self._offboard_silence and self._board is None,
         )
-        if self.mode == "hitl":
-            self.clocking: Lockstep | Hitl = Hitl(
-                self.firmware, outbox, self._misbehaviour, self.clock, baud=self._baud
-            )
+        if self._board is not None:
+            self.clocking: Lockstep | Hitl = Hitl(self.firmware, outbox, self._misbehaviour, self._board)
         else:
             self.clocking = Lockstep(self.firmware, outbox, self._misbehaviour, self._boot_sensors)
         self._take = self.clocking.take
@@ -124,7 +114,8 @@ class MockPixhawk:
         self.clocking.silent = True
 
     def _start_over(self) -> bytes:
-        self.clock.restart()
+        if self.clock is not None:
+            self.clock.restart()
         self._power_on(self.firmware.missions.items)
         return self.boot()
 

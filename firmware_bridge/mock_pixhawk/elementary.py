@@ -1,15 +1,15 @@
 """Angles and elementary functions for the autopilot's guidance, the same bits on every machine.
 
 Python's `math.sin` and its like call the C library, whose variants differ in the last bit between CPUs: the functions
-here are those of `hil/signals/native/detmath.hpp`. All angles in rad.
+here are those of `signals/native/detmath.hpp`. All angles in rad.
 """
 
 from __future__ import annotations
 
 from math import floor, pi
 
-from hil.signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_log, det_sin
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_log, det_sin
+from signals.units import TURN_RAD
 
 sin, cos, asin, atan2, exp, log = det_sin, det_cos, det_asin, det_atan2, det_exp, det_log
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 from typing import NamedTuple
 
-from hil.signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, Problem
 
 KINDS = ("die", "stall", "wrong_time", "garbage", "noise")
 EXIT_STATUS_DIED = 70

@@ -15,24 +15,25 @@ from firmware_bridge import _native
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
-from firmware_bridge.mock_pixhawk.commander import Commander
-from firmware_bridge.mock_pixhawk.commands import Commands
-from firmware_bridge.mock_pixhawk.estimate import Estimate, declination_deg
-from firmware_bridge.mock_pixhawk.failsafe import Failsafe
-from firmware_bridge.mock_pixhawk.guidance import PERIOD_US, Guidance
+from firmware_bridge.mock_pixhawk.estimate.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
+from firmware_bridge.mock_pixhawk.estimate.state import Estimate, declination_deg
+from firmware_bridge.mock_pixhawk.flight.commander import Commander, Output
+from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
+from firmware_bridge.mock_pixhawk.flight.guidance import PERIOD_US, Guidance
+from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
+from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
+from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
+from firmware_bridge.mock_pixhawk.flight.preflight import Preflight
 from firmware_bridge.mock_pixhawk.ids import Severity
-from firmware_bridge.mock_pixhawk.mission_store import MissionStore
-from firmware_bridge.mock_pixhawk.navigator import Navigator
-from firmware_bridge.mock_pixhawk.offboard import Offboard
-from firmware_bridge.mock_pixhawk.outbox import Outbox
-from firmware_bridge.mock_pixhawk.params import ParamService, ParamTable
-from firmware_bridge.mock_pixhawk.preflight import Preflight
-from firmware_bridge.mock_pixhawk.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
-from firmware_bridge.mock_pixhawk.services import Services
-from firmware_bridge.mock_pixhawk.telemetry import Telemetry, autopilot_version
+from firmware_bridge.mock_pixhawk.parameters.params import ParamService, ParamTable
+from firmware_bridge.mock_pixhawk.services.commands import Commands
+from firmware_bridge.mock_pixhawk.services.mission_store import MissionStore
+from firmware_bridge.mock_pixhawk.services.outbox import Outbox
+from firmware_bridge.mock_pixhawk.services.services import Services
+from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry, autopilot_version
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
-from hil.signals.errors import ConfigError, Problem
-from hil.signals.mission import MissionItem
+from signals.errors import ConfigError, Problem
+from signals.mission import MissionItem
 
 HEARTBEAT, AUTOPILOT_VERSION = MSGID["HEARTBEAT"], MSGID["AUTOPILOT_VERSION"]
 _PARAM_PERIOD_US, _MISSION_PERIOD_US = 8_000, 50_000
@@ -150,15 +151,11 @@ class Firmware:
         self.commander = Commander(
             vehicle,
             self.estimate,
-            self._guidance,
             params,
+            FlightModes(vehicle, params, self._guidance, self.navigator, self._offboard),
             self.preflight,
             failsafe,
-            self.navigator,
-            self._offboard,
-            say=outbox.say,
-            silence=host.fall_silent,
-            offboard_silence=offboard_silence,
+            Output(outbox.say, host.fall_silent, offboard_silence),
             hitl=hitl,
         )
         self.telemetry = Telemetry(vehicle, self.estimate, self.sensors, self._mission_state, hil=hitl)
@@ -172,12 +169,10 @@ class Firmware:
             vehicle=vehicle,
             commands=commands,
             params=param_service,
-            table=params,
             missions=self.missions,
             offboard=self._offboard,
             failsafe=failsafe,
-            set_current=self._set_current,
-            send=outbox.send,
+            outbox=outbox,
         ).handlers
         self._set_up_timers(param_service)
         params.on_change = self._on_param
@@ -274,12 +269,6 @@ class Firmware:
     def _set_home(self, place: tuple[float, float, float] | None) -> None:
         if not self.commander.set_home(place):
             self.outbox.warn("Home not set: no position")
-
-    def _set_current(self, seq: int, now_us: int) -> None:
-        if self.navigator.set_current(seq):
-            self.send_once(MSGID["MISSION_CURRENT"], now_us)
-        else:
-            self.outbox.warn(f"No mission item {seq}")
 
     # -- streams, as commands ask for them ----------------------------------------------------------------------
 

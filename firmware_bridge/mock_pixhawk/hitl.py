@@ -13,15 +13,16 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from firmware_bridge._native import FlightCore
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.mock_pixhawk.estimate.sensors import IMU_BITS
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
 from firmware_bridge.mock_pixhawk.firmware import Firmware
-from firmware_bridge.mock_pixhawk.outbox import CHANNELS, HIL_ACTUATOR_CONTROLS, Outbox, push_controls
-from firmware_bridge.mock_pixhawk.params import ParamTable
-from firmware_bridge.mock_pixhawk.sensors import IMU_BITS
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from firmware_bridge.mock_pixhawk.services.outbox import CHANNELS, HIL_ACTUATOR_CONTROLS, Outbox, push_controls
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
@@ -37,6 +38,7 @@ _FIRST_MOTOR = 101  # HIL_ACT_FUNCn: 101 is motor 1
 _CONSTANT_MAX = 2
 _PPB = 1_000_000_000
 
+DEFAULT_BAUD = 921600
 _unpack_sensor = struct.Struct("<Q13fIB").unpack
 
 
@@ -82,6 +84,14 @@ class BoardClock:
         return max(0.0, (self.source_ns(t_us) - self._source_ns()) * 1e-9)
 
 
+@dataclass(frozen=True)
+class Board:
+    """The hardware of a mock in HITL: its clock, and the data rate of its line. On a slow line PX4 ignores HIL."""
+
+    clock: BoardClock = field(default_factory=BoardClock)
+    baud: int = DEFAULT_BAUD
+
+
 class HitlOutputs:
     """HIL_ACT_FUNC1..16: which function each slot carries. As in PX4 a change takes effect while disarmed."""
 
@@ -109,20 +119,18 @@ class HitlOutputs:
 
 
 class Hitl:
-    """Runs `firmware` by `clock`."""
+    """Runs `firmware` by the clock of `board`."""
 
-    def __init__(
-        self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, clock: BoardClock, *, baud: int
-    ) -> None:
-        self._firmware, self._outbox, self._misbehaviour, self._clock = firmware, outbox, misbehaviour, clock
-        self.hil_on = firmware.hitl and fast_enough(baud)
+    def __init__(self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, board: Board) -> None:
+        self._firmware, self._outbox, self._misbehaviour, self._clock = firmware, outbox, misbehaviour, board.clock
+        self.hil_on = firmware.hitl and fast_enough(board.baud)
         self.silent = False  # only while it reboots
         self.steps = 0
         self.ignored = 0
         self.state_quaternions = 0
         self._last_stamp_us = -1
         outbox.holding = False
-        now_us = clock.now_us()
+        now_us = board.clock.now_us()
         firmware.begin(now_us)
         if self.hil_on:
             self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core, firmware.rotors)

@@ -11,6 +11,7 @@ import select
 import time
 
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.hitl import BoardClock
 
 _READ_SIZE = 65536
 _PARENT_CHECK_S = 1.0  # how often the parent process is looked for; in lockstep only while the line is silent
@@ -22,10 +23,10 @@ def serve(autopilot: MockPixhawk, fd: int) -> None:
     """Be `autopilot` on `fd` until the other side hangs up or the parent is gone. Raises `faults.Died` only."""
     parent = os.getppid()
     try:
-        if autopilot.mode == "hitl":
-            _run_free(autopilot, fd, parent)
-        else:
+        if autopilot.clock is None:
             _answer(autopilot, fd, parent)
+        else:
+            _run_free(autopilot, autopilot.clock, fd, parent)
     except OSError:
         # EIO: the other end of the line was closed. There is nobody left to tell.
         return
@@ -59,14 +60,14 @@ def _write(fd: int, data: bytes) -> None:
         written += os.write(fd, data[written:])
 
 
-def _run_free(autopilot: MockPixhawk, fd: int, parent: int) -> None:
+def _run_free(autopilot: MockPixhawk, clock: BoardClock, fd: int, parent: int) -> None:
     os.set_blocking(fd, False)
     buffer = SendBuffer(fd)
     buffer.write(autopilot.boot())
     parent_check_s = time.monotonic()
     while True:
         due_us = autopilot.next_due_us
-        wait_s = _PARENT_CHECK_S if due_us is None else min(autopilot.clock.until_s(due_us), _PARENT_CHECK_S)
+        wait_s = _PARENT_CHECK_S if due_us is None else min(clock.until_s(due_us), _PARENT_CHECK_S)
         readable, _, _ = select.select([fd], [fd] if buffer.pending else [], [], wait_s)
         data = b""
         if readable:

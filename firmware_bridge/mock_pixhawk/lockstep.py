@@ -21,7 +21,7 @@ from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.mock_pixhawk.faults import Misbehaviour
 from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.ids import Cmd
-from firmware_bridge.mock_pixhawk.outbox import CHANNELS, Outbox, push_controls
+from firmware_bridge.mock_pixhawk.services.outbox import CHANNELS, Outbox, push_controls
 
 HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
 

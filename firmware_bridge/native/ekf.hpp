@@ -1,6 +1,6 @@
 // Error-state extended Kalman filter: IMU, delayed GPS, barometer, magnetic heading.
 //
-// Model and Jacobians: firmware_bridge/mock_pixhawk/ekf_model.py (the build makes C++ of it with CasADi). Error state, 16:
+// Model and Jacobians: firmware_bridge/mock_pixhawk/estimate/ekf_model.py (the build makes C++ of it with CasADi). Error state, 16:
 // attitude (3, body frame), velocity (3), position (3), gyro bias (3), accelerometer bias (3), barometer offset (1).
 // NED/FRD, SI, double. The covariance is kept exactly symmetric (upper triangle computed, then mirrored) and its
 // diagonal bounded; a fusion that would make a variance negative is skipped and counted.

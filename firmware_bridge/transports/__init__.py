@@ -1,1 +1,1 @@
-"""Bytes and nothing but bytes: serial ports, pseudo-terminals, TCP, UDP, and memory. No message knowledge."""
+"""Transports: bytes over serial ports, pseudo-terminals, TCP, UDP or memory, without knowledge of messages."""

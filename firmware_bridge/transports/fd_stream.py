@@ -6,11 +6,11 @@ import os
 import select
 import time
 
-from hil.signals.errors import LinkClosed
+from signals.errors import LinkClosed
 
 _READ_SIZE = 65536
-# Both sides may write at once. What arrives while a long write waits for room is kept, up to this much: a
-# far side that says more without ever reading is broken.
+# Both sides may write at once. Bytes that arrive while a long write waits for room are kept, up to this many: a far
+# side that sends more without ever reading is broken.
 _INBOX_LIMIT = 4 * 1024 * 1024
 _WRITE_STALL_S = 5.0
 
@@ -18,9 +18,9 @@ _IN = select.POLLIN | select.POLLHUP | select.POLLERR
 
 
 class FdStream:
-    """Reads and writes `fd` without blocking for ever.
+    """Reads and writes `fd` within time limits.
 
-    Does not own the descriptor: whoever opened it closes it.
+    Does not own the descriptor: the code that opened it closes it.
     """
 
     __slots__ = ("_fd", "_inbox", "_name", "_poll_in", "_write_stall_s")
@@ -38,7 +38,7 @@ class FdStream:
     def write(self, data: bytes) -> None:
         """Send all of `data`.
 
-        LinkClosed if the far side is gone, or takes nothing for `write_stall_s` seconds.
+        LinkClosed if the far side has disconnected, or takes nothing for `write_stall_s` seconds.
         """
         try:
             sent = os.write(self._fd, data)
@@ -50,7 +50,7 @@ class FdStream:
             self._write_slowly(memoryview(data)[sent:])
 
     def _write_slowly(self, rest: memoryview) -> None:
-        """The line is full: wait for room, and meanwhile take in what comes, so that two writers never deadlock."""
+        """Write to a full line. Meanwhile take in received bytes, so that two writers never deadlock."""
         poll = select.poll()
         poll.register(self._fd, select.POLLIN | select.POLLOUT)
         deadline = time.monotonic() + self._write_stall_s
@@ -81,7 +81,7 @@ class FdStream:
                 deadline = time.monotonic() + self._write_stall_s
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived, waiting up to `timeout_s` for the first byte.
+        """Return received bytes, waiting up to `timeout_s` for the first.
 
         LinkClosed after the far side's last byte.
         """
@@ -101,15 +101,17 @@ class FdStream:
         except OSError as error:
             raise self._closed(error) from error
         if not data:
-            raise LinkClosed(self._name, "the far side closed the connection")
+            raise LinkClosed(self._name, "the far side closed the connection; did its program end?")
         return data
 
     def _closed(self, error: OSError) -> LinkClosed:
-        return LinkClosed(self._name, f"the far side hung up, or the device was unplugged ({error.strerror})")
+        return LinkClosed(
+            self._name, f"the far side hung up, or the device was unplugged ({error.strerror}); check program and cable"
+        )
 
 
 class StreamTransport:
-    """The half of a transport that reads and writes a stream, once `open` has made one."""
+    """The part of a transport that reads and writes a stream, once `open` has made one."""
 
     _stream: FdStream | None = None
 
@@ -125,5 +127,5 @@ class StreamTransport:
 
     def _opened(self) -> FdStream:
         if self._stream is None:
-            raise LinkClosed(self.name, "it is not open")
+            raise LinkClosed(self.name, "it is not open; call `open` first")
         return self._stream

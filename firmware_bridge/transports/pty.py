@@ -1,8 +1,7 @@
 """A pseudo-terminal: a serial cable inside the kernel.
 
-The bench holds one end; the other end has a path, and a program that opens it with pyserial cannot tell it
-from a real port. That is how the mocked flight controller gets a real serial link on a machine with no
-hardware.
+The bench holds one end; the other end has a path, and a program that opens it with pyserial cannot distinguish it from
+a real port. So the mocked flight controller has a real serial link on a machine without hardware.
 """
 
 from __future__ import annotations
@@ -11,14 +10,14 @@ import os
 import tty
 
 from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
-from hil.signals.errors import PortNotFound
+from signals.errors import PortNotFound
 
 
 class PtyTransport(StreamTransport):
-    """Creates the pair on `open`; `far_path` is where the far side finds its end.
+    """Creates the pair on `open`; `far_path` is the path of the far side's end.
 
-    Until the first byte arrives the far end is also held open here: otherwise a far side that has not come
-    yet would look like one that has hung up. From the first byte on, its closing (or death) ends the link.
+    Until the first byte arrives the far end is also held open here: otherwise a far side that has not connected yet
+    would look like one that has hung up. After the first byte, its closing (or crash) ends the link.
     """
 
     def __init__(self) -> None:
@@ -43,8 +42,7 @@ class PtyTransport(StreamTransport):
                 "pty", f"the system gives no pseudo-terminal ({error.strerror}); is /dev/pts mounted?"
             ) from error
         self._far_path = os.ttyname(self._far)
-        # Raw both ways from the start: bytes written before the far side has configured its end are not
-        # mangled.
+        # Raw in both directions from the start: bytes written before the far side has configured its end stay intact.
         tty.setraw(self._far)
         self._stream = FdStream(self._near, self.name)
 

@@ -1,8 +1,7 @@
 """A serial port: a USB or UART flight controller, or the far end of a pseudo-terminal.
 
-pyserial opens and configures it (raw, 8 data bits, no parity, 1 stop bit, no flow control, locked for this
-process); reading and writing then go straight to the descriptor, because pyserial's own read costs two more
-system calls.
+pyserial opens and configures it (raw, 8 data bits, no parity, 1 stop bit, no flow control, locked for this process);
+reads and writes then use the descriptor directly, because pyserial's own read costs two more system calls.
 """
 
 from __future__ import annotations
@@ -14,19 +13,19 @@ import serial
 from serial.tools import list_ports
 
 from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
-from hil.signals.errors import LinkError, PortBusy, PortNotFound
+from signals.errors import LinkError, PortBusy, PortNotFound
 
-# PX4 ignores HIL messages on links slower than 5000 B/s: 57600 baud is too slow, this is what its docs use.
+# PX4 ignores HIL messages on links slower than 5000 B/s, so 57600 baud is too slow; its docs use this value.
 DEFAULT_BAUD = 921600
 
 
 def serial_ports() -> list[str]:
-    """Device paths of the serial ports of this machine, sorted."""
+    """Return the device paths of this machine's serial ports, sorted."""
     return sorted(port.device for port in list_ports.comports())
 
 
 class _UsbIdentity(NamedTuple):
-    """What stays the same of a USB device, whatever the system calls its port."""
+    """The identity of a USB device, independent of the path of its port."""
 
     vid: int
     pid: int
@@ -34,7 +33,7 @@ class _UsbIdentity(NamedTuple):
     interface: str | None
 
     def path(self) -> str | None:
-        """Where it is now; None if it is not there."""
+        """Return its present path, or None if it is not plugged in."""
         return next((port.device for port in list_ports.comports() if _identity_of(port) == self), None)
 
 
@@ -51,8 +50,8 @@ def _usb_identity(path: str) -> _UsbIdentity | None:
 class SerialTransport(StreamTransport):
     """The serial port at `path`, held exclusively while open.
 
-    With `follow`, a USB device that was opened once is found again by its USB identity when it comes back under
-    another path, as boards do that are unplugged while their port is open.
+    With `follow`, `open` finds a USB device that was opened before by its USB identity: a board that was unplugged
+    while its port was open comes back under another path.
     """
 
     def __init__(self, path: str, *, baud: int = DEFAULT_BAUD, follow: bool = False) -> None:
@@ -95,7 +94,7 @@ class SerialTransport(StreamTransport):
         ports = ", ".join(serial_ports()) or "none"
         if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
             return PortNotFound(
-                self._path, f"there is no such serial port. Ports here: {ports}. Plugged in? See `hil devices`."
+                self._path, f"there is no such serial port. Ports here: {ports}. Is it plugged in? See `hil devices`."
             )
         if error.errno in (errno.EAGAIN, errno.EBUSY):
             return PortBusy(

@@ -8,7 +8,7 @@ import socket
 import time
 
 from firmware_bridge.transports.fd_stream import FdStream, StreamTransport
-from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+from signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
 
 _LOOPBACK = "127.0.0.1"
 
@@ -26,7 +26,7 @@ class TcpClient(StreamTransport):
         return f"tcp {self._address[0]}:{self._address[1]}"
 
     def open(self) -> None:
-        """PortNotFound if nobody listens there within the limit."""
+        """Connect. PortNotFound if there is no listener within the limit."""
         try:
             self._socket = socket.create_connection(self._address, timeout=self._connect_limit_s)
         except OSError as error:
@@ -45,10 +45,10 @@ class TcpClient(StreamTransport):
 
 
 class TcpServer(StreamTransport):
-    """Listens on `host`:`port` from `open` on and serves the first client that comes (0: any free port).
+    """Listens on `host`:`port` (0: any free port) and serves the first client that connects.
 
-    The client may come at any time: `read` waits for it first. PX4 SITL is such a client, and connects only
-    once, so a connection that has ended is not followed by another.
+    The client may connect at any time after `open`; `read` waits for it first. A second connection is not accepted
+    after the first has ended: PX4 SITL, for which this is made, connects only once.
     """
 
     def __init__(self, port: int, *, host: str = _LOOPBACK) -> None:
@@ -62,7 +62,7 @@ class TcpServer(StreamTransport):
 
     @property
     def port(self) -> int:
-        """The port listened on; known after `open` if 0 was asked for."""
+        """The port listened on; known after `open` if 0 was given."""
         return self._address[1]
 
     def open(self) -> None:
@@ -90,7 +90,7 @@ class TcpServer(StreamTransport):
 
     def _accept(self, timeout_s: float) -> bool:
         if self._listener is None:
-            raise LinkClosed(self.name, "the server is not open")
+            raise LinkClosed(self.name, "the server is not open; call `open` first")
         if not select.select([self._listener], [], [], max(timeout_s, 0.0))[0]:
             return False
         self._socket, peer = self._listener.accept()
@@ -98,9 +98,9 @@ class TcpServer(StreamTransport):
         return True
 
     def write(self, data: bytes) -> None:
-        """LinkClosed while no client has come."""
+        """Send all of `data`. LinkClosed while no client has connected."""
         if self._stream is None and not self._accept(0.0):
-            raise LinkClosed(self.name, "no client has connected yet")
+            raise LinkClosed(self.name, "no client has connected yet; is the program there started?")
         super().write(data)
 
     def read(self, timeout_s: float) -> bytes:
@@ -128,10 +128,10 @@ def _close(connection: socket.socket | None) -> None:
 
 
 def _bind_refusal(name: str, error: Exception) -> LinkError:
-    """The named error for a failed bind."""
+    """Return the named error for a failed bind."""
     code = getattr(error, "errno", None)
     if code == errno.EADDRINUSE:
         return PortBusy(name, "another program has this port; stop it or choose another port")
     if code == errno.EACCES:
         return LinkError(name, "no permission to bind; ports below 1024 need root, choose another")
-    return PortNotFound(name, f"cannot be bound on this machine ({error})")
+    return PortNotFound(name, f"cannot be bound on this machine ({error}); choose one of its addresses")

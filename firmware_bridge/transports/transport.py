@@ -1,4 +1,4 @@
-"""What every wire can do."""
+"""The interface of every transport."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import Protocol
 
 
 class Transport(Protocol):
-    """One wire to one far side. `name` is what a person calls it: a path, an address.
+    """One connection to one far side. `name` is the path or address, as users write it.
 
-    `open` raises `PortNotFound`, `PortBusy` or another `LinkError`. After the far side has gone, `read`
-    (once all it said has been read) and `write` raise `LinkClosed`. `close` may be called at any time, any
+    `open` raises `PortNotFound`, `PortBusy` or another `LinkError`. After the far side has disconnected, `write` raises
+    `LinkClosed`, and so does `read` once all received bytes have been read. `close` may be called at any time, any
     number of times.
     """
 
@@ -17,22 +17,22 @@ class Transport(Protocol):
     def name(self) -> str: ...
 
     def open(self) -> None:
-        """Take hold of the wire."""
+        """Open the connection."""
         ...
 
     def close(self) -> None:
-        """Let go of the wire."""
+        """Close the connection."""
         ...
 
     def write(self, data: bytes) -> None:
         """Send all of `data`, or raise `LinkClosed`.
 
-        Never waits for ever, even if the far side also only writes.
+        Bounded in time, even if the far side also only writes.
         """
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What has arrived, at least one byte, waiting up to `timeout_s` of wall clock for it; else b""."""
+        """Return received bytes, waiting up to `timeout_s` of wall clock for the first; b"" if none came."""
         ...
 
     def fileno(self) -> int | None:

@@ -1,5 +1,5 @@
 """`python -m hil.cli`: the `hil` command."""
 
-from hil.entry import main
+from hil.cli.entry import main
 
 main()

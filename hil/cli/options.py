@@ -1,24 +1,17 @@
-"""What commands share: the consoles, errors with their exit status, and options that several have."""
+"""Options of several commands, and commands that take one dataclass of options."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable
+from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
-from rich.console import Console
-from rich.markup import escape
-
-from hil.entry import CONFIG_STATUS, ERROR_STATUS
-from hil.signals.errors import ConfigError, HilError
-
-console = Console(highlight=False, soft_wrap=True)
-error_console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 ConfigArgument = Annotated[Path | None, typer.Argument(help="Bench file; default ./hil.yaml.", metavar="[CONFIG]")]
-RigOption = Annotated[str | None, typer.Option(help="Rig: which autopilot, over which wires (rigs/*.yaml).")]
+RigOption = Annotated[str | None, typer.Option(help="Rig: autopilot and links (rigs/*.yaml).")]
 SceneOption = Annotated[str | None, typer.Option(help="Scene (rigs/scenes/*.yaml).")]
 MissionOption = Annotated[str | None, typer.Option(help="Mission: a .plan or .waypoints file, or a script (.yaml).")]
 SeedOption = Annotated[int | None, typer.Option(help="Seed of all noise.")]
@@ -30,25 +23,37 @@ SetOption = Annotated[
 ]
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; default runs/<time>-<rig>.")]
 DashHostOption = Annotated[
-    str, typer.Option(help="Address to serve the page on; any but loopback needs the token that is printed.")
+    str, typer.Option(help="Address to serve the page on; on any but loopback the page needs the printed token.")
 ]
-DashPortOption = Annotated[int, typer.Option(help="Port of the page; 0: any that is free.", min=0, max=65535)]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, only the result.")]
+DashPortOption = Annotated[int, typer.Option(help="Port of the page; 0: any free port.", min=0, max=65535)]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress, only the result.")]
+
+Options = TypeVar("Options")
 
 
-def complain(error: HilError) -> None:
-    """Every problem on a line of its own, on standard error."""
-    lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
-    with contextlib.suppress(OSError, ValueError):  # nobody may be there to read it; the status tells
-        for line in lines:
-            error_console.print(f"[bold red]error:[/] {escape(line)}")
+def takes(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
+    """Give a function of one dataclass the signature that typer reads: one parameter for each field.
 
+    The fields' annotations carry typer's options and arguments; their order and defaults are those of the command.
+    """
+    hints = get_type_hints(options, include_extras=True)
+    parameters = [
+        inspect.Parameter(
+            field.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(options)  # type: ignore[arg-type]
+    ]
 
-@contextlib.contextmanager
-def told(status: int = ERROR_STATUS) -> Iterator[None]:
-    """Errors of the block on standard error, and the exit status that goes with them: `status` but for wrong files."""
-    try:
-        yield
-    except HilError as error:
-        complain(error)
-        raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else status) from None
+    def with_signature(command: Callable[[Options], None]) -> Callable[..., None]:
+        def parsed(**values: Any) -> None:
+            command(options(**values))
+
+        parsed.__name__, parsed.__doc__, parsed.__module__ = command.__name__, command.__doc__, command.__module__
+        parsed.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        parsed.__annotations__ = hints
+        return parsed
+
+    return with_signature

@@ -1,6 +1,11 @@
-"""Configuration: strict, every problem at once, each with file and line. `load_bench` is the way in."""
+"""Bench, rig, mission and sensor files to typed settings.
 
-from hil.config.load import Bench, load_bench, resolved_yaml, save_bench, site_of
+`load_bench` reads and checks a whole bench and reports every problem at once, each with its file and line.
+"""
+
+from hil.config.bench import Bench, site_of
+from hil.config.load import load_bench
+from hil.config.saved import resolved_yaml, save_bench
 from hil.config.schema import BenchConfig, SensorConfig
 
 __all__ = ["Bench", "BenchConfig", "SensorConfig", "load_bench", "resolved_yaml", "save_bench", "site_of"]

@@ -1,4 +1,4 @@
-"""Settings from several places, laid over one another, each value remembering where it came from."""
+"""Settings merged from several sources, with the origin of each value."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from hil.signals.documents.document import Document, Place
-from hil.signals.documents.yaml_lines import MAX_DEPTH, dotted, parse_yaml
-from hil.signals.errors import ConfigError, Problem
+from signals.documents.document import Document, Place
+from signals.documents.yaml_lines import MAX_DEPTH, dotted, parse_yaml
+from signals.errors import ConfigError, Problem
 
 SET = "--set "
 
 
 @dataclass
 class Settings:
-    """Merged plain data; `origins` says where each place was last written ('hil.yaml:12', '--set seed')."""
+    """Merged plain data. `origins` maps a place in it to where it was last written: 'hil.yaml:12', '--set seed'."""
 
     data: dict[str, Any] = field(default_factory=dict)
     origins: dict[Place, str] = field(default_factory=dict)
 
     def where(self, place: Place) -> str:
-        """Origin of a place, or of the nearest thing that encloses it."""
+        """Return the origin of a place, or of the nearest mapping or list that contains it."""
         for length in range(len(place), -1, -1):
             origin = self.origins.get(place[:length])
             if origin is not None:
@@ -29,18 +29,17 @@ class Settings:
         return "defaults"
 
     def lay(self, document: Document) -> None:
-        """Lay a document over what is here: mappings merge key by key, everything else replaces."""
+        """Merge a document over the settings: mappings key by key, everything else is replaced whole."""
         self._lay((), document.data, document)
 
     def put(self, place: Place, value: Any, origin: str) -> None:
-        """Lay one value over what is here, making the mappings that lead to it."""
+        """Set one value, creating the mappings that lead to it."""
         nested: Any = value
         for part in reversed(place):
             nested = {part: nested}
-        lines = _Everywhere(origin, place)
-        self._lay((), nested, lines)
+        self._lay((), nested, _OneOrigin(origin, place))
 
-    def _lay(self, place: Place, value: Any, document: Document | _Everywhere) -> None:
+    def _lay(self, place: Place, value: Any, document: Document | _OneOrigin) -> None:
         here = self._at(place)
         if isinstance(value, dict) and isinstance(here, dict):
             if document.marks(place):
@@ -61,7 +60,7 @@ class Settings:
             parent[place[-1]] = value
         self._mark(place, value, document)
 
-    def _mark(self, place: Place, value: Any, document: Document | _Everywhere) -> None:
+    def _mark(self, place: Place, value: Any, document: Document | _OneOrigin) -> None:
         self.origins[place] = document.where(place)
         children: Any = ()
         if isinstance(value, dict):
@@ -85,8 +84,8 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _Everywhere:
-    """Stands in for a document whose every place has the same origin; only `target` and below are marked."""
+class _OneOrigin:
+    """A stand-in for a document: every place has the same origin, and only `target` and below are marked."""
 
     origin: str
     target: Place
@@ -99,7 +98,7 @@ class _Everywhere:
 
 
 def parse_setting(text: str) -> tuple[Place, Any, str]:
-    """'autopilot.port=/dev/ttyACM0' -> (place, value, origin); the value is read as YAML. Raises ConfigError."""
+    """Parse 'autopilot.port=/dev/ttyACM0' to (place, value, origin), the value as YAML. Raises ConfigError."""
     key, equals, value_text = text.partition("=")
     key = key.strip()
     if not equals:
@@ -111,7 +110,7 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
     if len(parts) > MAX_DEPTH:
         raise ConfigError([Problem(f"{SET}{key[:40]}...", f"is nested too deeply: more than {MAX_DEPTH} levels")])
     origin = f"{SET}{key}"
-    # "KEY: *x" must not be read as a mapping: the value stands alone, and "" means null.
+    # Parsed apart from the key, because "KEY: VALUE" could be a nested mapping or an alias. An empty value is null.
     try:
         document = parse_yaml(value_text, origin)
     except ConfigError as error:
@@ -121,7 +120,7 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
 
 
 def lay_settings(settings: Settings, texts: Sequence[str]) -> list[Problem]:
-    """Lay every `--set` over `settings`, in order. Returns the problems of those that cannot be read."""
+    """Merge every `--set` over the settings, in order. Returns the problems of those that cannot be read."""
     problems: list[Problem] = []
     for text in texts:
         try:

@@ -1,71 +1,48 @@
-"""From files and command line to a checked bench.
+"""Reads files and command-line options and merges them to a checked bench.
 
-Settings lie over one another in this order, the later winning: defaults, the rig's file, the bench file, the
-command line's options, its `--set`s. Mappings merge key by key; everything else replaces. Every problem of every
-layer is reported at once, and each where it was written.
+Later layers replace earlier ones: defaults, the rig's file, the bench file, command-line options, `--set`. Mappings
+merge key by key, everything else is replaced whole. All problems of all layers are reported at once, each with the
+place where it was written.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pydantic
-
-from hil.config import radar_checks
-from hil.config.cross_checks import cross_checks, vehicle_checks
+from hil.config.bench import Bench, site_of
+from hil.config.checks import radar_checks
+from hil.config.checks.autopilot_checks import autopilot_problems
+from hil.config.checks.cross_checks import cross_problems, vehicle_problems
+from hil.config.checks.part_settings import resolve_parts
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, lay_settings, parse_setting
-from hil.config.scenes import read_scene, save_scene, world_problems
+from hil.config.missions import Mission, load_mission
+from hil.config.missions.script import MissionScript
+from hil.config.missions.script_file import (
+    bench_problems,
+    is_script,
+    lay_script,
+    mission_problems,
+    read_script,
+    with_gusts,
+)
+from hil.config.renamed import take_renamed
+from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig
-from hil.config.sensors import FLIGHT_KINDS, resolve_sensors
-from hil.missions import Geopoint, Mission, load_mission
-from hil.missions.script import MissionScript
-from hil.missions.script_file import bench_problems, is_script, lay_script, mission_problems, read_script, with_gusts
-from hil.signals.documents.document import Document, shown_path
-from hil.signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
-from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
-from hil.signals.errors import ConfigError, Problem
+from hil.config.sensors.noise import noise_problems
+from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors
+from signals.documents.document import Document, shown_path
+from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
+from signals.documents.yaml_lines import read_yaml
+from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
-from sim.randomize.looks import drawn, in_weather, randomized
-from sim.randomize.noise import noise_factor, with_noise
+from sim.randomize.variant import in_weather, randomized
 from sim.scene.scene import Scene
-from sim.scene.world import World, load_world
 from sim.sensors.catalog import KINDS
 
 MAX_PROBLEMS = 100
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A bench that has been checked: its settings, and what the files they name hold.
-
-    `files` says which file each part came from: 'bench', 'rig', 'vehicle', 'scene', 'mission', as far as there is one,
-    and 'plan' where the mission is a script that flies one.
-    """
-
-    config: BenchConfig
-    vehicle: Vehicle
-    scene: Scene
-    mission: Mission | None
-    files: Mapping[str, Path]
-    script: MissionScript | None = None
-
-    def sensor_parameters(self, name: str) -> Any:
-        """The parameters that a sensor is made with: those of the bench, with the noise that its seed gives it."""
-        return noisy_parameters(self.config, name)
-
-    def drawn(self) -> dict[str, Any] | None:
-        """What `randomize` drew, as data; None where it is off."""
-        return drawn_of(self.config, self.scene)
-
-    @property
-    def world(self) -> World:
-        """The scene as geometry; made at the first call and kept."""
-        return load_world(self.scene)
 
 
 def load_bench(
@@ -77,21 +54,21 @@ def load_bench(
     seed: int | None = None,
     settings: Sequence[str] = (),
 ) -> Bench:
-    """Read, merge and check everything a bench consists of.
+    """Read, merge and check everything that a bench consists of.
 
-    `path` is the bench file; None means ./hil.yaml or, where there is none, the one that came with the
-    installation. `settings` are the texts of `--set`. Raises ConfigError with every problem found.
+    `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation. `settings` are
+    the texts of `--set`. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     given = {key: value for key, value in options.items() if value is not None}
     try:
         return _Loading(path, given, settings).bench()
     except ConfigError as error:
-        raise ConfigError(_readable(error.problems)) from None
+        raise ConfigError(_shortened(error.problems)) from None
 
 
-def _readable(problems: list[Problem]) -> list[Problem]:
-    """As many as a person reads, and how many there are besides."""
+def _shortened(problems: list[Problem]) -> list[Problem]:
+    """Return the first MAX_PROBLEMS problems and the number of the others."""
     more = len(problems) - MAX_PROBLEMS
     if more <= 0:
         return problems
@@ -99,7 +76,7 @@ def _readable(problems: list[Problem]) -> list[Problem]:
 
 
 class _Loading:
-    """One load on its way: what was merged so far, which files were read, what was wrong."""
+    """State of one load: the settings merged so far, the files read, the problems found."""
 
     def __init__(self, path: Path | str | None, options: Mapping[str, Any], settings: Sequence[str]) -> None:
         self.problems: list[Problem] = []
@@ -126,17 +103,17 @@ class _Loading:
         self.problems += lay_settings(self.settings, settings)
 
     def _take_complete(self, bench: Document) -> bool:
-        """Whether the file says everything. `complete` speaks about the file and is no setting of the bench."""
+        """Remove `complete` from the data and return it. It describes the file and is not a setting of the bench."""
         complete = bench.data.pop("complete", False)
         if not isinstance(complete, bool):
             self.problems.append(at(bench, ("complete",), f"must be true or false, not {shown(complete)}"))
         return complete is True
 
     def _rig(self, bench: Document, options: Mapping[str, Any], settings: Sequence[str]) -> Document | None:
-        """The rig's file, chosen by --set rig=, --rig, the bench file or the default, in this order."""
+        """Read the rig's file: the one of --set rig=, else of --rig, of the bench file, or the default."""
         if self.complete:
             if "rig" in options:
-                message = "cannot change the rig of a file that says everything"
+                message = "cannot change the rig of a file with complete settings"
                 self.problems.append(Problem("--rig", message, 'remove "complete: true" from the file'))
             return None
         choice = Settings()
@@ -150,7 +127,7 @@ class _Loading:
                 try:
                     _, value, origin = parse_setting(text)
                 except ConfigError:
-                    continue  # said where the settings are laid
+                    continue  # reported by lay_settings
                 choice.put(("rig",), value, origin)
         path = self._file("rig", choice.data["rig"], choice)
         if path is None:
@@ -163,14 +140,14 @@ class _Loading:
             return None
         for key in ("rig", "complete"):
             if key in document.data:
-                self.problems.append(at(document, (key,), "does not belong into a rig's file"))
+                self.problems.append(at(document, (key,), "does not belong in a rig's file"))
         keep = {key: value for key, value in document.data.items() if key not in ("rig", "complete")}
         return Document(document.source, keep, document.lines)
 
     def _file(self, what: str, name: Any, located: Settings) -> Path | None:
-        """Find the file that a setting names, or note why there is none."""
+        """Find the file that a setting names. Returns None and reports a problem if there is none."""
         if not isinstance(name, str):
-            return None  # checked, and said, with the rest of the settings
+            return None  # reported when all settings are validated
         path = find(what, name, self.beside) if name.strip() else None
         if path is None:
             if is_bare(what, name):
@@ -203,7 +180,7 @@ class _Loading:
         return vehicle
 
     def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:
-        """Load the scene's file and what it names, with the bench's seed of the map, weather and looks laid over it."""
+        """Load the scene and the files it names, with the map seed, weather and randomisation of the bench applied."""
         name = self.settings.data.get("scene", BenchConfig.model_fields["scene"].default)
         path = self._file("scene", name, self.settings)
         if path is None:
@@ -232,7 +209,7 @@ class _Loading:
         return self._file("mission", name, self.settings) if name is not None else None
 
     def _script(self, path: Path | None) -> MissionScript | None:
-        """The mission, where it is a script: its limits and faults are laid over the settings."""
+        """Read the mission if it is a script, and lay its limits and faults over the settings."""
         if path is None or not is_script(path):
             return None
         try:
@@ -242,7 +219,7 @@ class _Loading:
             return None
         if script.plan_path is not None:
             self.files["plan"] = script.plan_path
-        if not self.complete:  # else the file says them already
+        if not self.complete:  # a complete file already contains them
             lay_script(self.settings, script)
         return script
 
@@ -256,8 +233,10 @@ class _Loading:
             return None
 
     def bench(self) -> Bench:
+        """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
+        self.problems += take_renamed(self.settings, translate=self.complete)
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, wrong = validate(BenchConfig, data, self.settings)
@@ -265,15 +244,18 @@ class _Loading:
         sensors, problems = resolve_sensors(section, self.settings, tick_hz=tick_hz)
         self.problems += wrong + problems
         if config is not None:
-            config = config.model_copy(update={"sensors": sensors})
-            self.problems += cross_checks(config, self.settings) + noise_problems(config, self.settings)
+            parts, wrong = resolve_parts(config.parts, self.settings)
+            config = config.model_copy(update={"sensors": sensors, "parts": parts})
+            self.problems += wrong
+            for check in (cross_problems, autopilot_problems, noise_problems):
+                self.problems += check(config, self.settings)
             if config.companion.on or config.companion.control:
-                from hil.config.companion_checks import companion_problems  # loads ZeroMQ
+                from hil.config.checks.companion_checks import companion_problems  # loads ZeroMQ
 
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)
         vehicle = self._vehicle()
         if config is not None and vehicle is not None:
-            self.problems += vehicle_checks(config, vehicle, self.settings)
+            self.problems += vehicle_problems(config, vehicle, self.settings)
         scene = self._scene(vehicle, config)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
@@ -298,13 +280,8 @@ class _Loading:
         return Bench(config, vehicle, scene, mission, self.files, script)
 
 
-def site_of(scene: Scene) -> Geopoint:
-    """Where the scene's origin stands."""
-    return Geopoint(scene.site.latitude_deg, scene.site.longitude_deg, scene.site.altitude_m)
-
-
 def _in_order(problems: list[Problem]) -> list[Problem]:
-    """By file in order of first appearance, then by line, the command line's last; no problem twice."""
+    """Sort problems by file, in order of first appearance, and line, the command line last. Drops repeats."""
     files: dict[str, int] = {}
     keyed: dict[str, tuple[tuple[bool, int, int], Problem]] = {}
     for problem in problems:
@@ -314,83 +291,3 @@ def _in_order(problems: list[Problem]) -> list[Problem]:
         order = files.setdefault(source, len(files))
         keyed.setdefault(str(problem), ((source.startswith(COMMAND_LINE), order, int(line)), problem))
     return [problem for _, problem in sorted(keyed.values(), key=lambda pair: pair[0])]
-
-
-def resolved_yaml(config: BenchConfig) -> str:
-    """The whole configuration as a bench file that says everything: loading it gives the same `BenchConfig` again."""
-    data = config.model_dump(mode="json", exclude={"sensors"})
-    data["complete"] = True
-    data["sensors"] = {
-        name: {
-            "kind": sensor.kind,
-            **({"preset": sensor.preset} if sensor.preset is not None else {}),
-            "autopilot": sensor.autopilot,
-            "rate_hz": sensor.rate_hz,
-            **sensor.parameters.model_dump(mode="json"),
-        }
-        for name, sensor in config.sensors.items()
-    }
-    head = "# Complete settings of one run; no rig file is laid under them.\n"
-    return head + dump_yaml(data)
-
-
-def save_bench(bench: Bench, folder: Path) -> Path:
-    """Put the bench into a folder so that it can be loaded from there for ever: bench.yaml with everything in it,
-    and copies of the vehicle, the scene with its map, the mission and a script's plan. Returns the path of bench.yaml.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    names: dict[str, str] = {}
-    if "scene" in bench.files:
-        names["scene"] = save_scene(bench.scene, bench.files["scene"], folder)
-    for what in ("vehicle", "mission"):
-        if what in bench.files:
-            source = bench.files[what]
-            names[what] = f"{what}{source.suffix}"
-            (folder / names[what]).write_bytes(source.read_bytes())
-    if "plan" in bench.files:  # a script finds its plan by name beside itself
-        (folder / bench.files["plan"].name).write_bytes(bench.files["plan"].read_bytes())
-    path = folder / "bench.yaml"
-    text = resolved_yaml(bench.config.model_copy(update=names))
-    temporary = path.with_suffix(".part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
-    return path
-
-
-def noise_factors(config: BenchConfig) -> dict[str, float]:
-    """By what the errors of each sensor are multiplied; nothing for those that stay as they are."""
-    limits, seed = config.randomize.noise, config.randomize.seed
-    if limits is None:
-        return {}
-    seed = config.seed if seed is None else seed
-    factors = {name: noise_factor(limits, seed, sensor.kind, name) for name, sensor in config.sensors.items()}
-    return {name: factor for name, factor in factors.items() if factor is not None}
-
-
-def noisy_parameters(config: BenchConfig, name: str) -> Any:
-    """Parameters of a sensor with its own factor of noise."""
-    sensor = config.sensors[name]
-    factor = noise_factors(config).get(name)
-    return sensor.parameters if factor is None else with_noise(sensor.kind, sensor.parameters, factor)
-
-
-def noise_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
-    """Sensors that the drawn factor takes beyond what their errors may be."""
-    problems = []
-    for name, factor in noise_factors(config).items():
-        try:
-            noisy_parameters(config, name)
-        except pydantic.ValidationError as error:
-            item = error.errors(include_url=False)[0]
-            where = ".".join(map(str, item["loc"]))
-            message = f"makes the errors of {name!r} {factor:.3g} times as large, and {where} is then out of its range"
-            problems.append(at(settings, ("randomize", "noise"), message, "narrow the limits of its kind"))
-    return problems
-
-
-def drawn_of(config: BenchConfig, scene: Scene) -> dict[str, Any] | None:
-    """Everything that was drawn; None where nothing is switched on."""
-    told = drawn(scene, config.randomize)
-    if told is not None and config.randomize.noise is not None:
-        told["noise"] = noise_factors(config)
-    return told

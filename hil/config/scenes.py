@@ -1,26 +1,26 @@
-"""A bench's scene: read, checked as far as the map's own files, and kept with a run."""
+"""The scene of a bench: reading it, checking it with its map, and copying it to the folder of a run."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from hil.signals.documents.document import shown_path
-from hil.signals.documents.validate import validate
-from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
-from hil.signals.errors import ConfigError, Problem
+from signals.documents.document import shown_path
+from signals.documents.validate import validate
+from signals.documents.yaml_lines import dump_yaml, read_yaml
+from signals.errors import ConfigError, Problem
+from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import Vehicle
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import MjcfMap
 from sim.scene.scene import Scene, is_mjcf, scene_of_mjcf
 from sim.scene.scene_file import SceneFile
-from sim.scene.take_off import take_off_problem
-from sim.scene.world import load_world
+from sim.world_loader import load_world
 
 _MAP_FOLDER = "scene_map"
 
 
 def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
-    """A scene's YAML file, or an MJCF file as a scene. Raises ConfigError where it cannot be read at all."""
+    """Read a scene's YAML file, or an MJCF file as a scene. Raises ConfigError if the file cannot be read at all."""
     if is_mjcf(path):
         return scene_of_mjcf(path), []
     document = read_yaml(path)
@@ -35,7 +35,7 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
 
 
 def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
-    """What is wrong with the map of a scene, and with taking off there."""
+    """Report what is wrong with the map of a scene, and with the take-off place of the vehicle."""
     if scene.plain and not scene.boxes:
         return []
     try:
@@ -50,9 +50,9 @@ def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
 
 
 def save_scene(scene: Scene, source: Path, folder: Path) -> str:
-    """Put the scene's file into a folder, with every file that its map names. Returns the new file's name.
+    """Copy a scene to a folder, with every file that its map names. Returns the name of the new scene file.
 
-    As it was before the bench laid weather and looks over it: the bench will do so again.
+    Weather and randomisation are left out of the copy, because the bench applies them again when it is loaded.
     """
     scene = scene.original
     if not isinstance(scene.map, MjcfMap):

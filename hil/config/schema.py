@@ -1,7 +1,7 @@
-"""What a bench file may say: every key, its type, unit, range and default.
+"""Every key of a bench file with its type, unit, range and default.
 
-A bench is `BenchConfig`. The keys of one sensor are those of `SensorConfig` plus the parameters of its kind, which
-`sim.sensors.catalog` declares; they stand side by side in the file.
+`BenchConfig` is the whole file. A sensor has the keys of `SensorConfig` and, beside them, the parameters of its kind
+from `sim.sensors.catalog`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.router_endpoint import Endpoint
-from hil.signals.documents.validate import Section
-from hil.signals.time import NS_PER_S
+from firmware_bridge.router.endpoint import Endpoint
+from signals.documents.validate import Section
+from signals.time import NS_PER_S
 from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
 from sim.physics.vehicle import Effects
@@ -30,66 +30,66 @@ FaultTime = Annotated[float, Field(ge=0)] | None
 
 
 class MockFaults(Section):
-    """Ways in which the mock Pixhawk misbehaves on purpose, each from a given simulated time on."""
+    """Faults of the mock Pixhawk itself, each from a simulated time on; null: never."""
 
     die_at_s: FaultTime = None  # its process ends
     stall_at_s: FaultTime = None  # it stops answering
     wrong_time_at_s: FaultTime = None  # it answers with the time of another tick
-    garbage_at_s: FaultTime = None  # random bytes in place of each answer
-    noise_at_s: FaultTime = None  # random bytes between the frames, which survive
+    garbage_at_s: FaultTime = None  # it answers with random bytes
+    noise_at_s: FaultTime = None  # it sends random bytes between intact frames
 
     def texts(self) -> tuple[str, ...]:
-        """The faults as the mock's command line takes them: 'die@12.5'."""
+        """Return the faults as arguments of the mock's command line: 'die@12.5'."""
         times = {name.removesuffix("_at_s"): getattr(self, name) for name in type(self).model_fields}
         return tuple(f"{kind}@{t_s!r}" for kind, t_s in times.items() if t_s is not None)
 
 
 MOCK_AIRFRAMES = ("x500", "iris")
-# Whose answers the bench waits for at every tick; the others run on wall-clock time.
+# The bench waits for the answers of these at every tick; the others run on wall-clock time.
 LOCKSTEP_KINDS = frozenset({"mock", "px4_sitl", "ardupilot_sitl"})
-# Those that are the user's own firmware, and those among them that are a program on this machine.
+# The user's own firmware; PROGRAM_KINDS run as a program on this machine.
 FIRMWARE_KINDS = frozenset({"px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"})
 PROGRAM_KINDS = frozenset({"px4_sitl", "ardupilot_sitl"})
 ENV_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 
 
 def _number_as_text(value: Any) -> Any:
-    """An airframe's number need not stand in quotes."""
+    """Allow the number of an airframe without quotes."""
     return str(value) if type(value) is int else value
 
 
 class Autopilot(Section):
-    """The flight controller and the wire to it."""
+    """The flight controller and the link to it."""
 
     kind: Literal["mock", "mock_hitl", "px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"] = "mock"
-    transport: Literal["pty", "loopback"] = "pty"  # mock only; loopback: in this process, same bytes, no serial line
+    transport: Literal["pty", "loopback"] = "pty"  # mock only; loopback: same bytes without a serial line
     airframe: Annotated[str, BeforeValidator(_number_as_text)] = (
-        "x500"  # what the flight controller takes the vehicle for; PX4: name or number of an airframe
+        "x500"  # configured in the flight controller; PX4: name or number of an airframe
     )
-    # HIL_SENSORs at the start that get no reply. null: unknown, so the bench free-runs until the first reply.
+    # HIL_SENSOR messages without a reply while the firmware boots. null: unknown, free-running until the first reply.
     boot_sensors: Annotated[int, Field(ge=0, le=300)] | None = 20
-    reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; past it the run ends as ERROR
-    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 20.0  # wall clock, for the first sign of life
+    reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; then the run ends as ERROR
+    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 20.0  # wall clock, until the first message
     start: bool = True  # false: the user starts it
     port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
-    # MAVLink where it has a wire of its own: a second serial device (ardupilot_eahrs); udp:PORT, tcp:PORT or none
-    # (ardupilot_sitl that somebody else starts).
+    # MAVLink on a link of its own: a second serial device (ardupilot_eahrs), or udp:PORT, tcp:PORT or none
+    # (ardupilot_sitl with start: false).
     mavlink_port: str | None = None
-    baud: Annotated[int, Field(ge=1200, le=12_000_000)] = 921_600  # of a real serial line; USB takes any
+    baud: Annotated[int, Field(ge=1200, le=12_000_000)] = 921_600  # of a UART; USB ignores it
     binary: str | None = None  # the user's own firmware build, for rigs that need one
-    instance: Annotated[int, Field(ge=0, le=99)] = 0  # of a simulated autopilot: its network ports count up with it
-    arguments: tuple[str, ...] = ()  # further command-line arguments for `binary`
+    instance: Annotated[int, Field(ge=0, le=99)] = 0  # of a simulated autopilot; added to its network ports
+    arguments: tuple[str, ...] = ()  # more command-line arguments of `binary`
     env: dict[str, str] = Field(default_factory=dict)  # environment of `binary`
     params: dict[str, float] = Field(default_factory=dict)  # flight-controller parameters by name
     reconnect_s: Annotated[float, Field(ge=0, le=600)] = (
-        10.0  # free-running links: how long an unplugged board may stay
+        10.0  # free-running links: longest time that a board may be unplugged
     )
-    # Firmware started by the bench: both on one processor, the autopilot first. More repeatable and no slower on a
-    # machine with nothing else to do; given up by itself on a busy one.
+    # Runs the bench and the firmware that it starts on one processor, the firmware first. Timing is then more
+    # repeatable and no slower on an idle machine; on a busy one the bench leaves the processor by itself.
     share_processor: bool = True
-    # ArduPilot SITL that reboots in the run: an error, or the vehicle goes back to its start and the run goes on.
+    # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"
-    signing_key_file: str | None = None  # what the bench itself says is signed with this key; null: unsigned
+    signing_key_file: str | None = None  # signs the bench's own MAVLink messages; null: unsigned
     faults: MockFaults = MockFaults()
 
     @property
@@ -126,119 +126,119 @@ ClientAddress = Annotated[str, AfterValidator(_endpoint)]
 
 
 class Router(Section):
-    """Where the autopilot's MAVLink is passed on to; null: nobody.
+    """Clients that the autopilot's MAVLink is forwarded to; null: none (docs/router.md).
 
-    `udp:HOST:PORT` clients listen there; `udpin:HOST:PORT`, `tcp:HOST:PORT` they come to us there (docs/router.md).
+    The bench sends to `udp:HOST:PORT` and listens at `udpin:HOST:PORT` and `tcp:HOST:PORT`.
     """
 
     gcs: ClientAddress | None = None  # a ground station such as QGroundControl, which listens on 14550
     sdk: ClientAddress | None = None  # an SDK such as MAVSDK, which listens on 14540
     companion: ClientAddress | None = None  # the companion computer
-    more: tuple[ClientAddress, ...] = ()  # further ones
-    # Repeat clients' heartbeats and OFFBOARD set-points in simulated time when the run is faster than real time.
-    hold_heartbeats: bool = True
-    # What clients say must be signed with the key in this file, and what they hear is; null: as it comes.
+    more: tuple[ClientAddress, ...] = ()  # further clients
+    # Repeats clients' heartbeats and OFFBOARD set-points in simulated time when the run is faster than real time.
+    repeat_heartbeats: bool = True
+    # Messages from clients must be signed with the key in this file, and messages to them are; null: no signing.
     signing_key_file: str | None = None
 
     def endpoints(self) -> list[Endpoint]:
-        """In the order of the keys."""
+        """Return all addresses in the order of the keys."""
         named = [("gcs", self.gcs), ("sdk", self.sdk), ("companion", self.companion)]
         named += [("client", address) for address in self.more]
         return [Endpoint.parse(address, name) for name, address in named if address is not None]
 
 
 class Manual(Section):
-    """Flying by hand: sticks become MANUAL_CONTROL. They count only while the dead-man switch is held."""
+    """Manual control: the sticks are sent as MANUAL_CONTROL while the dead-man switch is held."""
 
-    device: Literal["gamepad", "keyboard"] | None = None  # gamepad: the first on HID, also one plugged in later
+    device: Literal["gamepad", "keyboard"] | None = None  # gamepad: the first on HID, which may be plugged in later
     rate_hz: Annotated[float, Field(ge=1, le=250)] = 25.0  # of simulated time
-    neutral_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # centred sticks after release or loss, then silence
-    needs_dead_man: bool = True  # false: a gamepad whose mapping names no dead-man switch will do
+    neutral_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # centred sticks are sent this long after release or loss
+    needs_dead_man: bool = True  # false: accepts a gamepad mapping without a dead-man switch
 
 
 def _client_by_name(value: Any) -> Any:
-    """A client that needs no settings of its own is written by its name alone."""
+    """Allow the name alone for a client without settings of its own."""
     return {"name": value} if isinstance(value, str) else value
 
 
 class StartedCut(Section):
-    """A client under test that the bench starts itself on this machine."""
+    """A client under test that the bench starts on this machine."""
 
-    name: str  # as `hil companion` knows it
-    settings: dict[str, Any] = Field(default_factory=dict)  # of this one, over those of all
+    name: str  # as in `hil companion NAME`
+    settings: dict[str, Any] = Field(default_factory=dict)  # of this client; replace those of all clients
 
 
 class Companion(Section):
-    """The link to the companion computer: frames of sensor data out, desired states back (docs/companion.md)."""
+    """The companion link: frames of sensor data out, desired states back (docs/companion.md)."""
 
-    clients: Annotated[int, Field(ge=0, le=32)] = 0  # waited for before the flight; more may come and go
+    clients: Annotated[int, Field(ge=0, le=32)] = 0  # awaited before the flight; more may connect later
     start: Annotated[tuple[Annotated[StartedCut, BeforeValidator(_client_by_name)], ...], Field(max_length=8)] = ()
-    settings: dict[str, Any] = Field(default_factory=dict)  # of all started ones, as `hil companion --set` takes them
-    control: bool = False  # what the clients desire is flown; the mission is then theirs to fly, and still judged
+    settings: dict[str, Any] = Field(default_factory=dict)  # of all started clients, as in `hil companion --set`
+    control: bool = False  # clients command the vehicle; they then fly the mission, which is judged as usual
     time: Literal["lockstep", "realtime", "latency_true"] = "lockstep"
-    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 10.0  # frames
+    rate_hz: Annotated[float, Field(gt=0, le=1000)] = 10.0  # of frames
     arrangement: Literal["shared_memory", "one_port", "ports"] = "shared_memory"
-    host: str = "127.0.0.1"  # of one_port and ports; one that others can reach needs `keys`
+    host: str = "127.0.0.1"  # of one_port and ports; any but loopback needs `keys`
     port: Annotated[int, Field(ge=0, le=65535)] = 5570  # 0: any that is free
-    sensor_port: Annotated[int, Field(ge=1024, le=65535)] | None = None  # of `ports`: the first of the sensors' own
-    ring_mb: Annotated[int, Field(ge=1, le=4096)] = 64  # of shared_memory: MiB for the frames under way
+    sensor_port: Annotated[int, Field(ge=1024, le=65535)] | None = None  # of `ports`: the sensors' first port
+    ring_mb: Annotated[int, Field(ge=1, le=4096)] = 64  # of shared_memory: size of the ring buffer [MiB]
     keys: str | None = None  # folder made by `hil keys`
-    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 30.0  # wall clock, for all clients to come
-    reply_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 5.0  # wall clock, for the answer to a frame
+    connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 30.0  # wall clock, until all clients are connected
+    reply_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 5.0  # wall clock, until the answer to a frame
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = (
-        5.0  # wall clock, that a lost controlling client may stay away
+        5.0  # wall clock; a lost client in control must be back within it
     )
-    on_loss: Literal["error", "go_on"] = "error"  # of one that controls and does not come back
-    link_delay_s: Annotated[float, Field(ge=0, le=10)] | None = None  # latency_true charges it too; null: as measured
+    on_loss: Literal["error", "go_on"] = "error"  # if a client in control does not reconnect
+    link_delay_s: Annotated[float, Field(ge=0, le=10)] | None = None  # of latency_true; null: as measured
     setpoint_hz: Annotated[float, Field(ge=3, le=250)] = 50.0  # simulated time
-    trace: str | None = None  # answers recorded in another run, instead of clients; `hil replay` sets it
+    trace: str | None = None  # recorded answers that replace the clients; set by `hil replay`
 
     @property
     def on(self) -> bool:
-        """Whether there is such a link at all."""
+        """True if the bench has a companion link."""
         return self.clients > 0 or bool(self.start) or self.trace is not None
 
     @property
     def times_count(self) -> bool:
-        """Whether how long clients took has a say in the flight. A trace of it repeats the run all the same."""
+        """True if the measured compute time of clients changes the flight. A trace makes it repeatable."""
         return self.on and self.control and self.time != "lockstep" and self.trace is None
 
     @property
     def expected(self) -> int:
-        """Clients to wait for."""
+        """Number of clients to wait for."""
         return max(self.clients, len(self.start))
 
 
 class Record(Section):
-    """What is kept of a run, besides run.json."""
+    """Recordings of a run, besides run.json."""
 
-    mcap: bool = True  # everything, for Foxglove and `ros2 bag`
-    images: bool = True  # with mcap: pictures and point clouds too; what nobody else wants is then not even drawn
-    tlog: bool = True  # MAVLink as ground stations record it
-    report: bool = True  # the report page with its plots
+    mcap: bool = True  # all topics, for Foxglove and `ros2 bag`
+    images: bool = True  # with mcap: pictures and point clouds; false: rendered only for other consumers
+    tlog: bool = True  # MAVLink, in the format of ground stations
+    report: bool = True  # report.html with plots
 
 
 class Trajectory(Section):
-    """A course for `hil dataset`, flown round and round from the take-off place on (hil/dataset/plan.py)."""
+    """A course for `hil dataset`, flown round and round from the take-off place (hil/apps/dataset/trajectory.py)."""
 
     preset: Literal["square", "circle", "figure_eight", "survey"] = "square"
-    side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square about it
+    side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square around the course
     height_m: Annotated[float, Field(ge=1, le=500)] = 8.0  # above the take-off place
     speed_mps: Annotated[float, Field(ge=0.2, le=15)] = 3.0
 
 
 class DatasetSettings(Section):
-    """What `hil dataset` makes of the flight (docs/dataset.md)."""
+    """Settings of `hil dataset` (docs/dataset.md)."""
 
-    trajectory: Trajectory | None = None  # flown instead of the mission; null: the mission
-    record: Literal["trajectory", "flight"] = "trajectory"  # from the first waypoint to the last, or all of it
-    depth_step_m: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.001  # of depth pictures, which reach to 65534 steps
-    guard_frames: Annotated[int, Field(ge=0, le=1000)] = 2  # in no set, where two sets meet
-    lidar_csv: bool = False  # sweeps as text too: slow and large
+    trajectory: Trajectory | None = None  # replaces the mission; null: the mission is flown
+    record: Literal["trajectory", "flight"] = "trajectory"  # from the first waypoint to the last, or the whole flight
+    depth_step_m: Annotated[float, Field(ge=1e-6, le=1.0)] = 0.001  # of depth pictures; range 65534 steps
+    guard_frames: Annotated[int, Field(ge=0, le=1000)] = 2  # in no set, at the border of two sets
+    lidar_csv: bool = False  # LiDAR sweeps as text too: slow and large
 
 
 class Limits(Section):
-    """What a flight must keep to PASS; null: measured and shown, but not judged. Definitions: `hil.verdict`."""
+    """Limits that a flight must meet to PASS; null: measured but not judged. Definitions: hil/run/verdict."""
 
     max_cross_track_m: Annotated[float, Field(gt=0)] | None = 1.0
     final_error_m: Annotated[float, Field(gt=0)] | None = 0.7
@@ -251,50 +251,50 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
 class Goal(Section):
-    """A place that the companion finds its own way to; told to it as the bench's one waypoint. null: not judged."""
+    """A place that the companion must find a way to. It is sent to the companion as the only waypoint."""
 
-    p_W: tuple[Coordinate, Coordinate, Coordinate]  # its third number is the height of the flight
-    outcome: str = "goal"  # that the client is to report: another one for a goal that cannot be reached
+    p_W: tuple[Coordinate, Coordinate, Coordinate]  # [m]; z is the height of the flight
+    outcome: str = "goal"  # expected report of the client; another one if the goal cannot be reached
     within_m: Annotated[float, Field(gt=0)] | None = 1.5
-    min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # of the vehicle to anything
-    max_path_ratio: Annotated[float, Field(ge=1)] | None = 1.35  # way flown over the shortest on the full map
+    min_clearance_m: Annotated[float, Field(gt=0, le=4)] | None = 0.5  # between the vehicle and any geometry
+    max_path_ratio: Annotated[float, Field(ge=1)] | None = 1.35  # flown length over the shortest path on the full map
 
 
 class Search(Section):
-    """Things of a class that a companion is to find and place; judged by ground truth. null: not judged."""
+    """Objects of a class that a companion must find and locate, judged by ground truth; null limits: not judged."""
 
     label: str = "person"
-    camera: str = "front"  # sensor: who was to be seen is who it could see
-    visible_px: Annotated[int, Field(ge=1)] = 64  # of somebody who can be seen
-    visible_looks: Annotated[int, Field(ge=1)] = 4  # four a second
-    gate_m: Annotated[float, Field(gt=0, le=100)] = 4.0  # farther from everybody, an object is a false one
-    min_found_share: Annotated[float, Field(ge=0, le=1)] | None = 0.9  # of those who were to be seen
-    max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # median, horizontally
+    camera: str = "front"  # sensor that decides which objects were visible
+    visible_px: Annotated[int, Field(ge=1)] = 64  # pixels of an object that make it visible in a sample
+    visible_samples: Annotated[int, Field(ge=1)] = 4  # with that many pixels, of four samples a second
+    gate_m: Annotated[float, Field(gt=0, le=100)] = 4.0  # a report farther from every object is false
+    min_found_share: Annotated[float, Field(ge=0, le=1)] | None = 0.9  # of the visible objects
+    max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # median, horizontal
     max_false: Annotated[int, Field(ge=0)] | None = None
-    doubles_count: bool = False  # whether one person told twice is a false one too
+    count_duplicates: bool = False  # a second report of one object is false too
 
 
 class Physics(Section):
-    """Switches of the dynamics."""
+    """Options of the dynamics."""
 
     contact_skipping: bool = True  # no contact work while nothing can touch
     effects: Effects = Effects()  # optional parts of the vehicle's model
-    # Longest step of the free-flight integrator; null: the tick. It must divide the tick.
+    # Longest step of the free-flight integrator, a divisor of the tick; null: the tick.
     step_us: Annotated[int, Field(ge=10, le=10_000)] | None = None
 
 
 class Faults(Section):
-    """What goes wrong on purpose, each at a simulated time."""
+    """Injected faults, each at a simulated time."""
 
     rotors: tuple[RotorFault, ...] = ()
     sensors: tuple[SensorFault, ...] = ()
-    links: tuple[LinkFault, ...] = ()  # on the wire to the autopilot
+    links: tuple[LinkFault, ...] = ()  # on the link to the autopilot
 
 
 class SensorConfig(BaseModel):
-    """One sensor, with the parameters of its preset and the bench file's own merged.
+    """One sensor, with the keys of the bench file merged over its preset.
 
-    In files `parameters` has no name of its own: its keys stand beside the others.
+    In a file the keys of `parameters` are written beside the others.
     """
 
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
@@ -311,17 +311,17 @@ class BenchConfig(Section):
 
     rig: str = "mock"
     description: str = ""
-    features: tuple[str, ...] = ()  # hardware that the rig has; tests choose by it
+    features: tuple[str, ...] = ()  # hardware of the rig, for tests that need it
     scene: str = "airfield"
     map_seed: Annotated[int, Field(ge=0, le=MAX_SEED)] | None = None  # of a generated map; null: the scene's own
     vehicle: str = "x500"
-    mission: str | None = None  # .plan, .waypoints or script; null: only the router's clients command
+    mission: str | None = None  # .plan, .waypoints or script; null: only clients of the router command
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends
-    # Of cameras that name no level of their own (sim/frame/quality.py); null: as they are.
+    # Level of the cameras that name none (sim/frame/quality.py); null: their own settings.
     quality: QualityName | None = None
-    pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as it goes
+    pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as possible
     autopilot: Autopilot = Autopilot()
     router: Router = Router()
     manual: Manual = Manual()
@@ -335,8 +335,9 @@ class BenchConfig(Section):
     record: Record = Record()
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
-    goal: Goal | None = None  # null: the flight is not judged by one
-    search: Search | None = None  # null: the flight is not judged by what was found
+    goal: Goal | None = None  # null: not judged
+    search: Search | None = None  # null: not judged
+    parts: dict[str, Any] = Field(default_factory=dict)  # further parts of a run, each with settings of its own
 
     @property
     def tick_ns(self) -> int:
@@ -344,7 +345,7 @@ class BenchConfig(Section):
         return NS_PER_S // self.tick_hz
 
     def autopilot_sensors(self) -> dict[str, str]:
-        """kind -> name of the one sensor of that kind that feeds the flight controller."""
+        """Return the sensor that feeds the flight controller for each kind, as kind -> name."""
         return {sensor.kind: name for name, sensor in self.sensors.items() if sensor.autopilot}
 
     @field_validator("tick_hz")
@@ -359,7 +360,7 @@ class BenchConfig(Section):
         return tick_hz
 
 
-# What a bench has that does not speak of sensors.
+# The sensors of a bench without a section `sensors`.
 STANDARD_SENSORS: dict[str, dict[str, Any]] = {
     "imu": {"preset": "icm20689"},
     "gps": {"preset": "here_plus", "rate_hz": 10},

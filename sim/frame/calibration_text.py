@@ -1,6 +1,6 @@
-"""A camera's calibration as the files that other programs read: ROS camera_info, OpenCV FileStorage, EuRoC sensor.yaml.
+"""Calibration files of a camera for other programs: ROS camera_info, OpenCV FileStorage, EuRoC sensor.yaml.
 
-All three put pixel centres at whole numbers, so their cx and cy are half a pixel below those of `CameraModel`.
+All three formats put pixel centres at whole numbers, so cx and cy are half a pixel less than in `CameraModel`.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def distortion_name(camera: CameraModel) -> str:
-    """As sensor_msgs/CameraInfo names distortion models; an undistorted camera is a plumb_bob of zeros."""
+    """Return the name of the distortion model in sensor_msgs/CameraInfo; without distortion: plumb_bob, with zeros."""
     return "plumb_bob" if camera.distortion is None else camera.distortion.ros_name
 
 
 def coefficients(camera: CameraModel) -> tuple[float, ...]:
-    """As sensor_msgs/CameraInfo orders them."""
+    """Return the distortion coefficients in the order of sensor_msgs/CameraInfo."""
     return (0.0,) * 5 if camera.distortion is None else camera.distortion.coefficients
 
 
 def projection_matrix(camera: CameraModel) -> tuple[float, ...]:
-    """P of sensor_msgs/CameraInfo, 3 x 4: the rectified picture has the camera's own focal lengths."""
+    """Return P of sensor_msgs/CameraInfo, 3 x 4: the rectified picture keeps the camera's focal lengths."""
     k = camera.opencv_matrix
     return (*k[0:3], 0.0, *k[3:6], 0.0, *k[6:9], 0.0)
 
 
 def camera_info_yaml(camera: CameraModel, name: str) -> str:
-    """What ROS's camera_info_manager and camera_calibration_parsers load."""
+    """Return the file that ROS's camera_info_manager and camera_calibration_parsers load."""
     d = coefficients(camera)
     return "\n".join(
         [
@@ -48,7 +48,7 @@ def camera_info_yaml(camera: CameraModel, name: str) -> str:
 
 
 def opencv_yaml(camera: CameraModel) -> str:
-    """What cv2.FileStorage reads, with the names that OpenCV's calibration sample writes."""
+    """Return the file that cv2.FileStorage reads, with the names of OpenCV's calibration sample."""
     d = coefficients(camera)
     return "\n".join(
         [
@@ -65,9 +65,9 @@ def opencv_yaml(camera: CameraModel) -> str:
 
 
 def euroc_yaml(camera: CameraModel, *, rate_hz: float, T_BS: Sequence[float], comment: str = "") -> str:
-    """sensor.yaml of an ASL (EuRoC) data set. `T_BS`: 4 x 4, camera to body, row by row.
+    """Return sensor.yaml of an ASL (EuRoC) data set. `T_BS`: 4 x 4, camera to body, row by row.
 
-    EuRoC names two distortion models; ROS's rational_polynomial is a third, of this bench.
+    EuRoC has two distortion models; this bench adds ROS's rational_polynomial as a third.
     """
     k, d = camera.opencv_matrix, coefficients(camera)
     names = {"plumb_bob": "radial-tangential", "equidistant": "equidistant"}
@@ -92,7 +92,7 @@ def euroc_yaml(camera: CameraModel, *, rate_hz: float, T_BS: Sequence[float], co
 
 
 def _list(values: Sequence[float]) -> str:
-    """Shortest text that reads back to the same doubles."""
+    """Return the shortest text that reads back to the same doubles."""
     return "[" + ", ".join(repr(float(v)) for v in values) + "]"
 
 

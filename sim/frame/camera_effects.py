@@ -1,10 +1,10 @@
-"""What the sensor of a camera does to light, and what a depth camera does to distance.
+"""Effects of a camera's sensor on light, and of a depth camera on distance.
 
     x = gain (v L + sqrt(v L / N + (r / N)^2) n)       pixel = sRGB(clip(x, 0, 1))
 
-L is the picture in linear light (averaged over the exposure, where there is motion blur), v the vignetting
-1 - s (1 - cos^4 theta), N the electrons that make white, r the read noise in electrons, n normal. Auto exposure sets
-the gain of the next picture to gain * sqrt(target / mean of this one), at most twice or half as much at once.
+L is the picture in linear light (with motion blur: its mean over the exposure), v the vignetting 1 - s (1 - cos^4
+theta), N the electrons of a white pixel, r the read noise in electrons, n a standard normal. Auto exposure sets the
+gain of the next picture to gain * sqrt(target / mean of this one), changed by a factor of 2 at most.
 
 Noise is a function of the seed, the sensor's name and the number of the picture alone (sim/native/image_noise.hpp).
 """
@@ -23,12 +23,12 @@ from sim.frame.camera_model import CameraModel
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
 
-_FASTEST_CHANGE = 2.0  # of the gain, from one picture to the next
-_DARKEST = 1e-4  # mean light below which there is nothing to measure
+_FASTEST_CHANGE = 2.0  # factor of the gain from one picture to the next, at most
+_DARKEST = 1e-4  # mean light below which auto exposure measures nothing
 
 
 def vignette(camera: CameraModel, strength: float) -> Float32 | None:
-    """Factor of each pixel, (height, width); None where all are 1."""
+    """Return the factor of each pixel, (height, width); None if all are 1."""
     if strength == 0.0:
         return None
     cosine = np.clip(camera.rays()[:, :, 2], 0.0, 1.0)
@@ -37,7 +37,7 @@ def vignette(camera: CameraModel, strength: float) -> Float32 | None:
 
 
 class LightSensor:
-    """Turns linear light into the picture that leaves the camera. One per camera: auto exposure remembers."""
+    """Turns linear light into the camera's output. One instance per camera: auto exposure has a state."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class LightSensor:
         vignette: Float32 | None,
         key: tuple[int, int],
     ) -> None:
-        """`auto_target` None: the gain stays. `electrons_at_white` None: no noise."""
+        """`auto_target` None: constant gain. `electrons_at_white` None: no noise."""
         self.gain = gain
         self._target = auto_target
         self._limits = gain_limits
@@ -65,11 +65,11 @@ class LightSensor:
         self._linear: list[float] = shades.reshape(-1)[:256].tolist()
 
     def begin(self) -> None:
-        """Forget the light of the picture before."""
+        """Start a new picture."""
         self._light.fill(0.0)
 
     def add(self, rgb: UInt8, weight: float) -> None:
-        """Take in the light of one moment of the exposure; weights sum to one."""
+        """Add the light of one instant of the exposure; weights sum to 1."""
         accumulate_linear(rgb, weight, self._light)
 
     def finish(self, index: int, out: UInt8) -> None:
@@ -90,7 +90,7 @@ class LightSensor:
             self._follow(out, self._target)
 
     def _follow(self, rgb: UInt8, target: float) -> None:
-        # Whole numbers and one sum in a stated order: numpy's own sums of floats depend on the processor.
+        # Integers, and one sum in a fixed order: numpy's sums of floats depend on the processor.
         counts = np.bincount(rgb.reshape(-1), minlength=256).tolist()
         mean = sum(n * light for n, light in zip(counts, self._linear, strict=True)) / rgb.size
         change = math.sqrt(target / max(mean, _DARKEST))
@@ -100,7 +100,7 @@ class LightSensor:
 
 
 class DepthSensor:
-    """Puts the errors of a depth camera on planar depth, in place."""
+    """Adds the errors of a depth camera to planar depth, in place."""
 
     def __init__(self, errors: Any, key: tuple[int, int]) -> None:
         """`errors`: sim.sensors.camera_parameters.DepthNoise."""
@@ -116,5 +116,5 @@ class DepthSensor:
         self._key = key
 
     def measure(self, depth_m: Float32, index: int) -> None:
-        """Picture number `index`. What is out of the camera's limits becomes inf: nothing measured."""
+        """Change picture number `index`. Depth outside the camera's limits becomes inf: nothing measured."""
         blur_depth(depth_m, **self._errors, key=self._key, index=index)

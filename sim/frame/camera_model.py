@@ -1,10 +1,10 @@
-"""Where a camera sees what: directions of pixels, pixels of points.
+"""Camera model: directions of pixels, and pixels of points.
 
     u = fx x' + cx,   v = fy y' + cy       x' = X/Z, y' = Y/Z of a point in C, distorted (sim/frame/distortion.py)
 
 Camera frame C is the optical frame: x right, y down, z along the view. Inside the bench pixel (column i, row j) has its
 centre at (i + 0.5, j + 0.5), so the picture covers [0, width] x [0, height]. OpenCV, ROS and Kalibr put the centre at
-(i, j): whatever comes from a file or goes to one is theirs, half a pixel less (`from_opencv`, `opencv_matrix`).
+(i, j): values in files follow their convention, half a pixel less (`from_opencv`, `opencv_matrix`).
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_sin
+from signals.units import RAD_PER_DEG
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt, NotInvertible
 
 Float64 = NDArray[np.float64]
 
 MAX_PIXELS_ACROSS = 8192
 MAX_FISHEYE_FOV_DEG = 220.0
-_HALF = 0.5  # of a pixel: what lies between this bench's pixel centres and OpenCV's
+_HALF = 0.5  # of a pixel, from OpenCV's pixel centres to this bench's
 _BLOCK_PIXELS = 1 << 20
 
 
 @dataclass(frozen=True)
 class CameraModel:
-    """One camera. Raises ValueError, which says what to change, where it could not exist."""
+    """Intrinsics and distortion of one camera. Raises ValueError for values that no camera can have."""
 
     width: int
     height: int
@@ -50,10 +50,10 @@ class CameraModel:
 
     @classmethod
     def from_fov(cls, width: int, height: int, fov_deg: float, distortion: Distortion | None = None) -> CameraModel:
-        """A camera with square pixels and the axis in the middle, by its horizontal field of view.
+        """Return a camera with square pixels and a centred axis, given by its horizontal field of view.
 
-        `fov_deg` is the angle between the rays at the middles of the left and right edges, distortion included
-        (its tangential part left out).
+        `fov_deg` is the angle between the rays at the middles of the left and right edges, with the radial part of the
+        distortion.
         """
         widest = MAX_FISHEYE_FOV_DEG if isinstance(distortion, KannalaBrandt) else 180.0
         allowed = fov_deg <= widest if isinstance(distortion, KannalaBrandt) else fov_deg < widest
@@ -74,35 +74,35 @@ class CameraModel:
     def from_opencv(
         cls, width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: Distortion | None = None
     ) -> CameraModel:
-        """A camera by its calibration as OpenCV, ROS and Kalibr print it (pixel centres at whole numbers)."""
+        """Return a camera by its calibration in OpenCV, ROS or Kalibr (pixel centres at whole numbers)."""
         return cls(width, height, fx, fy, cx + _HALF, cy + _HALF, distortion)
 
     @property
     def pinhole(self) -> bool:
-        """Whether straight lines are straight: no distortion, or one with all coefficients zero."""
+        """True without distortion, or if all its coefficients are zero."""
         d = self.distortion
         return d is None or (isinstance(d, BrownConrady) and not any(d.coefficients))
 
     @property
     def opencv_matrix(self) -> tuple[float, ...]:
-        """The camera matrix K, row by row, with OpenCV's pixel centres."""
+        """Camera matrix K, row by row, with OpenCV's pixel centres."""
         return (self.fx, 0.0, self.cx - _HALF, 0.0, self.fy, self.cy - _HALF, 0.0, 0.0, 1.0)
 
     def scaled(self, factor: int) -> CameraModel:
-        """The same view with `factor` times as many pixels each way."""
+        """Return the same view with `factor` times as many pixels each way."""
         f = float(factor)
         size = (factor * self.width, factor * self.height)
         return CameraModel(*size, f * self.fx, f * self.fy, f * self.cx, f * self.cy, self.distortion)
 
     def rays(self) -> Float64:
-        """(height, width, 3) unit directions in C of the pixel centres.
+        """Return unit directions in C of the pixel centres, (height, width, 3).
 
-        Raises ValueError where the distortion cannot be inverted inside the picture.
+        Raises ValueError if the distortion cannot be inverted everywhere in the picture.
         """
         x = (np.arange(self.width) + (_HALF - self.cx)) / self.fx
         y = (np.arange(self.height) + (_HALF - self.cy)) / self.fy
         rays = np.empty((self.height, self.width, 3))
-        step = max(1, _BLOCK_PIXELS // self.width)  # bounds the memory of the largest pictures
+        step = max(1, _BLOCK_PIXELS // self.width)  # limits the memory for large pictures
         for first in range(0, self.height, step):
             block = rays[first : first + step]
             seen = np.stack(np.meshgrid(x, y[first : first + step]), axis=-1).reshape(-1, 2)
@@ -110,7 +110,7 @@ class CameraModel:
         return rays
 
     def directions(self, seen: Float64) -> Float64:
-        """(n, 2) x', y' to (n, 3) unit directions in C. ValueError as `rays`."""
+        """Return unit directions in C (n, 3) of x', y' (n, 2). Raises ValueError as `rays` does."""
         d = self.distortion
         if d is None or self.pinhole:
             length = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2 + 1.0)
@@ -125,7 +125,7 @@ class CameraModel:
             ) from error
 
     def project(self, points_C: Float64) -> Float64:
-        """(n, 3) points to (n, 2) pixel coordinates; NaN behind a camera that is no fisheye."""
+        """Return pixel coordinates (n, 2) of points in C (n, 3); NaN behind a camera that is not a fisheye."""
         points = np.asarray(points_C, np.float64).reshape(-1, 3)
         d = self.distortion
         if isinstance(d, KannalaBrandt):

@@ -1,11 +1,11 @@
-"""Where a camera is and how it moves, when it takes a picture."""
+"""Pose and velocity of a camera when it takes a picture."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hil.signals.rotation import Rotation
-from hil.signals.samples import Vec3
+from signals.rotation import Rotation
+from signals.samples import Vec3
 
 
 @dataclass(frozen=True)

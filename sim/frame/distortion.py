@@ -1,7 +1,7 @@
-"""Lens distortion, as OpenCV defines it, and its inverse.
+"""Lens distortion, as defined in OpenCV, and its inverse.
 
-With x = X/Z, y = Y/Z, r^2 = x^2 + y^2 and theta = atan2(sqrt(X^2 + Y^2), Z), a point is seen at (x', y'), from which
-u = fx x' + cx and v = fy y' + cy.
+With x = X/Z, y = Y/Z, r^2 = x^2 + y^2 and theta = atan2(sqrt(X^2 + Y^2), Z), a point has the distorted coordinates
+(x', y'), and the pixel u = fx x' + cx, v = fy y' + cy.
 
     BrownConrady     x' = x g + 2 p1 x y + p2 (r^2 + 2 x^2)      (Brown 1966; rational terms: OpenCV's calib3d)
                      y' = y g + p1 (r^2 + 2 y^2) + 2 p2 x y
@@ -9,12 +9,12 @@ u = fx x' + cx and v = fy y' + cy.
     KannalaBrandt    (x', y') = (X, Y) / sqrt(X^2 + Y^2) * theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
                      (Kannala and Brandt, IEEE TPAMI 28, 2006, eq. 6; OpenCV's fisheye)
 
-The inverse has no closed form. It starts at the radius that a table of the radial part gives and goes on with
-Newton's method to 1e-12. Distortions of real lenses turn back beyond some radius: two directions then share a pixel.
-Where that happens inside the picture the inverse does not exist, and `NotInvertible` says from which pixel on.
+The inverse has no closed form. Newton's method refines the radius from a table of the radial part to 1e-12. The models
+of real lenses fold back beyond some radius, where two directions share a pixel. If that happens inside the picture the
+inverse does not exist, and `NotInvertible` holds the radius.
 
-+ - * / sqrt and comparisons only, but for `KannalaBrandt.distort`, whose atan2 is the C library's: what feeds a
-picture is the inverse.
+Only + - * / sqrt and comparisons are used, except in `KannalaBrandt.distort`, which calls the C library's atan2;
+pictures use the inverse only.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from sim._kernels import sin_cos
 
 Float64 = NDArray[np.float64]
 
-TOLERANCE = 1e-12  # of x' and y', which are of order 1
+TOLERANCE = 1e-12  # of x' and y', whose order of magnitude is 1
 _NEWTON_STEPS = 30
 _TABLE = 8192
-_WIDEST_RAD = 1.5698  # 89.94 degrees from the axis: as far as a picture on a plane is followed
+_WIDEST_RAD = 1.5698  # 89.94 degrees from the axis, the limit for a picture on a plane
 _HALF_CIRCLE_RAD = 3.1415926535897931
 
 
 class NotInvertible(ValueError):
-    """Two directions share a pixel of the picture. `radius` is that of (x', y') from which on this happens."""
+    """Distortion for which two directions share a pixel. `radius`: of (x', y') beyond which this happens."""
 
     def __init__(self, radius: float) -> None:
         self.radius = radius
@@ -45,7 +45,7 @@ class NotInvertible(ValueError):
 
 
 class _Growing(NamedTuple):
-    """The radial part where it still grows: undistorted size -> radius in the picture."""
+    """Growing part of the radial function: undistorted radius -> radius in the picture."""
 
     size: Float64
     radius: Float64
@@ -54,7 +54,7 @@ class _Growing(NamedTuple):
 
 @dataclass(frozen=True)
 class BrownConrady:
-    """Polynomial or rational radial terms and two tangential ones."""
+    """Distortion with polynomial or rational radial terms and two tangential terms."""
 
     k1: float = 0.0
     k2: float = 0.0
@@ -67,32 +67,32 @@ class BrownConrady:
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """In OpenCV's order: five, or eight where the rational terms are used."""
+        """Coefficients in OpenCV's order: five, or eight with the rational terms."""
         values: tuple[float, ...] = astuple(self)
         return values if any(values[5:]) else values[:5]
 
     @property
     def ros_name(self) -> str:
-        """What sensor_msgs/CameraInfo calls it."""
+        """Name of the model in sensor_msgs/CameraInfo."""
         return "rational_polynomial" if len(self.coefficients) == 8 else "plumb_bob"
 
     def distort(self, points_C: Float64) -> Float64:
-        """(n, 3) points before the camera to (n, 2) x', y'."""
+        """Return x', y' (n, 2) of points in front of the camera (n, 3)."""
         x, y = points_C[:, 0] / points_C[:, 2], points_C[:, 1] / points_C[:, 2]
         seen = self._seen(x, y)
         return np.stack(seen, axis=1)
 
     def radial(self, half_angle_rad: float) -> float:
-        """Radius in the picture of a ray at this angle to the axis; without the tangential part.
+        """Return the radius in the picture of a ray at this angle to the axis, without the tangential part.
 
-        Raises NotInvertible where the picture turns back before that.
+        Raises NotInvertible if the picture folds back before that.
         """
         sine, cosine = _sine_cosine(np.linspace(0.0, half_angle_rad, _TABLE))
         size = sine / cosine
         return _last_if_growing(size * self._gain(size * size))
 
     def undistort(self, seen: Float64) -> Float64:
-        """(n, 2) x', y' to (n, 3) unit directions. Raises NotInvertible."""
+        """Return unit directions (n, 3) of x', y' (n, 2). Raises NotInvertible."""
         table = self._growing()
         radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
         size = np.interp(radius, table.radius, table.size)
@@ -108,7 +108,7 @@ class BrownConrady:
             det = a * d - b * c
             det = np.where(np.abs(det) < 1e-9, 1e-9, det)
             x, y = x - (d * ex - b * ey) / det, y - (a * ey - c * ex) / det
-            # A step past the last radius that is still followed would find the wrong branch.
+            # A step past the last radius of the table would find the wrong branch.
             r = np.sqrt(x * x + y * y)
             back = np.where(r > limit, limit / np.where(r > 0.0, r, 1.0), 1.0)
             x, y = x * back, y * back
@@ -161,7 +161,7 @@ class BrownConrady:
 
 @dataclass(frozen=True)
 class KannalaBrandt:
-    """Fisheye: a polynomial of the angle to the axis."""
+    """Fisheye distortion: a polynomial of the angle to the axis."""
 
     k1: float = 0.0
     k2: float = 0.0
@@ -170,28 +170,28 @@ class KannalaBrandt:
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """In OpenCV's order."""
+        """Coefficients in OpenCV's order."""
         values: tuple[float, ...] = astuple(self)
         return values
 
     @property
     def ros_name(self) -> str:
-        """What sensor_msgs/CameraInfo calls it."""
+        """Name of the model in sensor_msgs/CameraInfo."""
         return "equidistant"
 
     def distort(self, points_C: Float64) -> Float64:
-        """(n, 3) points all round the camera to (n, 2) x', y'."""
+        """Return x', y' (n, 2) of points in any direction (n, 3)."""
         across = np.sqrt(points_C[:, 0] ** 2 + points_C[:, 1] ** 2)
         radius = self._radius(np.arctan2(across, points_C[:, 2]))
         scale = np.divide(radius, across, out=np.zeros_like(across), where=across > 0.0)
         return points_C[:, :2] * scale[:, None]
 
     def radial(self, half_angle_rad: float) -> float:
-        """Radius in the picture of a ray at this angle to the axis. NotInvertible where it turns back before that."""
+        """Return the radius of a ray at this angle to the axis. Raises NotInvertible beyond the growing part."""
         return _last_if_growing(self._radius(np.linspace(0.0, half_angle_rad, _TABLE)))
 
     def undistort(self, seen: Float64) -> Float64:
-        """(n, 2) x', y' to (n, 3) unit directions. Raises NotInvertible."""
+        """Return unit directions (n, 3) of x', y' (n, 2). Raises NotInvertible."""
         angles = np.linspace(0.0, _HALF_CIRCLE_RAD, _TABLE)
         table = _while_growing(angles, self._radius(angles))
         radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
@@ -223,7 +223,7 @@ Distortion = BrownConrady | KannalaBrandt
 
 
 def _while_growing(size: Float64, radius: Float64) -> _Growing:
-    """The part of the table before the radius first stops growing (or stops being a number)."""
+    """Return the part of the table before the radius first stops growing or is not finite."""
     grows = np.diff(radius) > 0.0
     last = len(grows) if grows.all() else int(np.argmin(grows))
     return _Growing(size[: last + 1], radius[: last + 1], last < len(grows))

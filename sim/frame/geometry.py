@@ -1,6 +1,6 @@
-"""The geometry of a world for the native kernels: static part prepared once, what moves posed at a time.
+"""Geometry of a world for the native kernels: static geoms are prepared once, actors are posed at a time.
 
-What moves are the actors' bodies, pure functions of time (sim.scene.maps.scene_map.Actor), and the geoms on them.
+Actors are pure functions of time (sim.scene.maps.scene_map.Actor); their geoms move with their bodies.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ _SHAPES = frozenset({0, 2, 3, 4, 5, 6, _MESH})
 class FrameGeometry:
     """Native geometry and scenery of a world.
 
-    `native` and `scenery` are shared by all cameras and LiDARs of a run. `pose` moves everything at once; `expect` says
-    what time it is, and each camera or LiDAR then brings what can be within its sight: actors that nobody can see are
-    never posed.
+    `native` and `scenery` are shared by all cameras and LiDARs of a run. `pose` poses all actors at once; after
+    `expect`, which sets the time, each camera or LiDAR poses the actors that it may see: actors out of sight are never
+    posed.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.native = Geometry()
         self.posed = 0  # actors posed so far
-        self._left_out = 0  # of moments that are over
-        self._looked = False  # somebody, at this moment
+        self._skipped = 0  # actors not posed at earlier times
+        self._used = False  # by a sensor, at this time
         model = world.model
-        self.scenery: Scenery = make_scenery(model, looks=world.geom_look)
+        self.scenery: Scenery = make_scenery(model, appearances=world.geom_appearance)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         sets = [_geoms_of(actor, model) for actor in world.map.actors]
@@ -75,37 +75,37 @@ class FrameGeometry:
 
     @cached_property
     def plain_scenery(self) -> Scenery:
-        """The same without textures: each surface in the mean colour of its own."""
+        """Scenery without textures: each surface has its mean colour."""
         return self.scenery.without_textures()
 
     def pose(self, t_ns: int) -> None:
-        """Everything that moves, at `t_ns`. A pose that is not finite hides its geoms."""
+        """Pose all actors at `t_ns`. A pose that is not finite hides its geoms."""
         self.expect(t_ns)
-        self.bring()
+        self.pose_within()
 
     def expect(self, t_ns: int) -> None:
-        """From now on the time is `t_ns`; whoever looks brings what it may see."""
+        """Set the time to `t_ns`; each sensor then poses the actors that it may see."""
         if t_ns != self.t_ns:
-            self._left_out, self._looked = self.unposed, False
+            self._skipped, self._used = self.unposed, False
         self.t_ns = t_ns
 
     @property
     def settled(self) -> bool:
-        """Whether everything is where it is at this time, and somebody looked."""
-        return self._looked and self._actors.absent(self.t_ns) == 0
+        """True if all actors are posed at this time and a sensor has used them."""
+        return self._used and self._actors.absent(self.t_ns) == 0
 
     @property
     def unposed(self) -> int:
-        """Actors so far that nobody could see at a moment when somebody looked."""
-        return self._left_out + (self._actors.absent(self.t_ns) if self._looked else 0)
+        """Count of actors, over all times that sensors used, that no sensor could see."""
+        return self._skipped + (self._actors.absent(self.t_ns) if self._used else 0)
 
-    def bring(self, reach: Reach | None = None) -> None:
-        """Pose the actors that are not yet where they are at this time.
+    def pose_within(self, reach: Reach | None = None) -> None:
+        """Pose the actors within `reach` (None: all) that are not yet posed at this time.
 
-        Those that `reach` misses are hidden instead, until somebody brings them.
+        Actors out of reach are hidden until a later call poses them.
         """
-        self._looked = True
-        self.posed += self._actors.bring(self.t_ns, reach)
+        self._used = True
+        self.posed += self._actors.pose_within(self.t_ns, reach)
 
 
 def _geoms_of(actor: Actor, model: mujoco.MjModel) -> NDArray[np.int32]:

@@ -1,4 +1,4 @@
-"""Triangles of a MuJoCo model's meshes and height fields, as the native geometry reads them."""
+"""Triangles of a MuJoCo model's meshes and height fields, for the native geometry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SAME_DIRECTION = 1.0 - 1e-6  # cosine
 
 
 class Triangles(NamedTuple):
-    """A mesh: vertices [m], corners of triangles, and where there are any texture coordinates and normals."""
+    """Mesh: vertices [m], corners of triangles, optional texture coordinates and normals."""
 
     vertex: NDArray[np.float32]  # (n, 3)
     triangle: NDArray[np.int32]  # (m, 3)
@@ -21,7 +21,7 @@ class Triangles(NamedTuple):
 
 
 def mesh_triangles(model: mujoco.MjModel, mesh: int) -> Triangles:
-    """Mesh number `mesh`, in the frame of the geoms that use it."""
+    """Return mesh number `mesh`, in the frame of the geoms that use it."""
 
     def part(array: NDArray, begin: NDArray, count: NDArray) -> NDArray:
         return array[int(begin[mesh]) : int(begin[mesh]) + int(count[mesh])]
@@ -39,7 +39,7 @@ def mesh_triangles(model: mujoco.MjModel, mesh: int) -> Triangles:
         uv = coordinates[part(model.mesh_facetexcoord, model.mesh_faceadr, model.mesh_facenum)]
         uv = uv * np.array([1.0, -1.0], np.float32) + np.array(
             [0.0, 1.0], np.float32
-        )  # MuJoCo's v counts from the first row down
+        )  # v of MuJoCo counts downwards from the first row
     return Triangles(
         _as(vertex, np.float32),
         _as(triangle, np.int32),
@@ -49,14 +49,14 @@ def mesh_triangles(model: mujoco.MjModel, mesh: int) -> Triangles:
 
 
 def _flat(corners: NDArray, normals: NDArray) -> bool:
-    """Whether the normals at the corners are those of the triangles anyway. (m, 3, 3) both."""
+    """Return True if the normals at the corners are those of the triangles; both are (m, 3, 3)."""
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face /= np.maximum(np.linalg.norm(face, axis=1, keepdims=True), 1e-30)
     return bool(np.all(np.einsum("mi,mki->mk", face, normals) > _SAME_DIRECTION))
 
 
 def height_field_triangles(model: mujoco.MjModel, field: int) -> Triangles:
-    """Height field number `field`: its surface, cut along the diagonals mj_ray uses, with sides and a bottom."""
+    """Return height field number `field`: its surface, cut along the diagonals of mj_ray, with sides and a bottom."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     begin = int(model.hfield_adr[field])
     half_x, half_y, top, bottom = (float(v) for v in model.hfield_size[field])

@@ -1,33 +1,33 @@
-"""How a frame sensor is fixed to the vehicle, and where that puts it at a moment near the tick.
+"""Mount of a frame sensor on the vehicle, and its pose at an instant near the tick.
 
     q_BC = Rz(yaw) Ry(pitch) Rx(roll) q_forward       p_WC = p_WB + R_WB p_BC
 
-Angles (0, 0, 0) look forward: the optical z axis along x of B, x to the right (-y of B), y down (-z of B). Turns are
-about the axes of B (FLU), in this order the last first: yaw to the left, pitch downwards (90: straight down, the top
-of the picture forward), roll to the right.
+Angles (0, 0, 0) look forward: the optical z axis along x of B, x to the right (-y of B), y down (-z of B). Rotations
+are about the axes of B (FLU), roll first, then pitch, then yaw: yaw to the left, pitch downwards (90: straight down,
+with the top of the picture forward), roll to the right.
 
-A picture is not taken in one moment. From the truth of its tick the vehicle's pose tau later (or earlier) is
+A picture takes time. From the truth at its tick, the vehicle's pose tau later (or earlier) is
 
     p + v tau + a tau^2 / 2          q * exp(w tau + alpha tau^2 / 2)
 
-with a and alpha the means over the step just taken. What is left out is the change of a and alpha: with a jerk j and a
-tick h about j tau h tau / 4 + j tau^3 / 6. Measured on a wobble of 4.3 rad/s and 27 rad/s2: 0.007 mm and 0.003 degrees
-8 ms from the tick, 0.02 mm and 0.009 degrees 12 ms from it (tests/unit/test_frame_mount.py).
+with a and alpha the means over the step just taken. It neglects the change of a and alpha: with a jerk j and a tick h
+the error is about j tau h tau / 4 + j tau^3 / 6. For an oscillation of 4.3 rad/s and 27 rad/s2 it is 0.007 mm and 0.003
+degrees 8 ms from the tick, 0.02 mm and 0.009 degrees 12 ms from it (tests/unit/sim/frame/test_frame_mount.py).
 """
 
 from __future__ import annotations
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.rotation import NO_TURN, applied, cross, matrix_of, norm, product
-from hil.signals.samples import Quat, TruthState, Vec3
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_sin
+from signals.rotation import NO_TURN, applied, cross, matrix_of, norm, product
+from signals.samples import Quat, TruthState, Vec3
+from signals.units import RAD_PER_DEG
 from sim.frame.camera_pose import CameraPose
 
 _FORWARD: Quat = (0.5, -0.5, 0.5, -0.5)  # optical axes to FLU: z to forward, x to right, y to down
 
 
 def quaternion_of_rpy(rpy_deg: Vec3) -> Quat:
-    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Return the quaternion of Rz(yaw) Ry(pitch) Rx(roll)."""
     turn = NO_TURN
     for axis in (2, 1, 0):
         half = 0.5 * rpy_deg[axis] * RAD_PER_DEG
@@ -38,18 +38,18 @@ def quaternion_of_rpy(rpy_deg: Vec3) -> Quat:
 
 
 class Mount:
-    """A sensor frame C fixed to B. `optical`: C is a camera's; else it has the axes of B at angles (0, 0, 0)."""
+    """Sensor frame C fixed to B. `optical`: C is a camera's; else it has the axes of B at angles (0, 0, 0)."""
 
     def __init__(self, mount_m: Vec3, mount_rpy_deg: Vec3, *, optical: bool = True) -> None:
         self.p_BC = mount_m
         self.q_BC = product(quaternion_of_rpy(mount_rpy_deg), _FORWARD if optical else NO_TURN)
 
     def attitude(self, truth: TruthState) -> Quat:
-        """q_WC at the tick."""
+        """Return q_WC at the tick."""
         return product(truth.q_WB, self.q_BC)
 
     def pose(self, truth: TruthState, tau_s: float = 0.0) -> CameraPose:
-        """Pose and velocity `tau_s` after the tick."""
+        """Return pose and velocity `tau_s` after the tick."""
         p, q, v, w_B = truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B
         if tau_s != 0.0:
             p, q, v, w_B = moved(truth, tau_s)
@@ -66,13 +66,13 @@ class Mount:
 
 
 def moved(truth: TruthState, tau_s: float) -> tuple[Vec3, Quat, Vec3, Vec3]:
-    """p_WB, q_WB, v_WB_W and w_WB_B `tau_s` after the tick."""
+    """Return p_WB, q_WB, v_WB_W and w_WB_B `tau_s` after the tick."""
     t, half = tau_s, 0.5 * tau_s * tau_s
     p, v, a = truth.p_WB, truth.v_WB_W, truth.a_WB_W
     w, alpha = truth.w_WB_B, truth.alpha_WB_B
     x, y, z = w[0] * t + alpha[0] * half, w[1] * t + alpha[1] * half, w[2] * t + alpha[2] * half
     angle = norm((x, y, z))
-    # sin(angle / 2) / angle; below 1e-4 rad the series is exact to 1e-10 of it
+    # sin(angle / 2) / angle; below 1e-4 rad the series has a relative error of 1e-10
     ratio = det_sin(0.5 * angle) / angle if angle > 1e-4 else 0.5 - angle * angle / 48.0
     turn = (det_cos(0.5 * angle), x * ratio, y * ratio, z * ratio)
     return (

@@ -1,13 +1,13 @@
 """Colour by MuJoCo's own renderers, for machines with a GPU: `egl` (classic OpenGL) and `filament` (Vulkan).
 
-Same pose, same frustum as the raster, so that its colour lies on the raster's depth and ids, pixel for pixel: with near
-plane n and the intrinsics in this bench's pixel coordinates (pixel (i, j) covers [i, i+1] x [j, j+1]),
+Pose and frustum are those of the raster, so that the colour matches the raster's depth and ids pixel by pixel. With
+near plane n and the intrinsics in this bench's pixel coordinates (pixel (i, j) covers [i, i+1] x [j, j+1]):
 
     left = -n cx / fx,  right = n (W - cx) / fx,  top = n cy / fy,  bottom = -n (H - cy) / fy.
 
-Depth, ids, normals and velocities stay with the raster: these renderers give depth at 24 bits and ids in a pass of
-their own. Their pictures differ between machines and drivers (and Filament's from one run to the next): a run whose
-colour comes from here is not reproducible bit for bit. Pinhole cameras only.
+The raster still makes depth, ids, normals and velocities: these renderers have depth of 24 bits only, and need another
+pass for ids. Their pictures differ between machines and drivers (and Filament's between runs), so a run with such
+colour is not reproducible bit for bit. Only pinhole cameras are supported.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.errors import HilError
+from signals.errors import HilError
 
 if TYPE_CHECKING:
     from sim.frame.camera_model import CameraModel
     from sim.frame.renderer import CameraPose, FrameRenderer
     from sim.scene.world import World
 
-Planes = tuple[float, float]  # distance of the near and of the far one [m]
+Planes = tuple[float, float]  # distance of the near and the far plane [m]
 BACKENDS = ("egl", "filament")
 _FILAMENT_PROBE = (
     "import mujoco.studio.window; from mujoco import mjrf; "
@@ -40,16 +40,16 @@ _FILAMENT_PROBE = (
 
 
 class ColourBackendError(HilError):
-    """MuJoCo's renderer cannot be had on this machine, or not for this camera."""
+    """MuJoCo's renderer is missing on this machine, or does not support this camera."""
 
 
 class WorldPose:
-    """MuJoCo's data of a world, with the actors where they are at a time, and how fast bodies move there."""
+    """MuJoCo's data of a world with its actors posed at a time, and the velocities of bodies."""
 
     def __init__(self, world: World) -> None:
         self.model = world.model
         self.data = mujoco.MjData(world.model)
-        self.v_WB_W = np.zeros((world.model.nbody, 3))  # of the bodies' origins, data.xpos
+        self.v_WB_W = np.zeros((world.model.nbody, 3))  # of the bodies' origins (data.xpos)
         self.w_WB_W = np.zeros((world.model.nbody, 3))
         self._actors = []
         for actor in world.map.actors:
@@ -58,10 +58,10 @@ class WorldPose:
             arrays = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
             self._actors.append((actor, bodies, self.model.body_mocapid[bodies], arrays))
         mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_camlight(self.model, self.data)  # lights hang on bodies too
+        mujoco.mj_camlight(self.model, self.data)  # bodies may carry lights
 
     def at(self, t_ns: int) -> mujoco.MjData:
-        """The data, posed for `t_ns`."""
+        """Return the data, posed at `t_ns`."""
         for actor, bodies, mocap, (p_WB, q_WB, v_WB_W, w_WB_W) in self._actors:
             actor.pose(t_ns, p_WB, q_WB, v_WB_W, w_WB_W)
             self.v_WB_W[bodies] = v_WB_W
@@ -75,7 +75,7 @@ class WorldPose:
 
 
 class MujocoColour:
-    """Renders `rgb` of a world. ColourBackendError where the machine has no such renderer."""
+    """Renders `rgb` of a world. Raises ColourBackendError if the machine has no such renderer."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class MujocoColour:
         far_m: float = 1000.0,
     ) -> None:
         if backend not in BACKENDS:
-            raise ColourBackendError(f"no colour backend {backend!r}; there are: {', '.join(BACKENDS)}")
+            raise ColourBackendError(f"no colour backend {backend!r}; backends: {', '.join(BACKENDS)}")
         if not camera.pinhole:
             raise ColourBackendError(
                 f"the colour backend {backend!r} draws pinhole cameras only; use the backend 'native' for distortion"
@@ -108,32 +108,32 @@ class MujocoColour:
         self._data = self._world_pose.data
 
     def pose(self, t_ns: int) -> None:
-        """Puts the actors where they are at `t_ns`."""
+        """Pose the actors at `t_ns`."""
         self._data = self._world_pose.at(t_ns)
 
     def render(self, pose: CameraPose, rgb: NDArray[np.uint8]) -> None:
-        """Fills the caller's (H, W, 3) with colour, row 0 on top."""
+        """Fill the caller's array (H, W, 3) with colour, row 0 on top."""
         self._renderer.colour(self._data, pose, rgb)
 
     def geom_ids(self, pose: CameraPose) -> NDArray[np.int32]:
-        """(H, W) geom under each pixel as the classic renderer has it, -1 for none: to check that pixels coincide."""
+        """Return the geom at each pixel in the classic renderer, (H, W), -1 for none: to check that pixels coincide."""
         if not isinstance(self._renderer, _Classic):
             raise ColourBackendError("only the backend 'egl' gives geom ids")
         return self._renderer.geom_ids(self._data, pose)
 
     def close(self) -> None:
-        """Gives the graphics context back."""
+        """Release the graphics context."""
         self._renderer.close()
 
 
 @contextmanager
 def egl_context() -> Iterator[None]:
-    """Within it `mujoco.Renderer` makes EGL contexts, whatever MUJOCO_GL said when mujoco was imported."""
+    """Make `mujoco.Renderer` use EGL inside the block, even if MUJOCO_GL named another backend."""
     from mujoco.egl import GLContext
     from mujoco.rendering.classic import renderer
 
     chosen: Any = renderer.gl_context
-    before = getattr(chosen, "GLContext", None)  # none at all where MUJOCO_GL says "disabled"
+    before = getattr(chosen, "GLContext", None)  # missing if MUJOCO_GL is "disabled"
     chosen.GLContext = GLContext
     try:
         yield
@@ -146,7 +146,7 @@ def egl_context() -> Iterator[None]:
 
 @cache
 def egl_problem() -> str:
-    """Why there is no classic renderer on this machine; "" if there is."""
+    """Return why the classic renderer does not work on this machine; "" if it does."""
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light/><geom size='1'/></worldbody></mujoco>")
     try:
         with egl_context():
@@ -158,7 +158,7 @@ def egl_problem() -> str:
 
 @cache
 def filament_problem() -> str:
-    """Why there is no Filament on this machine; "" if there is. Asked of a child: without Vulkan it aborts."""
+    """Return why Filament does not work on this machine, or "". A child process tries: without Vulkan it aborts."""
     try:
         ended = subprocess.run(
             [sys.executable, "-c", _FILAMENT_PROBE], capture_output=True, text=True, timeout=60.0, check=False
@@ -172,7 +172,7 @@ def filament_problem() -> str:
 
 
 class _Classic:
-    """MjvScene and mujoco.Renderer, with the frustum of a CameraModel."""
+    """Classic renderer: MjvScene and mujoco.Renderer, with the frustum of a CameraModel."""
 
     def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
         model = with_pictures_of(model, camera)
@@ -197,12 +197,12 @@ class _Classic:
 
     def _aim(self, data: mujoco.MjData, pose: CameraPose) -> None:
         self._renderer.update_scene(data)
-        for eye in self._renderer.scene.camera:  # both of a stereo pair: mjr_render takes their mean
+        for eye in self._renderer.scene.camera:  # both eyes of the stereo pair: mjr_render uses their mean
             aim(eye, self._camera, pose, self._planes_m)
 
 
 class _Filament:
-    """mjrf's own objects: MuJoCo's Python wrapper round them needs Python 3.12."""
+    """Filament by the objects of mjrf: MuJoCo's own wrapper of them needs Python 3.12."""
 
     def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
         import mujoco.studio.window  # noqa: F401 - registers where Filament's materials are found
@@ -234,7 +234,7 @@ class _Filament:
 
 
 def with_pictures_of(model: mujoco.MjModel, camera: CameraModel) -> mujoco.MjModel:
-    """A copy whose buffers hold the camera's pictures: a World and its model are shared, and not to be written to."""
+    """Return a copy of the model with buffers of the camera's size; the shared model of a World must not change."""
     model = copy.copy(model)
     view = model.vis
     view.global_.offwidth = max(int(view.global_.offwidth), camera.width)
@@ -243,7 +243,7 @@ def with_pictures_of(model: mujoco.MjModel, camera: CameraModel) -> mujoco.MjMod
 
 
 def aim(eye: Any, camera: CameraModel, pose: CameraPose, planes_m: Planes) -> None:
-    """Puts MuJoCo's GL camera at the pose, with the frustum of `camera` (the picture's shape gives its width)."""
+    """Set MuJoCo's GL camera to the pose and the frustum of `camera` (its width follows from the picture's shape)."""
     near_m, far_m = planes_m
     R_WC = np.reshape(pose.R_WC, (3, 3))
     left, right = -near_m * camera.cx / camera.fx, near_m * (camera.width - camera.cx) / camera.fx
@@ -255,7 +255,7 @@ def aim(eye: Any, camera: CameraModel, pose: CameraPose, planes_m: Planes) -> No
 
 
 class MixedRenderer:
-    """Draws like a FrameRenderer; `rgb` is MuJoCo's: one camera, one pose, one moment."""
+    """FrameRenderer whose `rgb` is drawn by MuJoCo, for the same camera, pose and time."""
 
     def __init__(self, native: FrameRenderer, colour: MujocoColour) -> None:
         self._native, self._colour = native, colour
@@ -271,5 +271,5 @@ class MixedRenderer:
             out["rgb"][first:last] = self._rgb[first:last]
 
     def close(self) -> None:
-        """Give the graphics context back."""
+        """Release the graphics context."""
         self._colour.close()

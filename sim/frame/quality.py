@@ -1,6 +1,6 @@
-"""Quality of a camera's colour in five named steps, each with one more thing than the one before.
+"""Quality of a camera's colour in five named levels, each with one more feature than the previous one.
 
-| level | resolution | samples a pixel | textures | shadows |
+| level | resolution | samples per pixel | textures | shadows |
 |---|---|---|---|---|
 | low | 1 | 1 | no: mean colours | no |
 | medium | 1 | 1 | yes | no |
@@ -8,12 +8,12 @@
 | epic | 1 | 4 | yes | yes |
 | cinematic | twice as many pixels each way | 4 | yes | yes |
 
-A camera that names no level draws as `medium` does. A level lies over what a preset says and under what is said beside
-it: `{preset: camera_320x240, quality: high, shadows: false}` has no shadows. Where the resolution (or `intrinsics`) is
-said beside it, the pixels stay, and `cinematic` takes 16 samples in each instead.
+A camera without a level has that of `medium`. A level overrides the preset, and keys beside it override the level:
+`{preset: camera_320x240, quality: high, shadows: false}` has no shadows. If the resolution (or `intrinsics`) is given
+beside `cinematic`, the number of pixels stays and each takes 16 samples.
 
-Only colour changes: all else in a picture is the truth at the pixel's centre, the same at every level of one
-resolution. Cameras whose colour MuJoCo draws take of a level its shadows and its resolution.
+Only colour changes: the other channels are the truth at the pixel's centre, the same at every level of one resolution.
+Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ QualityName = Literal["low", "medium", "high", "epic", "cinematic"]
 
 @dataclass(frozen=True)
 class Quality:
-    """One level."""
+    """Level of quality."""
 
     resolution_factor: int
     supersample: int  # samples of colour along a pixel's edge
@@ -46,19 +46,19 @@ QUALITIES: dict[str, Quality] = {
 _PIXELS = frozenset({"resolution", "intrinsics"})
 
 
-def with_quality(values: Mapping[str, Any], quality: str, said: Collection[str] = ()) -> dict[str, Any]:
-    """Plain values of a camera (sim.sensors.camera_parameters) at a level. Keys in `said` are left as they are."""
+def with_quality(values: Mapping[str, Any], quality: str, given: Collection[str] = ()) -> dict[str, Any]:
+    """Return plain values of a camera (sim.sensors.camera_parameters) at a level; keys in `given` stay unchanged."""
     level = QUALITIES[quality]
     changed: dict[str, Any] = {"quality": quality, "shadows": level.shadows}
     supersample = level.supersample
     if level.resolution_factor > 1:
-        if _PIXELS.isdisjoint(said) and values.get("resolution") is not None:
+        if _PIXELS.isdisjoint(given) and values.get("resolution") is not None:
             changed |= _finer(values, level.resolution_factor)
         else:
             supersample *= level.resolution_factor
     if values.get("colour", "native") == "native":
         changed |= {"supersample": supersample, "textures": level.textures}
-    return {**values, **{key: value for key, value in changed.items() if key not in said}}
+    return {**values, **{key: value for key, value in changed.items() if key not in given}}
 
 
 def _finer(values: Mapping[str, Any], factor: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Pictures of a world from a camera: any set of channels of one frame, each computed only if asked for.
+"""Renderer of a camera: any set of channels of one frame; only requested channels are computed.
 
-What the native raster does and how exact it is: sim/native/frame/raster.hpp and resolve.hpp, docs/frames.md.
+Method and accuracy of the native raster: sim/native/frame/raster.hpp and resolve.hpp, docs/frames.md.
 """
 
 from __future__ import annotations
@@ -25,31 +25,41 @@ __all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]
 
 SUPERSAMPLES = (1, 2, 4)  # samples of colour along the edge of a pixel
 _SHADOW_PIXELS = 2048  # along the longer edge of the scene
-_GROUND_LIGHT = 0.45  # of the ambient light: what comes back from the ground
+_GROUND_LIGHT = 0.45  # share of the ambient light that the ground reflects
 
 
 @dataclass(frozen=True)
 class RenderSkips:
-    """What is left out because it cannot change the picture. Off: the same bits, later (`hil bench skip`)."""
+    """Skipping of work that cannot change the picture. Switched off: the same bits, slower (`hil bench skip`)."""
 
     frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds
-    occlusion: bool = True  # what lies behind something in all its pixels
+    occlusion: bool = True  # geometry hidden in all its pixels
     mesh_backs: bool = True  # triangles of closed meshes that face away
-    static_shadows: bool = True  # the sun's picture of what stands still is drawn once
+    static_shadows: bool = True  # the shadow map of static geoms is drawn once
     unseen_actors: bool = True  # actors that no pixel (and no shadow) can show are not posed
 
     @classmethod
     def none(cls) -> RenderSkips:
+        """Return the switches with all skipping off."""
         return cls(**{field.name: False for field in fields(cls)})
 
 
-class FrameRenderer:
-    """One camera over a geometry.
+@dataclass(frozen=True)
+class Execution:
+    """Threads, skipping and instruction set of the work. Every choice gives the same picture."""
 
-    `near_m`, `far_m`: least and greatest depth that is seen (range for cameras that are no pinhole). `supersample` 2
-    (4) averages colour over 2 x 2 (4 x 4) rays per pixel in linear light; the other channels are those of the pixel's
-    centre ray either way. Without `textures` surfaces have the mean colours of theirs. `threads`: the same picture for
-    any number. Raises ValueError for limits out of order.
+    threads: int = 1
+    skips: RenderSkips = RenderSkips()
+    isa: str = ""  # instruction set of the kernels; "": the best of the processor
+
+
+class FrameRenderer:
+    """Draws what one camera sees of a geometry.
+
+    `planes_m`: near and far plane, least and greatest depth that is seen (range for a camera without a pinhole).
+    `supersample` 2 (4) averages colour over 2 x 2 (4 x 4) rays per pixel in linear light; the other channels always
+    belong to the pixel's centre ray. Without `textures` each surface has its mean colour. `light`: instead of the
+    scene's. Raises ValueError for a value outside its range.
     """
 
     def __init__(
@@ -60,27 +70,26 @@ class FrameRenderer:
         shadows: bool = False,
         supersample: int = 1,
         textures: bool = True,
-        near_m: float = 0.05,
-        far_m: float = 10_000.0,
-        threads: int = 1,
-        skips: RenderSkips = RenderSkips(),
+        planes_m: tuple[float, float] = (0.05, 10_000.0),
         light: Light | None = None,
-        isa: str = "",
+        execution: Execution = Execution(),
     ) -> None:
+        near_m, far_m = planes_m
+        threads, isa = execution.threads, execution.isa
         if not 0.0 < near_m < far_m <= 1e5:
-            raise ValueError(f"near_m {near_m:g} and far_m {far_m:g}: need 0 < near < far <= 100000")
+            raise ValueError(f"planes_m ({near_m:g}, {far_m:g}): need 0 < near < far <= 100000")
         if supersample not in SUPERSAMPLES:
             raise ValueError(f"supersample must be 1, 2 or 4, not {supersample}")
         if threads < 1:
             raise ValueError(f"threads must be at least 1, not {threads}")
         self.geometry = geometry
         self.camera = camera
-        self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, skips
+        self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, execution.skips
         self._edges = _edges(camera)
         scenery = geometry.scenery if textures else geometry.plain_scenery
         self._picture = _picture(geometry, scenery, camera, 1, isa)
         self._fine = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
-        # The fine picture, and what becomes of it each time four pixels are made one, down to twice the camera's.
+        # Buffers of the supersampled picture, and of its reductions by 2 x 2 down to twice the camera's size.
         self._finer_rgb: list[NDArray[np.uint8]] = []
         while supersample > 1:
             self._finer_rgb.append(np.empty((supersample * camera.height, supersample * camera.width, 3), np.uint8))
@@ -93,7 +102,7 @@ class FrameRenderer:
             self._shadows = sun_shadows(geometry, chosen, isa)
 
     def buffers(self, *channels: str) -> dict[str, NDArray[Any]]:
-        """New arrays for the channels named."""
+        """Return new arrays for these channels."""
         return {name: CHANNELS[name].empty(self.camera.height, self.camera.width) for name in channels}
 
     def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
@@ -104,14 +113,14 @@ class FrameRenderer:
         """
         for name in out:
             if name not in CHANNELS:
-                raise KeyError(f"no channel {name!r}; there are {', '.join(CHANNELS)}")
+                raise KeyError(f"no channel {name!r}; channels: {', '.join(CHANNELS)}")
         if not out:
             return
         shadows = self._shadows if "rgb" in out else None
-        # The shadow of what is out of sight may be in sight.
+        # An actor out of sight may cast a visible shadow.
         unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
         if not self.geometry.settled:
-            self.geometry.bring(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if unseen else None)
+            self.geometry.pose_within(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if unseen else None)
         if shadows is not None:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)
@@ -154,7 +163,7 @@ class FrameRenderer:
 
 
 def _edges(camera: CameraModel) -> tuple[float, float, float, float]:
-    """Tangents of a pinhole's left, right, top and bottom edges, with a pixel to spare."""
+    """Return the tangents of a pinhole's left, right, top and bottom edges, with a margin of a pixel."""
     return (
         (-camera.cx - 1.0) / camera.fx,
         (camera.width + 1.0 - camera.cx) / camera.fx,
@@ -181,7 +190,7 @@ def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, sca
 
 
 def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
-    """The light of a scene as the kernels read it."""
+    """Return the light of a scene for the kernels."""
     hazy = light_in_haze(light, extinction_per_m)
     ambient = hazy.ambient_rgb
     ground = (_GROUND_LIGHT * ambient[0], _GROUND_LIGHT * ambient[1], _GROUND_LIGHT * ambient[2])
@@ -199,9 +208,9 @@ def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
 
 
 def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShadows:
-    """The sun's pictures of a geometry, shared by all cameras that see the same sun."""
-    kept: dict[tuple[Any, str], SunShadows] = geometry.__dict__.setdefault("_sun_shadows", {})
+    """Return the shadow maps of a geometry, shared by all cameras with the same sun."""
+    cached: dict[tuple[Any, str], SunShadows] = geometry.__dict__.setdefault("_sun_shadows", {})
     key = (light.to_sun_W, isa)
-    if key not in kept:
-        kept[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
-    return kept[key]
+    if key not in cached:
+        cached[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
+    return cached[key]

@@ -1,8 +1,8 @@
-"""Colours and textures of a MuJoCo model, as the native raster reads them.
+"""Colours and textures of a MuJoCo model, for the native raster.
 
 MuJoCo's rules: a geom's own rgba counts unless it is the default grey and the geom has a material; a texture multiplies
-it. Textures are repeated per metre (`texuniform`) or per edge of the geom. Images whose edges are no powers of two are
-resampled to the next one, 4 at least; each level of the pyramid is the mean of 2 x 2 texels of the one before, in
+it. Textures repeat per metre (`texuniform`) or per edge of the geom. Images whose edges are not powers of two are
+resampled to the next power, at least 4. Each level of the pyramid is the mean of 2 x 2 texels of the previous level, in
 integers.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim._kernels import Scenery
-from sim.randomize.surfaces import SurfaceLook
 from sim.scene.semantics import of_material_colour
+from sim.scene.surface_appearance import SurfaceAppearance
 
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _SMALLEST, _LARGEST = 4, 4096  # texels along an edge
@@ -26,19 +26,19 @@ def make_scenery(
     model: mujoco.MjModel,
     extra_rgb: list[tuple[float, float, float]] | None = None,
     *,
-    looks: Sequence[SurfaceLook | None] = (),
+    appearances: Sequence[SurfaceAppearance | None] = (),
 ) -> Scenery:
-    """The look of every geom of `model`, and after them of further geoms of plain colours.
+    """Return colours and textures of every geom of `model`, then of further geoms of plain colours.
 
-    `looks`: what randomisation makes of each geom's surface, if anything.
+    `appearances`: random change of each geom's surface; None: unchanged.
     """
     scenery = Scenery()
-    textures: dict[tuple[int, SurfaceLook | None], int] = {}
+    textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
     of_material = of_material_colour(model)
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
-        look = looks[geom] if looks else None
+        look = appearances[geom] if appearances else None
         emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
         if material >= 0:
             if of_material[geom]:
@@ -54,7 +54,7 @@ def make_scenery(
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
         r, g, b = (float(x) for x in rgba[:3])
         if look is not None:
-            if texture >= 0:  # its texels have changed
+            if texture >= 0:  # its texels are changed already
                 repeat = (repeat[0] / look.scale, repeat[1] / look.scale)
             else:
                 r, g, b = look.colour((r, g, b))
@@ -65,7 +65,7 @@ def make_scenery(
 
 
 def rgb_texture(model: mujoco.MjModel, material: int) -> int:
-    """The texture that gives a material its colours; -1: none."""
+    """Return the texture of a material's colour; -1: none."""
     roles = model.mat_texid[material]
     for role in (mujoco.mjtTextureRole.mjTEXROLE_RGB, mujoco.mjtTextureRole.mjTEXROLE_RGBA):
         source = int(roles[role])
@@ -75,7 +75,7 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
 
 
 def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
-    """(H, W, 3): one or two channels are grey, without and with alpha."""
+    """Return the texels (H, W, 3); textures of one or two channels are grey without and with alpha."""
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels = int(model.tex_nchannel[texture])
     begin = int(model.tex_adr[texture])
@@ -83,7 +83,7 @@ def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
     return np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
 
 
-def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceLook | None) -> int:
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceAppearance | None) -> int:
     rgb = texels_of(model, texture)
     height, width = rgb.shape[:2]
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width

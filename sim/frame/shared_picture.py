@@ -1,15 +1,15 @@
-"""One camera's pictures, read by others too: where a camera and a radar look at the same moment, one drawing does.
+"""Pictures of a camera that other sensors read too, such as a radar that is due at the same tick.
 
-The camera draws; at a tick at which a reader is due as well, it draws the channels of the reader in the same go. What
-the reader gets is what it would have drawn itself, bit for bit: the geometry of the whole picture at the tick, as the
-raster gives it. Nothing that the camera does to its own pictures reaches it:
+At a tick at which a reader is also due, the camera draws the reader's channels in the same pass. The reader gets the
+bits of its own drawing: the geometry of the whole picture at the tick, as the raster gives it. Effects of the camera
+never reach a reader:
 
-* noise, gain and vignetting change colour, depth noise the planar depth: readers get neither channel;
-* blur draws colour at other moments, a second sample per pixel colour alone: such drawings are not shared;
-* the rows of a rolling shutter are of different moments: such a camera shares nothing.
+* noise, gain and vignetting change colour, depth noise changes planar depth: readers get neither channel;
+* motion blur and supersampling draw colour in passes of their own: these are not shared;
+* the rows of a rolling shutter belong to different times: such a camera shares nothing.
 
-Whoever finds nothing here draws for himself. So it does not matter which of the two is sampled first, whether their
-rates agree, or whether the camera is sampled at all.
+A reader that finds no picture draws its own. So the order of the two sensors, different rates, or a camera that is not
+sampled at all change no bit.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hil.signals.samples import TruthState, Vec3
+from signals.samples import TruthState, Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.source import Renderer, channel_array
 
 _NEVER_NS = -1
-CHANGED_BY_CAMERAS = frozenset({"rgb", "depth"})  # noise, gain, blur: no truth for anybody else
+CHANGED_BY_CAMERAS = frozenset({"rgb", "depth"})  # by noise, gain and blur: not the truth
 
 
 @dataclass(frozen=True)
-class _Kept:
-    """A picture that was drawn for readers."""
+class _Drawn:
+    """Picture that was drawn for readers."""
 
     t_ns: int
     pose: CameraPose
@@ -39,7 +39,7 @@ class _Kept:
 
 
 class SharedPicture:
-    """The view of one camera, and what was drawn of it last."""
+    """View of one camera, with the picture that was drawn last."""
 
     def __init__(self, camera: CameraModel, *, mount_m: Vec3, mount_rpy_deg: Vec3, near_m: float, far_m: float) -> None:
         self.camera = camera
@@ -48,44 +48,46 @@ class SharedPicture:
         self._readers: list[tuple[tuple[str, ...], Callable[[int], bool]]] = []
         self._buffers: dict[str, NDArray[Any]] = {}
         self._tick, self._t_ns = 0, _NEVER_NS
-        self._kept: _Kept | None = None
+        self._drawn: _Drawn | None = None
         self._missed_ns = _NEVER_NS
 
     def add_reader(self, channels: Sequence[str], due: Callable[[int], bool]) -> None:
-        """Somebody who will look for `channels` at the ticks that are `due`. ValueError for what cameras change."""
+        """Register a reader of `channels` at ticks that are `due`. Raises ValueError for `CHANGED_BY_CAMERAS`."""
         changed = CHANGED_BY_CAMERAS.intersection(channels)
         if changed:
-            raise ValueError(f"{', '.join(sorted(changed))}: a camera may change it, so nobody else reads it")
+            raise ValueError(
+                f"{', '.join(sorted(changed))}: a camera may change this channel, so no other sensor reads it"
+            )
         self._readers.append((tuple(channels), due))
 
     def expect(self, truth: TruthState) -> None:
-        """The camera is about to take its picture of this tick."""
+        """Announce the camera's picture of this tick."""
         self._tick, self._t_ns = truth.tick, truth.t_ns
 
-    def lend(self, renderer: Renderer, *, colour_apart: bool) -> Renderer:
-        """The camera's renderer, which draws for the readers too. `colour_apart`: it draws colour in another go."""
-        return _LentRenderer(self, renderer, colour_apart)
+    def sharing(self, renderer: Renderer, *, colour_apart: bool) -> Renderer:
+        """Return a renderer for the camera that also draws for readers. `colour_apart`: colour has its own pass."""
+        return _SharingRenderer(self, renderer, colour_apart)
 
     def find(self, t_ns: int, pose: CameraPose, channels: Sequence[str]) -> Mapping[str, NDArray[Any]] | None:
-        """The channels as they are from `pose` at `t_ns`, to be read before the next picture; None: not drawn."""
-        kept = self._kept
+        """Return the channels from `pose` at `t_ns`, valid until the next picture; None if they were not drawn."""
+        kept = self._drawn
         if kept is None or kept.t_ns != t_ns or kept.pose != pose or not set(channels) <= set(kept.channels):
-            self._missed_ns = t_ns  # drawn by the reader itself: the camera need not do it again
+            self._missed_ns = t_ns  # the reader draws it: the camera need not draw it again
             return None
         return kept.channels
 
     def wanted(self) -> tuple[str, ...]:
-        """What readers want of the camera's present tick."""
+        """Channels that readers need at the camera's tick."""
         if self._t_ns == self._missed_ns:
             return ()
         names = [name for channels, due in self._readers if due(self._tick) for name in channels]
         return tuple(dict.fromkeys(names))
 
     def draw(self, renderer: Renderer, pose: CameraPose, out: Mapping[str, NDArray[Any]], more: Sequence[str]) -> None:
-        """Draw the camera's own channels and those of the readers in one go."""
+        """Draw the channels of the camera and of the readers in one pass."""
         found = {name: out[name] if name in out else self._buffer(name) for name in more}
         renderer.render(pose, {**out, **found})
-        self._kept = _Kept(self._t_ns, pose, found)
+        self._drawn = _Drawn(self._t_ns, pose, found)
 
     def _buffer(self, name: str) -> NDArray[Any]:
         if name not in self._buffers:
@@ -93,8 +95,8 @@ class SharedPicture:
         return self._buffers[name]
 
 
-class _LentRenderer:
-    """Draws as the camera's own renderer does, and for readers where it costs no drawing of its own."""
+class _SharingRenderer:
+    """Renderer of the camera that adds the readers' channels if that needs no further pass."""
 
     def __init__(self, shared: SharedPicture, renderer: Renderer, colour_apart: bool) -> None:
         self._shared, self._renderer, self._colour_apart = shared, renderer, colour_apart

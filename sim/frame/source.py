@@ -1,4 +1,4 @@
-"""What the frame sensors of one run share: the world's geometry. Actors are posed once a moment, however many look."""
+"""Geometry shared by the frame sensors of one run. An actor is posed once per time, for any number of sensors."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from hil.signals.classes import Classes
+from signals.classes import Classes
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
 
 
 def channel_array(channel: str, camera: CameraModel) -> NDArray[Any]:
-    """A new, unfilled picture."""
+    """Return a new array for a channel, with undefined content."""
     return CHANNELS[channel].empty(camera.height, camera.width)
 
 
 class Renderer(Protocol):
-    """Draws what one camera sees of geometry that has been posed."""
+    """Draws what one camera sees of posed geometry."""
 
     def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
-        """Fill exactly the channels in `out`; `rows`: only these, from a multiple of 4 to one or to the last."""
+        """Fill exactly the channels in `out`; `rows`: only rows [from, to), multiples of 4 or the height."""
         ...
 
 
@@ -31,26 +31,26 @@ class FrameSource(Protocol):
 
     @property
     def geometry(self) -> Any:
-        """The FrameGeometry, for whoever casts rays of his own."""
+        """FrameGeometry, for sensors that cast rays."""
         ...
 
     @property
     def posed(self) -> int:
-        """How many actors were put where they are at some moment, so far."""
+        """Number of actor poses so far."""
         ...
 
     @property
     def unposed(self) -> int:
-        """How many were left out because whoever looked could not see them."""
+        """Number of actor poses skipped because no sensor could see the actor."""
         ...
 
     @property
     def classes(self) -> Classes:
-        """What the class ids mean."""
+        """Names and colours of the class ids."""
         ...
 
     def expect(self, t_ns: int) -> None:
-        """The time is `t_ns`; a renderer then poses what it may see, if nobody has yet."""
+        """Set the time to `t_ns`; each sensor then poses the actors that it may see."""
         ...
 
     def renderer(
@@ -64,19 +64,19 @@ class FrameSource(Protocol):
         textures: bool = True,
         colour: str = "native",
     ) -> Renderer:
-        """A renderer for one camera; `colour`: who draws its rgb (sim.frame.mujoco_backend)."""
+        """Return a renderer for one camera; `colour`: the backend of its rgb (sim.frame.mujoco_backend)."""
         ...
 
     def close(self) -> None:
-        """Give back what renderers hold. Call once, when no further picture is taken."""
+        """Release the resources of all renderers. Call once, after the last picture."""
         ...
 
 
 class SharedFrames:
-    """The `FrameSource` of a run."""
+    """`FrameSource` of a run."""
 
     def __init__(self, world: Any, *, threads: int = 1) -> None:
-        """`world`: sim.scene.world.World. The vehicle's own body is not in it, and so is not seen."""
+        """`world`: sim.scene.world.World. It does not hold the vehicle, which sensors therefore do not see."""
         from sim.frame.geometry import FrameGeometry
 
         self.world = world
@@ -87,18 +87,18 @@ class SharedFrames:
 
     @property
     def posed(self) -> int:
-        """How many actors were posed, so far."""
+        """Number of actor poses so far."""
         count: int = self.geometry.posed
         return count
 
     @property
     def unposed(self) -> int:
-        """How many were left out because nobody could see them."""
+        """Number of actor poses skipped because no sensor could see the actor."""
         count: int = self.geometry.unposed
         return count
 
     def expect(self, t_ns: int) -> None:
-        """The time is `t_ns`."""
+        """Set the time to `t_ns`."""
         self.geometry.expect(t_ns)
 
     def renderer(
@@ -112,8 +112,8 @@ class SharedFrames:
         textures: bool = True,
         colour: str = "native",
     ) -> Renderer:
-        """A renderer for one camera. Raises ColourBackendError where MuJoCo's is asked for and cannot be had."""
-        from sim.frame.renderer import FrameRenderer
+        """Return a renderer for one camera. Raises ColourBackendError if MuJoCo's renderer is requested and missing."""
+        from sim.frame.renderer import Execution, FrameRenderer
 
         native = FrameRenderer(
             self.geometry,
@@ -121,9 +121,8 @@ class SharedFrames:
             shadows=shadows,
             supersample=supersample,
             textures=textures,
-            near_m=near_m,
-            far_m=far_m,
-            threads=self._threads,
+            planes_m=(near_m, far_m),
+            execution=Execution(threads=self._threads),
         )
         if colour == "native":
             return native
@@ -136,6 +135,6 @@ class SharedFrames:
         return made
 
     def close(self) -> None:
-        """Gives graphics contexts back."""
+        """Release the graphics contexts."""
         while self._to_close:
             self._to_close.pop()()

@@ -1,4 +1,4 @@
-// Something that moves by itself: a pure function of time. The contract is sim/scene/maps/scene_map.py's `Actor`.
+// Moving object, a pure function of time. Contract: `Actor` in sim/scene/maps/scene_map.py.
 #pragma once
 
 #include <cstddef>
@@ -15,10 +15,10 @@ public:
     virtual ~Actor() = default;
     virtual std::size_t bodies() const = 0;
 
-    // It holds all of the actor.
+    // Sphere that encloses the actor.
     virtual Sphere bound(std::int64_t t_ns) const = 0;
 
-    // Of all bodies in W: (bodies, 3), (bodies, 4) w-x-y-z, (bodies, 3), (bodies, 3).
+    // Poses and velocities of all bodies in W: (bodies, 3), (bodies, 4) w-x-y-z, (bodies, 3), (bodies, 3).
     virtual void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const = 0;
 };
 

@@ -1,4 +1,4 @@
-// A lithium-polymer pack: what voltage is left, and what the rotors draw.
+// Lithium-polymer pack: voltage under load, and charge drawn by the rotors.
 //
 //   cell, open circuit  E(z) = 3.685 + 0.2156 z - 0.1178 z^2 + 0.3201 z^3 - 1.031 e^{-35 z}  [V],  z = 1 - Q / C
 //     (Chen and Rincon-Mora, IEEE Trans. Energy Conversion 21, 2006, eq. 2)
@@ -6,9 +6,9 @@
 //     hence             V = (nE + sqrt((nE)^2 - 4 R (P / eta + P_0))) / 2
 //   shaft power         P = sum m_i O_i^3,  m_i the rotor's torque coefficient
 //
-// Over one tick the voltage that scales the rotors' speed is held at its value at the tick's start (a speed controller
-// latches its duty cycle with the command), so commands stay constant within a tick. The charge drawn over the tick,
-// with each rotor's speed O = c + l e^{-t/tau}, is an integral in closed form.
+// During a tick the voltage that scales the rotors' speed keeps its value at the start (a speed controller latches its
+// duty cycle with the command), so commands are constant within a tick. The charge drawn over the tick, with each
+// rotor's speed O = c + l e^{-t/tau}, is an integral in closed form.
 //
 // Deterministic: + - * / sqrt and det::exp.
 #pragma once
@@ -34,7 +34,7 @@ inline double open_circuit_v(const BatteryParams &b, double drawn_c) {
     return b.cells * ((3.685 + z * (0.2156 + z * (-0.1178 + z * 0.3201))) - 1.031 * det::exp(-35.0 * z));
 }
 
-// NaN where the pack cannot deliver the power.
+// NaN if the pack cannot deliver the power.
 inline double loaded_v(const BatteryParams &b, double drawn_c, double shaft_w) {
     const double e = open_circuit_v(b, drawn_c);
     return 0.5 * (e + std::sqrt(e * e - 4.0 * b.resistance_ohm * (shaft_w / b.efficiency + b.auxiliary_w)));

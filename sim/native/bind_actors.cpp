@@ -1,4 +1,5 @@
-// sim._kernels.SceneActors, Vicinity, FieldOfView: who moves by himself. Contracts: frame/actors.hpp, frame/reach.hpp.
+// sim._kernels.SceneActors, Vicinity, FieldOfView: actors and their reach. Contracts: frame/actors.hpp,
+// frame/reach.hpp.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 
@@ -15,7 +16,7 @@ namespace fr = hil::sim::frame;
 
 namespace {
 
-// An actor that is written in Python.
+// Actor that is written in Python.
 class PythonActor : public hs::Actor {
 public:
     explicit PythonActor(nb::object actor)
@@ -52,21 +53,21 @@ std::shared_ptr<const hs::Actor> actor_of(nb::object actor) {
 }  // namespace
 
 void bind_actors(nb::module_ &m) {
-    nb::class_<fr::Reach>(m, "Reach", "Where something must be to matter to a sensor.");
-    nb::class_<fr::Vicinity, fr::Reach>(m, "Vicinity", "What is no farther than a range from a box.")
+    nb::class_<fr::Reach>(m, "Reach", "Region in which an object can affect a sensor.");
+    nb::class_<fr::Vicinity, fr::Reach>(m, "Vicinity", "Points within a range of a box.")
         .def(
             "__init__",
             [](fr::Vicinity *self, const Vec3 &low_W, const Vec3 &high_W, double range_m) {
                 new (self) fr::Vicinity(low_W.data(), high_W.data(), range_m);
             },
             "low_W"_a, "high_W"_a, "range_m"_a);
-    nb::class_<fr::FieldOfView, fr::Reach>(m, "FieldOfView", "What a pinhole camera may see.")
+    nb::class_<fr::FieldOfView, fr::Reach>(m, "FieldOfView", "Points that a pinhole camera may see.")
         .def(
             "__init__",
             [](fr::FieldOfView *self, const Vec3 &p_WC, const Mat3 &R_WC, double left, double right, double top,
                double bottom) { new (self) fr::FieldOfView(p_WC.data(), R_WC.data(), left, right, top, bottom); },
             "p_WC"_a, "R_WC"_a, "left"_a, "right"_a, "top"_a, "bottom"_a);
-    nb::class_<fr::Actors>(m, "SceneActors", "Actors of a geometry, posed where they matter.")
+    nb::class_<fr::Actors>(m, "SceneActors", "Actors of a geometry, posed where they can affect a sensor.")
         .def(nb::init<fr::Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>())
         .def(
             "add",
@@ -75,7 +76,7 @@ void bind_actors(nb::module_ &m) {
                const In<double, -1, 3, 3> &R_BG) {
                 const std::size_t n = geoms.shape(0);
                 if (bodies.shape(0) != n || p_BG.shape(0) != n || R_BG.shape(0) != n) {
-                    throw std::invalid_argument("geoms, bodies and poses must be as many");
+                    throw std::invalid_argument("geoms, bodies and poses must have the same length");
                 }
                 std::vector<fr::BodyGeom> on_bodies(n);
                 for (std::size_t i = 0; i < n; ++i) {
@@ -86,6 +87,6 @@ void bind_actors(nb::module_ &m) {
                 actors.add(actor_of(std::move(actor)), std::move(on_bodies));
             },
             "actor"_a, "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "Geom i sits on body bodies[i] of the actor.")
-        .def("bring", &fr::Actors::bring, "t_ns"_a, "reach"_a.none(), "Returns how many were posed.")
-        .def("absent", &fr::Actors::absent, "t_ns"_a, "How many are not where they are at `t_ns`.");
+        .def("pose_within", &fr::Actors::pose_within, "t_ns"_a, "reach"_a.none(), "Pose the actors within reach at `t_ns`; return their number.")
+        .def("absent", &fr::Actors::absent, "t_ns"_a, "Return the number of actors that are not posed at `t_ns`.");
 }

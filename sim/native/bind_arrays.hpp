@@ -1,4 +1,5 @@
-// Types that the bindings of sim._kernels take: arrays are views, C-contiguous and in the CPU's memory, -1 is any length.
+// Argument types of the bindings of sim._kernels: arrays are views, C-contiguous and in the CPU's memory, -1 is any
+// length.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -22,7 +23,7 @@ template <class T, int... Shape>
 using Out = nb::ndarray<T, nb::numpy, nb::shape<Shape...>, nb::c_contig, nb::device::cpu>;
 using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
-using Key = std::array<std::uint64_t, 2>;  // of a noise stream
+using Key = std::array<std::uint64_t, 2>;  // key of a noise stream
 
 // Throws std::invalid_argument unless an array has a row for each ray.
 template <class Array>
@@ -46,13 +47,13 @@ inline double as_double(PyObject *item) {
     return value;
 }
 
-// A tuple of N numbers. By hand: these stand in calls that last a microsecond.
+// A tuple of N numbers, converted by hand: it is part of calls that take a microsecond.
 template <std::size_t N>
 void unpack(const nb::tuple &source, double (&out)[N], const char *what) {
     if (source.size() != N) {
         throw std::invalid_argument(std::string(what) + " needs " + std::to_string(N) + " values, not " +
                                     std::to_string(source.size()));
     }
-    for (std::size_t i = 0; i < N; ++i) out[i] = as_double(PyTuple_GET_ITEM(source.ptr(), static_cast<Py_ssize_t>(i)));
+    for (std::size_t i = 0; i < N; ++i) out[i] = as_double(PyTuple_GetItem(source.ptr(), static_cast<Py_ssize_t>(i)));
 }
 

@@ -1,5 +1,5 @@
-// sim._kernels: what a data set stores of pictures. Normals as the whole numbers that a PNG holds (what they mean:
-// hil/dataset/formats/pictures.py), and each instance's extent, rim and mask.
+// sim._kernels: pictures of a data set. Normals as the integers of a PNG (hil/apps/dataset/formats/pictures.py), and
+// extent, rim and mask of each instance.
 #include <nanobind/stl/optional.h>
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 
 namespace {
 
-// A neighbour's surface stands in front where it is nearer than the instance by more than this factor. By depth z: the
-// inverse depth of a plane is linear in the picture, so what the neighbour's surface would have at the instance's pixel
-// is 2 / z_q - 1 / z_r, where q is the neighbour and r the next pixel of the same thing beyond it (1 / z_q where there
-// is none). Ground under a wall touches it at that pixel and does not stand in front.
+// A neighbour's surface is in front if it is nearer than the instance by more than this factor. The inverse depth of a
+// plane is linear in the picture, so the neighbour's surface extrapolates to 2 / z_q - 1 / z_r at the instance's pixel,
+// where q is the neighbour and r the next pixel of the same object beyond it (1 / z_q without one). Ground under a wall
+// touches it at that pixel and is not in front.
 constexpr double kInFront = 1.03;
 
 using Ids = In<std::uint16_t, -1, -1>;
@@ -59,15 +59,15 @@ private:
         return rows_[static_cast<std::size_t>(slot)];
     }
 
-    // By pixels x to before `end` of line y.
+    // Extends the instance by pixels x .. end - 1 of row y.
     static void grow(Row &row, std::int32_t x, std::int32_t end, std::int32_t y) {
         row[kArea] += end - x;
         row[kLeft] = std::min(row[kLeft], x), row[kTop] = std::min(row[kTop], y);
         row[kRight] = std::max(row[kRight], end - 1), row[kBottom] = y;
     }
 
-    // Neighbours `at` and `at + step` of different ids, seen from the first: the second may stand in front.
-    // `beyond`: at + 2 step lies in the picture. The inequality of kInFront, times all three depths.
+    // Neighbours `at` and `at + step` of different ids, seen from the first; the second may be in front.
+    // `beyond`: at + 2 step is in the picture. This is the inequality of kInFront, times all three depths.
     void pair(std::int32_t at, std::int32_t step, bool beyond) {
         if (!ids_[at]) return;
         Row &row = row_of(ids_[at]);
@@ -82,7 +82,7 @@ private:
     const std::uint16_t *ids_;
     const float *depth_;
     std::int32_t w_, h_;
-    std::vector<std::int32_t> slot_ = std::vector<std::int32_t>(65536, -1);  // by id: its row, -1 for none
+    std::vector<std::int32_t> slot_ = std::vector<std::int32_t>(65536, -1);  // row of each id; -1: none
     std::vector<Row> rows_;
 };
 
@@ -95,7 +95,7 @@ std::vector<Row> scan_instances(const Ids &instance, const Depth &depth_m) {
 std::vector<std::string> run_length_texts(const Ids &instance, const std::vector<std::uint16_t> &wanted) {
     const std::size_t height = instance.shape(0), width = instance.shape(1);
     std::vector<std::string> texts(wanted.size());
-    std::vector<std::size_t> told(wanted.size(), 0);  // pixels, column by column
+    std::vector<std::size_t> counted(wanted.size(), 0);  // pixels, column by column
     std::vector<std::int32_t> slot(65536, -1);
     for (std::size_t i = 0; i < wanted.size(); ++i) slot[wanted[i]] = static_cast<std::int32_t>(i);
     std::size_t start = 0, at = 0;
@@ -103,8 +103,8 @@ std::vector<std::string> run_length_texts(const Ids &instance, const std::vector
         if (slot[id] >= 0) {
             const auto i = static_cast<std::size_t>(slot[id]);
             if (!texts[i].empty()) texts[i] += ',';
-            texts[i] += std::to_string(start - told[i]) + ',' + std::to_string(at - start);
-            told[i] = at;
+            texts[i] += std::to_string(start - counted[i]) + ',' + std::to_string(at - start);
+            counted[i] = at;
         }
         start = at;
     };
@@ -119,7 +119,7 @@ std::vector<std::string> run_length_texts(const Ids &instance, const std::vector
     }
     if (at) run_ends(id);
     for (std::size_t i = 0; i < texts.size(); ++i) {
-        if (told[i] < at) texts[i] += ',' + std::to_string(at - told[i]);
+        if (counted[i] < at) texts[i] += ',' + std::to_string(at - counted[i]);
     }
     return texts;
 }
@@ -143,9 +143,9 @@ void normal_values(const In<float, -1, -1, 3> &normal, const Out<std::uint8_t, -
 void bind_dataset_pictures(nb::module_ &m) {
     m.def("scan_instances", scan_instances, "instance"_a.noconvert(), "depth_m"_a.noconvert().none(),
           "Rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by rising id, without 0. `rim`: pairs of neighbours "
-          "of which one pixel is the instance's; `hidden`: those where the other stands in front.");
+          "of which one pixel is the instance's; `hidden`: pairs in which the other pixel is in front.");
     m.def("run_length_texts", run_length_texts, "instance"_a.noconvert(), "ids"_a,
-          "Masks of ids that the picture holds as COCO's run lengths: column by column, nothing first, commas between.");
+          "Masks of ids in the picture as COCO's run lengths: column by column, background first, separated by commas.");
     m.def("normal_values", normal_values, "normal"_a.noconvert(), "out"_a.noconvert(),
-          "floor(127 n + 128.5) of each component, cut to -1 to 1; (0, 0, 0) for the zero vector.");
+          "floor(127 n + 128.5) of each component, clipped to -1 to 1; (0, 0, 0) for the zero vector.");
 }

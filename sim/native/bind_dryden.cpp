@@ -43,10 +43,10 @@ void bind_dryden(nb::module_ &m) {
             const auto s = hil::sim::dryden_scale(height_m, wind_20ft_mps);
             return nb::make_tuple(s.sigma_uv, s.sigma_w, s.length_uv, s.length_w);
         },
-        "height_m"_a, "wind_20ft_mps"_a, "(sigma_u, sigma_w [m/s], L_u, L_w [m]) of MIL-F-8785C at that height.");
+        "height_m"_a, "wind_20ft_mps"_a, "Return (sigma_u, sigma_w [m/s], L_u, L_w [m]) of MIL-F-8785C at this height.");
     nb::class_<Dryden>(m, "Dryden", "Dryden turbulence at the vehicle, MIL-F-8785C. See sim/native/dryden.hpp.")
         .def(nb::init<const nb::tuple &, double, double>(), nb::kw_only(), "normals"_a, "wind_20ft_mps"_a, "dt_s"_a)
-        .def("sample", &Dryden::sample, "height_m"_a, "Velocity along, left of and up from the wind now [m/s].")
+        .def("sample", &Dryden::sample, "height_m"_a, "Return the current velocity along, left of and up from the wind [m/s].")
         .def("step", &Dryden::step, "height_m"_a, "airspeed_mps"_a, "normals"_a,
-             "One dt on, with 5 standard normals. Velocity along, left of and up from the wind [m/s].");
+             "Advance by dt with 5 standard normals; return the velocity along, left of and up from the wind [m/s].");
 }

@@ -53,7 +53,7 @@ int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1,
     if (levels.empty() || levels.size() > 16) throw std::invalid_argument("a texture needs 1 to 16 levels");
     for (const auto &level : levels) {
         const auto h = level.shape(0), w = level.shape(1);
-        if (w > 4096 || h > 6 * 4096) throw std::invalid_argument("an edge of a texture has more than 4096 texels");
+        if (w > 4096 || h > 6 * 4096) throw std::invalid_argument("a texture has an edge of more than 4096 texels");
         if (w < 4 || h < 4 || w % 4 != 0 || h % 4 != 0) throw std::invalid_argument("a level of a texture is smaller than 4 x 4");
         t.offset[t.levels++] = static_cast<std::int32_t>(t.texel.size());
         for (std::size_t i = 0; i < w * h; ++i) {
@@ -67,13 +67,13 @@ int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1,
     const int face = cube ? t.width : t.height;
     const auto power = [](int n) { return n > 0 && (n & (n - 1)) == 0; };
     if (!power(t.width) || !power(face) || (cube && t.height != 6 * t.width)) {
-        throw std::invalid_argument("edges of a texture must be powers of two, a cube's faces square and six");
+        throw std::invalid_argument("edges of a texture must be powers of two; a cube has six square faces");
     }
     for (int k = 0; k < t.levels; ++k) {
         const int w = t.width >> k, h = (face >> k) * (cube ? 6 : 1);
         const auto at = static_cast<std::size_t>(k);
         if (levels[at].shape(1) != static_cast<std::size_t>(w) || levels[at].shape(0) != static_cast<std::size_t>(h)) {
-            throw std::invalid_argument("each level of a texture must be half the one before");
+            throw std::invalid_argument("each level of a texture must be half the size of the previous one");
         }
     }
     scenery.textures.push_back(std::move(t));
@@ -84,7 +84,7 @@ int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1,
 
 void bind_frame(nb::module_ &m) {
     m.def("frame_isa", [] { return std::string(fr::isa_name(fr::best_isa())); },
-          "Instruction set the frame kernels use on this CPU: base, avx2 or avx512. HIL_ISA in the environment lowers it.");
+          "Return the instruction set of the frame kernels on this CPU: base, avx2 or avx512. HIL_ISA can lower it.");
 
     m.def(
         "mean_of_four",
@@ -94,7 +94,7 @@ void bind_frame(nb::module_ &m) {
             }
             fr::mean_of_four(fine.data(), static_cast<int>(out.shape(1)), static_cast<int>(out.shape(0)), out.data());
         },
-        "fine"_a.noconvert(), "out"_a.noconvert(), "Mean of 2 x 2 pixels in linear light (frame/supersample.hpp).");
+        "fine"_a.noconvert(), "out"_a.noconvert(), "Write the mean of 2 x 2 pixels in linear light (frame/supersample.hpp).");
 
     nb::class_<fr::Geometry>(m, "Geometry", "Geoms, meshes and the trees over them (frame/geometry.hpp).")
         .def(nb::init<>())
@@ -129,15 +129,15 @@ void bind_frame(nb::module_ &m) {
                 return g.add_geom(geom);
             },
             "shape"_a, "size"_a, "p_WG"_a, "R_WG"_a, "mesh"_a, "moving"_a, "visible"_a, "class_id"_a, "instance"_a,
-            "surface"_a, "Shapes are numbered as MuJoCo's mjtGeom; sizes are its sizes.")
-        .def("finish", &fr::Geometry::finish, "Builds the tree over what does not move. Call once, after the last geom.")
+            "surface"_a, "Add a geom. Shapes have the numbers of MuJoCo's mjtGeom, and its sizes.")
+        .def("finish", &fr::Geometry::finish, "Build the tree of static geoms. Call once, after the last geom.")
         .def(
             "move",
             [](fr::Geometry &g, const In<std::int32_t, -1> &geoms, const In<double, -1, 3> &p,
                const In<double, -1, 3, 3> &R, const In<double, -1, 3> &v, const In<double, -1, 3> &w) {
                 const std::size_t n = geoms.shape(0);
                 if (p.shape(0) != n || R.shape(0) != n || v.shape(0) != n || w.shape(0) != n) {
-                    throw std::invalid_argument("geoms, poses and velocities must be as many");
+                    throw std::invalid_argument("geoms, poses and velocities must have the same length");
                 }
                 for (std::size_t i = 0; i < n; ++i) {
                     const int geom = geoms.data()[i];
@@ -147,8 +147,8 @@ void bind_frame(nb::module_ &m) {
                     g.move(geom, p.data() + 3 * i, R.data() + 9 * i, v.data() + 3 * i, w.data() + 3 * i);
                 }
             },
-            "geoms"_a, "p_WG"_a, "R_WG"_a, "v_WG_W"_a, "w_WG_W"_a, "New poses and velocities of moving geoms.")
-        .def_prop_ro("version", &fr::Geometry::version, "Counts moves.");
+            "geoms"_a, "p_WG"_a, "R_WG"_a, "v_WG_W"_a, "w_WG_W"_a, "Set poses and velocities of moving geoms.")
+        .def_prop_ro("version", &fr::Geometry::version, "Number of changes of poses.");
 
     nb::class_<fr::Scenery>(m, "Scenery", "Colours and textures (frame/scenery.hpp).")
         .def(nb::init<>())
@@ -166,7 +166,7 @@ void bind_frame(nb::module_ &m) {
                 s.geoms.push_back(a);
             },
             "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a)
-        .def("without_textures", &fr::without_textures, "The same with each texture replaced by its mean colour.");
+        .def("without_textures", &fr::without_textures, "Return a copy with each texture replaced by its mean colour.");
 
     nb::class_<fr::Daylight>(m, "Daylight", "Sun, sky and haze in W; linear colours (frame/scenery.hpp).")
         .def(
@@ -187,7 +187,7 @@ void bind_frame(nb::module_ &m) {
             "sun_W"_a, "sun_rgb"_a, "sky_rgb"_a, "ground_rgb"_a, "zenith_rgb"_a, "horizon_rgb"_a, "air_rgb"_a,
             "extinction_per_m"_a, "haze_m"_a);
 
-    nb::class_<fr::SunShadows>(m, "SunShadows", "The scene as the sun sees it (frame/picture.hpp).")
+    nb::class_<fr::SunShadows>(m, "SunShadows", "Shadow maps of the sun (frame/picture.hpp).")
         .def(
             "__init__",
             [](fr::SunShadows *self, const fr::Geometry &geometry, const Rgb &sun_W, int resolution, const std::string &isa) {
@@ -200,13 +200,13 @@ void bind_frame(nb::module_ &m) {
         .def_ro("nodes", &fr::RasterCounts::nodes)
         .def_ro("geoms", &fr::RasterCounts::geoms);
 
-    nb::class_<fr::Picture>(m, "Picture", "A camera over a Geometry (frame/picture.hpp).")
+    nb::class_<fr::Picture>(m, "Picture", "Camera that draws a Geometry (frame/picture.hpp).")
         .def(
             "__init__",
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery, int width, int height, double fx,
                double fy, double cx, double cy, const std::string &isa) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
-                    throw std::invalid_argument("the scenery must tell the look of every geom");
+                    throw std::invalid_argument("the scenery must hold every geom");
                 }
                 new (self) fr::Picture(std::make_unique<fr::Raster>(geometry, width, height, fr::Projection::kPinhole, fx, fy,
                                                                     cx, cy, fr::isa_by_name(isa)),
@@ -219,7 +219,7 @@ void bind_frame(nb::module_ &m) {
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery,
                const In<double, -1, -1, 3> &directions_C, const std::string &isa) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
-                    throw std::invalid_argument("the scenery must tell the look of every geom");
+                    throw std::invalid_argument("the scenery must hold every geom");
                 }
                 new (self) fr::Picture(
                     std::make_unique<fr::Raster>(geometry, static_cast<int>(directions_C.shape(1)),

@@ -1,4 +1,4 @@
-// sim._kernels.WalkPath and Walker: people on foot. Contracts: walk_path.hpp, gait.hpp.
+// sim._kernels.WalkPath and Walker: walking people. Contracts: walk_path.hpp, gait.hpp.
 
 #include <bit>
 #include <cstring>
@@ -33,7 +33,7 @@ std::vector<Row> rows_of(const Rows<Row> &values) {
 }  // namespace
 
 void bind_gait(nb::module_ &m) {
-    nb::class_<hs::WalkPath>(m, "WalkPath", "A closed way on foot (walk_path.hpp).")
+    nb::class_<hs::WalkPath>(m, "WalkPath", "Closed walking path (walk_path.hpp).")
         .def(
             "__init__",
             [](hs::WalkPath *self, const Rows<hs::WalkPiece> &pieces, const Rows<hs::WalkStraight> &straights,
@@ -48,7 +48,7 @@ void bind_gait(nb::module_ &m) {
                 const hs::WalkProgress found = path.progress(t_ns);
                 return nb::make_tuple(found.laps, found.s_m, found.speed_mps);
             },
-            "t_ns"_a, "Whole laps, metres into the lap, and speed at `t_ns`.")
+            "t_ns"_a, "Return whole laps, metres into the lap, and speed at `t_ns`.")
         .def(
             "place",
             [](const hs::WalkPath &path, double s_m) {
@@ -56,7 +56,7 @@ void bind_gait(nb::module_ &m) {
                 return nb::make_tuple(p.x_m, p.y_m, p.cos, p.sin, p.dx_ds, p.dy_ds, p.yaw_per_m);
             },
             "s_m"_a,
-            "x, y [m], cos and sin of the heading, dx/ds, dy/ds, and heading change per metre, `s_m` into the lap.");
+            "Return x, y [m], cos and sin of the heading, dx/ds, dy/ds, and heading change per metre, `s_m` into the lap.");
 
     m.def(
         "fit_gait",
@@ -64,7 +64,7 @@ void bind_gait(nb::module_ &m) {
             return std::bit_cast<ShapeValues>(
                 hs::fit_gait(std::bit_cast<hs::FigureLengths>(lengths_m), speed_mps, cycle_m));
         },
-        "lengths_m"_a, "speed_mps"_a, "cycle_m"_a, "Values of a GaitShape (gait.hpp).");
+        "lengths_m"_a, "speed_mps"_a, "cycle_m"_a, "Return the values of a GaitShape (gait.hpp).");
     m.def(
         "gait_rows",
         [](const ShapeValues &shape, double phase) {
@@ -72,7 +72,7 @@ void bind_gait(nb::module_ &m) {
             hs::gait_rows(std::bit_cast<hs::GaitShape>(shape), phase, rows);
             return rows;
         },
-        "shape"_a, "phase"_a, "A row for each limb at `phase` in [0, 1), in the walker's frame H (gait.hpp).");
+        "shape"_a, "phase"_a, "Return a row for each limb at `phase` in [0, 1), in the walker's frame H (gait.hpp).");
     m.def(
         "resting_leg",
         [](const LengthValues &lengths_m, double y, double hip_z, double ankle_x, double ankle_z) {
@@ -80,7 +80,7 @@ void bind_gait(nb::module_ &m) {
             hs::resting_leg(std::bit_cast<hs::FigureLengths>(lengths_m), y, hip_z, ankle_x, ankle_z, rows.data());
             return rows;
         },
-        "lengths_m"_a, "y"_a, "hip_z"_a, "ankle_x"_a, "ankle_z"_a, "Rows of thigh, shank and foot.");
+        "lengths_m"_a, "y"_a, "hip_z"_a, "ankle_x"_a, "ankle_z"_a, "Return the rows of thigh, shank and foot.");
     m.def(
         "resting_arm",
         [](const LengthValues &lengths_m, double y, double z, double upper_rad, double fore_rad) {
@@ -88,9 +88,9 @@ void bind_gait(nb::module_ &m) {
             hs::resting_arm(std::bit_cast<hs::FigureLengths>(lengths_m), y, z, upper_rad, fore_rad, rows.data());
             return rows;
         },
-        "lengths_m"_a, "y"_a, "z"_a, "upper_rad"_a, "fore_rad"_a, "Rows of upper arm, forearm and hand.");
+        "lengths_m"_a, "y"_a, "z"_a, "upper_rad"_a, "fore_rad"_a, "Return the rows of upper arm, forearm and hand.");
 
-    nb::class_<hs::Walker>(m, "Walker", "Somebody who walks on a path (gait.hpp).")
+    nb::class_<hs::Walker>(m, "Walker", "Person who walks on a path (gait.hpp).")
         .def(
             "__init__",
             [](hs::Walker *self, const ShapeValues &shape, const hs::WalkPath &path, double cycles_per_m,
@@ -106,13 +106,13 @@ void bind_gait(nb::module_ &m) {
                 const auto &[x, y, z] = sphere.centre_W;
                 return nb::make_tuple(nb::make_tuple(x, y, z), sphere.radius_m);
             },
-            "t_ns"_a, "Centre [m, W] and radius [m] of a sphere that holds all of it at `t_ns`.")
-        .def("phase", &hs::Walker::phase, "t_ns"_a, "Of the step cycle, [0, 1).")
+            "t_ns"_a, "Return centre [m, W] and radius [m] of a sphere that encloses the person at `t_ns`.")
+        .def("phase", &hs::Walker::phase, "t_ns"_a, "Return the phase of the step cycle, [0, 1).")
         .def(
             "pose",
             [](const hs::Walker &walker, std::int64_t t_ns, Out<double, hs::kLimbs, 3> p_WB, Out<double, hs::kLimbs, 4> q_WB, Out<double, hs::kLimbs, 3> v_WB_W, Out<double, hs::kLimbs, 3> w_WB_W) {
                 walker.pose(t_ns, p_WB.data(), q_WB.data(), v_WB_W.data(), w_WB_W.data());
             },
             "t_ns"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(), "w_WB_W"_a.noconvert(),
-            "Fills poses and velocities in W of all limbs.");
+            "Fill poses and velocities in W of all limbs.");
 }

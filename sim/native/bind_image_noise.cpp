@@ -1,4 +1,4 @@
-// sim._kernels: a camera sensor's errors, on whole pictures. Contract: image_noise.hpp.
+// sim._kernels: errors of camera sensors, on whole pictures. Contract: image_noise.hpp.
 #include <nanobind/stl/optional.h>
 
 #include <optional>
@@ -57,7 +57,7 @@ void bind_image_noise(nb::module_ &m) {
         "sin_cos",
         [](In<double, -1> angle_rad, Out<double, -1> sine, Out<double, -1> cosine) {
             if (sine.size() != angle_rad.size() || cosine.size() != angle_rad.size()) {
-                throw std::invalid_argument("angles, sines and cosines must be equally many");
+                throw std::invalid_argument("angles, sines and cosines must have the same length");
             }
             nb::gil_scoped_release unlocked;
             hil::sim::sin_cos(angle_rad.data(), sine.data(), cosine.data(), angle_rad.size());

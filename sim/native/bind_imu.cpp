@@ -47,7 +47,7 @@ class Imu {
             const std::size_t n = rotor_speed_radps.size();
             if (n > kMostRotors) throw std::invalid_argument("at most 16 rotors");
             for (std::size_t i = 0; i < n; ++i) {
-                speed[i] = as_double(PyTuple_GET_ITEM(rotor_speed_radps.ptr(), static_cast<Py_ssize_t>(i)));
+                speed[i] = as_double(PyTuple_GetItem(rotor_speed_radps.ptr(), static_cast<Py_ssize_t>(i)));
             }
             truth.rotors = static_cast<int>(n);
         }
@@ -117,7 +117,7 @@ class Imu {
 }  // namespace
 
 void bind_imu(nb::module_ &m) {
-    nb::class_<Imu>(m, "Imu", "Inertial measurement unit: truth in, samples out. Equations and state: imu.hpp.")
+    nb::class_<Imu>(m, "Imu", "Inertial measurement unit: samples from truth. Equations and state: imu.hpp.")
         .def(nb::init<Key, Key, Key, const Values &, const Values &, const Values &, const Values &, const Values &,
                       const Values &, const Values &, const Values &, const Values &, const Values &, const Values &,
                       double, double, const Values &, const Values &, const Values &, const Values &, const Values &,
@@ -127,7 +127,7 @@ void bind_imu(nb::module_ &m) {
              "lever_arm_B_m"_a, "step_s"_a, "gravity_mps2"_a, "flicker_phi"_a, "flicker_start"_a, "flicker_step"_a,
              "order"_a, "amplitude"_a, "phase_cos"_a, "phase_sin"_a, "reference_speed_radps"_a)
         .def("sample", &Imu::sample, "q_WB"_a, "a_WB_W"_a, "w_WB_B"_a, "alpha_WB_B"_a, "rotor_speed_radps"_a, "t_ns"_a,
-             "index"_a, "((accel x, y, z), (gyro x, y, z), temperature)")
+             "index"_a, "Return ((accel x, y, z), (gyro x, y, z), temperature).")
         .def("noise", &Imu::noise, "first"_a, "out"_a.noconvert(),
              "Fill `out` [count][7] with the noise of samples first .. first + count - 1, before rounding.");
 }

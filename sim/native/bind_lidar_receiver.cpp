@@ -1,4 +1,4 @@
-// sim._kernels.LidarReceiver, lambert_strength: what a LiDAR reports. Contract: frame/lidar_receiver.hpp.
+// sim._kernels.LidarReceiver, lambert_strength: receiver of a LiDAR. Contract: frame/lidar_receiver.hpp.
 #include <nanobind/stl/optional.h>
 
 #include <limits>
@@ -44,7 +44,7 @@ std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::
         const bool met = range.data()[at] < std::numeric_limits<double>::infinity();
         const std::int32_t g = geom.data()[at];
         if (met && (g < 0 || static_cast<std::size_t>(g) >= geom_class.shape(0))) {
-            throw std::invalid_argument("an echo of a geom without a class");
+            throw std::invalid_argument("an echo has a geom without a class");
         }
     }
     const LidarEchoes in{n,           place.data(),    range.data(), strength.data(), geom.data(),
@@ -73,7 +73,7 @@ void bind_lidar_receiver(nb::module_ &m) {
              "origin_z_m"_a, "ring"_a, "time_offset_ns"_a, "geom_class"_a, "points_L"_a.noconvert(),
              "range_out_m"_a.noconvert(), "intensity"_a.noconvert(), "ring_out"_a.noconvert(),
              "time_offset_out_ns"_a.noconvert(), "segmentation"_a.noconvert(), nb::kw_only(), "isa"_a = "",
-             "Writes the points that are reported to the front of the outputs; returns how many.");
+             "Write the reported points to the front of the outputs; return their number.");
     m.def(
         "lambert_strength",
         [](In<std::int32_t, -1> geom, In<double, -1, 3> normal, In<double, -1, 3> direction, In<double, -1> reflectivity, Out<double, -1> strength) {
@@ -81,12 +81,12 @@ void bind_lidar_receiver(nb::module_ &m) {
             expect_rows(normal, n, "normal_W"), expect_rows(direction, n, "directions_W"), expect_rows(strength, n, "strength");
             for (std::size_t i = 0; i < n; ++i) {
                 if (geom.data()[i] >= 0 && static_cast<std::size_t>(geom.data()[i]) >= reflectivity.shape(0)) {
-                    throw std::invalid_argument("a geom without a reflectivity");
+                    throw std::invalid_argument("a geom has no reflectivity");
                 }
             }
             nb::gil_scoped_release release;
             lambert_strength(geom.data(), normal.data(), direction.data(), reflectivity.data(), n, strength.data());
         },
         "geom"_a, "normal_W"_a, "directions_W"_a, "reflectivity"_a, "strength"_a.noconvert(),
-        "Reflectivity times cosine of incidence of each ray; 0 where nothing was met.");
+        "Write reflectivity times cosine of incidence of each ray; 0 without a hit.");
 }

@@ -1,4 +1,4 @@
-// sim._kernels: what a radar's receivers and ADC add. Contract: radar/receiver_noise.hpp.
+// sim._kernels: impairments and ADC of a radar. Contract: radar/receiver_noise.hpp.
 
 #include "bind_arrays.hpp"
 #include "radar/receiver_noise.hpp"
@@ -11,11 +11,11 @@ using hil::sim::radar::Converter;
 using hil::sim::radar::ReceiverChain;
 using hil::sim::radar::ReceiverNoise;
 
-// Nothing for any receiver, or one value for each.
+// Empty, or one value for each receiver.
 template <typename T>
 T one_of(const std::vector<T> &values, std::size_t receiver, std::size_t receivers, const char *what) {
     if (values.empty()) return T{};
-    if (values.size() != receivers) throw std::invalid_argument(std::string(what) + ": one value a receiver");
+    if (values.size() != receivers) throw std::invalid_argument(std::string(what) + " needs one value per receiver");
     return values[receiver];
 }
 

@@ -1,5 +1,5 @@
-// sim._kernels: pictures to radar echoes, and what is prepared for that. Contracts: sim/native/radar/scatterers.hpp,
-// reflection.hpp and directions.hpp.
+// sim._kernels: radar echoes of pictures, with their tables. Contracts: sim/native/radar/scatterers.hpp, reflection.hpp
+// and directions.hpp.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
@@ -25,7 +25,7 @@ bool has_shape(const A &array, std::size_t height, std::size_t width) {
 }
 
 rd::ReflectingSurface surface_of(double eps_r, double eps_i, double phase_height, double facet_slope) {
-    need(eps_r > 0.0 && eps_i >= 0.0 && phase_height >= 0.0 && facet_slope > 0.0, "this is no surface");
+    need(eps_r > 0.0 && eps_i >= 0.0 && phase_height >= 0.0 && facet_slope > 0.0, "not the properties of a surface");
     return {eps_r, eps_i, phase_height, facet_slope};
 }
 
@@ -71,7 +71,7 @@ void bind_radar_scatterers(nb::module_ &m) {
         "azimuth_elevation",
         [](In<double, -1, 3> direction_R, Out<double, -1> azimuth, Out<double, -1> elevation) {
             const std::size_t n = direction_R.shape(0);
-            need(azimuth.shape(0) == n && elevation.shape(0) == n, "all arrays need one row a direction");
+            need(azimuth.shape(0) == n && elevation.shape(0) == n, "all arrays need one row per direction");
             nb::gil_scoped_release release;
             rd::azimuth_elevation(direction_R.data(), n, azimuth.data(), elevation.data());
         },
@@ -79,7 +79,7 @@ void bind_radar_scatterers(nb::module_ &m) {
     m.def(
         "cosine_pattern",
         [](In<double, -1, 3> direction_R, double azimuth_exponent, double elevation_exponent, Out<double, -1> out) {
-            need(out.shape(0) == direction_R.shape(0), "all arrays need one row a direction");
+            need(out.shape(0) == direction_R.shape(0), "all arrays need one row per direction");
             nb::gil_scoped_release release;
             rd::cosine_pattern(direction_R.data(), out.shape(0), azimuth_exponent, elevation_exponent, out.data());
         },
@@ -97,12 +97,12 @@ void bind_radar_scatterers(nb::module_ &m) {
                      (!segmentation || has_shape(*segmentation, height, width)),
                  "the channels of a picture differ in size");
             need(direction_R.shape(0) == pixels && blocks.shape(0) == (pixels + rd::kLanes - 1) / rd::kLanes,
-                 "this picture is not of the camera that the plan was made for");
-            need(class_kept.has_value() == segmentation.has_value(), "classes are kept by the channel segmentation");
+                 "the picture does not have the size of the camera of the plan");
+            need(class_kept.has_value() == segmentation.has_value(), "selecting classes needs the channel segmentation");
             const std::size_t room = range_m.shape(0);
             need(room >= pixels && speed_mps.shape(0) == room && echo_direction_R.shape(0) == room &&
                      amplitude.shape(0) == room,
-                 "the echoes need room for every pixel");
+                 "the arrays of echoes need a row for every pixel");
             const rd::PixelPlan plan = {blocks.data(),
                                         direction_R.data(),
                                         static_cast<long>(pixels),
@@ -125,5 +125,5 @@ void bind_radar_scatterers(nb::module_ &m) {
         "max_range_m"_a, "picture_range"_a.noconvert(), "normal"_a.noconvert(), "material"_a.noconvert(),
         "radial_velocity"_a.noconvert(), "segmentation"_a.noconvert().none(), "range_m"_a.noconvert(),
         "speed_mps"_a.noconvert(), "echo_direction_R"_a.noconvert(), "amplitude"_a.noconvert(), "isa"_a,
-        "The echoes of a picture; returns the counts of ScatterCounts in their order.");
+        "Write the echoes of a picture; return the counts of ScatterCounts in their order.");
 }

@@ -1,5 +1,5 @@
-// sim._kernels.EchoSynthesis: raw radar samples from echoes. Contract: radar/synthesis.hpp. Figures, echoes and `out` are
-// checked by its one caller, sim/radar/synthesis.py.
+// sim._kernels.EchoSynthesis: raw radar samples from echoes. Contract: radar/synthesis.hpp. Its only caller,
+// sim/radar/synthesis.py, checks the arguments.
 
 #include "bind_arrays.hpp"
 #include "radar/synthesis.hpp"
@@ -40,7 +40,7 @@ void bind_radar_synthesis(nb::module_ &m) {
             },
             nb::kw_only(), "center_frequency_hz"_a, "bandwidth_hz"_a, "sample_rate_hz"_a, "repetition_s"_a, "samples"_a,
             "chirps"_a, "rx_positions_m"_a, "hp_cutoff_hz"_a, "aaf_cutoff_hz"_a, "direct"_a, "tolerance"_a, "drop_share"_a,
-            "isa"_a = "", "Cut-offs of 0 switch a filter off.")
+            "isa"_a = "", "A cut-off of 0 switches a filter off.")
         .def("synthesize", &synthesize, "range_m"_a.noconvert(), "speed_mps"_a.noconvert(), "direction_R"_a.noconvert(),
-             "amplitude"_a.noconvert(), "out"_a.noconvert(), "Overwrites out (receivers, chirps, samples).");
+             "amplitude"_a.noconvert(), "out"_a.noconvert(), "Overwrite out (receivers, chirps, samples).");
 }

@@ -1,4 +1,4 @@
-// sim._kernels.BoxScene: boxes handed over once, then one call per ray. Contract: ray.hpp.
+// sim._kernels.BoxScene: boxes are passed once, then one call per ray. Contract: ray.hpp.
 
 #include "bind_arrays.hpp"
 #include "ray.hpp"
@@ -24,5 +24,5 @@ void bind_ray(nb::module_ &m) {
     nb::class_<BoxScene>(m, "BoxScene", "The ground z = 0 and axis-aligned boxes (centre x y z, half edges x y z) [m].")
         .def(nb::init<const std::vector<std::array<double, 6>> &>(), "boxes"_a)
         .def("ray_distance", &BoxScene::ray_distance, "origin_W"_a, "direction_W"_a,
-             "Distance [m] along a unit vector to the nearest surface; -1 if none is hit, 0 from inside one.");
+             "Return the distance [m] along a unit vector to the nearest surface; -1 if none is hit, 0 inside a box.");
 }

@@ -26,7 +26,7 @@ void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> direct
         std::vector<std::uint8_t> seen(count, 0);
         for (std::size_t i = 0; i < count; ++i) {
             const auto ray = static_cast<std::size_t>(order->data()[i]);
-            if (ray >= count || seen[ray]++ != 0) throw std::invalid_argument("order is no permutation of the rays");
+            if (ray >= count || seen[ray]++ != 0) throw std::invalid_argument("order is not a permutation of the rays");
         }
     }
     if (count > 0x7fffffff) throw std::invalid_argument("at most 2^31 - 1 rays at once");
@@ -34,7 +34,7 @@ void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> direct
                          radial_velocity ? radial_velocity->data() : nullptr};
     const CastSkips skips{tree, max_range};
     const Isa chosen = isa_by_name(isa);
-    caster.refresh();  // with the lock held: two casts of one caster may run side by side
+    caster.refresh();  // while the GIL is held: two casts of one caster may run concurrently
     nb::gil_scoped_release release;
     caster.cast(origins.data(), one_origin, directions.data(), count, t_min, t_max, skips,
                 order ? order->data() : nullptr, threads, chosen, out);
@@ -45,13 +45,13 @@ void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> direct
 void bind_ray_cast(nb::module_ &m) {
     nb::class_<RayCaster>(m, "RayCaster")
         .def(nb::init<const Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>(),
-             "Casts against `geometry`, finished; what does not move is prepared here.")
+             "Caster of rays against a finished `geometry`; static geoms are prepared here.")
         .def("cast", &cast, "origins_W"_a, "directions_W"_a, "t_min"_a, "t_max"_a, "range_m"_a.noconvert(),
              "geom"_a.noconvert(), "normal_W"_a.noconvert() = nb::none(),
              "radial_velocity_mps"_a.noconvert() = nb::none(), nb::kw_only(), "order"_a = nb::none(), "threads"_a = 1,
              "tree"_a = true, "max_range"_a = true, "isa"_a = "",
-             "Nearest hit of each ray in [t_min, t_max]: its distance (+inf: none), geom (-1), normal against the ray "
-             "(zeros) and the surface point's speed along the ray (NaN). Outputs are the caller's.");
+             "Write the nearest hit of each ray in [t_min, t_max]: distance (+inf: no hit), geom (-1), normal against the "
+             "ray (zeros) and speed of the surface point along the ray (NaN).");
     m.def(
         "coherent_order",
         [](In<double, -1, 3> directions, Out<std::int32_t, -1> out) {
@@ -59,5 +59,5 @@ void bind_ray_cast(nb::module_ &m) {
             nb::gil_scoped_release release;
             coherent_order(directions.data(), directions.shape(0), out.data());
         },
-        "directions"_a, "out"_a.noconvert(), "Permutation that puts rays that look the same way side by side.");
+        "directions"_a, "out"_a.noconvert(), "Write a permutation in which rays of similar direction are neighbours.");
 }

@@ -1,7 +1,7 @@
 // sim._kernels.RigidBody: the rigid-body kernel bound to arrays that Python owns.
 //
-// The arrays are handed over once, at construction, and kept alive; a tick then costs one call without array
-// arguments. Calls last about a microsecond, so the GIL is kept.
+// Arrays are passed once, at construction, and kept alive; a tick then costs one call without array arguments. A call
+// takes about a microsecond, so it holds the GIL.
 
 #include <cmath>
 #include <utility>
@@ -107,10 +107,10 @@ class RigidBody {
 
     // Latches this tick's commands. Returns -1, or the index of the first value that is not finite.
     int command(nb::handle controls) {
-        PyObject *fast = PySequence_Fast(controls.ptr(), "controls must be a sequence of numbers");
-        if (!fast) throw nb::python_error();
-        const nb::object keep = nb::steal(fast);
-        if (PySequence_Fast_GET_SIZE(fast) < params_.rotor_count) {
+        PyObject *values = PySequence_Tuple(controls.ptr());  // returns the object itself if it is a tuple
+        if (!values) throw nb::python_error();
+        const nb::object keep = nb::steal(values);
+        if (PyTuple_Size(values) < params_.rotor_count) {
             throw std::invalid_argument("fewer controls than rotors");
         }
         double scale = 1.0;
@@ -121,7 +121,7 @@ class RigidBody {
             scale = battery[1] / params_.battery.nominal_voltage_v;
         }
         for (int i = 0; i < params_.rotor_count; ++i) {
-            const double control = as_double(PySequence_Fast_GET_ITEM(fast, i));
+            const double control = as_double(PyTuple_GetItem(values, i));
             if (!std::isfinite(control)) return i;
             command_[i] = hil::sim::commanded_speed(params_, i, control, scale);
         }
@@ -156,7 +156,7 @@ class RigidBody {
 
     void attach(Out<double, -1> qpos, Out<double, -1> qvel, Out<double, -1> qfrc_applied, Out<double, -1> qacc) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 || qacc.shape(0) != 6) {
-            throw std::invalid_argument("the MuJoCo model must have one free joint and nothing else that moves");
+            throw std::invalid_argument("the MuJoCo model must have one free joint and no other joint");
         }
         qpos_ = qpos;
         qvel_ = qvel;
@@ -164,8 +164,8 @@ class RigidBody {
         qacc_ = qacc;
     }
 
-    // `share` of the way from the pose before that sub-step to the pose after it: 1 is exactly the latter; in between
-    // straight, which leaves the path by a h^2 / 8.
+    // The pose at `share` of the way from before to after that sub-step: 1 is exactly the pose after it. In between it
+    // is linear, with an error of a h^2 / 8.
     void pose_in_substep(int substep, double share) {
         if (substep < 0 || substep >= steps_) throw nb::index_error("no such sub-step");
         const double *to = path_.data() + 7 * static_cast<std::size_t>(substep);
@@ -179,7 +179,7 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
-    // `substep` of the tick, 0 first: it says where in the tick the wind is taken.
+    // `substep` of the tick, 0 first, selects the time of the wind.
     void contact_load(int substep, bool hard) {
         const double *s = state();
         const double h = tick_s_ / contact_substeps_[hard];
@@ -197,8 +197,8 @@ class RigidBody {
                                  qacc_.data(), state());
     }
 
-    // For comparison only: rotor and air forces of this vehicle as MuJoCo's control callback, with the rotors' speeds as
-    // MuJoCo's activations. One vehicle at a time in a process.
+    // For comparison only: rotor and air forces of this vehicle as MuJoCo's control callback, with the rotors' speeds
+    // as MuJoCo's activations. One vehicle at a time in a process.
     void serve_mujoco(Out<double, -1> qpos, Out<double, -1> qvel, Out<double, -1> act, Out<double, -1> qfrc_applied) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 ||
             act.shape(0) != static_cast<std::size_t>(params_.rotor_count)) {
@@ -255,7 +255,8 @@ class RigidBody {
         battery[2] = drawn_c / tick_s_;
     }
 
-    // 0 in range; else which limit: 1 not finite, 2 speed, 3 body rate, 4 position, 5 no voltage left, 6 battery empty.
+    // 0 in range; else the violated limit: 1 not finite, 2 speed, 3 body rate, 4 position, 5 no voltage left, 6 battery
+    // empty.
     int range_violation() const {
         const double *s = state();
         const std::size_t n = before_.size() + 6;
@@ -290,14 +291,14 @@ class RigidBody {
 void bind_rigid_body(nb::module_ &m) {
     using hil::sim::SolidTree;
     nb::class_<SolidTree>(m, "SolidTree",
-                          "Solid shapes that do not move: kind [n] (mjtGeom), pose [n][12] (centre, then R row-major), "
+                          "Tree of static solid shapes: kind [n] (mjtGeom), pose [n][12] (centre, then R row-major), "
                           "size [n][3] as in MJCF. See clearance.hpp.")
         .def(
             "__init__",
             [](SolidTree *self, In<std::int32_t, -1> kind, In<double, -1, 12> pose, In<double, -1, 3> size) {
                 const std::size_t n = kind.shape(0);
                 if (pose.shape(0) != n || size.shape(0) != n) {
-                    throw std::invalid_argument("kind, pose and size must be of one length");
+                    throw std::invalid_argument("kind, pose and size must have the same length");
                 }
                 std::vector<hil::sim::Solid> solids(n);
                 for (std::size_t i = 0; i < n; ++i) {
@@ -312,7 +313,7 @@ void bind_rigid_body(nb::module_ &m) {
         .def("__len__", &SolidTree::size)
         .def(
             "distance", [](const SolidTree &self, const Vec3 &p_W) { return self.distance(p_W.data()); }, "p_W"_a,
-            "Lower bound of the distance from a point to the nearest shape [m], inf where there is none.");
+            "Return a lower bound of the distance from a point to the nearest shape [m]; inf without shapes.");
 
     nb::class_<RigidBody>(m, "RigidBody",
                           "Multirotor rigid body on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
@@ -333,30 +334,30 @@ void bind_rigid_body(nb::module_ &m) {
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
              "over the tick [A]. See battery.hpp.")
-        .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Wind over the coming tick, linear.")
+        .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind over the coming tick, which is linear.")
         .def("set_rotor", &RigidBody::set_rotor, "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a,
-             "imbalance_kgm"_a, "What is left of a rotor from the next tick on; forced speed < 0: follows its command.")
+             "imbalance_kgm"_a, "Set the state of a rotor from the next tick on; forced speed < 0: it follows its command.")
         .def("command", &RigidBody::command, "controls"_a,
-             "Latch the commands of the coming tick (0..1, saturated). Returns -1, or the first index not finite.")
-        .def("fly", &RigidBody::fly, "One tick of free flight. Returns the distance travelled [m].")
-        .def("steps", &RigidBody::steps, "Integration steps of the last fly().")
-        .def("rewind", &RigidBody::rewind, "Back to the state before the last fly().")
+             "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
+        .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
+        .def("steps", &RigidBody::steps, "Return the number of integration steps of the last fly().")
+        .def("rewind", &RigidBody::rewind, "Restore the state before the last fly().")
         .def("finish", &RigidBody::finish,
-             "Write mean accelerations and charge drawn. Returns 0, or 1 not finite, 2 speed, 3 body rate, 4 position, "
+             "Write mean accelerations and charge drawn. Return 0, or 1 not finite, 2 speed, 3 body rate, 4 position, "
              "5 no voltage left, 6 battery empty.")
         .def("clearance_before", &RigidBody::clearance_before, "radius_m"_a, "solids"_a,
-             "Lower bound of the gap to the scene at the state before the last fly() [m].")
-        .def("position_before", &RigidBody::position_before, "p_WB before the last fly() [m].")
+             "Return a lower bound of the gap to the scene before the last fly() [m].")
+        .def("position_before", &RigidBody::position_before, "Return p_WB before the last fly() [m].")
         .def("attach", &RigidBody::attach, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "qfrc_applied"_a.noconvert(),
-             "qacc"_a.noconvert(), "MuJoCo's arrays, for contact.")
+             "qacc"_a.noconvert(), "Set MuJoCo's arrays, for contact.")
         .def("pose_in_substep", &RigidBody::pose_in_substep, "substep"_a, "share"_a,
-             "Write a pose of fly() into qpos: share 1 is the one after that sub-step.")
+             "Write a pose of fly() to qpos; share 1 is the pose after that sub-step.")
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
-             "State into qpos, qvel; rotor and air wrench into qfrc_applied.")
+             "Write the state to qpos and qvel, rotor and air wrench to qfrc_applied.")
         .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),
              "qfrc_applied"_a.noconvert(), "Make this vehicle the one that mujoco_callback() computes.")
-        .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Address of a MuJoCo control callback.")
-        .def("contact_update", &RigidBody::contact_update, "hard"_a, "One contact sub-step with qacc.");
+        .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Return the address of a MuJoCo control callback.")
+        .def("contact_update", &RigidBody::contact_update, "hard"_a, "Advance one contact sub-step with qacc.");
 
     m.def(
         "ideal_imu",
@@ -370,5 +371,5 @@ void bind_rigid_body(nb::module_ &m) {
             return nb::make_tuple(out[0], out[1], out[2], out[3], out[4], out[5]);
         },
         "q_WB"_a, "a_WB_W"_a, "w_WB_B"_a, "alpha_WB_B"_a, "dt_s"_a, "gravity_mps2"_a,
-        "Mean specific force [m/s2] and mean rate [rad/s] in B over the step just taken: (fx, fy, fz, gx, gy, gz).");
+        "Return mean specific force [m/s2] and mean rate [rad/s] in B over the step just taken: (fx, fy, fz, gx, gy, gz).");
 }

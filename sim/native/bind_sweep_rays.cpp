@@ -1,4 +1,4 @@
-// sim._kernels.sweep_rays: rays of a sweep from a moving carrier. Contract: frame/sweep_rays.hpp.
+// sim._kernels.sweep_rays: rays of a sweep from a moving vehicle. Contract: frame/sweep_rays.hpp.
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ void bind_sweep_rays(nb::module_ &m) {
             const std::size_t n = time_offset_ns.shape(0);
             if (origins_B.shape(0) != n || directions_B.shape(0) != n || origins_W.shape(0) != n ||
                 directions_W.shape(0) != n) {
-                throw std::invalid_argument("all arrays of a sweep need one row a ray");
+                throw std::invalid_argument("all arrays of a sweep need one row per ray");
             }
             hil::sim::frame::SweepMotion c{};
             const auto copy = [](const auto &from, double *to) { std::copy(from.begin(), from.end(), to); };
@@ -39,5 +39,5 @@ void bind_sweep_rays(nb::module_ &m) {
         },
         "motion"_a, "time_offset_ns"_a, "origins_B"_a, "directions_B"_a, "origins_W"_a.noconvert(),
         "directions_W"_a.noconvert(), nb::kw_only(), "isa"_a = "",
-        "Rays in W, each from where the carrier is when it fires; returns the box of all origins, low and high.");
+        "Write the rays in W, each from the vehicle's pose when it fires; return the box of all origins, low and high.");
 }

@@ -8,7 +8,7 @@
 namespace hil::sim {
 namespace {
 
-constexpr int kLeaf = 4;        // shapes in a leaf at most
+constexpr int kLeaf = 4;        // greatest number of shapes in a leaf
 
 double box_distance(const double *local, const double *half) {
     double squared = 0.0;
@@ -61,7 +61,7 @@ double solid_distance(const Solid &solid, const double *p) {
     return 0.0;
 }
 
-// Half edges of the box, along the shape's own axes, that holds it.
+// Half edges of the box along the shape's own axes that encloses it.
 std::array<double, 3> own_half(const Solid &solid) {
     const double *s = solid.size;
     switch (solid.kind) {
@@ -83,7 +83,7 @@ frame::Aabb bounds_of(const Solid &solid) {
         const double *row = solid.R + 3 * i;
         const double reach =
             (std::fabs(row[0]) * half[0] + std::fabs(row[1]) * half[1]) + std::fabs(row[2]) * half[2];
-        // Rounding of the sum above must not let a shape stick out of its box.
+        // Margin for rounding in the sum above: the box must enclose the shape.
         const double slack = 1e-12 * (std::fabs(solid.center[i]) + reach);
         low[i] = solid.center[i] - reach - slack;
         high[i] = solid.center[i] + reach + slack;

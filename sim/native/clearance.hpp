@@ -2,11 +2,11 @@
 //
 // The bound is the exact distance for planes, boxes, spheres, capsules and cylinders; for an ellipsoid with radii r the
 // greater of the distance to its box and min(r) (|p / r| - 1), since |x| >= min(r) |x / r|. Meshes and height fields
-// come as the boxes that hold them. From inside a shape the distance is 0 or less.
+// are given as boxes that enclose them. Inside a shape the distance is 0 or less.
 //
-// A node of the tree is an axis-aligned box; nodes farther than the nearest shape so far are passed over, so that the
-// cost grows with the logarithm of the count. Building allocates; asking allocates nothing and reads only.
-// Deterministic: + - * / sqrt and comparisons; the least of a set does not depend on the order in which it is searched.
+// A node of the tree is an axis-aligned box; nodes farther than the nearest shape so far are skipped, so the cost grows
+// with the logarithm of the count. Building allocates; a query allocates nothing and only reads.
+// Deterministic: + - * / sqrt and comparisons; the minimum does not depend on the order of the search.
 #pragma once
 
 #include <array>
@@ -30,9 +30,9 @@ struct Solid {
 
 class SolidTree {
   public:
-    // Throws std::invalid_argument where a shape has a kind that is not above, or is not finite.
+    // Throws std::invalid_argument for a shape of another kind, or one that is not finite.
     explicit SolidTree(std::vector<Solid> solids);
-    // Distance from a point to the nearest shape, infinity where there is none.
+    // Distance from a point to the nearest shape; infinity without shapes.
     double distance(const double *p_W) const;
     std::size_t size() const { return planes_.size() + solids_.size(); }
 
@@ -42,7 +42,7 @@ class SolidTree {
     std::vector<frame::BvhNode> nodes_;
 };
 
-// A contact may be reported a little before shapes touch (MuJoCo's convex collision: 1e-6 m).
+// A contact may be reported slightly before shapes touch (MuJoCo's convex collision: 1e-6 m).
 constexpr double kClearanceSlack_m = 1e-5;
 
 inline double clearance(const double *p_W, double radius_m, const SolidTree &solids) {

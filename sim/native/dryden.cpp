@@ -11,7 +11,7 @@ namespace {
 constexpr double kMetresPerFoot = 0.3048;
 constexpr double kSqrt3 = 1.73205080756887729353, kInvSqrt2 = 0.70710678118654752440;
 
-// One state pair over d = dt / T.
+// Step of a pair of states over d = dt / T.
 void second_order(double *x, double d, const double *n) {
     const double e = det::exp(-d);
     const double q11 = 1.0 - e * e;

@@ -26,7 +26,7 @@ double largest(const double *v) {
 
 double length(const double *v) { return std::sqrt((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]); }
 
-// The rotors over a tick. A constant command makes each one's speed monotone: up or down is decided once.
+// Rotors over a tick. With a constant command each speed is monotone, so up or down is decided once.
 struct Rotors {
     int count;
     bool whirling;
@@ -79,7 +79,7 @@ void wind_at(const TickWind &wind, double t, double *out) {
     for (int j = 0; j < 3; ++j) out[j] = wind.start_W[j] + t * wind.slope_W[j];
 }
 
-// Sets s to `next` with q normalised; returns how far it moved.
+// Sets s to `next` with q normalised; returns the distance moved.
 double finish_step(double *s, double *next, double *path) {
     const double dx = next[0] - s[0], dy = next[1] - s[1], dz = next[2] - s[2];
     for (int k = 0; k < kPoseVelocity; ++k) s[k] = next[k];
@@ -149,7 +149,7 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
-// How often to halve the steps; `fastest` = greatest speed of a rotor out of balance.
+// Number of times to halve the steps; `fastest` = greatest speed of a rotor out of balance.
 int level_for(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind, double fastest,
               const double *s) {
     double air2 = 0.0;

@@ -16,8 +16,8 @@ constexpr double kFlatFrom = 0.18, kFlatTo = 0.58;  // shares of stance during w
 constexpr double kLean = 0.04;
 constexpr double kElbow = 0.22, kElbowSwing = 0.35;
 constexpr double kTorsoYaw = 0.07, kPelvisYaw = 0.10;
-constexpr double kReach = 0.992;  // longest hip-to-ankle distance as a share of the leg: never locked
-constexpr int kTries = 9;         // of how far before the hip a flat foot starts
+constexpr double kReach = 0.992;  // longest hip-to-ankle distance as a share of the leg: the knee never locks
+constexpr int kTries = 9;         // number of tries for the start of a flat foot before the hip
 
 using Row = LimbRow;
 
@@ -55,7 +55,7 @@ Point ankle(const GaitShape &g, double phase) {
     if (phase <= g.stance) {
         const Pitch pitch = phase < g.stance ? foot_pitch(g, phase) : Pitch{kPush, 0.0};
         const double flat = g.ahead - g.cycle * phase;
-        // From the point of the sole it turns about: the heel before the sole is flat, the ball after.
+        // Relative to the pivot of the sole: the heel before the sole is flat, the ball after.
         const double px = phase < kFlatTo * g.stance ? g.heel : -g.ball, pz = g.ankle;
         const double s = det::sin(pitch.value), c = det::cos(pitch.value);
         const double rx = px * c + pz * s, rz = pz * c - px * s;
@@ -63,7 +63,7 @@ Point ankle(const GaitShape &g, double phase) {
     }
     const double span = 1.0 - g.stance, u = (phase - g.stance) / span;
     const double x0 = g.swing_from_x, z0 = g.swing_from_z, x1 = g.swing_to_x, z1 = g.swing_to_z;
-    // x: slopes at both ends are those of stance, second derivatives zero; the rest is smoothstep.
+    // x: slopes at both ends as in stance, second derivatives zero; the rest is a smoothstep.
     const double slope = -g.cycle * span, change = x1 - x0 - slope;
     const double blend = smoothstep(u), d_blend = smoothstep_slope(u), v = u * (1.0 - u);
     const double z = z0 + (z1 - z0) * blend + g.lift * 64.0 * v * v * v;
@@ -71,8 +71,8 @@ Point ankle(const GaitShape &g, double phase) {
     return {x0 + slope * u + change * blend, z, (slope + change * d_blend) / span, dz / span};
 }
 
-// Thigh, shank and foot. With d = ankle - hip and n = (-d_z, d_x): knee = hip + k d + w n, k = (a^2 - b^2 + r^2) / 2 r^2,
-// w = sqrt(a^2 / r^2 - k^2), a and b being thigh and shank, r = |d|: it bends forward.
+// Thigh, shank and foot. With d = ankle - hip and n = (-d_z, d_x): knee = hip + k d + w n, k = (a^2 - b^2 + r^2) / 2
+// r^2, w = sqrt(a^2 / r^2 - k^2), with a and b thigh and shank, r = |d|: the knee bends forward.
 void leg_rows(const FigureLengths &g, double y, const Point &hip, const Point &foot, Pitch pitch, Row *rows) {
     const double a = g.thigh, b = g.shank;
     const double x = foot.x - hip.x, z = foot.z - hip.z, dx = foot.dx - hip.dx, dz = foot.dz - hip.dz;
@@ -115,7 +115,7 @@ void arm_rows(const FigureLengths &g, const Shoulder &shoulder, Pitch upper, Pit
     rows[2] = limb(x - reach * px, y, z - reach * pz, s, c, dx - reach * dpx, dy, dz - reach * dpz, fore.slope);
 }
 
-// Of the pelvis: height above its base, yaw, and their derivatives.
+// Height of the pelvis above its base, yaw, and their derivatives.
 struct Pelvis {
     double bob, yaw, d_bob, d_yaw;
 };
@@ -133,7 +133,7 @@ void place_feet(GaitShape &g, double ahead) {
     g.swing_from_x = from.x, g.swing_from_z = from.z, g.swing_to_x = to.x, g.swing_to_z = to.z;
 }
 
-// Base height of the pelvis that leaves the leg in reach at the `count` phases evenly spread over a cycle.
+// Base height of the pelvis that keeps the leg in reach at `count` phases, evenly spaced over a cycle.
 double highest_hip(const GaitShape &g, int count) {
     const double reach = kReach * (g.thigh + g.shank);
     double lowest = INFINITY;
@@ -144,7 +144,7 @@ double highest_hip(const GaitShape &g, int count) {
         const double x = foot.x + g.hip_half * det::sin(at.yaw);
         const double high = foot.z + std::sqrt(reach * reach - x * x) - at.bob;
         if (!(high > 0.0)) {
-            throw std::invalid_argument("steps longer than the legs: a walker must be slower");
+            throw std::invalid_argument("steps longer than the legs: lower the walker's speed");
         }
         lowest = std::min(lowest, high);
     }
@@ -242,7 +242,8 @@ void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W,
     gait_rows(shape_, phase_at(progress.s_m), rows);
     const double c = place.cos, s = place.sin;
     const double rate = progress.speed_mps * cycles_per_m_, yaw_rate = progress.speed_mps * place.yaw_per_m;
-    // Half heading, without trigonometry; the sign where cos = -1 does not matter, the quaternion's two are one.
+    // Half of the heading, without trigonometry. At cos = -1 the sign is arbitrary: both quaternions are the same
+    // attitude.
     const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
     double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
     if (s < 0.0) {

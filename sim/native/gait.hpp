@@ -1,16 +1,16 @@
-// A walking person's limbs as poses over the phase of the step cycle, carried along as sim/scene/maps/walker.py says.
+// Limbs of a walking person as poses over the phase of the step cycle; sim/scene/maps/walker.py has the path equations.
 //
-// Frame H follows the walker: x along its heading, y left, z up, origin on the ground below the pelvis. Everything in H
-// is a function of the phase phi = s / L alone, s being the distance walked and L the length of a cycle (two steps), so
-// speed only stretches time. After Boulic, Magnenat-Thalmann & Thalmann, "A global human walking model with real-time
+// Frame H follows the walker: x along its heading, y left, z up, origin on the ground below the pelvis. Poses in H are
+// functions of the phase phi = s / L alone, with s the distance walked and L the length of a cycle (two steps), so
+// speed only scales time. After Boulic, Magnenat-Thalmann & Thalmann, "A global human walking model with real-time
 // kinematic personification", The Visual Computer 6 (1990), with v' = speed / leg length:
 //
 //     cycle L = 1.346 sqrt(v') leg        stance share = 0.752 - 0.143 / T, T = L / speed
 //     pelvis  z = z_0 + 0.015 v' leg sin(4 pi phi - 0.7 pi)        arm swing 9.88 v' degrees
 //
-// Their tables of leg joint angles let the feet slide by centimetres. Here the foot leads and the leg follows: in
-// stance it rolls over heel, sole and ball, each at rest on the ground (in H: moving at -s'), in swing a polynomial
-// carries it on, and hip and knee angles follow by two-link inverse kinematics. Foot pitch and path have continuous
+// With their tables of joint angles the feet slide by centimetres. Here the path of the foot is given: in stance it
+// rolls over heel, sole and ball, each at rest on the ground (in H: moving at -s'), in swing it follows a polynomial.
+// Hip and knee angles follow by two-link inverse kinematics. Foot pitch and path have continuous
 // second derivatives.
 //
 // Angles are about y, positive turns z towards x. Each limb is a row (x, y, z, cos theta/2, sin theta/2, cos yaw/2,
@@ -38,36 +38,36 @@ struct FigureLengths {
         torso_above_hip, upper_arm, forearm, hand, height;
 };
 
-// A figure, and what follows from its speed: lengths [m], angles [rad], `stance` a share of the cycle.
+// A figure with the values that follow from its speed: lengths [m], angles [rad], `stance` a share of the cycle.
 struct GaitShape : FigureLengths {
     double cycle, stance, bob, arm_rad, lift, ahead, swing_from_x, swing_from_z, swing_to_x, swing_to_z, hip;
 };
 
-// Steps of one figure at one cruising speed; `cycle_m` close to the natural one. Flat feet start as far before the hip
-// as lets the pelvis be highest, so that knees stay straightest. std::invalid_argument: legs too short for such steps.
+// Steps of one figure at one cruising speed; `cycle_m` is close to the natural one. The start of a flat foot before the
+// hip is chosen for the highest pelvis, so that knees are straightest. Throws std::invalid_argument for legs too short.
 GaitShape fit_gait(const FigureLengths &figure, double speed_mps, double cycle_m);
 
 // All limbs at `phase` in [0, 1), where the left foot strikes at 0, by the walker's own frame H; derivatives by phase.
 // In the order of sim/scene/maps/figure.py's LIMBS.
 void gait_rows(const GaitShape &shape, double phase, LimbRows &rows);
 
-// Thigh, shank and foot of somebody at rest with flat feet: hip at (0, y, hip_z), ankle at (ankle_x, y, ankle_z).
+// Thigh, shank and foot of a person at rest with flat feet: hip at (0, y, hip_z), ankle at (ankle_x, y, ankle_z).
 void resting_leg(const FigureLengths &figure, double y, double hip_z, double ankle_x, double ankle_z, LimbRow *rows);
 
-// Upper arm, forearm and hand of somebody at rest: shoulder at (0, y, z), pitch of upper arm and forearm [rad].
+// Upper arm, forearm and hand of a person at rest: shoulder at (0, y, z), pitch of upper arm and forearm [rad].
 void resting_arm(const FigureLengths &figure, double y, double z, double upper_rad, double fore_rad, LimbRow *rows);
 
-// One walker: a step cycle carried along a path. Its bodies are its limbs.
+// Walker: a step cycle along a path. Its bodies are its limbs.
 class Walker : public Actor {
 public:
-    // `bound_z_m`, `bound_radius_m`: of the sphere that holds all limbs; its middle is above the pelvis's path.
+    // `bound_z_m`, `bound_radius_m`: of the sphere that encloses all limbs; its centre is above the path of the pelvis.
     Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
            double bound_radius_m);
 
     std::size_t bodies() const override { return kLimbs; }
     Sphere bound(std::int64_t t_ns) const override;
 
-    // Of the step cycle, [0, 1).
+    // Phase of the step cycle, [0, 1).
     double phase(std::int64_t t_ns) const;
 
     void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const override;

@@ -12,10 +12,10 @@
 namespace hil::sim {
 namespace {
 
-constexpr std::size_t kCells = 2048;  // of the inverse normal distribution function
+constexpr std::size_t kCells = 2048;  // cells of the inverse normal distribution function
 constexpr std::size_t kOuter = kCells / 64;
 constexpr int kCellShift = 32 - 11;
-constexpr std::size_t kShades = 16384;  // of linear light, on the way to sRGB: at most 0.2 of an 8-bit step apart
+constexpr std::size_t kShades = 16384;  // levels of linear light in the table to sRGB: at most 0.2 of an 8-bit step apart
 constexpr std::size_t kBatch = 768;     // normals made at once: a whole number of pixels and of Philox blocks
 
 struct Tables {
@@ -68,7 +68,7 @@ void fill_normals(ImageKey key, std::uint64_t index, std::size_t first, std::siz
 }
 
 std::uint8_t encode(float x, const Tables &table) {
-    // Written so that a NaN is black.
+    // A NaN becomes black.
     const float shade = x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     return table.srgb[static_cast<std::size_t>(shade * static_cast<float>(kShades - 1) + 0.5f)];
 }
@@ -110,18 +110,18 @@ void blur_depth(float *depth_m, const DepthErrors &errors, ImageKey key, std::ui
         for (std::size_t i = 0; i < here; ++i) {
             const float z = depth_m[first + i];
             float measured = kNothing;
-            // Far beyond its reach a camera sees nothing, however large its errors would be there.
+            // Far beyond its range a camera measures nothing, for errors of any size.
             if (z >= errors.min_m && z <= errors.max_m && z < kNothing) {
                 measured = z + (errors.sigma_m + errors.sigma_per_m * z * z) * normals[i];
                 if (errors.disparity_scale_m > 0.0f) {
-                    // A measured distance at or behind the camera has no disparity: it is as near as can be.
+                    // A measured distance at or behind the camera has no disparity and counts as the nearest.
                     const float steps = measured > 0.0f ? std::floor(errors.disparity_scale_m / measured + 0.5f)
                                                         : kNothing;
                     measured = steps > 0.0f ? errors.disparity_scale_m / steps : kNothing;
                 } else if (errors.step_m > 0.0f) {
                     measured = std::floor(measured / errors.step_m + 0.5f) * errors.step_m;
                 }
-                // Written so that a NaN is nothing.
+                // A NaN becomes inf.
                 if (!(measured > 0.0f && measured >= errors.min_m && measured <= errors.max_m)) measured = kNothing;
             }
             depth_m[first + i] = measured;

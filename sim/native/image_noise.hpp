@@ -1,4 +1,4 @@
-// What a camera's sensor does to light, pixel by pixel: gain, vignetting, shot and read noise, 8-bit sRGB.
+// Effects of a camera's sensor on light, pixel by pixel: gain, vignetting, shot and read noise, 8-bit sRGB.
 //
 //   e = N v L                            expected electrons: L linear light 0..1, v vignetting, N electrons of white
 //   x = gain (e + sqrt(e + r^2) n) / N   with shot and read noise (r electrons), n standard normal
@@ -8,12 +8,12 @@
 // below 0.23.
 //
 // Noise is counter-based: the normals of picture `index` are a function of (key, index, position) alone. Philox4x64-10
-// on the counter (position / 8, 0, index, 0) gives 8 words of 32 bits; the inverse normal distribution function is a
-// straight line in each of 2048 cells (error below 2e-4) and exact (algorithm AS 241) in the outer 1/64 of each side.
+// on the counter (position / 8, 0, index, 0) gives 8 words of 32 bits; the inverse normal distribution function is
+// linear in each of 2048 cells (error below 2e-4) and exact (algorithm AS 241) in the outer 1/64 of each side.
 //
 // Determinism: integers, + - * / sqrt and comparisons; the tables come from detmath.hpp. No allocation after the tables
-// are made, at first use (thread-safe). Caller-owned, C-contiguous buffers that do not overlap, except where a
-// function says that it works in place.
+// are made, at first use (thread-safe). Caller-owned, C-contiguous buffers that do not overlap, except for
+// functions that work in place.
 #pragma once
 
 #include <cstddef>
@@ -44,7 +44,7 @@ struct DepthErrors {
     float sigma_per_m;         // b [1/m]: sigma = a + b z^2
     float step_m;              // rounding of the distance; 0: none
     float disparity_scale_m;   // f B / step of disparity: rounding of 1/z; 0: none
-    float min_m, max_m;        // true or measured distance outside, or at or below 0: nothing (inf)
+    float min_m, max_m;        // a true or measured distance outside, or at or below 0, becomes inf
 };
 
 // In place; inf stays inf.
@@ -53,7 +53,7 @@ void blur_depth(float *depth_m, const DepthErrors &errors, ImageKey key, std::ui
 // Standard normals of picture `index`, for tests.
 void image_normals(ImageKey key, std::uint64_t index, float *out, std::size_t count);
 
-// sine[i], cosine[i] of angle_rad[i], the same bits everywhere.
+// sine[i], cosine[i] of angle_rad[i], the same bits on every machine.
 void sin_cos(const double *angle_rad, double *sine, double *cosine, std::size_t count);
 
 }  // namespace hil::sim

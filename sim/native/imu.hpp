@@ -5,16 +5,16 @@
 //   w = w_m                                                           angular rate [rad/s]
 // Vibration by rotor r and harmonic h of its speed O, phase theta = integral of O dt, mean over the step dt:
 //   v_i = A_hi (O / O_ref)^2 sinc(h O dt / 2) sin(h theta_mid + psi_rhi)
-// so what lies above half the output rate folds down (aliases) from the step mean, as in a boxcar-averaging IMU.
+// so vibration above half the output rate aliases from the step mean, as in an IMU that averages over a boxcar.
 // Errors of channel i (0..2 accel, 3..5 gyro), y = M f or M w with its vibration:
 //   out_i = Q(y_i + b_i + c_i (T(t) - T_ref) + k_i[n] + sum_p x_ip[n] + sigma_i w_i[n])
 //   k[n]   = k[n-1] + K_i sqrt(period) n,                   k[0] = 0     rate (acceleration) random walk
-//   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability, flicker.py gives the table
+//   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability, (table: flicker.py)
 //   T(t)   = T_end - rise e^{-t / tau}                                   temperature of the warming sensor
 // Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i.
 //
-// State advances with `index`: reading sample n brings the processes to n, one step per index, whatever was read
-// before; an earlier index replays from 0. The rotor phases advance with time between the samples read.
+// State advances with `index`: reading sample n advances the processes to n, one step per index; an earlier index
+// replays from 0. The rotor phases advance with the time between samples.
 //
 // Determinism: + - * / sqrt and detmath.hpp only. Nothing is allocated after construction. Not thread-safe.
 #pragma once
@@ -64,7 +64,7 @@ class Imu {
     void sample(const ImuTruth &truth, std::uint64_t index, double *out);
 
     // Walk + flicker + white noise alone of samples first .. first + count - 1, [count][7], before rounding: exactly
-    // what `sample` adds at those indices.
+    // the values that `sample` adds at those indices.
     void noise(std::uint64_t first, std::size_t count, double *out);
 
     std::size_t rotors_with_phase() const { return rotor_phase_.size(); }

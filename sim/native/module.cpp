@@ -21,7 +21,7 @@ void bind_rigid_body(nb::module_ &m);
 void bind_sweep_rays(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
-    m.doc() = "Simulation kernels: plain views in, caller-owned out, GIL released for anything long.";
+    m.doc() = "Simulation kernels: plain views in, caller-owned arrays out; long calls release the GIL.";
     bind_actors(m);
     bind_dataset_pictures(m);
     bind_dryden(m);

@@ -158,7 +158,7 @@ Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double 
         const double lag = state[kPoseVelocity + i] - command[i];
         rotors.speed[i] = state[kPoseVelocity + i];
         rotors.accel[i] = lag * ((lag < 0.0 ? substep.up : substep.down) - 1.0) / substep_s;
-        // The whirl of a broken rotor averages out over a contact sub-step, and the feet hold the vehicle.
+        // The force of an unbalanced rotor averages out over a contact sub-step, and the feet hold the vehicle.
         rotors.push_x[i] = rotors.push_y[i] = 0.0;
     }
     Wrench out;

@@ -8,7 +8,7 @@
 // Equations (R = R(q_WB), e_z the body's up axis, spin s_i = +1 for a rotor turning counter-clockwise seen from
 // above, a = R^T (v - wind) the body's velocity through the air in B, u_i = a + w x r_i that of hub i):
 //   command      c_i = O_max (V / V_nominal) sqrt(f u^2 + (1 - f) u),  u clamped to 0..1
-//                f = 1: speed in proportion to the command, thrust quadratic in it;  f = 0: thrust in proportion.
+//                f = 1: speed proportional to the command, thrust quadratic in it;  f = 0: thrust proportional.
 //                (f is PX4's THR_MDL_FAC.) V / V_nominal is 1 without a battery: battery.hpp
 //   rotor        dO_i/dt = (c_i - O_i) / tau,  tau = tau_up if c_i > O_i else tau_down
 //   thrust       T_i = k_i O_i^2 G_i V_i - k_z O_i u_iz          (rotor_air.hpp), along e_z
@@ -18,15 +18,14 @@
 //   m dv/dt  = R (sum T_i + sum H_i + sum U_i + D) - m g z_W
 //   I dw/dt  = sum r_i x (T_i + H_i + U_i) - sum s_i m_i O_i^2 e_z - w x (I w + h e_z) - dh/dt e_z,  h = sum s_i J O_i
 //   dq/dt    = q (0, w) / 2
-// A rotor's reaction on the body is opposite to its own spin: counter-clockwise rotors turn the body clockwise. Its
-// torque m_i O_i^2 is that of its speed alone: nearness of the ground changes what thrust a speed gives, not the power
-// it takes.
+// A rotor's reaction on the body is opposite to its spin: counter-clockwise rotors turn the body clockwise. Its torque
+// m_i O_i^2 depends on its speed alone: the ground effect changes the thrust at a speed, not the power.
 //
-// Drag in the magnitude of the whole velocity, and not axis by axis, keeps the force smooth where a component changes
-// sign.
+// Drag uses the magnitude of the whole velocity, not each axis alone, which keeps the force smooth where a component
+// changes sign.
 //
 // Determinism: + - * / sqrt and detmath.hpp only, fixed order. No allocation, no global state, not thread-safe on
-// the same state. Arguments must not alias unless said otherwise.
+// the same state. Arguments must not alias unless stated otherwise.
 #pragma once
 
 #include "battery.hpp"
@@ -57,7 +56,7 @@ struct RigidBodyParams {
     double gravity_mps2;
     RotorAir air;
     BatteryParams battery;
-    // What is left of each rotor; faults change it between ticks.
+    // State of each rotor, which faults change between ticks.
     double thrust_left[kMaxRotors];       // k_i = thrust_left k, m_i = thrust_left m_ratio k
     double forced_speed_radps[kMaxRotors];  // < 0: follows its command
     double imbalance_kgm[kMaxRotors];     // b_i
@@ -78,7 +77,7 @@ struct RotorDecay {
 };
 RotorDecay rotor_decay(const RigidBodyParams &params, double dt_s);
 
-// Speed that rotor `i` tends to at command `control`, `scale` = V / V_nominal.
+// Steady speed of rotor `i` at command `control`, `scale` = V / V_nominal.
 double commanded_speed(const RigidBodyParams &params, int i, double control, double scale);
 
 struct Wrench {
@@ -86,7 +85,7 @@ struct Wrench {
     double torque_B[3];  // about the centre of mass; holds the rotors' gyroscopic terms, not w x (I w)
 };
 
-// Everything that acts on the body but gravity and contact. `s`: p, q, v, w.
+// Wrench on the body without gravity and contact. `s`: p, q, v, w.
 void rotor_and_air_wrench(const RigidBodyParams &params, const double *s, const RotorStage &rotors,
                           const double *wind_W, Wrench &out);
 
@@ -97,14 +96,14 @@ void derivative(const RigidBodyParams &params, const double *s, const RotorStage
 // Shaft power of all rotors [W].
 double shaft_power_w(const RigidBodyParams &params, const double *rotor_speed);
 
-// Wrench at `state` for a contact sub-step with the mean rotor acceleration over it. `command`: speeds tended to.
+// Wrench at `state` for a contact sub-step with the mean rotor acceleration over it. `command`: steady speeds.
 Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
                       const double *wind_W, const double *state);
 
-// A contact sub-step with the accelerations that MuJoCo found: dv/dt in W, dw/dt in B (qacc of a free joint).
+// Contact sub-step with the accelerations of MuJoCo: dv/dt in W, dw/dt in B (qacc of a free joint).
 //   v += h dv/dt, then p += h v                                   semi-implicit Euler, loses energy in free fall
-//   w += h (dw/dt + I^-1 w x I w), then (q, w) turn freely for h    the gyroscopic part by RK4: an explicit step of
-//                                                                 it would feed energy into a tumbling vehicle
+//   w += h (dw/dt + I^-1 w x I w), then (q, w) turn freely for h    the gyroscopic part by RK4: an explicit step
+//                                                                 would add energy to a tumbling vehicle
 // Rotors in closed form.
 void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
                     const double *accel, double *state);
@@ -114,8 +113,8 @@ void normalise_quaternion(double *q);
 // Mean specific force [m/s2] and mean angular rate [rad/s] in B over the step of dt_s that just ended.
 //   rate   w(end) - alpha dt/2                      exact mean when w changes linearly
 //   force  R(q_mid)^T (a + g z_W),  q_mid = attitude at mid-step
-// Mid-step and not step-end: f is a mean over the step, and turning it with the end attitude would be wrong by
-// |w| dt/2 (0.01 rad at 5 rad/s and 250 Hz, 0.1 m/s2 of gravity leaking sideways); mid-step leaves O(dt^2).
+// The attitude is that at mid-step: f is a mean over the step, and the attitude at its end would add an error of
+// |w| dt/2 (0.01 rad at 5 rad/s and 250 Hz, or 0.1 m/s2 of gravity sideways). At mid-step the error is O(dt^2).
 // `out` = force[3], rate[3].
 void ideal_imu(const double *q_WB, const double *a_WB_W, const double *w_WB_B, const double *alpha_WB_B, double dt_s,
                double gravity_mps2, double *out);

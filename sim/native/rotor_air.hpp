@@ -1,4 +1,4 @@
-// What the air does to one rotor's thrust: nearness of the ground, descent into the own wake, axial inflow.
+// Effects of the air on one rotor's thrust: ground effect, descent into its own wake, axial inflow.
 //
 //   T = k O^2 G V - k_z O u_z
 //
@@ -6,18 +6,18 @@
 // of momentum theory, kappa = k / (2 rho pi R^2).
 //
 // Ground, after Cheeseman and Bennett (ARC R&M 3021, 1955, eq. 6): T / T_inf = 1 / (1 - (R/4z)^2 / (1 + (V/v_h)^2)).
-// That has a pole at z = R/4, so here the height is floored and the effect faded out:
+// It has a pole at z = R/4, so here the height has a lower limit and the effect is faded out:
 //   G = 1 / (1 - s / (b + (4z/R)^2)),   b = G0 / (G0 - 1)
 //   s = max(0, cos tilt)^4 (1 - (z/z_c)^2)^4  v_h^2 / (v_h^2 + V^2),   0 at and above z_c = 32 R
-// G0 is the ratio at z = 0; for z >> R it is theirs up to (R/4z)^4, and within 0.02 of it above z = R for G0 = 2.
-// z is the hub's height over the ground plane; boxes have no ground effect.
+// G0 is the ratio at z = 0. For z >> R the result equals theirs up to (R/4z)^4; it is within 0.02 above z = R for G0 =
+// 2. z is the hub's height over the ground plane; boxes have no ground effect.
 //
 // Descent: in the vortex ring state the thrust at given speed falls. With a = max(0, -u_z) the descent along the
 // rotor's axis and V the speed across it,
 //   V_loss = 1 - L 4 y / (1 + y)^2 (v_h^2 / (v_h^2 + V^2))^2,   y = (a / (x0 v_h))^4,   x0 = 1.45
-// L is the greatest loss, taken at the descent where the induced velocity of momentum theory's empirical fit peaks
-// (Leishman, Principles of Helicopter Aerodynamics, ch. 2: v_i/v_h = kappa - 1.125 x - 1.372 x^2 - 1.718 x^3 - 0.655 x^4,
-// greatest at x = -1.45); it is halved at 0.93 and 2.25 v_h, and gone in the windmill state and in forward flight.
+// L is the greatest loss, at the descent where the induced velocity of momentum theory's empirical fit peaks (Leishman,
+// Principles of Helicopter Aerodynamics, ch. 2: v_i/v_h = kappa - 1.125 x - 1.372 x^2 - 1.718 x^3 - 0.655 x^4, greatest
+// at x = -1.45); it is halved at 0.93 and 2.25 v_h, and gone in the windmill state and in forward flight.
 //
 // Smooth: G and V have at least three continuous derivatives in all arguments (four in the fade), as the fourth-order
 // integrator needs; both are bounded for every finite argument.

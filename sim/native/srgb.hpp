@@ -1,4 +1,4 @@
-// The curve of sRGB (IEC 61966-2-1), with the power function that is the same on every machine.
+// Transfer function of sRGB (IEC 61966-2-1), with detmath's power function: the same bits on every machine.
 #pragma once
 
 #include "detmath.hpp"

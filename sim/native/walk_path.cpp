@@ -16,7 +16,7 @@ struct ValueSlope {
     double value, slope;
 };
 
-// At t of the quintic with these values, slopes and second derivatives at 0 and 1.
+// Value at t of the quintic with these values, slopes and second derivatives at 0 and 1.
 ValueSlope hermite(double p0, double v0, double a0, double p1, double v1, double a1, double t) {
     const double d = p1 - p0 - v0 - 0.5 * a0, e = v1 - v0 - a0, f = a1 - a0;
     const double c3 = 10.0 * d - 4.0 * e + 0.5 * f, c4 = -15.0 * d + 7.0 * e - f, c5 = 6.0 * d - 3.0 * e + 0.5 * f;
@@ -33,7 +33,7 @@ WalkPlace at(const WalkStraight &straight, double s_m) {
 WalkPlace at(const WalkCorner &corner, double s_m) {
     const double u = std::clamp((s_m - corner.start_m) / corner.length_m, 0.0, 1.0);
     const double heading = corner.heading_rad + corner.turn_rad * smoothstep(u);
-    const int i = u < 1.0 ? static_cast<int>(u * kCornerPieces) : kCornerPieces - 1;  // also where u is no number
+    const int i = u < 1.0 ? static_cast<int>(u * kCornerPieces) : kCornerPieces - 1;  // also for a NaN
     const double h = corner.length_m / kCornerPieces, t = u * kCornerPieces - i;
     const auto &a = corner.knots[i], &b = corner.knots[i + 1];
     const auto [x, dx] = hermite(a[0], a[2] * h, a[4] * h * h, b[0], b[2] * h, b[4] * h * h, t);
@@ -42,7 +42,7 @@ WalkPlace at(const WalkCorner &corner, double s_m) {
     return {x, y, det::cos(heading), det::sin(heading), dx / h, dy / h, yaw_per_m};
 }
 
-// The last that starts at or before `at`, or the first.
+// The last element that starts at or before `at`, or the first one.
 template <class Part>
 const Part &started(const std::vector<Part> &parts, double Part::*start, double at) {
     auto next = std::upper_bound(parts.begin(), parts.end(), at, [start](double x, const Part &p) { return x < p.*start; });
@@ -56,10 +56,10 @@ WalkPath::WalkPath(std::vector<WalkPiece> pieces, std::vector<WalkStraight> stra
     : pieces_(std::move(pieces)), straights_(std::move(straights)), corners_(std::move(corners)), lap_s_(lap_s),
       offset_s_(offset_s) {
     if (pieces_.empty() || straights_.empty() || corners_.size() != straights_.size()) {
-        throw std::invalid_argument("a way needs pieces, and as many corners as straights");
+        throw std::invalid_argument("a path needs pieces, and as many corners as straights");
     }
     if (!(lap_s > 0.0) || !std::isfinite(lap_s) || !std::isfinite(offset_s)) {
-        throw std::invalid_argument("a lap takes a finite time, and begins at one");
+        throw std::invalid_argument("a lap needs a finite duration above 0 and a finite offset");
     }
 }
 

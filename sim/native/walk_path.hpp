@@ -1,7 +1,7 @@
-// A closed way on foot, evaluated from its tables: how far along somebody is at a time, and where that is.
+// Closed walking path, evaluated from its tables: distance along the path at a time, and position at a distance.
 //
-// Equations and the making of the tables: sim/scene/maps/walk_path.py. In Python, bit for bit the same:
-// tests/reference/walker_reference.py. No allocation once made.
+// Equations and tables: sim/scene/maps/walk_path.py. A Python version with the same bits:
+// tests/reference/walker_reference.py. No allocation after construction.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@ namespace hil::sim {
 inline double smoothstep(double u) { return u * u * u * (10.0 + u * (6.0 * u - 15.0)); }
 inline double smoothstep_slope(double u) { return 30.0 * u * u * (1.0 - u) * (1.0 - u); }
 
-// A part of the lap in which the speed keeps or changes once.
+// Part of the lap in which the speed is constant or changes once.
 struct WalkPiece {
     double start_s, duration_s, start_m, speed_before_mps, speed_after_mps;
 };
@@ -41,9 +41,9 @@ struct WalkPlace {
 
 class WalkPath {
 public:
-    // Straight i ends where corner i begins; both are sorted by where they start, pieces by when. At t = 0 the lap has
-    // gone on for `offset_s`. std::invalid_argument for none of either, not as many corners as straights, times that are
-    // not finite.
+    // Straight i ends where corner i begins; both are sorted by start position, pieces by start time. At t = 0 the lap
+    // is `offset_s` old. Throws std::invalid_argument for an empty table, different numbers of corners and straights,
+    // or times that are not finite.
     WalkPath(std::vector<WalkPiece> pieces, std::vector<WalkStraight> straights, std::vector<WalkCorner> corners,
              double lap_s, double offset_s);
 

@@ -1,16 +1,16 @@
-"""What moves by itself, as the vehicle meets it: actors are posed only while they are near, and else put away.
+"""Actors in the vehicle's contact model: posed while they are near the vehicle, parked out of the way otherwise.
 
-An actor i lies within the sphere (c_i(t), r_i(t)). With the vehicle within R of p, nothing of it is touched in a tick
-in which the vehicle travels less than
+Actor i lies within the sphere (c_i(t), r_i(t)), the vehicle within R of p. No actor is touched in a tick in which the
+vehicle travels less than
 
     gap = min_i |p - c_i(t)| - r_i(t) - R - margin
 
-The margin is what a vehicle within the model's speed limit could travel in a tick, so that this also holds for the
-path with contact, which is not known beforehand. A gap found at one tick serves the next ones too: each takes from it
-what the vehicle travelled, and what the actors may have moved towards it, max_speed_mps * tick (of the spheres'
-centres: their radii do not change).
+The margin is the distance that a vehicle at the model's speed limit travels in a tick, so that this also holds for the
+path with contact, which is not known beforehand. A gap found at one tick serves later ticks: each subtracts what the
+vehicle travelled, and what the actors may have approached, max_speed_mps * tick (of the spheres' centres: their radii
+do not change).
 
-Through one tick actors stand where they are at its end. Contact takes them as things at rest.
+During a tick actors are static, posed as at its end; contact treats them as being at rest.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
-from hil.signals.time import NS_PER_S
+from signals.samples import Vec3
+from signals.time import NS_PER_S
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
-_SPEED_LIMIT_MPS = 200.0  # of the vehicle's model
-_AWAY_M = (10.0, 0.0, -1.0e4)  # where what is not near is put, side by side: MuJoCo sorts bodies along a line
+_SPEED_LIMIT_MPS = 200.0  # limit of the vehicle's model
+_AWAY_M = (10.0, 0.0, -1.0e4)  # where distant actors are parked, side by side: MuJoCo sorts bodies along a line
 _SLACK_M = 1e-5
 
 
 class Actors:
-    """The actors of a world in one flight's contact model."""
+    """Actors of a world in the contact model of one flight."""
 
     def __init__(
         self, world: World, model: mujoco.MjModel, data: mujoco.MjData, *, radius_m: float, tick_ns: int
@@ -44,7 +44,7 @@ class Actors:
         self._poses: list[tuple[NDArray[np.int64], Float64, Float64, Float64, Float64]] = []
         for actor in self._actors:
             bodies = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in actor.bodies]
-            solid = [i for i, body in enumerate(bodies) if body >= 0]  # the others have nothing to touch
+            solid = [i for i, body in enumerate(bodies) if body >= 0]  # the other bodies have no solid geom
             rows = np.array([model.body_mocapid[bodies[i]] for i in solid], np.int64)
             self._rows.append(rows)
             n = len(bodies)
@@ -55,16 +55,18 @@ class Actors:
         tick_s = tick_ns / NS_PER_S
         self._reach_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
         speeds = [actor.max_speed_mps for actor in self._actors]
-        # How much smaller a gap may have become by the next tick; infinite: it must be found anew.
+        # Greatest decrease of a gap in a tick; infinite: it must be computed anew.
         self.approach_m = max(speeds, default=0.0) * tick_s
         self.put_away()
 
     @property
     def count(self) -> int:
+        """Number of actors."""
+        """Number of actors."""
         return len(self._actors)
 
     def gap_m(self, p_WB: Vec3, t_ns: int, travelled_m: float = 0.0) -> float:
-        """The gap above; notes who is near for a vehicle that travels `travelled_m`."""
+        """Return the gap above; marks the actors that are near for a vehicle that travels `travelled_m`."""
         least = math.inf
         x, y, z = p_WB
         for index, actor in enumerate(self._actors):
@@ -76,12 +78,12 @@ class Actors:
         return least
 
     def pose_all(self, t_ns: int) -> None:
-        """Everybody at `t_ns`, near or not."""
+        """Pose all actors at `t_ns`, near or not."""
         for index in range(len(self._actors)):
             self._pose(index, t_ns)
 
     def pose_near(self, t_ns: int) -> None:
-        """Those that the last `gap_m` found near at `t_ns`, the others away."""
+        """Pose at `t_ns` the actors that the last `gap_m` found near, and park the others."""
         for index, near in enumerate(self._near):
             if near:
                 self._pose(index, t_ns)
@@ -90,6 +92,8 @@ class Actors:
                 self._position[rows] = self._away[rows]
 
     def put_away(self) -> None:
+        """Park all actors."""
+        """Park all actors."""
         self._position[:] = self._away
 
     def _pose(self, index: int, t_ns: int) -> None:

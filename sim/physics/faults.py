@@ -1,10 +1,10 @@
 """Faults of rotors at a simulated time, as data.
 
     - {kind: efficiency, rotor: 1, at_s: 12.0, factor: 0.7}     thrust and torque fall to 70 %
-    - {kind: stuck, rotor: 0, at_s: 12.0, speed_radps: 0}       runs to that speed and stays, whatever is commanded
+    - {kind: stuck, rotor: 0, at_s: 12.0, speed_radps: 0}       runs to that speed and ignores commands
     - {kind: lost_blade, rotor: 2, at_s: 12.0, imbalance_gcm: 30}   half the thrust of a two-blade rotor, and a whirl
 
-A fault takes hold at the first tick at or after `at_s` and lasts. A later fault of the same rotor replaces the earlier.
+A fault begins at the first tick at or after `at_s` and lasts. A later fault of the same rotor replaces the earlier one.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Annotated, Any, Literal
 import pydantic
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.time import NS_PER_S
+from signals.documents.validate import StrictModel
+from signals.time import NS_PER_S
 
 _ALLOWED = {"efficiency": {"factor"}, "stuck": {"speed_radps"}, "lost_blade": {"blades", "imbalance_gcm"}}
 _OPTIONS = ("factor", "speed_radps", "blades", "imbalance_gcm")
@@ -24,14 +24,14 @@ _KGM_PER_GCM = 1e-5
 
 
 class RotorFault(StrictModel):
-    """One rotor, from one instant on."""
+    """Fault of one rotor from one instant on."""
 
     kind: Literal["efficiency", "stuck", "lost_blade"]
     rotor: Annotated[int, Field(ge=0, le=7)]  # number in the autopilot's control order, 0 first
     at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
-    factor: Annotated[float, Field(ge=0.0, le=1.0)] | None = None  # efficiency: what is left of thrust and torque
+    factor: Annotated[float, Field(ge=0.0, le=1.0)] | None = None  # efficiency: share of thrust and torque that is left
     speed_radps: Annotated[float, Field(ge=0.0, le=10_000.0)] | None = None  # stuck: default 0
-    blades: Annotated[int, Field(ge=2, le=8)] | None = None  # lost_blade: how many there were, default 2
+    blades: Annotated[int, Field(ge=2, le=8)] | None = None  # lost_blade: number of blades before the loss, default 2
     imbalance_gcm: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None  # lost_blade: mass times arm, default 0
 
     @pydantic.model_validator(mode="after")
@@ -44,12 +44,12 @@ class RotorFault(StrictModel):
         return self
 
     def start_tick(self, tick_ns: int) -> int:
-        """First tick at or after `at_s`."""
+        """Return the first tick at or after `at_s`."""
         return -(-round(self.at_s * NS_PER_S) // tick_ns)
 
     @property
     def rotor_left(self) -> tuple[float, float, float]:
-        """(thrust left 0..1, forced speed [rad/s] or -1, imbalance [kg m])."""
+        """Thrust left 0..1, forced speed [rad/s] or -1, imbalance [kg m]."""
         if self.kind == "efficiency":
             assert self.factor is not None
             return (self.factor, -1.0, 0.0)
@@ -60,7 +60,7 @@ class RotorFault(StrictModel):
 
     @property
     def text(self) -> str:
-        """What the recording's event says."""
+        """Text of the event in the recording."""
         left, speed, imbalance = self.rotor_left
         if self.kind == "efficiency":
             return f"rotor {self.rotor}: efficiency falls to {100 * left:g} %"
@@ -70,7 +70,7 @@ class RotorFault(StrictModel):
 
 
 def misfits(faults: Sequence[RotorFault], rotors: int) -> list[tuple[int, str]]:
-    """(index, what is wrong) of faults that name a rotor which a vehicle of `rotors` rotors has not."""
+    """Return (index, message) of faults of a rotor that a vehicle of `rotors` rotors does not have."""
     return [
         (index, f"names rotor {fault.rotor}, but the vehicle has rotors 0 to {rotors - 1}")
         for index, fault in enumerate(faults)
@@ -84,5 +84,5 @@ def _refuse(problems: list[Any]) -> None:
 
 
 def check_faults(faults: Sequence[RotorFault], rotors: int) -> None:
-    """ValueError that names every fault of a rotor which is not there."""
+    """Raise ValueError, which names every fault of a rotor that does not exist."""
     _refuse(misfits(faults, rotors))

@@ -2,24 +2,24 @@
 
 One tick, from t_{k-1} to t_k, with the commands u held constant:
 
-1. free flight   the native kernel takes the tick (sim/native/free_flight.hpp) as if nothing were near.
-2. clearance     if the bounding sphere cannot have reached the scene, that is the answer: MuJoCo is not asked.
-3. collision     otherwise MuJoCo looks for contacts at every sub-step pose, and in between where a sub-step goes
-                 farther than the smallest sphere's radius. None: the answer of 1 stands.
-4. contact       otherwise back to t_{k-1}, and sub-steps of 1 ms or less: rotor and air wrench from the same kernel,
-                 contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not used: its
-                 quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
-                 What touches down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until it is in the
-                 air again: depth is about v T / e for a contact of time constant T (sim.scene.mjcf).
+1. free flight   The native kernel advances the tick (sim/native/free_flight.hpp) as if nothing were near.
+2. clearance     If the bounding sphere cannot have reached the scene, this result stands; MuJoCo is not called.
+3. collision     Otherwise MuJoCo looks for contacts at every sub-step pose, and in between if a sub-step moves the
+                 vehicle farther than the radius of its smallest sphere. Without a contact, the result of 1 stands.
+4. contact       Otherwise the tick starts again at t_{k-1} with sub-steps of 1 ms or less: rotor and air wrench from
+                 the same kernel, contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not
+                 used: its quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
+                 A touch-down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until the vehicle is in
+                 the air again: depth is about v T / e for a contact of time constant T (sim.physics.contact_model).
 
-Step 2 only ever skips work whose outcome is known, so flights with and without it are the same bits
-(`contact_skipping=False` has the test). It needs the scene only now and then: a clearance once computed stays a lower
-bound until the vehicle has travelled that far. Likewise with what moves in the scene (sim.physics.actors).
+Step 2 skips only work whose result is known, so a flight has the same bits with and without it (a test switches
+`Integration.contact_skipping`). It needs the scene only now and then: a clearance stays a lower bound until the vehicle
+has travelled that far. The same holds for what moves in the scene (sim.physics.actors).
 
-Faults and gusts take hold at ticks; what happened is told by `take_events`.
+Faults and gusts begin at ticks; `take_events` reports them.
 
-Limits of the model: speed 200 m/s, body rate 200 rad/s, 50 km from the site, all finite, a battery that is not empty
-and can deliver; outside, ModelRangeError.
+Limits of the model: speed 200 m/s, body rate 200 rad/s, 50 km from the site, every value finite, a battery that is not
+empty and can deliver the power. Beyond them: ModelRangeError.
 """
 
 from __future__ import annotations
@@ -27,32 +27,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.errors import ModelRangeError
-from hil.signals.samples import TruthState, Vec3
-from hil.signals.time import NS_PER_MS, NS_PER_S
+from signals._kernel import det_cos, det_sin
+from signals.errors import ModelRangeError
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_MS
 from sim.physics.actors import Actors
+from sim.physics.contact_model import build_model, soften_contact
+from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
+from sim.physics.flight_start import FlightStart
+from sim.physics.integration import Integration
 from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
-from sim.scene.mjcf import build_model, soften_contact
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_tree
 from sim.scene.wind import GustEvent, Wind, WindAtVehicle
-from sim.scene.world import load_world
+from sim.world_loader import load_world
 
-# Upper bounds of a free-flight step; the error they leave: `hil bench physics`.
-FREE_STEP_NS = {"order8": 4 * NS_PER_MS, "classical": 1 * NS_PER_MS}
-CONTACT_STEP_NS = 1 * NS_PER_MS  # upper bound
-HARD_CONTACT_STEP_NS = NS_PER_MS // 5  # upper bound, after a hard touch-down
 HARD_LANDING_MPS = 2.5
 _SETTLE_NS = 500 * NS_PER_MS
-_LOST_M = 1.0e6  # no vehicle within the speed limit goes so far in a tick; NaN fails the comparison
+_LOST_M = 1.0e6  # a vehicle within the speed limit never travels so far in a tick; NaN fails the comparison too
 
 _P, _Q, _V, _W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 _LIMITS = {
@@ -60,13 +59,13 @@ _LIMITS = {
     2: ("speed_mps", "<= 200 m/s"),
     3: ("body_rate_radps", "<= 200 rad/s"),
     4: ("distance_from_site_m", "<= 50000 m"),
-    5: ("battery_voltage_v", "above 0: the pack cannot deliver what the rotors draw"),
+    5: ("battery_voltage_v", "above 0: the pack cannot deliver the power of the rotors"),
     6: ("battery_charge", ">= 0: the pack is empty"),
 }
 
 
 class PhysicsEvent(NamedTuple):
-    """Something that the flight was told to undergo."""
+    """Fault or gust that began or ended."""
 
     t_ns: int
     kind: str  # "fault" or "gust"
@@ -75,25 +74,18 @@ class PhysicsEvent(NamedTuple):
 
 @dataclass
 class ContactSkips:
-    """Ticks by what they cost."""
+    """Counts of ticks by the contact work that they took."""
 
-    skipped: int = 0  # out of reach: no collision query
+    skipped: int = 0  # nothing near enough to touch: no collision query
     queried: int = 0  # collision query, nothing touched
     touching: int = 0  # contact sub-steps
 
 
 class QuadrotorPhysics:
-    """Vehicle state over time. Owns all memory it works in; one instance is one flight.
+    """Simulation of one vehicle over one flight. The instance owns all memory it works in.
 
-    Starts level at `initial_yaw_rad` (counter-clockwise from east), rotors stopped, at rest: standing settled on the
-    ground at W's origin, or at `initial_p_WB` if given.
-
-    `start_ns`: the scene's time at tick 0, for what moves in it.
-
-    `wind`: default the scene's steady wind; `seed` is that of its turbulence. `method`: Runge-Kutta of
-    order 8, or the classical one of order 4. `step_ns`: upper bound of a free-flight step, which must divide the tick;
-    default 4 ms (classical: 1 ms) or the next shorter that divides. Raises ValueError where a step
-    does not divide, a fault names a rotor that is not there, or the battery is asked for and there is none.
+    Raises ValueError if a step does not divide the tick, a fault names a rotor that the vehicle does not have, or the
+    battery is switched on and the vehicle has none.
     """
 
     def __init__(
@@ -102,36 +94,26 @@ class QuadrotorPhysics:
         scene: Scene,
         tick_ns: int,
         *,
-        contact_skipping: bool = True,
-        initial_p_WB: Vec3 | None = None,
-        initial_yaw_rad: float = 0.0,
-        start_ns: int = 0,
+        start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
         effects: Effects = Effects(),  # noqa: B008 (frozen)
-        faults: Sequence[RotorFault] = (),
-        wind: Wind | None = None,
-        seed: int = 1,
-        method: Literal["order8", "classical"] = "order8",
-        step_ns: int | None = None,
+        disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
+        integration: Integration = Integration(),  # noqa: B008 (frozen)
     ) -> None:
-        if tick_ns <= 0:
-            raise ValueError(f"tick_ns must be above 0, not {tick_ns}")
-        if step_ns is not None and (step_ns <= 0 or tick_ns % step_ns):
-            raise ValueError(f"step_ns {step_ns} does not divide the tick of {tick_ns} ns")
+        steps = integration.steps(tick_ns)
         if effects.battery and vehicle.battery is None:
             raise ValueError(f"effects.battery is on, but the vehicle {vehicle.name!r} has no battery")
-        check_faults(faults, len(vehicle.rotors))
+        check_faults(disturbances.faults, len(vehicle.rotors))
         self.vehicle = vehicle
         self.scene = scene
         self.tick_ns = tick_ns
-        self.contact_skipping = contact_skipping
+        self.contact_skipping = integration.contact_skipping
         self.skips = ContactSkips()
         rotors = len(vehicle.rotors)
-        self._contact_substeps = (-(-tick_ns // CONTACT_STEP_NS), -(-tick_ns // HARD_CONTACT_STEP_NS))
+        self._contact_substeps = steps.contact
         self._hard = False  # contact since a hard touch-down
-        tick_s = self._tick_s = tick_ns / NS_PER_S
-        self._wind = WindAtVehicle(
-            wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps), seed=seed, tick_ns=tick_ns
-        )
+        tick_s = self._tick_s = steps.tick_s
+        wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
+        self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
         self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
         self._body = rigid_body(
             vehicle,
@@ -139,10 +121,7 @@ class QuadrotorPhysics:
             effects=effects,
             gravity_mps2=scene.gravity_mps2,
             wind_W_mps=self._wind.wind.steady_W_mps,
-            tick_s=tick_s,
-            substeps=tick_ns // step_ns if step_ns is not None else -(-tick_ns // FREE_STEP_NS[method]),
-            classical=method == "classical",
-            contact_substeps=self._contact_substeps,
+            steps=steps,
         )
         self._battery: NDArray[np.float64] | None = None
         if effects.battery and vehicle.battery is not None:
@@ -173,36 +152,36 @@ class QuadrotorPhysics:
         if world.map.actors:
             self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=tick_ns)
             self._actors_remaining_m, self._approach_m = 0.0, self._actors.approach_m
-        self.start_ns = start_ns
+        self.start_ns = start.t_ns
         self._rotor_slice = slice(13, 13 + rotors)
         self._a_slice = slice(13 + rotors, 16 + rotors)
         self._alpha_slice = slice(16 + rotors, 19 + rotors)
         self._tick = -1
 
         state = self.state
-        state[_Q] = (det_cos(0.5 * initial_yaw_rad), 0.0, 0.0, det_sin(0.5 * initial_yaw_rad))
-        self._standing = initial_p_WB is None
-        if initial_p_WB is None:
+        state[_Q] = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
+        self._standing = start.p_WB is None
+        if start.p_WB is None:
             state[2] = vehicle.standing_height_m
             self._settle()
         else:
-            state[_P] = initial_p_WB
+            state[_P] = start.p_WB
         self._was_touching = self._standing
         self._wind_W: Vec3 = self._wind.wind.steady_W_mps
         self._events: list[PhysicsEvent] = []
-        self._to_come = self._schedule(faults)
-        self._next_change = self._to_come[-1][0] if self._to_come else -1
+        self._pending = self._schedule(disturbances.faults)
+        self._next_change = self._pending[-1][0] if self._pending else -1
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """View of p_WB, q_WB, v_WB_W, w_WB_B, rotor speeds (13 + rotors). Write to it only before tick 1."""
+        """View of p_WB, q_WB, v_WB_W, w_WB_B and rotor speeds (13 + rotors). Write to it only before tick 1."""
         return self._truth[: self._rotor_slice.stop]
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
-        """State at tick `tick`, which must be 0 first and then one more each call.
+        """Advance to tick `tick`, 0 first and one higher with each call, and return its state.
 
-        `controls`: commands 0..1 (saturated) held since the tick before, in the vehicle's rotor order; more values
-        than rotors are ignored. Tick 0 is the initial state and ignores them.
+        `controls`: commands 0..1 (saturated) held since the previous tick, in the vehicle's rotor order; values beyond
+        the number of rotors are ignored. Tick 0 is the initial state and ignores them.
         Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
         """
         if tick != self._tick + 1:
@@ -212,7 +191,7 @@ class QuadrotorPhysics:
             if not self._wind.constant:
                 self._wind_W = self._wind.start(float(self._truth[2]))
             if self._next_change == 0:
-                self._take_hold(0)
+                self._begin_events(0)
             return self._truth_state(tick, self._standing)
         body = self._body
         if not self._wind.constant:
@@ -233,12 +212,12 @@ class QuadrotorPhysics:
         if violation:
             raise self._range_error(tick, violation)
         if tick == self._next_change:
-            self._take_hold(tick)
+            self._begin_events(tick)
         return self._truth_state(tick, touching)
 
     @property
     def battery(self) -> BatteryState | None:
-        """The battery now; None without one."""
+        """State of the battery; None without one."""
         if self._battery is None:
             return None
         drawn_c, voltage_v, current_a = self._battery.tolist()
@@ -246,24 +225,25 @@ class QuadrotorPhysics:
 
     @property
     def actor_poses(self) -> tuple[int, int]:
-        """Poses of actors that were computed so far, and what they would be with every actor posed at every tick."""
+        """Poses of actors computed so far, and their number if every actor were posed at every tick."""
         if self._actors is None:
             return 0, 0
         return self._actors.posed, max(self._tick, 0) * self._actors.count
 
     @property
     def wind_W_mps(self) -> Vec3:
-        """The wind at the vehicle at this tick [m/s in W]."""
+        """Wind at the vehicle at this tick [m/s in W]."""
         return self._wind_W
 
     def take_events(self) -> list[PhysicsEvent]:
-        """Faults and gusts that began or ended since the last call, in order."""
+        """Return the faults and gusts that began or ended since the last call, in order."""
         events, self._events = self._events, []
         return events
 
     def inject(self, what: RotorFault | GustEvent) -> None:
-        """Let a fault or gust happen that was not known at the start. ValueError if it would begin before the next
-        tick, or names a rotor that is not there.
+        """Add a fault or gust during the flight.
+
+        Raises ValueError if it would begin before the next tick, or names a rotor that does not exist.
         """
         coming: list[tuple[int, str, str, RotorFault | None]]
         if isinstance(what, GustEvent):
@@ -273,27 +253,27 @@ class QuadrotorPhysics:
             coming = [(what.start_tick(self.tick_ns), "fault", what.text, what)]
         if coming[0][0] <= self._tick:
             raise ValueError(f"{coming[0][2]}: begins at tick {coming[0][0]}, and tick {self._tick} is over")
-        # `_to_come` ends with what comes next; of one tick, what was known earlier stays first.
-        self._to_come = sorted([*self._to_come[::-1], *coming], key=lambda item: item[0])[::-1]
-        self._next_change = self._to_come[-1][0]
+        # `_pending` ends with the next event; within a tick, events keep the order in which they were added.
+        self._pending = sorted([*self._pending[::-1], *coming], key=lambda item: item[0])[::-1]
+        self._next_change = self._pending[-1][0]
 
     def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
-        """(tick, kind, text, fault) of everything that will happen, the next one last."""
+        """Return (tick, kind, text, fault) of all events to come, the next one last."""
         coming: list[tuple[int, str, str, RotorFault | None]] = [
             (fault.start_tick(self.tick_ns), "fault", fault.text, fault) for fault in faults
         ]
         coming += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
-        return sorted(coming, key=lambda item: item[0])[::-1]  # of one tick, the one given first comes last
+        return sorted(coming, key=lambda item: item[0])[::-1]  # within a tick, the first one given is last
 
-    def _take_hold(self, tick: int) -> None:
+    def _begin_events(self, tick: int) -> None:
         now = []
-        while self._to_come and self._to_come[-1][0] == tick:
-            now.append(self._to_come.pop())
+        while self._pending and self._pending[-1][0] == tick:
+            now.append(self._pending.pop())
         for _, kind, text, fault in now:
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
             if fault is not None:
                 self._body.set_rotor(fault.rotor, *fault.rotor_left)
-        self._next_change = self._to_come[-1][0] if self._to_come else -1
+        self._next_change = self._pending[-1][0] if self._pending else -1
 
     def _blow(self, tick: int) -> None:
         before = self._wind_W
@@ -302,13 +282,13 @@ class QuadrotorPhysics:
         self._body.set_wind(before, self._wind_W)
 
     def _near_scene(self, travelled_m: float) -> bool:
-        """A clearance of earlier is used up: renew it, or let MuJoCo decide. Returns whether anything touched."""
+        """Renew a clearance that is used up, or ask MuJoCo for contacts. Return True if anything touched."""
         left_m, actors_left_m = self._remaining_m, self._actors_remaining_m
         self._remaining_m = 0.0
         if self._actors is not None:
             self._actors_remaining_m = 0.0
         if not travelled_m < _LOST_M:
-            return False  # no longer a flight: the range check of this tick ends the run
+            return False  # out of the model's range: the check of this tick ends the run
         actors = self._actors
         t_ns = self.start_ns + self._tick * self.tick_ns
         if self.contact_skipping:
@@ -340,7 +320,7 @@ class QuadrotorPhysics:
         return self._contact_steps()
 
     def _touch_down(self) -> None:
-        """Choose how stiff the contact is that begins now."""
+        """Set the stiffness of the contact that begins, by the speed of the touch-down."""
         s = self._truth[7:13].tolist()
         speed = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
         speed += self._radius_m * math.sqrt(s[3] * s[3] + s[4] * s[4] + s[5] * s[5])
@@ -373,7 +353,7 @@ class QuadrotorPhysics:
         return touched
 
     def _settle(self) -> None:
-        """Let the feet find their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
+        """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
         self._body.command([0.0] * len(self.vehicle.rotors))
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)

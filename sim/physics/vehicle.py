@@ -1,4 +1,4 @@
-"""What a multirotor is made of: mass, inertia, rotors, drag, and the spheres that can touch things.
+"""Parameters of a multirotor: mass, inertia, rotors, drag, and the spheres that can touch the scene.
 
 All vectors are in B (FLU, origin at the centre of mass, axes principal), SI units.
 """
@@ -15,10 +15,11 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel, load_model
-from hil.signals.samples import Vec3
-from hil.signals.units import STANDARD_GRAVITY_MPS2
+from signals.documents.validate import StrictModel, load_model
+from signals.samples import Vec3
+from signals.units import STANDARD_GRAVITY_MPS2
 from sim._kernels import RigidBody
+from sim.physics.integration import TickSteps
 
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
 
@@ -33,49 +34,49 @@ Inertia = Annotated[float, Field(gt=1e-7, le=100.0)]
 
 
 class Battery(StrictModel):
-    """A lithium-polymer pack between the rotors and their greatest speed. Equations: sim/native/battery.hpp.
+    """Lithium-polymer pack that limits the speed of the rotors. Equations: sim/native/battery.hpp.
 
-    The rotors' `max_speed_radps` holds at `nominal_voltage_v` and scales with the voltage left.
+    The rotors' `max_speed_radps` holds at `nominal_voltage_v` and scales with the voltage.
     """
 
     cells: Annotated[int, Field(ge=1, le=24)]
     capacity_ah: Annotated[float, Field(gt=0.0, le=1000.0)]
-    resistance_ohm: Annotated[float, Field(ge=0.0, le=10.0)]  # of the pack with its leads
+    resistance_ohm: Annotated[float, Field(ge=0.0, le=10.0)]  # pack with its leads
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)]  # speed controller and motor: shaft power over electrical
-    auxiliary_w: Annotated[float, Field(ge=0.0, le=10_000.0)]  # what flows whether the rotors turn or not
+    auxiliary_w: Annotated[float, Field(ge=0.0, le=10_000.0)]  # constant load besides the rotors
     nominal_voltage_v: Annotated[float, Field(gt=0.0, le=1000.0)]
     initial_charge: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0  # state of charge at the start
 
 
 class BatteryState(NamedTuple):
-    """A battery at one tick."""
+    """State of a battery at one tick."""
 
     charge: float  # state of charge, 1 full, 0 empty
-    voltage_v: float  # at the start of the tick that led here
+    voltage_v: float  # at the start of the last tick
     current_a: float  # mean over that tick
 
 
 class Effects(StrictModel):
-    """Which optional parts of the model are at work.
+    """Switches of the optional parts of the model.
 
-    Each leaves the vehicle file's numbers alone and sets the part to nothing; a part that is off costs nothing. Motor
-    lag, gyroscopic torque and drag have no switch: their coefficients in the vehicle file can be zero.
+    A part that is off costs nothing. Motor lag, gyroscopic torque and drag have no switch: set their coefficients in
+    the vehicle file to zero.
     """
 
     ground_effect: bool = True  # more thrust near the ground
     descent_loss: bool = True  # less thrust in the vortex ring state
-    battery: bool = False  # speed limit sags with the battery's voltage; needs a vehicle with a battery
+    battery: bool = False  # rotor speed limit follows the voltage; needs a vehicle with a battery
 
 
 class Spin(StrEnum):
-    """Direction a rotor turns, seen from above."""
+    """Direction in which a rotor turns, seen from above."""
 
     CCW = "ccw"
     CW = "cw"
 
     @property
     def sign(self) -> float:
-        """+1 about the body's up axis for counter-clockwise."""
+        """+1 for counter-clockwise, about the body's up axis."""
         return 1.0 if self is Spin.CCW else -1.0
 
 
@@ -87,12 +88,12 @@ class Rotor(StrictModel):
 
 
 class RotorConstants(StrictModel):
-    """What all rotors of a vehicle share.
+    """Constants that all rotors of a vehicle share.
 
-    thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v, speed follows the command
-    with time constant up or down. Command u to speed: O_max sqrt(f u^2 + (1 - f) u) with f the thrust model factor
-    (PX4's THR_MDL_FAC): 1 is thrust quadratic in the command, 0 thrust linear in it. The equations of the rest are in
-    sim/native/rotor_air.hpp.
+    Thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v. The speed O follows the
+    command with the time constant for up or down. Command u gives the speed O_max sqrt(f u^2 + (1 - f) u), with f the
+    thrust model factor (PX4's THR_MDL_FAC): 1 is thrust quadratic in the command, 0 thrust linear in it. The other
+    equations are in sim/native/rotor_air.hpp.
     """
 
     thrust_coefficient_n_per_radps2: Annotated[float, Field(gt=0.0, le=1.0)]
@@ -104,13 +105,13 @@ class RotorConstants(StrictModel):
     drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
     radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
     thrust_model_factor: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # thrust lost per O and climb through the air
+    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # thrust lost per rotor speed and climb speed
     ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
-    descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # share of the thrust lost at worst when descending
+    descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
 
 
 class ContactSphere(StrictModel):
-    """A sphere fixed to the body that can touch the scene: a foot, a motor, the hull."""
+    """Sphere fixed to the body that can touch the scene: a foot, a motor, the hull."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     position_m: Point
@@ -118,7 +119,7 @@ class ContactSphere(StrictModel):
 
 
 class Vehicle(StrictModel):
-    """A multirotor."""
+    """Multirotor, as its file in rigs/vehicles describes it."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     description: str
@@ -137,7 +138,7 @@ class Vehicle(StrictModel):
     def _of_a_body(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = inertia
         if not (x + y >= z and y + z >= x and z + x >= y):
-            raise ValueError(f"{inertia} breaks the triangle inequality: no body has such moments")
+            raise ValueError(f"{inertia} breaks the triangle inequality, which holds for the moments of every body")
         return inertia
 
     @pydantic.model_validator(mode="after")
@@ -151,12 +152,12 @@ class Vehicle(StrictModel):
 
     @property
     def contact_spheres(self) -> tuple[ContactSphere, ...]:
-        """Feet, then hull."""
+        """Spheres of feet, then hull."""
         return self.feet + self.hull
 
     @property
     def bounding_radius_m(self) -> float:
-        """Radius of a sphere round the body origin that holds every contact sphere."""
+        """Radius of a sphere about the body origin that encloses every contact sphere."""
         reach = 0.0
         for sphere in self.contact_spheres:
             x, y, z = sphere.position_m
@@ -179,19 +180,19 @@ class Vehicle(StrictModel):
         return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)
 
     def speed_radps(self, control: float) -> float:
-        """Speed that a rotor tends to at a command 0..1, at nominal voltage."""
+        """Return the steady speed of a rotor at a command 0..1, at nominal voltage."""
         c = self.rotor_constants
         f = c.thrust_model_factor
         return c.max_speed_radps * math.sqrt(f * control * control + (1.0 - f) * control)
 
 
 def vehicle_names() -> list[str]:
-    """Names that `load_vehicle` takes, sorted."""
+    """Return the names that `load_vehicle` accepts, sorted."""
     return sorted(path.stem for path in VEHICLE_DIR.glob("*.yaml"))
 
 
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
-    """A vehicle of `rigs/vehicles` by name, or any file by path. Raises ConfigError."""
+    """Load a vehicle of `rigs/vehicles` by name, or any file by path. Raises ConfigError."""
     return load_model(_path(name_or_path), Vehicle)[0]
 
 
@@ -207,12 +208,9 @@ def rigid_body(
     effects: Effects,
     gravity_mps2: float,
     wind_W_mps: Vec3,
-    tick_s: float,
-    substeps: int,
-    classical: bool = False,
-    contact_substeps: tuple[int, int] = (1, 1),
+    steps: TickSteps,
 ) -> RigidBody:
-    """The kernel for a vehicle, on the caller's `truth` [13 + rotors + 6]. `contact_substeps`: ordinary, hard."""
+    """Return the kernel for a vehicle; it works on the caller's `truth` [13 + rotors + 6]."""
     c = vehicle.rotor_constants
     return RigidBody(
         truth=truth,
@@ -231,14 +229,14 @@ def rigid_body(
         body_drag_quadratic_n_per_m2ps2=vehicle.body_drag_quadratic_n_per_m2ps2,
         gravity_mps2=gravity_mps2,
         wind_W_mps=wind_W_mps,
-        tick_s=tick_s,
-        substeps=substeps,
-        contact_substeps=contact_substeps[False],
-        hard_contact_substeps=contact_substeps[True],
+        tick_s=steps.tick_s,
+        substeps=steps.free,
+        contact_substeps=steps.contact[False],
+        hard_contact_substeps=steps.contact[True],
         thrust_model_factor=c.thrust_model_factor,
         rotor_radius_m=c.radius_m,
         ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
         descent_loss=c.descent_loss if effects.descent_loss else 0.0,
         rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
-        classical=classical,
+        classical=steps.classical,
     )

@@ -1,18 +1,18 @@
-"""From the echoes' beat signal to the sensor's raw samples: impairments added, then the converter.
+"""Receiver chain: adds impairments to the beat signal of the echoes and converts it to raw samples.
 
-Noise is drawn from named streams, by the number of the frame (sim/native/image_noise.hpp):
+Noise is drawn from named streams by the number of the frame (sim/native/image_noise.hpp):
 
     <name>.noise.rx<k>       normal m N + n of picture `seq` for sample n of chirp m of receiver k = 1, 2, ...
     <name>.dc_wander.rx<k>   normal m of picture `seq`
 
-so a part that is switched on or off, or another receiver, changes no other draw. White noise w becomes noise of the
-stated power S by circular convolution over a chirp's N samples,
+so switching an impairment or adding a receiver changes no other draw. White noise w becomes noise of the given power S
+by circular convolution over a chirp's N samples,
 
     h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b,
 
-and is then as loud over the chirp as the envelope says.
+and is then scaled by the envelope over the chirp.
 
-The work is native (sim/native/radar/receiver_noise.hpp): the same bits with every instruction set.
+The native kernel (sim/native/radar/receiver_noise.hpp) gives the same bits with every instruction set.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_cos, det_exp
-from hil.signals.noise import noise_key
+from signals._kernel import det_cos, det_exp
+from signals.noise import noise_key
 from sim._kernels import RadarReceiver
 from sim.radar.chirp import Chirp
 from sim.radar.impairments import Adc, Impairments, ReceiverNoise
@@ -33,7 +33,7 @@ Codes = NDArray[np.uint16]
 
 
 class RadarReceiverChain:
-    """`digitise` turns one frame of the noise-free signal (counts) into codes. ValueError where parts do not fit."""
+    """Turns frames of the noise-free signal [counts] into codes. Raises ValueError if parts do not fit together."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class RadarReceiverChain:
         )
 
     def digitise(self, signal: Float64, seq: int, out: Codes) -> None:
-        """Codes of frame `seq` into `out`; both (n_rx, M, N). ValueError naming a sample that is not finite."""
+        """Write the codes of frame `seq` to `out`, both (n_rx, M, N). Raises ValueError if a sample is not finite."""
         place = self._native.digitise(signal, seq, out)
         if place >= 0:
             k, m, n = (int(i) for i in np.unravel_index(place, self.shape))
@@ -83,7 +83,7 @@ class RadarReceiverChain:
 
 
 def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
-    """h of each receiver."""
+    """Return h of each receiver."""
     n = chirp.samples
     cosine = np.array([det_cos(2.0 * pi * i / n) for i in range(n)])
     places = np.arange(n)
@@ -93,12 +93,12 @@ def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[fl
         for b in range(n // 2 + 1):
             twice = 1.0 if b in (0, n // 2) else 2.0
             amplitude = sqrt(noise.power_at(k, b * chirp.sample_rate_hz / n))
-            h += twice * amplitude * cosine[b * places % n]  # elementwise: rounded the same everywhere
+            h += twice * amplitude * cosine[b * places % n]  # elementwise: the same rounding on every machine
         rows.append((h / n).tolist())
     return rows
 
 
 def _envelopes(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
-    """g of each receiver."""
+    """Return g of each receiver."""
     share = [(n + 0.5) / chirp.samples for n in range(chirp.samples)]
     return [[noise.envelope_at(k, part) for part in share] for k in range(receivers)]

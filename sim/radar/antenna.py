@@ -1,4 +1,4 @@
-"""Antennas of a radar: where its receivers are, and the pattern of transmitter and receivers.
+"""Antennas of a radar: positions of its receivers, and patterns of transmitter and receivers.
 
 For a unit direction d = (x, y, z) in R (x forward, y left, z up), with the half-power beamwidths of azimuth and
 elevation a and e:
@@ -6,8 +6,8 @@ elevation a and e:
     G(d) = G_0 (x / sqrt(x^2 + y^2))^p (x / sqrt(x^2 + z^2))^q    for x > 0, else 0
     p = ln(1/2) / ln(cos(a / 2)),   q = ln(1/2) / ln(cos(e / 2))
 
-so that in either principal plane it is a cosine to a power that is down by half at half the beamwidth off the axis: the
-main lobe of a small patch antenna; it has no side lobes. All receivers have one pattern.
+so in either principal plane it is a power of a cosine that falls to half at half the beamwidth off the axis: the main
+lobe of a small patch antenna, without side lobes. All receivers have the same pattern.
 """
 
 from __future__ import annotations
@@ -18,47 +18,47 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from hil.signals._kernel import det_cos, det_log, det_pow
-from hil.signals.documents.validate import StrictModel
-from hil.signals.samples import Vec3
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_log, det_pow
+from signals.documents.validate import StrictModel
+from signals.samples import Vec3
+from signals.units import RAD_PER_DEG
 from sim._kernels import cosine_pattern
 
 Float64 = NDArray[np.float64]
 
-MAX_RECEIVERS = 16  # that are summed: sim/native/radar/echo_model.hpp
+MAX_RECEIVERS = 16  # limit of the kernels: sim/native/radar/echo_model.hpp
 _HALF_RAD_PER_DEG = 0.5 * RAD_PER_DEG
 _Beamwidth = Annotated[float, Field(ge=0.5, le=179.0)]
 
 
 class Pattern(StrictModel):
-    """Gain of one antenna over direction."""
+    """Gain of one antenna as a function of direction."""
 
     gain_dbi: Annotated[float, Field(ge=-30.0, le=60.0)]  # on the axis
-    azimuth_beamwidth_deg: _Beamwidth  # where half of the power is left: full width
+    azimuth_beamwidth_deg: _Beamwidth  # full width at half of the power
     elevation_beamwidth_deg: _Beamwidth
 
     @property
     def axis_gain(self) -> float:
-        """As a ratio of powers."""
+        """Gain on the axis as a ratio of powers."""
         return det_pow(10.0, 0.1 * self.gain_dbi)
 
     def share(self, direction_R: Float64) -> Float64:
-        """(n, 3) unit directions to (n,) shares of the gain on the axis."""
+        """Return the gain in unit directions (n, 3), relative to the axis, (n,)."""
         share = np.empty(len(direction_R))
         p, q = _exponent(self.azimuth_beamwidth_deg), _exponent(self.elevation_beamwidth_deg)
         cosine_pattern(np.ascontiguousarray(direction_R, np.float64), p, q, share)
         return share
 
     def gain(self, direction_R: Float64) -> Float64:
-        """(n, 3) unit directions to (n,) gains as ratios of powers."""
+        """Return the gain in unit directions (n, 3) as ratios of powers, (n,)."""
         return self.axis_gain * self.share(direction_R)
 
 
 class Antenna(StrictModel):
-    """One transmitter and the receivers."""
+    """One transmitter with the receivers."""
 
-    rx_positions_m: tuple[Vec3, ...]  # in R; the order is that of the channels
+    rx_positions_m: tuple[Vec3, ...]  # in R, in the order of the channels
     tx: Pattern
     rx: Pattern
 
@@ -72,11 +72,11 @@ class Antenna(StrictModel):
         return value
 
     def share(self, direction_R: Float64) -> Float64:
-        """Of there and back: (n, 3) unit directions to (n,) shares of the gain on the axis."""
+        """Return the two-way gain in unit directions (n, 3), relative to the axis, (n,)."""
         return self.tx.share(direction_R) * self.rx.share(direction_R)
 
     def gain(self, direction_R: Float64) -> Float64:
-        """Of there and back, G_t G_r: (n, 3) unit directions to (n,) ratios of powers."""
+        """Return the two-way gain G_t G_r in unit directions (n, 3) as ratios of powers, (n,)."""
         return self.tx.gain(direction_R) * self.rx.gain(direction_R)
 
 

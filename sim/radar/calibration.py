@@ -1,15 +1,16 @@
-"""A radar's impairments from a recording of an empty, still scene. Offline.
+"""Calibration of a radar's impairments from a recording of an empty, still scene. Offline.
 
     x[f,k,m,n] = p_k[n] + e^{-m T_c / decay} q_k[n] + dc wander + noise + rounding
 
-p and q by least squares over the chirps of the mean frame, for the decay that leaves least. Noise is what is left away
-from zero Doppler (sim/radar/spectra.py) less the white power that the converter's own rounding adds, known from its
-share of odd codes (`Adc.noise_power`). The DC wander is what bin 0 has above bin 1:
+p and q are fitted by least squares over the chirps of the mean frame, for the decay with the smallest residual. Noise
+is the power away from zero Doppler (sim/radar/spectra.py) minus the white power of the converter's rounding, which
+follows from its share of odd codes (`Adc.noise_power`). The DC wander is the excess of bin 0 over bin 1:
 
     sigma_k^2 = (S_k0 - S_k1) / N
 
-Reflectors (sim/radar/static_echoes.py) are part of p, and no property of the sensor: they are taken out unless
-`keep_echoes`. Uncertainties (one sigma) are from the spread between frames, or between four parts of the recording.
+Reflectors (sim/radar/static_echoes.py) are part of p but no property of the sensor: they are removed unless
+`keep_echoes` is set. Uncertainties (one sigma) come from the spread between frames, or between four parts of the
+recording.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from hil.signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, Problem
 from sim.radar.comparison import odd_code_share
 from sim.radar.impairments import Adc, DcWander, FrameStart, Impairments, Leakage, ReceiverNoise
 from sim.radar.recording import ADC_BITS, Recording
@@ -34,17 +35,17 @@ Float64 = NDArray[np.float64]
 LEAST_FRAMES = 8
 LEAST_CHIRPS = 16
 DEFAULT_HP_CUTOFF_HZ = 80e3
-_PARTS = 4  # of a recording, for uncertainties
-_SIGNIFICANT = 2.0  # power of the frame's start over what noise alone would give, below which there is none
-_ENVELOPE_PARTS = 8  # of a chirp
-_DIGITS = 3  # after the point, of counts in a preset
+_PARTS = 4  # parts of a recording, for uncertainties
+_SIGNIFICANT = 2.0  # least power of the frame's start, relative to what noise alone would give
+_ENVELOPE_PARTS = 8  # parts of a chirp
+_DIGITS = 3  # decimals of counts in a preset
 _CLIPPED_SHARE = 1e-4
-_MOVED = 100.0  # change of a bin between frames over that of the middle one, which tells of a scene that moved
+_MOVED = 100.0  # change of a bin between frames, relative to the median bin, that reveals motion in the scene
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A row of the table: one figure of each receiver, or one for all."""
+    """Row of the table: a figure for each receiver, or one for all."""
 
     name: str
     unit: str
@@ -60,21 +61,21 @@ class Calibration:
     keeps_echoes: bool
     warnings: tuple[str, ...]
     frames: tuple[int, int]  # [from, to) of the recording
-    measured_power: Float64  # (K, N / 2 + 1), with rounding and wander
-    pattern: Float64  # (K, N), with the echoes, without DC
+    measured_power: Float64  # (K, N / 2 + 1), including rounding and wander
+    pattern: Float64  # (K, N), including the echoes, without DC
 
 
 @dataclass(frozen=True)
 class _Start:
     pattern: Float64  # p (K, N)
     start: Float64  # q (K, N)
-    decay_s: float | None  # None: nothing decays
+    decay_s: float | None  # None: no decay
 
 
 def calibrate(
     recording: Recording, *, frames: tuple[int, int] | None = None, keep_echoes: bool = False, where: str = "recording"
 ) -> Calibration:
-    """Fit every impairment. `where` names the recording in a ConfigError."""
+    """Fit all impairments. Raises ConfigError, in which `where` names the recording."""
     first, last = frames or (0, recording.frames)
     _check(recording, first, last, where)
     adc, chirp = recording.adc[first:last], recording.chirp
@@ -119,13 +120,13 @@ def calibrate(
 def _check(recording: Recording, first: int, last: int, where: str) -> None:
     problems = []
     if not 0 <= first < last <= recording.frames:
-        message = f"frames {first}:{last} are asked for and the recording has {recording.frames}"
-        problems.append(Problem(where, message, f"0:{recording.frames} are all"))
+        message = f"frames {first}:{last} are requested, but the recording has {recording.frames}"
+        problems.append(Problem(where, message, f"the whole recording is 0:{recording.frames}"))
     elif last - first < LEAST_FRAMES:
         message = f"{last - first} frames are too few: noise needs {LEAST_FRAMES} or more"
-        problems.append(Problem(where, message, "record some seconds"))
+        problems.append(Problem(where, message, "record for several seconds"))
     if recording.chirp.chirps < LEAST_CHIRPS:
-        message = f"{recording.chirp.chirps} chirps a frame are too few: noise needs {LEAST_CHIRPS} or more"
+        message = f"{recording.chirp.chirps} chirps per frame are too few: noise needs {LEAST_CHIRPS} or more"
         problems.append(Problem(where, message))
     if not problems:
         adc = recording.adc[first:last]
@@ -136,19 +137,19 @@ def _check(recording: Recording, first: int, last: int, where: str) -> None:
 
 
 def _mean_frames(adc: NDArray[Any]) -> Float64:
-    """(parts, K, M, N): the mean frame of each part of the recording."""
+    """Return the mean frame of each part of the recording, (parts, K, M, N)."""
     return np.stack([part.mean(axis=0) for part in np.array_split(adc, _PARTS)])
 
 
 def _mean_noise(adc: NDArray[Any]) -> Float64:
-    """(K,) variance of one sample of the mean frame that noise alone gives."""
+    """Return the variance of a sample of the mean frame by noise alone, (K,)."""
     frames = len(adc)
     within = np.mean([frame.var(axis=1).mean(axis=-1) for frame in adc], axis=0)
     return within / frames
 
 
 def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
-    """p, q and the decay from the (K, M, N) mean frame."""
+    """Fit p, q and the decay to the mean frame (K, M, N)."""
     chirps = mean.shape[1]
     frame_s = chirps * repetition_s
     weight = 1.0 / np.maximum(noise, 1e-12)
@@ -166,7 +167,7 @@ def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
     low, high = float(grid[best - 1]), float(grid[best + 1])
     decay_s = float(minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x)
     p, q, e = _decompose(mean, decay_s, repetition_s)
-    # Variance of q that noise alone would give: of the coefficient of e beside a constant.
+    # Variance of q by noise alone: of the coefficient of e in a fit with a constant.
     expected = noise / ((e - e.mean()) ** 2).sum()
     if float(((q**2).mean(axis=1) / expected).mean()) < _SIGNIFICANT:
         return _Start(mean.mean(axis=1), np.zeros_like(q), None)
@@ -174,7 +175,7 @@ def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
 
 
 def _decompose(mean: Float64, decay_s: float, repetition_s: float) -> tuple[Float64, Float64, Float64]:
-    """p (K, N), q (K, N) and e (M,) by least squares."""
+    """Return p (K, N), q (K, N) and e (M,) by least squares."""
     e = np.exp(-np.arange(mean.shape[1]) * repetition_s / decay_s)
     inverse = np.linalg.pinv(np.column_stack([np.ones_like(e), e]))
     p, q = (np.einsum("m,kmn->kn", row, mean) for row in inverse)
@@ -187,22 +188,22 @@ def _wander(power: Float64, samples: int) -> Float64:
 
 
 def _receiver_noise(power: Float64, adc: Adc) -> Float64:
-    """Of the receiver alone: without rounding, and without wander, which is all in bin 0."""
+    """Return the noise of the receiver alone: without rounding, and without wander, which is only in bin 0."""
     own = np.maximum(power - adc.noise_power, 0.0)
     own[:, 0] = np.minimum(own[:, 0], own[:, 1])
     return own
 
 
 def _envelope(adc: NDArray[Any], model: Adc) -> Float64:
-    """(K, parts) rms of the noise over the chirp about a mean square of 1.
+    """Return the rms of the noise over the chirp, normalised to a mean square of 1, (K, parts).
 
-    From the upper two thirds of the bins, where neither wander nor the foot of leakage disturbs.
+    It uses the upper two thirds of the bins, which neither wander nor leakage reaches.
     """
     samples = adc.shape[3]
     kept = np.arange(samples // 2 + 1) >= samples // 6
     change = np.diff(adc.astype(np.float64), axis=2)
     high = np.fft.irfft(np.fft.rfft(change, axis=-1) * kept, samples, axis=-1)
-    # A difference of two chirps has twice the noise of one; the rounding's power in the bins kept is no part of it.
+    # A difference of two chirps has twice the noise of one; the power of rounding in the used bins is subtracted.
     power = 0.5 * (high**2).mean(axis=(0, 2)) - model.noise_power * (1.0 - 2.0 * (samples // 6) / samples)
     parts = np.stack([part.mean(axis=-1) for part in np.array_split(np.maximum(power, 0.0), _ENVELOPE_PARTS, axis=-1)])
     total = np.maximum(parts.mean(axis=0), 1e-12)
@@ -235,7 +236,7 @@ def _table(
     split = np.array_split(adc, _PARTS)
 
     def spread(values: Float64) -> Float64:
-        """One sigma of the mean of values along axis 0."""
+        """Return one sigma of the mean along axis 0."""
         return np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(values)))
 
     def row(name: str, unit: str, value: Any, sigma: Any) -> Fitted:
@@ -259,7 +260,7 @@ def _table(
         decays = np.array([e.decay_s for e in each if e.decay_s is not None])
         starts = np.stack([_decompose(p, start.decay_s, repetition_s)[1] for p in parts])
         rows.append(row("frame start, rms", "counts", rms, np.sqrt((spread(starts) ** 2).mean(axis=1))))
-        # A part too short to show the decay says nothing: with fewer than two there is no spread to state.
+        # Parts that are too short show no decay; a spread needs at least two parts.
         sigma = spread(decays) if len(decays) > 1 else np.nan
         rows.append(row("frame start, decay", "ms", 1e3 * start.decay_s, 1e3 * sigma))
     rows.append(row("DC wander", "counts", _wander(means, samples), spread(wanders)))
@@ -276,7 +277,7 @@ def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: fl
     found = []
     if echoes:
         places = ", ".join(f"{echo.range_m:.2f}" for echo in echoes)
-        done = "kept in" if keep else "taken out of"
+        done = "kept in" if keep else "removed from"
         found.append(
             f"reflectors at {places} m were {done} the pattern: calibrate in an empty scene for a preset that fits any"
         )
@@ -285,19 +286,21 @@ def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: fl
         found.append(f"{100.0 * clipped:.2g} % of the samples are clipped: leakage and noise are larger than fitted")
     if share > 0.5:
         found.append(
-            f"odd codes are {100.0 * share:.1f} % of all, more than even ones, which is not modelled: 50 % taken"
+            f"odd codes are {100.0 * share:.1f} % of all, more than even ones, which is not modelled: 50 % is used"
         )
     if recording.hp_cutoff_hz is None:
-        found.append(f"the settings name no hp_cutoff_Hz: {DEFAULT_HP_CUTOFF_HZ / 1e3:g} kHz taken")
+        found.append(f"the settings have no hp_cutoff_Hz: {DEFAULT_HP_CUTOFF_HZ / 1e3:g} kHz is used")
     moved = _moved(adc)
     if moved:
         ranges = ", ".join(f"{b * recording.chirp.range_resolution_m:.2f}" for b in moved)
-        found.append(f"something moved while this was recorded, about {ranges} m away: its noise there may be too high")
+        found.append(
+            f"something moved during the recording, about {ranges} m away: the fitted noise there may be too high"
+        )
     return found
 
 
 def _moved(adc: NDArray[Any]) -> list[int]:
-    """Bins whose mean chirp changes from frame to frame by more than their noise explains, beyond leakage's own."""
+    """Return the bins beyond leakage whose mean chirp changes between frames by more than noise explains."""
     spectra = np.fft.rfft(adc.mean(axis=2) * np.hanning(adc.shape[3]), axis=-1)
     change = (np.abs(spectra - spectra.mean(axis=0)) ** 2).mean(axis=(0, 1))
     middle = float(np.median(change[1:]))

@@ -1,4 +1,4 @@
-"""FMCW frame: M chirps of N samples, and what follows from them.
+"""FMCW frame of M chirps of N samples, with its resolutions and limits.
 
 A chirp sweeps the bandwidth B in the time T = N / f_s of its samples; chirps repeat every T_c. With the centre of the
 sweep f_c and lambda = c / f_c (Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 5; paper, table 3):
@@ -17,16 +17,16 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
-_LEAST_HZ = 1e6  # a wave of 300 m: echoes of far longer ones leave what a float holds
+_LEAST_HZ = 1e6  # a wavelength of 300 m; far longer ones overflow a float
 
 
 class Chirp(StrictModel):
-    """The frame of an FMCW radar. `bandwidth_hz` is what is swept while the samples are taken."""
+    """Frame of an FMCW radar. `bandwidth_hz` is swept while the samples are taken."""
 
     center_frequency_hz: _Frequency
     bandwidth_hz: _Frequency
@@ -54,7 +54,7 @@ class Chirp(StrictModel):
 
     @property
     def sampling_s(self) -> float:
-        """Time of the samples of one chirp."""
+        """Duration of the samples of one chirp."""
         return self.samples / self.sample_rate_hz
 
     @property
@@ -71,7 +71,7 @@ class Chirp(StrictModel):
 
     @property
     def frame_s(self) -> float:
-        """From the first chirp to where the one after the last would begin."""
+        """Duration of the frame: all chirps with their repetition time."""
         return self.chirps * self.repetition_s
 
     @property
@@ -91,5 +91,5 @@ class Chirp(StrictModel):
         return self.wavelength_m / (4.0 * self.repetition_s)
 
     def beat_frequency_hz(self, range_m: float) -> float:
-        """Of an echo at rest."""
+        """Return the beat frequency of an echo at rest at `range_m`."""
         return self.slope_hz_per_s * 2.0 * range_m / SPEED_OF_LIGHT_MPS

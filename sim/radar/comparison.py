@@ -1,15 +1,15 @@
-"""How alike two radar recordings are: normalised cross-correlation (NCC) of range-Doppler images. Offline.
+"""Similarity of two radar recordings: normalised cross-correlation (NCC) of range-Doppler images. Offline.
 
     NCC(p, q) = sum (p - mean p)(q - mean q) / sqrt( sum (p - mean p)^2 sum (q - mean q)^2 )
 
 over the pixels of one receiver's image, then the mean over receivers and over pairs of frames. Two frames of the same
-sensor in the same scene are not equal, since their noise differs; so a figure means something only beside the same
-figure between two real frames, and `compare` always gives both. The pairs of real frames are of different frames.
+sensor in the same scene differ by their noise. So a figure means something only beside the same figure between two
+different real frames, and `compare` always gives both.
 
-    linear           magnitude as it is; with leakage it is near 1 whatever else is in the picture
-    dB               20 log10: the noise counts as much as the leakage
+    linear           magnitude; leakage alone makes it almost 1
+    dB               20 log10: noise counts as much as leakage
     dB, bins >= 5    the same without the bins that leakage fills
-    mean removed     linear, after the mean over a frame's chirps is taken from each sample
+    mean removed     linear, after subtracting the mean over a frame's chirps from each sample
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from sim.radar.spectra import noise_power, range_doppler, range_doppler_noise
 Float64 = NDArray[np.float64]
 
 _FIRST_CLEAR_BIN = 5
-_LEAST = 1e-12  # counts, for the logarithm of nothing
+_LEAST = 1e-12  # counts, lower limit for the logarithm
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """Of one variant. The second figure is what the first is to be judged by."""
+    """Correlation in one variant. The figure between real frames is the reference for the other one."""
 
     simulated_against_real: float
     real_against_real: float
@@ -48,7 +48,7 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A simulated recording beside a real one."""
+    """Comparison of a simulated recording with a real one."""
 
     ncc: Mapping[str, Correlation]
     noise_power_db: Float64  # (K, N / 2 + 1) simulated over real
@@ -69,7 +69,7 @@ _VARIANTS: Mapping[str, tuple[bool, Callable[[Float64], Float64]]] = {
 
 
 def correlations(simulated: NDArray[Any], real: NDArray[Any]) -> dict[str, Correlation]:
-    """NCC of (F, K, M, N) samples by variant. At least two real frames of the same K, M, N are needed."""
+    """Return the NCC of samples (F, K, M, N) by variant; it needs at least two real frames of the same K, M, N."""
     if simulated.shape[1:] != real.shape[1:]:
         raise ValueError(f"simulated frames are {simulated.shape[1:]} and real ones {real.shape[1:]}")
     if len(real) < 2 or len(simulated) < 1:
@@ -85,7 +85,7 @@ def correlations(simulated: NDArray[Any], real: NDArray[Any]) -> dict[str, Corre
 
 
 def compare(simulated: NDArray[Any], real: NDArray[Any]) -> Comparison:
-    """All figures by which a simulated recording is judged."""
+    """Return all figures that compare a simulated recording with a real one."""
 
     def decibel(a: Float64, b: Float64) -> Float64:
         ratio: Float64 = 10.0 * np.log10(a / b)
@@ -105,7 +105,7 @@ def odd_code_share(adc: NDArray[Any]) -> float:
 
 
 def _unit(images: Float64) -> Float64:
-    """(F, K, ...) to (K, F, pixels), each of mean 0 and length 1."""
+    """Return images (F, K, ...) as (K, F, pixels), each of mean 0 and length 1."""
     flat = images.reshape(*images.shape[:2], -1)
     flat = flat - flat.mean(axis=-1, keepdims=True)
     length = np.linalg.norm(flat, axis=-1, keepdims=True)
@@ -113,7 +113,7 @@ def _unit(images: Float64) -> Float64:
 
 
 def _mean_product(a: Float64, b: Float64, *, same: bool) -> float:
-    """Mean over receivers and pairs of frames; pairs of a frame with itself left out if `same`."""
+    """Return the mean product over receivers and pairs of frames; `same`: without pairs of a frame with itself."""
     products = a @ np.swapaxes(b, 1, 2)
     if not same:
         return float(products.mean())

@@ -1,8 +1,8 @@
-"""The echoes of one radar frame, as arrays: what the pictures give and what the synthesis sums.
+"""Echoes of one radar frame as arrays: the result of the pictures and the input of the synthesis.
 
-An echo stands at range R and recedes at v, both in the middle of the frame, in the unit direction d_R from the radar
-(frame R: x forward, y left, z up); its amplitude A is the peak of its beat signal in ADC counts, before the filters of
-the receiver.
+An echo has range R and radial speed v (+ receding) at the middle of the frame, and the unit direction d_R from the
+radar (frame R: x forward, y left, z up). Its amplitude A is the peak of its beat signal in ADC counts, before the
+filters of the receiver.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Echoes:
-    """n echoes; all arrays are C-contiguous float64."""
+    """Arrays of n echoes, C-contiguous float64."""
 
     range_m: Float64  # (n,)
     speed_mps: Float64  # (n,), + receding

@@ -1,19 +1,19 @@
-"""What a radar's receivers add to the echoes, part by part; a part that is null is off.
+"""Impairments of a radar's receivers, added to the echoes; a part that is null is off.
 
     x[k,m,n] = echoes + dc[k] + leakage[k](f_n) + e^{-m T_c / decay} start[k](f_n) + sigma_k d[k,m] + noise[k,m,n]
 
-leakage      TX to RX, DC and what stands still close to the sensor, over the sweep (sim/radar/swept_pattern.py)
-frame_start  what differs while the chip warms up after the frame's first chirp
-dc_wander    a DC of each chirp's own, white from chirp to chirp
+leakage      TX to RX, DC and static objects close to the sensor, over the sweep (sim/radar/swept_pattern.py)
+frame_start  additional pattern while the chip warms up after the frame's first chirp
+dc_wander    DC of each chirp, white from chirp to chirp
 noise        receiver noise by its power in each bin of beat frequency, independent from chirp to chirp
 adc          unequal code widths: odd codes are `odd_code_share` of all (0.5: an even converter)
 
 Power of a bin: |DFT|^2 / N of one chirp's N samples [counts^2], so that white noise of deviation sigma has sigma^2 in
-every bin. It is held constant beyond the last bin that was measured, and applies to samples taken at any rate. The
-`envelope` is how loud the noise is over the chirp, in equal parts of its samples, about a mean square of 1: close to a
-chirp's start there is more of it.
+every bin. It is constant beyond the last measured bin, and applies to samples at any rate. The `envelope` is the rms of
+the noise over the chirp, in equal parts of its samples, normalised to a mean square of 1; it is larger near a chirp's
+start.
 
-Without leakage the DC is half of the converter's scale. Without `adc` the converter is an even one.
+Without leakage the DC is half of the converter's scale. Without `adc` all codes are equally wide.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
 from sim.radar.swept_pattern import SweptPattern
 
@@ -33,7 +33,9 @@ _Power = Annotated[float, Field(ge=0.0, le=1e8)]
 
 
 class Leakage(StrictModel):
-    dc: tuple[_Count, ...]  # of each receiver
+    """Constant pattern of each receiver over the sweep."""
+
+    dc: tuple[_Count, ...]  # per receiver
     sweep: SweptPattern
 
     @model_validator(mode="after")
@@ -44,16 +46,22 @@ class Leakage(StrictModel):
 
 
 class FrameStart(StrictModel):
+    """Pattern that decays from the first chirp of a frame."""
+
     decay_s: Annotated[float, Field(gt=0.0, le=10.0)]
     sweep: SweptPattern
 
 
 class DcWander(StrictModel):
-    sigma: tuple[_Sigma, ...]  # of each receiver [counts]
+    """DC of each chirp."""
+
+    sigma: tuple[_Sigma, ...]  # per receiver [counts]
 
 
 class ReceiverNoise(StrictModel):
-    bin_hz: Annotated[float, Field(gt=0.0, le=1e9)]  # beat frequency from one power to the next; the first is at 0
+    """Power of the receiver noise by beat frequency, and its envelope over the chirp."""
+
+    bin_hz: Annotated[float, Field(gt=0.0, le=1e9)]  # step of beat frequency between powers; the first is at 0
     power: Annotated[tuple[Annotated[tuple[_Power, ...], Field(min_length=2)], ...], Field(min_length=1)]
     envelope: tuple[Annotated[tuple[_Share, ...], Field(min_length=1)], ...] | None = None  # null: 1 throughout
 
@@ -64,7 +72,7 @@ class ReceiverNoise(StrictModel):
         return self
 
     def envelope_at(self, receiver: int, part: float) -> float:
-        """At this part (0 to 1) of the chirp: straight lines between the middles of its parts."""
+        """Return the envelope at a share (0 to 1) of the chirp, linear between the middles of its parts."""
         if self.envelope is None:
             return 1.0
         row = self.envelope[receiver]
@@ -74,7 +82,7 @@ class ReceiverNoise(StrictModel):
         return row[i] if t == 0.0 else row[i] + t * (row[i + 1] - row[i])
 
     def power_at(self, receiver: int, frequency_hz: float) -> float:
-        """Counts^2, on straight lines between the bins."""
+        """Return the power [counts^2], linear between the bins."""
         row = self.power[receiver]
         place = frequency_hz / self.bin_hz
         i = min(int(place), len(row) - 2)
@@ -83,16 +91,20 @@ class ReceiverNoise(StrictModel):
 
 
 class Adc(StrictModel):
+    """Converter with code widths that differ between odd and even codes."""
+
     odd_code_share: Annotated[float, Field(ge=0.0, le=0.5)]
 
     @property
     def noise_power(self) -> float:
-        """Of the rounding alone, white, in counts^2: odd codes are o = 2 share wide, even ones 2 - o."""
+        """White power of the rounding alone [counts^2]: odd codes have width o = 2 share, even ones 2 - o."""
         odd = 2.0 * self.odd_code_share
         return (odd**3 + (2.0 - odd) ** 3) / 24.0
 
 
 class Impairments(StrictModel):
+    """All impairments of a radar; null: off."""
+
     leakage: Leakage | None = None
     frame_start: FrameStart | None = None
     dc_wander: DcWander | None = None
@@ -100,16 +112,16 @@ class Impairments(StrictModel):
     adc: Adc | None = None
 
     def problems_with(self, chirp: Chirp, receivers: int) -> list[str]:
-        """Why these cannot be those of `receivers` receivers with this chirp; empty if they can."""
-        told = {
+        """Return why these do not fit `receivers` receivers with this chirp; empty if they do."""
+        given = {
             "leakage.sweep.counts": self.leakage and self.leakage.sweep.receivers,
             "frame_start.sweep.counts": self.frame_start and self.frame_start.sweep.receivers,
             "dc_wander.sigma": self.dc_wander and len(self.dc_wander.sigma),
             "noise.power": self.noise and len(self.noise.power),
         }
         problems = [
-            f"{name} is of {count} receivers, and the antenna has {receivers}"
-            for name, count in told.items()
+            f"{name} has {count} receivers, but the antenna has {receivers}"
+            for name, count in given.items()
             if count is not None and count != receivers
         ]
         for name, part in (("leakage", self.leakage), ("frame_start", self.frame_start)):

@@ -1,6 +1,6 @@
-"""Which pixels a radar takes: by class of what is seen, by a window of angles, and by range.
+"""Mask of a radar's pixels: by class, by windows of angles, and by range.
 
-Azimuth is atan2(y, x), to the left; elevation atan2(z, sqrt(x^2 + y^2)), upwards; both of directions in R.
+Azimuth is atan2(y, x), to the left; elevation is atan2(z, sqrt(x^2 + y^2)), upwards; both of directions in R.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from hil.signals.documents.validate import StrictModel, nearest
-from hil.signals.units import RAD_PER_DEG
+from signals.documents.validate import StrictModel, nearest
+from signals.units import RAD_PER_DEG
 from sim._kernels import azimuth_elevation
 
 _NONE = "none"  # the class of nothing
@@ -21,12 +21,12 @@ _Elevation = Annotated[float, Field(ge=-90.0, le=90.0)]
 
 
 class Mask(StrictModel):
-    """What counts; None takes all."""
+    """Limits of the pixels that give echoes; None: no limit."""
 
     classes: tuple[str, ...] | None = None
     azimuth_deg: tuple[_Azimuth, _Azimuth] | None = None  # from, to
     elevation_deg: tuple[_Elevation, _Elevation] | None = None
-    max_range_m: Annotated[float, Field(gt=0.0, le=1e5)] | None = None  # None: also what aliases in range
+    max_range_m: Annotated[float, Field(gt=0.0, le=1e5)] | None = None  # None: also echoes that alias in range
 
     @model_validator(mode="after")
     def _holds_something(self) -> Mask:
@@ -35,23 +35,23 @@ class Mask(StrictModel):
             if window is not None and not window[0] < window[1]:
                 raise ValueError(f"{name} [{window[0]:g}, {window[1]:g}] is empty: the first must be below the second")
         if self.classes is not None and not [name for name in self.classes if name != _NONE]:
-            raise ValueError("classes names nothing that can be seen: name a class, or leave it out for all")
+            raise ValueError("classes holds no visible class: name a class, or leave it out for all")
         return self
 
     def kept_classes(self, class_names: tuple[str, ...]) -> NDArray[np.uint8] | None:
-        """(256,) 1 for the ids of classes that are kept; None for all. ValueError for a class that there is not."""
+        """Return 1 for each class id that is kept, (256,); None: all. Raises ValueError for an unknown class."""
         if self.classes is None:
             return None
         kept = np.zeros(256, np.uint8)
         for name in self.classes:
             if name not in class_names:
-                raise ValueError(f"the mask names a class that there is not: {name!r}; {nearest(name, class_names)}")
+                raise ValueError(f"the mask names an unknown class: {name!r}; {nearest(name, class_names)}")
             kept[class_names.index(name)] = 1
         kept[0] = 0
         return kept
 
     def in_window(self, direction_R: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(n, 3) unit directions to (n,) whether they lie in the windows of angles."""
+        """Return True for unit directions (n, 3) within the windows of angles, (n,)."""
         inside = np.ones(len(direction_R), np.bool_)
         if self.azimuth_deg is None and self.elevation_deg is None:
             return inside

@@ -1,7 +1,7 @@
-"""A calibration as the text of a sensor preset (sim/sensors/presets.py).
+"""Writes a calibration as a sensor preset (sim/sensors/presets.py).
 
-What a recording of a still scene cannot tell, where the antennas are and what an echo's power is in counts, is taken
-over from the preset of a known part, with the status and the sources it has there.
+A recording of a still scene does not contain the positions of the antennas nor the power of an echo in counts. These
+come from the preset of a known part, with their status and sources.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hil.signals.documents.yaml_lines import dump_yaml, read_yaml
-from hil.signals.errors import ConfigError, Problem
+from signals.documents.yaml_lines import dump_yaml, read_yaml
+from signals.errors import ConfigError, Problem
 from sim.radar.calibration import Calibration
 from sim.radar.recording import Recording
 
@@ -21,7 +21,7 @@ _SOURCE = "recording"
 
 @dataclass(frozen=True)
 class Hardware:
-    """Figures of a part that are not fitted, as a preset file holds them."""
+    """Figures of a part that are not fitted, in the form of a preset file."""
 
     sources: Mapping[str, str]
     antenna: Mapping[str, Any]
@@ -29,17 +29,17 @@ class Hardware:
 
 
 def hardware_of(preset: Path) -> Hardware:
-    """Of a preset file of this project. Raises ConfigError where it is no radar's."""
+    """Return the hardware of a preset file of this project. Raises ConfigError if it is not a radar's."""
     try:
         data = read_yaml(preset).data
         parameters = data["parameters"]
         return Hardware(data["sources"], parameters["antenna"], parameters["receiver"])
     except (KeyError, TypeError) as error:
-        raise ConfigError([Problem(str(preset), f"tells no antenna and receiver of a radar: {error!r}")]) from error
+        raise ConfigError([Problem(str(preset), f"holds no antenna and receiver of a radar: {error!r}")]) from error
 
 
 def with_receivers(hardware: Hardware, antennas: Sequence[int]) -> Hardware | None:
-    """Only the receivers numbered (from 1) in `antennas`; None where the part has no such receiver."""
+    """Return the hardware with only the receivers of these numbers (from 1); None if the part lacks one."""
     positions = hardware.antenna["value"]["rx_positions_m"]
     if not all(1 <= a <= len(positions) for a in antennas):
         return None
@@ -48,13 +48,13 @@ def with_receivers(hardware: Hardware, antennas: Sequence[int]) -> Hardware | No
 
 
 def preset_text(calibration: Calibration, recording: Recording, hardware: Hardware, *, part: str, source: str) -> str:
-    """The whole file. `source` says which recording this is, for people."""
+    """Return the text of the preset file. `source` describes the recording."""
     first, last = calibration.frames
     used = {figure["source"] for figure in (hardware.antenna, hardware.receiver) if figure.get("source")}
     sources = {_SOURCE: f"{source}, frames {first} to {last - 1}"} | {
         key: text for key, text in hardware.sources.items() if key in used
     }
-    echoes = "with the reflectors of that scene" if calibration.keeps_echoes else "its reflectors taken out"
+    echoes = "with the reflectors of that scene" if calibration.keeps_echoes else "its reflectors removed"
     note = f"fitted by `hil calibrate radar`{', ' + echoes if calibration.echoes else ''}"
     receiver = dict(hardware.receiver["value"])
     for key, hertz in (("hp_cutoff_hz", recording.hp_cutoff_hz), ("aaf_cutoff_hz", recording.aaf_cutoff_hz)):

@@ -1,4 +1,4 @@
-"""Transmitter power and receiver of a radar: what an echo's power is in counts of its ADC.
+"""Transmitter power and receiver of a radar: conversion of an echo's power to counts of the ADC.
 
 A sine of power P into the impedance Z has the peak sqrt(2 P Z), so with the conversion gain g [dB] of mixer and
 amplifiers and an ADC of b bits over the full scale V
@@ -13,14 +13,14 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_pow
-from hil.signals.documents.validate import StrictModel
+from signals._kernel import det_pow
+from signals.documents.validate import StrictModel
 
 _Cutoff = Annotated[float, Field(gt=0.0, le=1e12)]
 
 
 class Receiver(StrictModel):
-    """Figures of the chain from the transmitter's port to the ADC. The filters are of first order; None is without."""
+    """Figures of the chain from the transmitter's port to the ADC. Filters are of first order; None: no filter."""
 
     tx_power_dbm: Annotated[float, Field(ge=-60.0, le=60.0)]
     conversion_gain_db: Annotated[float, Field(ge=-60.0, le=160.0)]
@@ -44,10 +44,10 @@ class Receiver(StrictModel):
 
     @property
     def count_v(self) -> float:
-        """One count of the ADC."""
+        """Voltage of one count of the ADC."""
         return self.adc_full_scale_v / float(1 << self.adc_bits)
 
     @property
     def counts_per_sqrt_watt(self) -> float:
-        """Peak of a sine in counts over the root of its power at the antenna's port."""
+        """Peak of a sine in counts per root of its power at the antenna's port."""
         return sqrt(2.0 * self.impedance_ohm) * det_pow(10.0, self.conversion_gain_db / 20.0) / self.count_v

@@ -1,11 +1,11 @@
-"""Raw radar samples in a file, with the settings they were taken with in a JSON file beside it.
+"""Recording of raw radar samples, with the settings of the device in a JSON file beside it.
 
     recording.npz   array `adc`, or recording.npy: frames x receivers x chirps x samples, uint16 codes
     recording.json  {"device_config": {"fmcw_single_shape": {...}}}, or the inner mapping at the top level
 
-The keys of `fmcw_single_shape` are those of the maker's own recorder; needed are start_frequency_Hz, end_frequency_Hz,
-sample_rate_Hz, num_samples_per_chirp, num_chirps_per_frame, chirp_repetition_time_s and rx_antennas;
-frame_repetition_time_s, hp_cutoff_Hz and aaf_cutoff_Hz are kept where they are there.
+The keys of `fmcw_single_shape` are those of the maker's recorder. Required are start_frequency_Hz, end_frequency_Hz,
+sample_rate_Hz, num_samples_per_chirp, num_chirps_per_frame, chirp_repetition_time_s and rx_antennas; optional are
+frame_repetition_time_s, hp_cutoff_Hz and aaf_cutoff_Hz.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ import numpy as np
 import pydantic
 from numpy.typing import NDArray
 
-from hil.signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem, RecordingError
 from sim.radar.chirp import Chirp
 
 ADC_BITS = 12
 _SHAPE_KEY = "fmcw_single_shape"
-_MOST = 1e12  # of any number in the settings
-_SLACK = 1e-6  # relative
-_MOST_FRAME_S = 3600.0  # between frames
+_MOST = 1e12  # greatest number in the settings
+_SLACK = 1e-6  # relative tolerance
+_MOST_FRAME_S = 3600.0  # greatest time between frames
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Recording:
 
 
 def settings_path(path: Path) -> Path:
-    """The JSON file of a recording."""
+    """Return the path of a recording's JSON file."""
     return path.with_suffix(".json")
 
 
@@ -69,7 +69,7 @@ def load_recording(path: Path) -> Recording:
 
 
 def save_recording(path: Path, recording: Recording) -> None:
-    """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError, RecordingError."""
+    """Write `path` (.npz or .npy) and its JSON file. Raises ConfigError or RecordingError."""
     if path.suffix not in (".npz", ".npy"):
         raise ConfigError([Problem(str(path), "a radar recording is a .npz or .npy file")])
     config = device_config(
@@ -98,7 +98,7 @@ def device_config(
     hp_cutoff_hz: float | None = None,
     aaf_cutoff_hz: float | None = None,
 ) -> dict[str, Any]:
-    """The settings as the JSON file has them."""
+    """Return the settings in the form of the JSON file."""
     shape: dict[str, Any] = {
         "rx_antennas": list(rx_antennas),
         "num_chirps_per_frame": chirp.chirps,
@@ -123,7 +123,7 @@ def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
         problems.append(Problem(str(path), "is not a radar recording", "a .npz with an array `adc`, or a .npy"))
         return None
     try:
-        loaded = np.load(path, allow_pickle=False)  # tells the two formats apart by what is in the file
+        loaded = np.load(path, allow_pickle=False)  # detects the format by the content
         if isinstance(loaded, np.ndarray):
             return loaded
         with loaded:
@@ -141,11 +141,11 @@ def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
 
 
 def _settings(path: Path, problems: list[Problem]) -> Mapping[str, Any]:
-    """The inner mapping; empty where there is none."""
+    """Return the inner mapping; empty if there is none."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        problems.append(Problem(str(path), "does not exist", "it holds the settings the recording was taken with"))
+        problems.append(Problem(str(path), "does not exist", "it must hold the settings of the recording"))
         return {}
     except (OSError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, no JSON, thousands of digits
         problems.append(Problem(str(path), f"is not JSON: {error}"))
@@ -209,7 +209,7 @@ def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems
             repetition_s=repetition,
         )
     except pydantic.ValidationError as error:
-        problems += [Problem(str(path), f"{_SHAPE_KEY} is no possible chirp: {item['msg']}") for item in error.errors()]
+        problems += [Problem(str(path), f"{_SHAPE_KEY} is not a valid chirp: {item['msg']}") for item in error.errors()]
         return None
     least_s = (chirp.chirps - 1) * chirp.repetition_s + chirp.sampling_s
     if frame is not None and not least_s * (1.0 - _SLACK) <= frame <= _MOST_FRAME_S:
@@ -220,15 +220,15 @@ def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems
 
 
 def _misfits(path: Path, recording: Recording) -> list[Problem]:
-    """Where the samples are not what the settings say."""
+    """Return the mismatches between samples and settings."""
     adc, chirp = recording.adc, recording.chirp
     expected = (len(recording.rx_antennas), chirp.chirps, chirp.samples)
     if adc.ndim != 4:
-        return [Problem(str(path), f"has {adc.ndim} dimensions", "frames x receivers x chirps x samples are needed")]
+        return [Problem(str(path), f"has {adc.ndim} dimensions", "needs frames x receivers x chirps x samples")]
     problems = [
-        Problem(str(path), f"has {found} {what} and {settings_path(path).name} says {told}")
-        for what, found, told in zip(("receivers", "chirps", "samples"), adc.shape[1:], expected, strict=True)
-        if found != told
+        Problem(str(path), f"has {found} {what}, but {settings_path(path).name} gives {stated}")
+        for what, found, stated in zip(("receivers", "chirps", "samples"), adc.shape[1:], expected, strict=True)
+        if found != stated
     ]
     if adc.dtype != np.uint16:
         problems.append(Problem(str(path), f"holds {adc.dtype}, not the codes of the converter (uint16)"))

@@ -1,18 +1,18 @@
-"""What surfaces send back to the radar, by incidence, roughness and electrical properties.
+"""Backscatter of surfaces by incidence, roughness and electrical properties.
 
-sigma0(theta) is a Kirchhoff lobe of what the roughness leaves coherent and a Lambertian part of the rest, both with
-Fresnel's reflectance (sim/native/radar/reflection.hpp has the equations), at the complex permittivity
+sigma0(theta) is a Kirchhoff lobe of the power that roughness leaves coherent, and a Lambertian part of the rest, both
+with Fresnel's reflectance (equations: sim/native/radar/reflection.hpp) at the complex permittivity
 
     eps = eps_r - j sigma / (omega eps_0)
 
-of the carrier. Reflectance is the mean of both polarisations: a picture's surfaces lie any way to the wave's own.
+of the carrier frequency. Reflectance is the mean of both polarisations, as surfaces have any orientation to the wave.
 
 A flat wall seen through the lobe gives, for any slope of its facets, the power of the radar's mirror image behind it,
 (lambda / (4 pi 2 R))^2 |Gamma|^2; a Lambertian sphere of radius r has the cross-section (8/3) a pi r^2 with its albedo
 a = (1 - rho^2) |Gamma|^2 (tests/reference/test_radar_equation.py).
 
-The amplitude of a pixel takes sqrt(sigma0(c) / c) with c = cos(theta): tabulated once a surface, over sqrt(c). Read
-off the table, sigma0 is within 0.01 dB from 0.001 <= c on; c = 0 gives 0.
+The amplitude of a pixel needs sqrt(sigma0(c) / c) with c = cos(theta), which is tabulated for each surface over
+sqrt(c). The error of sigma0 by the table is below 0.01 dB for c >= 0.001; c = 0 gives 0.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.units import TURN_RAD
+from signals.documents.validate import StrictModel
+from signals.units import TURN_RAD
 from sim._kernels import RADAR_CURVE_STEPS, radar_amplitude_curve, radar_backscatter, radar_fresnel_power
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
 from sim.scene.maps.scene_map import Surface
@@ -37,14 +37,14 @@ VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 
 
 class Reflection(StrictModel):
-    """What the model of reflection needs beyond the surfaces' own figures."""
+    """Parameters of the reflection model besides those of the surfaces."""
 
-    # rms slope of the facets that a surface is made of, undulations far larger than the wavelength: how wide its lobe
-    # is, not how much power it holds. 0.1 is 5.7 degrees: an assumption for walls, roads and sheet metal, not measured.
+    # rms slope of the facets of a surface, undulations far larger than the wavelength. It sets the width of the lobe,
+    # not its power. 0.1 (5.7 degrees) is an assumption for walls, roads and sheet metal, not a measurement.
     facet_slope: Annotated[float, Field(ge=0.07, le=1.0)] = 0.1
 
     def backscatter(self, surface: Surface, carrier_hz: float, cosine: Float64) -> Float64:
-        """sigma0 at (n,) cosines of incidence."""
+        """Return sigma0 at cosines of incidence, (n,)."""
         sigma0 = np.empty(len(cosine))
         radar_backscatter(
             *_at_carrier(surface, carrier_hz), self.facet_slope, np.ascontiguousarray(cosine, np.float64), sigma0
@@ -52,7 +52,7 @@ class Reflection(StrictModel):
         return sigma0
 
     def curves(self, surfaces: Sequence[Surface], carrier_hz: float) -> Float32:
-        """(surfaces, RADAR_CURVE_STEPS + 1) what the kernel reads; the first surface is that of nothing."""
+        """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); the first surface is that of nothing."""
         curves = np.zeros((len(surfaces), RADAR_CURVE_STEPS + 1), np.float32)
         for surface, curve in zip(surfaces[1:], curves[1:], strict=True):
             radar_amplitude_curve(*_at_carrier(surface, carrier_hz), self.facet_slope, curve)
@@ -60,13 +60,13 @@ class Reflection(StrictModel):
 
 
 def reflectance(surface: Surface, carrier_hz: float, cosine: float) -> float:
-    """|Gamma|^2 of the smooth surface, the mean of both polarisations."""
+    """Return |Gamma|^2 of the smooth surface, the mean of both polarisations."""
     eps_r, eps_i, _ = _at_carrier(surface, carrier_hz)
     return radar_fresnel_power(eps_r, eps_i, cosine)
 
 
 def _at_carrier(surface: Surface, carrier_hz: float) -> tuple[float, float, float]:
-    """Permittivity, its loss, and 4 pi h / lambda."""
+    """Return permittivity, its loss, and 4 pi h / lambda."""
     loss = surface.conductivity_s_per_m / (TURN_RAD * carrier_hz * VACUUM_PERMITTIVITY_F_PER_M)
     phase_height = 2.0 * TURN_RAD * surface.roughness_m * carrier_hz / SPEED_OF_LIGHT_MPS
     return surface.relative_permittivity, loss, phase_height

@@ -1,18 +1,18 @@
-"""The pixels of a picture as echoes of a radar that stands where the camera stands.
+"""Echoes of a radar at the pose of a camera, one for each pixel of a picture.
 
-Radar equation in its pixel form (paper, eq. (7)), for the pixel's own solid angle dOmega at incidence theta:
+Radar equation in its pixel form (paper, eq. (7)), for the solid angle dOmega of a pixel at incidence theta:
 
     P_r = P_t G_t(d) G_r(d) lambda^2 sigma0(theta) dA / ((4 pi)^3 R^4),    dA = R^2 dOmega / cos(theta)
     A   = counts_per_sqrt_watt sqrt(P_r) = W(d) sqrt(sigma0 / cos(theta)) / R
 
-W(d) is prepared once a camera, sqrt(sigma0 / cos) once a surface; the kernel joins them in one pass over the picture
-(sim/native/radar/scatterers.hpp). Axes: x_R = z_C, y_R = -x_C, z_R = -y_C.
+W(d) is computed once per camera and sqrt(sigma0 / cos) once per surface; the kernel combines them in one pass over the
+picture (sim/native/radar/scatterers.hpp). Axes: x_R = z_C, y_R = -x_C, z_R = -y_C.
 
-Left out, each with a count in `last`: what cannot return (sky, nothing, surfaces that look away), what the mask leaves
-out, and directions where the antennas' gain there and back is below `PATTERN_FLOOR` of that on the axis. Infinite range
-is sky, as the renderer writes it; a range, normal or velocity that is no number is left out as `invalid`.
+Pixels without an echo are dropped and counted in `last`: sky (infinite range), no surface, surfaces that face away,
+pixels outside the mask, directions where the two-way gain of the antennas is below `PATTERN_FLOOR` of that on the axis,
+and `invalid` ones, whose range, normal or velocity is not finite.
 
-Given the pose, the corner reflectors of the world's map follow after the pixels (sim/radar/corner_echoes.py).
+With a pose, the echoes of the map's corner reflectors follow those of the pixels (sim/radar/corner_echoes.py).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.radar.antenna import Antenna
 from sim.radar.chirp import Chirp
-from sim.radar.corner_echoes import CornerEchoes
+from sim.radar.corner_echoes import CameraPixels, CornerEchoes
 from sim.radar.echoes import Echoes
 from sim.radar.mask import Mask
 from sim.radar.receiver import Receiver
@@ -39,36 +39,36 @@ from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
 
-PATTERN_FLOOR = 1e-6  # of the gain on the axis, there and back: -60 dB
+PATTERN_FLOOR = 1e-6  # two-way gain relative to the axis: -60 dB
 EVERYTHING = Mask()
 DEFAULT_REFLECTION = Reflection()
-_LANES = 16  # pixels of a block of the kernel
+_LANES = 16  # pixels per block of the kernel
 _FOUR_PI = 12.566370614359172
 _FARTHEST_M = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
 class ScattererReport:
-    """Pixels of a picture, and what became of them; each counts once, by the first reason that holds."""
+    """Counts of pixels by result; each pixel counts once, by the first reason that holds."""
 
     pixels: int
     window: int  # outside the mask's windows of angles
-    pattern: int  # where the antennas have no gain worth the name
+    pattern: int  # gain of the antennas below the floor
     invalid: int
     sky: int
-    nothing: int  # no surface, or one that sends nothing back
+    nothing: int  # no surface, or one without backscatter
     range: int  # beyond the mask's range
-    classes: int  # not of the mask's classes
-    away: int  # surfaces that look away from the radar
+    classes: int  # class not in the mask
+    away: int  # surface faces away from the radar
     kept: int
-    corners: int = 0  # corner reflectors in sight: echoes beyond those of pixels
+    corners: int = 0  # visible corner reflectors, whose echoes follow those of pixels
 
 
 class Scatterers:
-    """Echoes of the pictures of one camera.
+    """Makes echoes from the pictures of one camera.
 
-    Raises ValueError where the mask names what there is not, or leaves no pixel; CameraModel's own where the distortion
-    cannot be inverted out to the picture's corners. `isa` as for the frame kernels; all give the same bits.
+    Raises ValueError if the mask names an unknown class or leaves no pixel, or if the distortion cannot be inverted at
+    the picture's corners. `isa`: instruction set of the kernels; all give the same bits.
     """
 
     def __init__(
@@ -106,20 +106,18 @@ class Scatterers:
         scale = _amplitude_scale(chirp, antenna, receiver)
         pixel_sr = solid_angles(camera)
         weight = scale * np.sqrt(share * pixel_sr.reshape(-1))
-        # What is as good as no weight in a float would be taken for a pixel that is left out.
+        # The kernel treats a weight of 0 as a dropped pixel, so float weights must not underflow.
         weight = np.where(active, np.clip(weight, 1e-30, 1e30), 0.0)
         self._blocks = _blocks(rays_C, weight)
 
         self._corners = CornerEchoes(
             world.map.corners,
-            camera,
-            rays_C.reshape(camera.height, camera.width, 3),
-            pixel_sr,
+            CameraPixels(camera, rays_C.reshape(camera.height, camera.width, 3), pixel_sr),
             antenna,
             mask,
-            PATTERN_FLOOR,
-            scale,
-            chirp.wavelength_m,
+            pattern_floor=PATTERN_FLOOR,
+            amplitude_scale=scale,
+            wavelength_m=chirp.wavelength_m,
         )
         room = pixels + len(self._corners)
         self._out = Echoes(np.empty(room), np.empty(room), np.empty((room, 3)), np.empty(room))
@@ -129,12 +127,10 @@ class Scatterers:
         self.last = ScattererReport(pixels, self._window, self._pattern, 0, 0, 0, 0, 0, 0, 0)
 
     def collect(self, picture: Mapping[str, NDArray[Any]], pose: CameraPose | None = None) -> Echoes:
-        """Echoes in the order of the pixels: views that are valid until the next call.
+        """Return the echoes in the order of the pixels, as views that are valid until the next call.
 
-        With the pose that the picture was taken from, those of the corner reflectors in sight come last.
-
-        Raises KeyError for a channel that is missing, ValueError for another size or a surface that the world lacks,
-        TypeError for arrays of another type.
+        `pose`: pose of the picture; with it, the echoes of visible corner reflectors follow. Raises KeyError for a
+        missing channel, ValueError for another size or an unknown surface, TypeError for arrays of another type.
         """
         for name in self.channels:
             if name not in picture:
@@ -183,14 +179,14 @@ class Scatterers:
 
 
 def _amplitude_scale(chirp: Chirp, antenna: Antenna, receiver: Receiver) -> float:
-    """A R^2 of an echo on the axis over the root of its cross-section [counts m]."""
+    """Return A R^2 of an echo on the axis per root of its cross-section [counts m]."""
     gain = antenna.tx.axis_gain * antenna.rx.axis_gain
     spread = chirp.wavelength_m * chirp.wavelength_m / (_FOUR_PI * _FOUR_PI * _FOUR_PI)
     return receiver.counts_per_sqrt_watt * sqrt(receiver.tx_power_w * gain * spread)
 
 
 def solid_angles(camera: CameraModel) -> Float64:
-    """(height, width) solid angle [sr] that each pixel sees, between the rays of its corners."""
+    """Return the solid angle of each pixel [sr], between the rays of its corners, (height, width)."""
     x = (np.arange(camera.width + 1) - camera.cx) / camera.fx
     y = (np.arange(camera.height + 1) - camera.cy) / camera.fy
     corners = camera.directions(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
@@ -200,7 +196,7 @@ def solid_angles(camera: CameraModel) -> Float64:
 
 
 def _blocks(rays_C: Float64, weight: Float64) -> NDArray[np.float32]:
-    """(blocks, 4, 16) direction and weight of 16 pixels at a time, filled up with pixels of weight 0."""
+    """Return direction and weight in blocks of 16 pixels, (blocks, 4, 16), padded with pixels of weight 0."""
     count = -(-len(rays_C) // _LANES)
     rows = np.zeros((count * _LANES, 4), np.float32)
     rows[: len(rays_C), :3] = rays_C

@@ -1,14 +1,14 @@
-"""What raw radar samples look like in frequency: noise by bin of beat frequency, and range-Doppler images. Offline.
+"""Spectra of raw radar samples: noise by bin of beat frequency, and range-Doppler images. Offline.
 
-Noise power of bin b (as in sim/radar/impairments.py, white of deviation sigma is sigma^2 in every bin), of one frame:
+Noise power of bin b of one frame (white noise of deviation sigma has sigma^2 in every bin):
 
     S_b = mean over d of |DFT_m( w_m (X[m,b] - mean_m X[m,b]) )[d]|^2 / (N sum w_m^2),     X[m,b] = DFT_n(x[m,n])[b]
 
-where the Doppler bins d near zero are left out: there is what stands still, or moves slowly, and not noise. w, a
-split-cosine window (3/20 of the frame at each end), keeps a slow change from leaking into the others.
+without the Doppler bins d near zero, which hold static and slow objects. w is a split-cosine window (3/20 of the frame
+at each end), which keeps slow changes from leaking into the other bins.
 
-A range-Doppler image is the magnitude of the two-fold DFT with Hann windows, normalised so that a sine of peak
-amplitude A counts at the middle of a bin shows A; N / 2 range bins, zero speed in row M / 2.
+A range-Doppler image is the magnitude of the two-dimensional DFT with Hann windows, normalised to show A for a sine of
+peak amplitude A counts at the middle of a bin; N / 2 range bins, zero speed in row M / 2.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 
-_SPLIT = 0.3  # of a frame that the window's two slopes take up together
-_STILL = 1.0 / 16.0  # of the Doppler bins, on either side of zero, that are left out
+_SPLIT = 0.3  # share of a frame in the two slopes of the window
+_STILL = 1.0 / 16.0  # share of the Doppler bins, on either side of zero, that is left out
 
 
 def noise_power(adc: NDArray[Any]) -> Float64:
-    """(F, K, M, N) samples to (F, K, N / 2 + 1) powers [counts^2] of each frame and receiver."""
+    """Return the powers [counts^2] of each frame and receiver, (F, K, N / 2 + 1), of samples (F, K, M, N)."""
     chirps, samples = adc.shape[2:]
     window = _split_cosine(chirps)
     edge = still_bins(chirps)
@@ -39,9 +39,9 @@ def noise_power(adc: NDArray[Any]) -> Float64:
 
 
 def range_doppler(adc: NDArray[Any], *, remove_mean: bool = False) -> Float64:
-    """(F, K, M, N) samples to (F, K, M, N / 2) magnitudes, each chirp's mean taken off.
+    """Return the magnitudes (F, K, M, N / 2) of samples (F, K, M, N), without each chirp's mean.
 
-    `remove_mean`: that of each sample over a frame's chirps is taken off first, and with it all that stands still.
+    `remove_mean`: first subtract the mean of each sample over a frame's chirps, which removes static objects.
     """
     chirps, samples = adc.shape[2:]
     fast, slow = _hann(samples), _hann(chirps)
@@ -58,7 +58,7 @@ def range_doppler(adc: NDArray[Any], *, remove_mean: bool = False) -> Float64:
 
 
 def range_doppler_noise(images: Float64, *, first_bin: int = 1) -> Float64:
-    """(F, K, M, B) images to the rms of each receiver [counts] away from zero speed, from bin `first_bin` on."""
+    """Return the rms per receiver [counts] of images (F, K, M, B), away from zero speed, from bin `first_bin` on."""
     chirps = images.shape[2]
     middle, edge = chirps // 2, still_bins(chirps)
     moving = np.abs(np.arange(chirps) - middle) >= edge
@@ -67,7 +67,7 @@ def range_doppler_noise(images: Float64, *, first_bin: int = 1) -> Float64:
 
 
 def still_bins(chirps: int) -> int:
-    """How many Doppler bins from zero speed something may count as standing still."""
+    """Return the number of Doppler bins on either side of zero speed that count as static."""
     return max(2, round(chirps * _STILL))
 
 

@@ -1,10 +1,11 @@
-"""Reflectors that stand still in a recording, found in its mean chirp and told apart from leakage. Offline.
+"""Static reflectors in a recording, found in its mean chirp and separated from leakage. Offline.
 
     p_k[n] = sum over echoes of e^{a t} (c cos(2 pi b t) + d sin(2 pi b t)) + the rest,     t = (n - (N - 1) / 2) / N
 
-for each receiver k, with the echo's place b in bins (range b c / (2 B)), its change in amplitude over the chirp a, and
-its amplitude sqrt(c^2 + d^2) in the middle. Found one after another in the Hann spectrum, strongest first, and fitted
-together by Gauss-Newton with that window as weight, so that leakage, which fills the lowest bins, hardly bears on them.
+for each receiver k, with the echo's position b in bins (range b c / (2 B)), its change of amplitude over the chirp a,
+and its amplitude sqrt(c^2 + d^2) at the middle. Echoes are found one after another in the Hann spectrum, strongest
+first, and fitted together by Gauss-Newton with that window as weight, so that leakage in the lowest bins hardly affects
+them.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from sim.radar.chirp import Chirp
 
 Float64 = NDArray[np.float64]
 
-FIRST_BIN = 6.0  # below, a reflector cannot be told from leakage and its turn-on
-STRONG_DB = 35.0  # above range-Doppler noise; sidelobes of leakage and clutter of a room stay below
+FIRST_BIN = 6.0  # below this bin a reflector cannot be separated from leakage and its turn-on
+STRONG_DB = 35.0  # above range-Doppler noise; side lobes of leakage and clutter of a room are weaker
 MOST = 8
-_FINER = 8  # places looked at in one bin
+_FINER = 8  # positions per bin that are searched
 _STEPS = 12
-_GREATEST_STEP = (0.2, 0.5)  # of b [bins] and a, so that one step cannot leave the peak
-_STEEPEST = 6.0  # of a; 52 dB over the chirp
+_GREATEST_STEP = (0.2, 0.5)  # of b [bins] and a, so that a step stays within the peak
+_STEEPEST = 6.0  # greatest a: 52 dB over the chirp
 
 
 @dataclass(frozen=True)
 class StaticEcho:
-    """One reflector. Sequences have one value a receiver."""
+    """Static reflector. Sequences have one value per receiver."""
 
     place_bins: tuple[float, ...]
     growth: tuple[float, ...]  # a
@@ -40,12 +41,12 @@ class StaticEcho:
 
     @property
     def amplitude(self) -> tuple[float, ...]:
-        """Counts in the middle of the chirp."""
+        """Amplitude at the middle of the chirp [counts]."""
         return tuple(float(np.hypot(c, d)) for c, d in zip(self.cosine, self.sine, strict=True))
 
 
 def find_static_echoes(pattern: Float64, noise: Float64, chirp: Chirp) -> list[StaticEcho]:
-    """Echoes in the (K, N) mean chirp, nearest first. `noise`: range-Doppler noise of each receiver [counts]."""
+    """Return the echoes in the mean chirp (K, N), nearest first. `noise`: range-Doppler noise per receiver [counts]."""
     n = pattern.shape[1]
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(n) + 0.5) / n)
     found: list[float] = []
@@ -61,7 +62,7 @@ def find_static_echoes(pattern: Float64, noise: Float64, chirp: Chirp) -> list[S
         found.append(place / _FINER)
         levels.append(20.0 * float(np.log10(level[place])))
         fitted = np.stack([_fit(row, window, found, parameters[k]) for k, row in enumerate(pattern)])
-        # Two that fall on one peak are one: what is left there is not a sine, and more sines would not help.
+        # Two echoes on one peak are one: the residual there is not a sine, and more sines would not fit it.
         places = np.sort(fitted[:, :, 0], axis=1)
         if len(found) > 1 and np.diff(places, axis=1).min() < 1.0:
             found.pop()
@@ -77,7 +78,7 @@ def find_static_echoes(pattern: Float64, noise: Float64, chirp: Chirp) -> list[S
 
 
 def echo_pattern(echoes: list[StaticEcho], receivers: int, samples: int) -> Float64:
-    """(K, N): what the echoes put into the mean chirp."""
+    """Return the part of the echoes in the mean chirp, (K, N)."""
     total = np.zeros((receivers, samples))
     for echo in echoes:
         rows = zip(echo.place_bins, echo.growth, echo.cosine, echo.sine, strict=True)
@@ -87,7 +88,7 @@ def echo_pattern(echoes: list[StaticEcho], receivers: int, samples: int) -> Floa
 
 
 def _peak(level: Float64) -> int | None:
-    """Place of the greatest local maximum that is strong enough, in fine bins."""
+    """Return the position of the greatest local maximum that is strong enough, in fine bins."""
     inner = level[1:-1]
     local = np.flatnonzero((inner >= level[:-2]) & (inner > level[2:])) + 1
     good = local[(local >= FIRST_BIN * _FINER) & (level[local] >= 10.0 ** (STRONG_DB / 20.0))]
@@ -95,7 +96,7 @@ def _peak(level: Float64) -> int | None:
 
 
 def _fit(row: Float64, window: Float64, places: list[float], known: Float64) -> Float64:
-    """(echoes, 4): b, a, c, d of each, starting from `known` and the last place."""
+    """Return b, a, c, d of each echo, (echoes, 4), starting from `known` and the last position."""
     n = len(row)
     shape = np.zeros((len(places), 2))
     shape[:, 0] = places
@@ -122,14 +123,14 @@ def _time(n: int) -> Float64:
 
 
 def _bases(n: int, shape: Float64) -> Float64:
-    """(n, 2 echoes): cosine and sine of each."""
+    """Return cosine and sine of each echo, (n, 2 echoes)."""
     t = _time(n)[:, None]
     phase, growth = 2.0 * np.pi * shape[:, 0] * t, np.exp(shape[:, 1] * t)
     return np.stack([growth * np.cos(phase), growth * np.sin(phase)], axis=-1).reshape(n, -1)
 
 
 def _slopes(n: int, model: Float64) -> Float64:
-    """(n, 2 echoes): derivatives of the model by b and a of each."""
+    """Return the derivatives of the model by b and a of each echo, (n, 2 echoes)."""
     t = _time(n)[:, None]
     phase, growth = 2.0 * np.pi * model[:, 0] * t, np.exp(model[:, 1] * t)
     cosine, sine = growth * np.cos(phase), growth * np.sin(phase)

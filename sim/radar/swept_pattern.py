@@ -1,18 +1,17 @@
-"""What a radar receives from itself over a sweep, recorded with one chirp and told for another.
+"""Self-reception of a radar over a sweep: recorded with one chirp, computed for another.
 
-Leakage from transmitter to receiver, and anything else that stands still close by, mixes down to a voltage u(f) that is
-a function of the instantaneous RF frequency f alone. The high-pass behind the mixer lets pass only how u changes while
-the sweep runs, and its own charge from before the sweep fades (turn-on). Sample by sample, with T = 1 / f_s:
+Leakage from transmitter to receiver, and static objects close by, mix down to a voltage u(f) that is a function of the
+instantaneous RF frequency f alone. The high-pass after the mixer passes only the change of u during the sweep, and its
+charge from before the sweep decays (turn-on). Sample by sample, with T = 1 / f_s:
 
     y[0] = s        y[n] = a y[n-1] + g (u[n] - u[n-1])        a = exp(-2 pi f_hp T)     g = (1 - a) / (2 pi f_hp T)
 
-(exact for u that is a straight line between samples). A recording gives y, and with it s and, up to a constant that no
-output depends on, u(f). Another chirp reads u at its own frequencies (Catmull-Rom between the recorded ones) and passes
-it through the high-pass again at its own sample rate. So a narrower sweep, over which u changes more slowly, leaks
-less, while the turn-on stays. With the recorded chirp the recorded counts come back unchanged. Without a high-pass
-y = u.
+(exact if u is linear between samples). A recording gives y, and from it s and u(f), up to a constant that affects no
+output. Another chirp samples u at its own frequencies (Catmull-Rom between the recorded ones) and applies the high-pass
+at its own sample rate. So a narrower sweep, over which u changes more slowly, leaks less, while the turn-on is the
+same. The recorded chirp gives the recorded counts unchanged. Without a high-pass y = u.
 
-Determinism: + - * / on Python floats in a fixed order and `det_exp`.
+Determinism: + - * / on Python floats in a fixed order, and `det_exp`.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_exp
-from hil.signals.documents.validate import StrictModel
+from signals._kernel import det_exp
+from signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
 _Count = Annotated[float, Field(ge=-65536.0, le=65536.0)]
 _Row = Annotated[tuple[_Count, ...], Field(min_length=8, max_length=1024)]
 
-_SAME = 1e-9  # relative difference below which two frequencies are one
+_SAME = 1e-9  # relative difference below which two frequencies are equal
 
 
 class SweptPattern(StrictModel):
-    """`counts[k][n]` of receiver k at the RF frequency `start_frequency_hz + n bandwidth_hz / samples`."""
+    """Counts `counts[k][n]` of receiver k at the RF frequency `start_frequency_hz + n bandwidth_hz / samples`."""
 
     start_frequency_hz: _Frequency
     bandwidth_hz: _Frequency
@@ -46,7 +45,7 @@ class SweptPattern(StrictModel):
     def _rows_alike(self) -> SweptPattern:
         lengths = sorted({len(row) for row in self.counts})
         if len(lengths) > 1:
-            raise ValueError(f"counts must be equally many for every receiver, not {lengths}")
+            raise ValueError(f"counts must have the same length for every receiver, not {lengths}")
         return self
 
     @property
@@ -58,18 +57,18 @@ class SweptPattern(StrictModel):
         return self.start_frequency_hz + self.bandwidth_hz
 
     def problem_with(self, chirp: Chirp) -> str:
-        """Why this says nothing about `chirp`; "" if it does."""
+        """Return why the pattern does not cover `chirp`; "" if it does."""
         slack = _SAME * self.end_frequency_hz
         first, last = chirp.start_frequency_hz, chirp.start_frequency_hz + chirp.bandwidth_hz
         if first >= self.start_frequency_hz - slack and last <= self.end_frequency_hz + slack:
             return ""
         return (
-            f"was recorded from {self.start_frequency_hz / 1e9:g} to {self.end_frequency_hz / 1e9:g} GHz and says "
-            f"nothing about a sweep from {first / 1e9:g} to {last / 1e9:g} GHz"
+            f"was recorded from {self.start_frequency_hz / 1e9:g} to {self.end_frequency_hz / 1e9:g} GHz and does not "
+            f"cover a sweep from {first / 1e9:g} to {last / 1e9:g} GHz"
         )
 
     def at(self, chirp: Chirp) -> list[list[float]]:
-        """Counts of every receiver at the samples of `chirp`. ValueError where it leaves the recorded band."""
+        """Return the counts per receiver at the samples of `chirp`. Raises ValueError outside the recorded band."""
         problem = self.problem_with(chirp)
         if problem:
             raise ValueError(f"the pattern {problem}")
@@ -113,14 +112,14 @@ class SweptPattern(StrictModel):
 
 
 def _high_pass(cutoff_hz: float, rate_hz: float) -> tuple[float, float]:
-    """What is left of a voltage after one sample, and the answer to a ramp of one count in it."""
+    """Return the decay of a voltage over one sample, and the response to a ramp of one count per sample."""
     x = 2.0 * pi * cutoff_hz / rate_hz
     a = det_exp(-x)
     return a, (1.0 - a) / x
 
 
 def _catmull_rom(values: list[float], place: float) -> float:
-    """Cubic through `values` at 0, 1, ...; beyond the ends (at most one step) a straight line."""
+    """Return the cubic through `values` at 0, 1, ...; beyond the ends (at most one step) it is linear."""
     last = len(values) - 1
     i = min(max(floor(place), 0), last - 1)
     t = place - i

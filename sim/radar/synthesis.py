@@ -1,15 +1,15 @@
-"""Raw samples of a frame from its echoes, without noise: the exact phase of a dechirped FMCW radar, summed.
+"""Synthesis of a frame's noise-free samples: the sum of the echoes with the exact phase of a dechirped FMCW radar.
 
-An echo at range R and radial speed v (+ receding) in the middle of the frame delays by tau = 2 (R + v t) / c. Receiver
-k at r_k sees it from the direction d_R, and with f_0 the start of the sweep, S its slope, t_n = n / f_s,
-lambda = c / f_c, f_b = S 2 R / c:
+An echo at range R and radial speed v (+ receding) at the middle of the frame has the delay tau = 2 (R + v t) / c. For
+receiver k at r_k and direction d_R, with f_0 the start of the sweep, S its slope, t_n = n / f_s, lambda = c / f_c and
+f_b = S 2 R / c:
 
     x[k, m, n] = sum of A |H(f_b)| cos(2 pi (f_0 tau + S t_n tau - S tau^2 / 2) - 2 pi r_k . d_R / lambda + arg H(f_b))
 
     H(f) = j f / (f_hp + j f) / (1 + j f / f_aaf)      first order each; either can be off
 
-`direct` sums that as it stands, in double: the reference. `nufft` is a non-uniform FFT with an error of at most
-`tolerance`, ||x - x_direct|| / ||x_direct|| over the whole frame. How: sim/native/radar/synthesis.hpp.
+`direct` evaluates this sum in double precision: the reference. `nufft` is a non-uniform FFT with an error of at most
+`tolerance`, ||x - x_direct|| / ||x_direct|| over the whole frame. Method: sim/native/radar/synthesis.hpp.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
+from signals.samples import Vec3
 from sim._kernels import EchoSynthesis, EchoSynthesisReport
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
@@ -30,10 +30,10 @@ MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 
 
 class Synthesizer:
-    """Sums echoes into frames of one chirp. Not for two threads at once.
+    """Sums echoes into frames of one chirp. Not thread-safe.
 
-    `drop_share` of the tolerance may be spent on leaving out the weakest echoes; 0 leaves none out. `isa` as in
-    sim.frame.renderer: the same bits for each. Raises ValueError for arguments out of range.
+    `drop_share`: share of the tolerance for dropping the weakest echoes; 0 drops none. `isa`: instruction set of the
+    kernels; all give the same bits. Raises ValueError for arguments out of range.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Synthesizer:
         isa: str = "",
     ) -> None:
         if method not in METHODS:
-            raise ValueError(f"no synthesis method {method!r}; there are {', '.join(METHODS)}")
+            raise ValueError(f"no synthesis method {method!r}; methods: {', '.join(METHODS)}")
         if not MIN_TOLERANCE <= tolerance <= MAX_TOLERANCE:
             raise ValueError(f"tolerance must lie in [{MIN_TOLERANCE:g}, {MAX_TOLERANCE:g}], not {tolerance:g}")
         if not 0.0 <= drop_share < 1.0:
@@ -81,9 +81,10 @@ class Synthesizer:
         )
 
     def synthesize(self, echoes: Echoes, out: NDArray[np.float64]) -> EchoSynthesisReport:
-        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit; says how it was summed.
+        """Overwrite `out` (receivers, chirps, samples) with the sum, in the amplitude's unit; return a report.
 
-        Raises ValueError for arrays of another type or shape and for the first echo that is not finite or out of range.
+        Raises ValueError for arrays of another type or shape, and for the first echo that is not finite or out of
+        range.
         """
         n = len(echoes.range_m)
         _check("range_m", echoes.range_m, (n,))

@@ -1,7 +1,7 @@
-"""Where in a world a person can stand or walk: level ground under the open sky, with nobody else's way across it.
+"""Free ground of a world, where a person can stand or walk: level, under the open sky, on no other person's path.
 
-Seen from straight above, a place is free if the first thing there is ground (by its class) and so all round it, to the
-same height. So nobody is put into, onto, or under anything.
+A place is free if the topmost surface there and round it is ground (by its class) of the same height. So no person is
+put into, onto or under an object.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ GROUND_CLASSES = frozenset(
         "hill",
     }
 )  # fmt: skip
-_ABOVE_M = 300.0  # where one looks down from
-_LEVEL_M = 0.04  # feet may be so far above or in the ground
+_ABOVE_M = 300.0  # height from which rays are cast down
+_LEVEL_M = 0.04  # greatest difference of heights
 _BODY_M = 0.45  # radius that must be free
-_APART_M = 1.1  # of two people's ways
+_APART_M = 1.1  # least distance of two people's paths
 _ROUND = (
     (0.0, 0.0),
     (1.0, 0.0),
@@ -36,23 +36,23 @@ _ROUND = (
     (0.0, -1.0),
     (0.7, -0.7),
 )
-# Where those of the map walk is looked up over so long a time: longer than any lap of theirs.
+# The paths of the map's actors are sampled over this time, which is longer than any of their laps.
 _WATCHED_S, _EVERY_S = 400, 0.4
 
 
 class FreeGround:
-    """The free ground of a world, less what was taken since."""
+    """Free ground of a world, without the paths that were taken since."""
 
     def __init__(self, world: World) -> None:
         geometry = FrameGeometry(world)
-        self._geometry = geometry  # the caster reads it
+        self._geometry = geometry  # keeps it alive for the caster
         self._caster = RayCaster(geometry.native)
         ground = np.array([name in GROUND_CLASSES for name in world.class_names])
-        self._is_ground = np.append(ground[world.geom_class], False)  # [-1]: nothing is met
+        self._is_ground = np.append(ground[world.geom_class], False)  # [-1]: the ray hits nothing
         self._taken = [_trail(actor) for actor in world.map.actors]
 
     def height_m(self, way: Float64) -> float | None:
-        """Height of the ground under a way of points (n, 2), if all of it is free and level; else None."""
+        """Return the height of the ground under a path of points (n, 2) if all of it is free and level, else None."""
         low, high = way.min(axis=0) - _APART_M, way.max(axis=0) + _APART_M
         for other in self._taken:
             near = other[((other > low) & (other < high)).all(axis=1)]
@@ -70,7 +70,7 @@ class FreeGround:
         return highest if highest - lowest <= _LEVEL_M else None
 
     def take(self, way: Float64) -> None:
-        """Somebody is there from now on."""
+        """Mark a path as taken."""
         self._taken.append(way)
 
 
@@ -80,6 +80,6 @@ def _trail(actor: object) -> Float64:
 
 
 def _nearer_than(distance_m: float, a: Float64, b: Float64) -> bool:
-    """Whether any point of one way is so near to one of the other."""
+    """Return True if any points of two paths are nearer to each other than `distance_m`."""
     x, y = a[:, None, 0] - b[None, :, 0], a[:, None, 1] - b[None, :, 1]
     return bool((x * x + y * y < distance_m * distance_m).any())

@@ -1,25 +1,25 @@
-"""Light and haze of a seed.
+"""Random light and haze.
 
-With E the light on level ground in the open, s the share of it that comes from the sky and e the sun's elevation:
+With E the light on level ground in the open, s the share of it that comes from the sky, and e the sun's elevation:
 
     ambient = E s c_sky,    sun = E (1 - s) c_sun / max(sin e, 0.35)
 
-The floor under the sine keeps walls that face a low sun from going white. c_sun is the colour of a black body of the
-drawn temperature, c_sky goes from a clear sky's blue to the grey of an overcast one as s grows, and so do zenith and
-horizon; the horizon takes a little of the sun's colour where the sun is low.
+The lower limit of the sine keeps walls that face a low sun from saturating. c_sun is the colour of a black body of the
+drawn temperature. As s grows, c_sky, zenith and horizon change from the blue of a clear sky to the grey of an overcast
+one; under a low sun the horizon takes some of its colour.
 """
 
 from __future__ import annotations
 
-from sim.randomize.draw import between, between_logarithms, dice
 from sim.randomize.settings import HazeLimits, LightLimits
 from sim.scene.light import Light, Rgb
+from sim.scene.random_generator import feature_rng
 from sim.scene.weather import Weather
 
 _CLEAR_E = 1.05  # ambient 0.4 and the default sun at 45 degrees
 _LOWEST_SINE = 0.35
-_CLEAR_SHARE, _OVERCAST_SHARE = 0.35, 0.8  # of ambient light: below, a clear sky; above, an overcast one
-# Of brightness 1.
+_CLEAR_SHARE, _OVERCAST_SHARE = 0.35, 0.8  # shares s of a clear and of an overcast sky
+# At brightness 1.
 _BLUE_ZENITH: Rgb = (0.16, 0.34, 0.70)
 _BLUE_HORIZON: Rgb = (0.62, 0.74, 0.88)
 _GREY_ZENITH: Rgb = (0.60, 0.63, 0.67)
@@ -27,17 +27,17 @@ _GREY_HORIZON: Rgb = (0.74, 0.76, 0.79)
 _BLUE_LIGHT: Rgb = (0.88, 0.98, 1.13)
 _GREY_LIGHT: Rgb = (0.97, 1.0, 1.03)
 _LUMINANCE: Rgb = (0.2126, 0.7152, 0.0722)
-_WHITEST = 10.0  # what a colour of `Light` may hold
+_WHITEST = 10.0  # greatest value of a colour of `Light`
 
 
 def draw_light(limits: LightLimits, seed: int) -> Light:
-    """Sun and sky; a pure function."""
-    rolled = dice(seed, "light")
-    azimuth_deg = between(rolled, limits.sun_azimuth_deg)
-    elevation_deg = between(rolled, limits.sun_elevation_deg)
-    brightness = between(rolled, limits.brightness)
-    sun_colour = black_body(between(rolled, limits.colour_temperature_k))
-    share = between(rolled, limits.ambient_share)
+    """Draw sun and sky, as a pure function of the arguments."""
+    rng = feature_rng(seed, "light")
+    azimuth_deg = rng.between(*limits.sun_azimuth_deg)
+    elevation_deg = rng.between(*limits.sun_elevation_deg)
+    brightness = rng.between(*limits.brightness)
+    sun_colour = black_body(rng.between(*limits.colour_temperature_k))
+    share = rng.between(*limits.ambient_share)
     sine = Light(sun_elevation_deg=elevation_deg).to_sun_W[2]
     level = _CLEAR_E * brightness
     grey = min(max((share - _CLEAR_SHARE) / (_OVERCAST_SHARE - _CLEAR_SHARE), 0.0), 1.0)
@@ -54,15 +54,15 @@ def draw_light(limits: LightLimits, seed: int) -> Light:
 
 
 def draw_weather(limits: HazeLimits, seed: int) -> Weather:
-    """How far one sees; a pure function."""
-    rolled = dice(seed, "haze")
-    clear = rolled.chance(limits.clear_share)
-    visibility_m = between_logarithms(rolled, limits.visibility_m)
+    """Draw the visibility, as a pure function of the arguments."""
+    rng = feature_rng(seed, "haze")
+    clear = rng.chance(limits.clear_share)
+    visibility_m = rng.log_between(*limits.visibility_m)
     return Weather(visibility_m=None if clear else visibility_m)
 
 
 def black_body(temperature_k: float) -> Rgb:
-    """Linear sRGB of luminance 1; channels outside the gamut are 0.
+    """Return the linear sRGB colour of a black body, of luminance 1; channels outside the gamut are 0.
 
     Chromaticity by the cubics of Kim, Kim, Choe & Kang (US patent 7,024,034, 2006), 1667 to 25,000 K.
     """

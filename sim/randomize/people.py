@@ -1,103 +1,75 @@
-"""The people whom a seed adds to a world: who they are, where they stand or walk, and the world with them in it.
+"""Draws the people that a seed adds to a world, and adds them to its map.
 
-Each rolls dice of his own, so one more changes nobody else, unless by standing in the way. A walker goes round an
-oblong of 3 to 14 m by 0.8 to 5 m, at his own pace, beginning anywhere on it; who finds no free place in `_TRIES` is
-left out.
+Each person has a random generator of their own, so one more person changes the others only by taking up space. A walker
+goes round an oblong of 3 to 14 m by 0.8 to 5 m at a drawn speed, starting anywhere on it. A person without a free place
+after `_TRIES` tries is left out.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from hil.signals._kernel import det_atan2, det_cos, det_sin
-from hil.signals.samples import Vec3
-from hil.signals.units import DEG_PER_RAD, TURN_RAD
-from sim.randomize.draw import between, colour_of, dice
+from signals._kernel import det_atan2
+from signals.samples import Vec3
+from signals.units import DEG_PER_RAD, TURN_RAD
 from sim.randomize.free_ground import Float64, FreeGround
-from sim.randomize.settings import PeopleLimits
+from sim.scene.added_person import PERSON, AddedPerson, Way
+from sim.scene.appearance import PeopleLimits
 from sim.scene.maps import surfaces
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.people import add_still_person, add_walker
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.walk_path import WalkPath
-from sim.scene.world import PERSON
+from sim.scene.random_generator import RandomGenerator, feature_rng
 
 _TRIES = 60
-_EVERY_M = 0.35  # of a way is looked at
+_EVERY_M = 0.35  # distance of the points of a path that are checked
 _FAIR: Vec3 = (0.89, 0.70, 0.58)
 _DARK: Vec3 = (0.30, 0.19, 0.14)
 _HAIRS: tuple[Vec3, ...] = ((0.09, 0.07, 0.06), (0.28, 0.18, 0.10), (0.66, 0.52, 0.30), (0.60, 0.60, 0.60))
 
 
-@dataclass(frozen=True)
-class Way:
-    """An oblong to walk round."""
+def colour_of(hue: float, saturation: float, value: float) -> Vec3:
+    """Return the sRGB colour [0, 1] of an HSV colour; hue 0 to 1 runs from red over green and blue to red."""
+    sector = (hue % 1.0) * 6.0
 
-    corner_m: tuple[float, float]
-    heading_rad: float
-    length_m: float
-    width_m: float
-    start_lap: float
+    def channel(n: float) -> float:
+        k = (n + sector) % 6.0
+        return value - value * saturation * max(0.0, min(k, 4.0 - k, 1.0))
 
-    def path(self, speed_mps: float) -> WalkPath:
-        c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
-        x, y = self.corner_m
-        sides = ((0.0, 0.0), (self.length_m, 0.0), (self.length_m, self.width_m), (0.0, self.width_m))
-        vertices = [(x + c * a - s * b, y + s * a + c * b) for a, b in sides]
-        return WalkPath(vertices, speed_mps, corner_m=min(1.5, 0.5 * self.width_m), start_lap=self.start_lap)
+    return channel(5.0), channel(3.0), channel(1.0)
 
 
-@dataclass(frozen=True)
-class Person:
-    """One who is added; colours are codes of sRGB / 255."""
-
-    name: str
-    at_m: Vec3  # where he stands, or is at the beginning
-    heading_deg: float  # from east to north, at the beginning
-    height_m: float
-    speed_mps: float  # 0: stands
-    way: Way | None
-    shirt_rgb: Vec3
-    trousers_rgb: Vec3
-    skin_rgb: Vec3
-    hair_rgb: Vec3
-
-    def as_data(self) -> dict[str, Any]:
-        return asdict(self)
-
-
-def draw_people(limits: PeopleLimits, seed: int, ground: FreeGround) -> tuple[Person, ...]:
-    """Those who found a place, in the order in which they were drawn."""
+def draw_people(limits: PeopleLimits, seed: int, ground: FreeGround) -> tuple[AddedPerson, ...]:
+    """Return the people who found a free place, in the order drawn; their places are taken from `ground`."""
     low, high = limits.count
-    count = low + dice(seed, "people", "count").index(high - low + 1)
+    count = low + feature_rng(seed, "people", "count").index(high - low + 1)
     found = []
     for i in range(count):
-        person = _draw_person(limits, dice(seed, "people", i), ground, f"{PERSON}{i:02d}")
+        person = _draw_person(limits, feature_rng(seed, "people", i), ground, f"{PERSON}{i:02d}")
         if person is not None:
             found.append(person)
     return tuple(found)
 
 
-def _draw_person(limits: PeopleLimits, rolled: Dice, ground: FreeGround, name: str) -> Person | None:
-    height_m = between(rolled, limits.height_m)
-    walks, speed_mps = rolled.chance(limits.walking_share), between(rolled, limits.speed_mps)
-    shirt = colour_of(rolled.unit(), rolled.between(0.0, 0.85), rolled.between(0.12, 0.9))
-    trousers = colour_of(rolled.unit(), rolled.between(0.0, 0.5), rolled.between(0.1, 0.6))
-    dark = rolled.unit()
+def _draw_person(limits: PeopleLimits, rng: RandomGenerator, ground: FreeGround, name: str) -> AddedPerson | None:
+    height_m = rng.between(*limits.height_m)
+    walks, speed_mps = rng.chance(limits.walking_share), rng.between(*limits.speed_mps)
+    shirt = colour_of(rng.unit(), rng.between(0.0, 0.85), rng.between(0.12, 0.9))
+    trousers = colour_of(rng.unit(), rng.between(0.0, 0.5), rng.between(0.1, 0.6))
+    dark = rng.unit()
     skin = (
         _FAIR[0] + dark * (_DARK[0] - _FAIR[0]),
         _FAIR[1] + dark * (_DARK[1] - _FAIR[1]),
         _FAIR[2] + dark * (_DARK[2] - _FAIR[2]),
     )
-    hair = rolled.pick(_HAIRS)
+    hair = rng.pick(_HAIRS)
     for _ in range(_TRIES):
-        x, y = (rolled.between(-limits.within_m, limits.within_m) for _ in range(2))
-        heading_rad = rolled.between(0.0, TURN_RAD)
-        way = Way((x, y), heading_rad, rolled.between(3.0, 14.0), rolled.between(0.8, 5.0), rolled.unit())
+        x, y = (rng.between(-limits.within_m, limits.within_m) for _ in range(2))
+        heading_rad = rng.between(0.0, TURN_RAD)
+        way = Way((x, y), heading_rad, rng.between(3.0, 14.0), rng.between(0.8, 5.0), rng.unit())
         points, heading = np.array([[x, y]]), heading_rad
         if walks:
             path = way.path(speed_mps)
@@ -110,7 +82,7 @@ def _draw_person(limits: PeopleLimits, rolled: Dice, ground: FreeGround, name: s
         if z is None:
             continue
         ground.take(points)
-        return Person(
+        return AddedPerson(
             name,
             (x, y, z),
             heading * DEG_PER_RAD,
@@ -130,8 +102,8 @@ def _points_of(path: WalkPath) -> Float64:
     return np.array([path.place(path.lap_m * i / count)[:2] for i in range(count)])
 
 
-def map_with(people: tuple[Person, ...], made: SceneMap) -> SceneMap:
-    """The map with these people in it. All that was there keeps its number: they come last."""
+def map_with(people: tuple[AddedPerson, ...], made: SceneMap) -> SceneMap:
+    """Return the map with these people in it. They come last, so everything else keeps its number."""
     builder = MapBuilder("people")
     for person in people:
         _add(builder, person)
@@ -144,28 +116,26 @@ def map_with(people: tuple[Person, ...], made: SceneMap) -> SceneMap:
     )
 
 
-def _add(builder: MapBuilder, person: Person) -> None:
-    rolled = Dice(0, person.name)  # how a hand is held; the rest is said
-    look = {
+def _add(builder: MapBuilder, person: AddedPerson) -> None:
+    rng = RandomGenerator(0, person.name)  # draws how a hand is held; everything else is given
+    materials = {
         "shirt": builder.material(f"{person.name}_shirt", surfaces.CLOTH, rgb=person.shirt_rgb),
         "trousers": builder.material(f"{person.name}_trousers", surfaces.CLOTH, rgb=person.trousers_rgb),
         "skin": builder.material(f"{person.name}_skin", surfaces.SKIN, rgb=person.skin_rgb),
         "hair": builder.material(f"{person.name}_hair", surfaces.HAIR, rgb=person.hair_rgb),
         "shoe": builder.material(f"{person.name}_shoe", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08)),
     }
-    x, y, z = person.at_m
-    height_m, name = person.height_m, person.name
+    traits = PersonTraits(height_m=person.height_m, name=person.name, materials=materials)
     if person.way is None:
-        heading_rad = person.heading_deg / DEG_PER_RAD
-        add_still_person(builder, rolled, x, y, heading_rad, height_m=height_m, ground_m=z, name=name, look=look)
+        add_still_person(builder, rng, person.at_m, person.heading_deg / DEG_PER_RAD, traits=traits)
     else:
         path = person.way.path(person.speed_mps)
-        add_walker(builder, rolled, path, height_m=height_m, ground_m=z, name=name, look=look)
+        add_walker(builder, rng, path, ground_m=person.at_m[2], traits=traits)
 
 
 def _followed(mjcf: str, sections: str) -> str:
-    """Sections at the end of the text, where MJCF allows them a second time; no line of it moves."""
+    """Return the text with sections at its end, where MJCF allows them a second time; no line moves."""
     end = mjcf.rfind("</mujoco>")
-    if end < 0:  # one element without content
+    if end < 0:  # an empty element
         return f"{mjcf.rstrip().removesuffix('/>')}>{sections}</mujoco>"
     return mjcf[:end] + sections + mjcf[end:]

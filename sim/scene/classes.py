@@ -1,7 +1,7 @@
-"""What things are: the classes that segmentation tells apart, with the colour each is shown in.
+"""Object classes of segmentation, with the colour in which each is shown.
 
-The number of a class is its place in the table. Labels of recorded data sets carry these numbers, so entries are only
-ever added at the end. Classes that a scene declares for itself follow after the table.
+The class id is the position in the table. Labels of recorded data sets hold these ids, so new entries go to the end of
+the table only. Classes that a scene declares itself follow after the table.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
     "gate": (120, 120, 90),
 }
 
-# Of a scene's own classes: well apart from one another, in turn.
+# Colours for a scene's own classes, in turn: easy to tell from each other.
 _FURTHER = ((255, 0, 255), (0, 255, 128), (128, 0, 255), (255, 160, 200), (0, 128, 128), (200, 255, 0), (90, 90, 255))
 
 
 def class_table(new_classes: tuple[str, ...] = ()) -> dict[str, tuple[int, int, int]]:
-    """Every class by name in the order of its number, with its colour."""
+    """Return the colour of every class by name, in the order of class ids."""
     further = {name: _FURTHER[i % len(_FURTHER)] for i, name in enumerate(new_classes)}
     return CLASS_COLOURS | further

@@ -1,12 +1,12 @@
-"""How a scene is lit: one sun, light from everywhere, a sky of two colours, fog.
+"""Light of a scene: one sun, ambient light, a sky of two colours, fog.
 
-Colours are linear RGB, 1 = what turns a white surface white. The sun stands at an azimuth clockwise from north and an
+Colours are linear RGB; light of 1 makes a white surface white. The sun has an azimuth, clockwise from north, and an
 elevation above the horizon:
 
     to_sun_W = (sin a cos e, cos a cos e, sin e)
 
-`fog_per_m` is the extinction of haze, for those who have that number and not the visibility (sim/scene/weather.py);
-where both are given they add up.
+`fog_per_m` gives haze by its extinction instead of by the visibility (sim/scene/weather.py); if both are given, they
+add up.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals._kernel import det_cos, det_exp, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_exp, det_sin
+from signals.documents.validate import StrictModel
+from signals.units import RAD_PER_DEG
 from sim.scene.weather import HAZE_M
 
 Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
@@ -29,7 +29,7 @@ class Light(StrictModel):
     """Light of a scene; the defaults are a clear mid-morning."""
 
     sun_azimuth_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 130.0
-    sun_elevation_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 45.0  # below 0 it does not shine
+    sun_elevation_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 45.0  # below 0: no sunlight
     sun_rgb: Rgb = (1.0, 0.96, 0.88)
     ambient_rgb: Rgb = (0.36, 0.40, 0.46)
     sky_zenith_rgb: Rgb = (0.16, 0.34, 0.70)
@@ -44,13 +44,13 @@ class Light(StrictModel):
         return (det_sin(azimuth) * level, det_cos(azimuth) * level, det_sin(elevation))
 
 
-_FORWARD = 0.75  # of scattered light comes down; the rest goes back up
-_LOWEST_SINE = 0.05  # the sun's way through the layer on a round Earth is never longer than 20 times the layer
+_FORWARD = 0.75  # share of scattered light that comes down; the rest goes back up
+_LOWEST_SINE = 0.05  # on a round Earth sunlight crosses at most 20 times the thickness of the layer
 
 
 @dataclass(frozen=True)
 class HazyLight:
-    """Light below and within haze; colours linear."""
+    """Light below and within haze, in linear RGB."""
 
     sun_rgb: Rgb
     ambient_rgb: Rgb
@@ -58,14 +58,14 @@ class HazyLight:
 
 
 def light_in_haze(light: Light, extinction_per_m: float) -> HazyLight:
-    """What haze does to a scene's light, before any picture is drawn. Without haze: the light as it is.
+    """Return a scene's light as haze changes it; without haze it is unchanged.
 
     With tau = beta HAZE_M, the optical thickness of the layer, the sun at elevation e loses the share
     1 - exp(-tau / sin e) of its light. Most of that is scattered forwards and arrives from the whole sky instead: the
-    ambient light gains `_FORWARD` of what the level ground lost. So shadows fade as haze thickens, and are gone in fog.
+    ambient light gains `_FORWARD` of what the level ground lost. So shadows fade in haze and vanish in fog.
 
-    The colour of the air itself is that of the horizon's sky, which is looked at through a long way of it; the thicker
-    the layer, the more often light was scattered, and the greyer it is.
+    The air has the colour of the sky at the horizon, which is seen through a long path of air. A thicker layer scatters
+    light more often, which makes it greyer.
     """
     sine = light.to_sun_W[2]
     sun = light.sun_rgb if light.sun_elevation_deg > 0.0 else (0.0, 0.0, 0.0)
@@ -76,7 +76,7 @@ def light_in_haze(light: Light, extinction_per_m: float) -> HazyLight:
     gain = _FORWARD * max(sine, 0.0) * (1.0 - through)
     r, g, b = light.sky_horizon_rgb
     grey = 0.2126 * r + 0.7152 * g + 0.0722 * b
-    colour = det_exp(-thickness)  # of the sky's own is left
+    colour = det_exp(-thickness)  # share of the sky's own colour that is left
     return HazyLight(
         _sum(sun, through, (0.0, 0.0, 0.0)),
         _sum(sun, gain, light.ambient_rgb),

@@ -1,9 +1,9 @@
-"""Reads an MJCF file with everything it names, into one text that keeps the line of every element.
+"""Reads an MJCF file and all files it names, into one text that keeps the line of every element.
 
-Includes are put in place, and the files of meshes, textures, height fields, skins and sub-models are read here, so
-that a missing one is told with file and line, and a map can be kept with a run. File names follow MuJoCo's rules:
+Includes are put in place. The files of meshes, textures, height fields, skins and sub-models are read here, so that a
+missing file is reported with file and line, and a map can be stored with a run. File names follow MuJoCo's rules:
 relative to the folder of the main file, below `meshdir`, `texturedir` or `assetdir` of <compiler>. In the text every
-element stands on a line of its own, which turns the line that MuJoCo's compiler complains about into the user's own.
+element has a line of its own, which maps the line in an error of MuJoCo's compiler to the line in the user's file.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from hil.signals.documents.document import shown_path
-from hil.signals.errors import ConfigError, Problem
+from signals.documents.document import shown_path
+from signals.errors import ConfigError, Problem
 
 MAX_XML_BYTES = 64_000_000
 MAX_ASSET_BYTES = 1_000_000_000
@@ -35,7 +35,7 @@ _COMPILER_PATHS = ("meshdir", "texturedir", "assetdir", "strippath")
 
 @dataclass
 class Element:
-    """An XML element that knows its place."""
+    """An XML element with its file and line."""
 
     tag: str
     attributes: dict[str, str]
@@ -60,18 +60,18 @@ class MapFile:
     text: str
     assets: dict[str, bytes]
     root: Element
-    elements: tuple[Element, ...]  # element of each line of `text` but its end tags'; line 1 first
+    elements: tuple[Element, ...]  # element of each line of `text` except end tags; line 1 first
     asset_elements: dict[str, Element]
 
     def where(self, tag: str, name: str) -> str:
-        """'file:line' of the element `tag` called `name`, or of the whole file."""
+        """Return 'file:line' of the element `tag` called `name`, or of the whole file."""
         for element in self.root.walk():
             if element.tag == tag and element.attributes.get("name") == name:
                 return element.where
         return self.root.source
 
     def problem(self, error: str) -> Problem:
-        """What MuJoCo said about `text`, at the user's own line."""
+        """Return an error of MuJoCo about `text` as a problem at the user's own line."""
         message = " ".join(error.removeprefix("XML Error: ").removeprefix("Error: ").split())
         message = re.sub(r" Element name '', id -?\d+| Element '\w+'", "", message)
         message = re.sub(r" Element name '(.+)', id -?\d+", r" (\1)", message)
@@ -90,12 +90,12 @@ class MapFile:
 
 
 def read_map_file(path: Path, *, inside: tuple[Path, ...] = ()) -> MapFile:
-    """Raises ConfigError with every problem found. `inside`: the files whose sub-model this one is."""
+    """Read a map; raises ConfigError with every problem found. `inside`: the files of which this is a sub-model."""
     return _Reading(path, inside).file()
 
 
 def parse_xml(path: Path, where: str = "") -> Element:
-    """Raises ConfigError, which names `where` if the file cannot be read at all."""
+    """Parse an XML file; raises ConfigError, at `where` if the file cannot be read at all."""
     source = shown_path(path)
     try:
         if not path.exists():
@@ -130,7 +130,7 @@ def parse_xml(path: Path, where: str = "") -> Element:
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.ErrorString(error.code)
         raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {what}")]) from None
-    except (ValueError, LookupError) as error:  # an encoding that nobody knows
+    except (ValueError, LookupError) as error:  # an unknown encoding
         raise ConfigError([Problem(f"{source}:1", f"is not valid XML: {error}")]) from None
     return roots[0]
 
@@ -139,11 +139,11 @@ def _as_numbers(text: str) -> list[float]:
     try:
         return [float(word) for word in text.split()]
     except ValueError:
-        return []  # MuJoCo says so
+        return []  # MuJoCo reports it
 
 
 class _Reading:
-    """One read on its way."""
+    """State while one file is read."""
 
     def __init__(self, path: Path, inside: tuple[Path, ...]) -> None:
         self._path = path
@@ -211,7 +211,7 @@ class _Reading:
         parent.children = children
 
     def _numbers(self, element: Element) -> None:
-        """MuJoCo takes any number; one that is no place or size would spoil everything that is computed from it."""
+        """Report numbers that are no finite place or size: MuJoCo accepts them, and all results would be wrong."""
         for key, value in element.attributes.items():
             if key in _TEXTS:
                 continue
@@ -243,7 +243,7 @@ class _Reading:
             self._problems.append(Problem(element.where, message, "leave it out"))
 
     def _asset(self, element: Element, path: Path, name: str) -> str:
-        """The name in `assets` of a file, which is read once."""
+        """Return the name in `assets` of a file; each file is read once."""
         known = self._asset_names.get(path)
         if known is not None:
             return known
@@ -296,7 +296,7 @@ class _Reading:
 
 
 def _write(element: Element, lines: list[str], elements: list[Element]) -> None:
-    """Every start and end tag on its own line; `elements` names the element of each line."""
+    """Append every start and end tag as a line of its own; `elements` gets the element of each line."""
     attributes = "".join(f" {key}={quoteattr(value)}" for key, value in element.attributes.items())
     elements.append(element)
     if not element.children:

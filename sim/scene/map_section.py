@@ -1,4 +1,4 @@
-"""The section `map` of a scene: a generator with its parameters, or an MJCF file of the user's own."""
+"""Section `map` of a scene: a generator with its parameters, or the user's own MJCF file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import pydantic
 from pydantic import Discriminator, Field, Tag
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 from sim.scene.maps.scene_map import Surface
 
 MAX_SEED = 2**63 - 1
@@ -17,7 +17,7 @@ Glob = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class SurfaceValues(StrictModel):
-    """A surface in numbers."""
+    """Surface given by its values."""
 
     lidar_reflectivity: Annotated[float, Field(ge=0.0, le=1.0)]
     relative_permittivity: Annotated[float, Field(ge=1.0, le=1000.0)]
@@ -30,7 +30,7 @@ class SurfaceValues(StrictModel):
 
 
 class GeneratedMap(StrictModel):
-    """A map made by a generator of `sim.scene.maps.catalog`. The other keys are the generator's parameters."""
+    """Map made by a generator of `sim.scene.maps.catalog`. The other keys are the generator's parameters."""
 
     model_config = pydantic.ConfigDict(extra="allow")
 
@@ -52,17 +52,17 @@ SurfaceChoice = Annotated[
 
 
 class MjcfMap(StrictModel):
-    """A map of the user's own: any MJCF file, and what the things in it are."""
+    """The user's own map: any MJCF file, with the classes and surfaces of its parts."""
 
     mjcf: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
-    ground: bool = False  # lay the plane z = 0 under it
-    classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # class -> globs over names
+    ground: bool = False  # add the plane z = 0
+    classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # class -> glob patterns of names
     new_classes: tuple[ClassName, ...] = ()  # classes beyond those of sim.scene.classes
     surfaces: dict[str, SurfaceChoice] = Field(
         default_factory=dict
     )  # MJCF material -> a name of sim.scene.surfaces, or values
 
-    # Known here only to be refused in plain words.
+    # Known here only to be refused with a clear message.
     generator: Any = Field(default=None, exclude=True)
     seed: Any = Field(default=None, exclude=True)
 

@@ -1,8 +1,8 @@
-"""A scene: where on Earth it is, what stands on the ground, and how it is lit.
+"""A scene: its place on Earth, map, light and weather.
 
 The world frame W is ENU with its origin on the ground at the site, where the vehicle takes off. Without a `map` the
-ground is the plane z = 0 and what stands on it are `boxes`; with one, the map holds the ground and everything on it,
-and boxes are added to it. `sim.scene.world.load_world` makes geometry of it.
+ground is the plane z = 0 with `boxes` on it; with one, the map holds the ground and everything on it, and boxes are
+added to it. `sim.world_loader.load_world` makes the geometry.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr
 
-from hil.signals.documents.document import Document, shown_path
-from hil.signals.documents.validate import StrictModel, load_model
-from hil.signals.units import STANDARD_GRAVITY_MPS2
-from sim.randomize.looks import Looks
+from signals.documents.document import Document, shown_path
+from signals.documents.validate import StrictModel, load_model
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.scene.appearance import Appearance
 from sim.scene.light import Light
 from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
 from sim.scene.scene_file import SceneFile
@@ -33,8 +33,8 @@ WindSpeed = Annotated[float, Field(ge=-50.0, le=50.0)]
 class Site(StrictModel):
     """Geodetic position of W's origin on WGS-84.
 
-    The bench takes height above mean sea level and ellipsoidal height to be the same number: the geoid's
-    undulation (47 m at the default site) is one constant that no sensor here could show.
+    The bench uses one number for height above mean sea level and ellipsoidal height: the undulation of the geoid (47 m
+    at the default site) is a constant that no sensor here could show.
     """
 
     latitude_deg: Annotated[float, Field(ge=-89.9, le=89.9)]
@@ -43,7 +43,7 @@ class Site(StrictModel):
 
 
 class Box(StrictModel):
-    """A static, axis-aligned box: centre and full edge lengths in W [m]."""
+    """Static, axis-aligned box: centre and full edge lengths in W [m]."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     center_m: tuple[Coordinate, Coordinate, Coordinate]
@@ -51,14 +51,14 @@ class Box(StrictModel):
 
 
 class Scene(StrictModel):
-    """Everything outside the vehicle."""
+    """The world outside the vehicle."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     description: str
     site: Site
     ground_friction: Annotated[float, Field(gt=0.0, le=5.0)]
     gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = STANDARD_GRAVITY_MPS2
-    view: tuple[ViewPoint, ...] = ()  # where `hil view` looks from; none: places that it finds
+    view: tuple[ViewPoint, ...] = ()  # for `hil view`; empty: it finds places itself
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()
     map: MapSection | None = None
@@ -66,59 +66,60 @@ class Scene(StrictModel):
     weather: Weather = Weather()
 
     _file: SceneFile = PrivateAttr(default_factory=SceneFile)
-    _looks: Looks | None = PrivateAttr(default=None)
+    _appearance: Appearance | None = PrivateAttr(default=None)
+    _original: Scene | None = PrivateAttr(default=None)
 
     @property
     def extinction_per_m(self) -> float:
-        """Of visible light by haze; 0 in clear air."""
+        """Extinction of visible light by haze and fog; 0 in clear air."""
         return self.light.fog_per_m + self.weather.extinction_per_m
 
     @property
     def file(self) -> SceneFile:
-        """Where it was written."""
+        """The file in which the scene was written."""
         return self._file
 
     @property
-    def looks(self) -> Looks | None:
-        """What a seed drew of it, if it was randomised or put into other weather (sim/randomize/looks.py)."""
-        return self._looks
+    def appearance(self) -> Appearance | None:
+        """Appearance that a seed gives the scene; None unless it was randomised or put into other weather."""
+        return self._appearance
 
     @property
     def original(self) -> Scene:
         """The scene as its file has it."""
-        return self if self._looks is None else self._looks.original
+        return self if self._original is None else self._original
 
     @property
     def plain(self) -> bool:
-        """Whether the ground plane and boxes are all there is."""
-        return self.map is None and (self._looks is None or self._looks.people is None)
+        """True if the scene is nothing but the ground plane and boxes."""
+        return self.map is None and (self._appearance is None or self._appearance.people is None)
 
-    def with_looks(self, looks: Looks) -> Scene:
-        """The same scene, with surfaces and people of a seed."""
+    def with_appearance(self, appearance: Appearance, original: Scene) -> Scene:
+        """Return the scene with surfaces and people of a seed; `original`: the scene before any random draw."""
         scene = self.model_copy()
-        scene._looks = looks
+        scene._appearance, scene._original = appearance, original
         return scene
 
     def from_file(self, file: SceneFile) -> Scene:
-        """The same scene, written in `file`."""
+        """Return the scene as one that was written in `file`."""
         scene = self.model_copy()
         scene._file = file
         return scene
 
     def with_map_seed(self, seed: int) -> Scene:
-        """The same scene with another map of the same kind. ValueError if its map is not made from a seed."""
+        """Return the scene with the map of another seed. Raises ValueError if its map is not made from a seed."""
         if not isinstance(self.map, GeneratedMap):
             raise ValueError(f"the map of scene {self.name!r} is not made from a seed")
         return self.model_copy(update={"map": self.map.model_copy(update={"seed": seed})})
 
 
 def scene_names() -> list[str]:
-    """Names that `load_scene` takes, sorted."""
+    """Return the names that `load_scene` accepts, sorted."""
     return sorted(path.stem for path in SCENE_DIR.glob("*.yaml"))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A scene of `rigs/scenes` by name, or any YAML or MJCF (.xml) file by path. Raises ConfigError."""
+    """Load a scene of `rigs/scenes` by name, or a YAML or MJCF (.xml) file by path. Raises ConfigError."""
     path = Path(name_or_path)
     if is_mjcf(path):
         return scene_of_mjcf(path)
@@ -128,11 +129,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def is_mjcf(path: Path) -> bool:
+    """Return True if the suffix is that of an MJCF file."""
     return path.suffix.lower() in (".xml", ".mjcf")
 
 
 def scene_of_mjcf(path: Path) -> Scene:
-    """An MJCF file as a scene, with everything that such a file does not say as it is at the default site."""
+    """Return an MJCF file as a scene; whatever such a file does not hold is as at the default site."""
     name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",

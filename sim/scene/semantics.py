@@ -1,11 +1,11 @@
 """Class, instance and surface of every geom of a compiled map.
 
-* Instance: each child body of the world with all that hangs on it; an actor with all its bodies; each geom that sits on
-  the worldbody. Numbered from 1 in the order of the model's geoms; 0 is nothing.
-* Class: globs are matched against names of bodies and of geoms on the worldbody; what hangs on a body is of its class
-  unless it is named itself. Of several globs that match the last one counts. Without any: "ground" for planes and
-  height fields, else "object".
-* Surface: that of the geom's material; number 0 is the one for geoms without, or whose material nobody described.
+* Instance: each child body of the world with its descendants; an actor with all its bodies; each geom of the worldbody.
+  Numbered from 1 in the order of the model's geoms; 0 is nothing.
+* Class: glob patterns are matched against the names of bodies and of geoms of the worldbody. Descendants have the class
+  of their body unless a pattern matches them. The last match counts. Without a match: "ground" for planes and height
+  fields, else "object".
+* Surface: that of the geom's material; a geom without a material, or with one that has no surface, gets the default.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from sim.scene.maps.scene_map import Actor, Surface
 from sim.scene.surfaces import NO_SURFACE
 
 MAX_INSTANCES = 2**16 - 1
-_VISIBLE_GROUPS = 3  # groups below are drawn
-_DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # of a geom that names no colour
+_VISIBLE_GROUPS = 3  # geoms of lower groups are drawn
+_DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # of a geom without a colour of its own
 
 
 @dataclass(frozen=True)
 class Names:
-    """Names of a model's parts, "" where there is none, and how its bodies hang together."""
+    """Names of a model's parts ("" for none), and the tree of its bodies."""
 
     bodies: list[str]
     geoms: list[str]
     materials: list[str]
     body_of_geom: list[int]
     parent: list[int]
-    top: list[int]  # for each body the child of the world that it hangs on; 0 for the world
+    top: list[int]  # for each body its ancestor among the children of the world; 0 for the world
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> Names:
@@ -59,7 +59,7 @@ class Names:
 
 
 def instances(names: Names, actors: Sequence[Actor]) -> tuple[NDArray[np.uint16], tuple[str, ...]]:
-    """Instance of each geom, and the instances' names. ValueError where there are more than a uint16 can count."""
+    """Return the instance of each geom, and the instances' names. Raises ValueError beyond the range of a uint16."""
     actor_of = {body: actor.name for actor in actors for body in actor.bodies}
     numbers: dict[tuple[str, object], int] = {}
     found = ["none"]
@@ -87,7 +87,7 @@ def instances(names: Names, actors: Sequence[Actor]) -> tuple[NDArray[np.uint16]
 def classes(
     model: mujoco.MjModel, names: Names, globs: Mapping[str, Sequence[str]], number_of: Mapping[str, int]
 ) -> tuple[NDArray[np.uint8], list[tuple[str, int]]]:
-    """Class of each geom, and (class, index of its glob) of globs that match nothing."""
+    """Return the class of each geom, and (class, index of the pattern) of patterns that match nothing."""
     of_body: list[int | None] = [None] * len(names.bodies)
     ids = np.full(len(names.geoms), number_of["object"], np.uint8)
     flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) | (model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD)
@@ -129,23 +129,23 @@ def _matching(pattern: str, names: Mapping[str, object]) -> list[str]:
 def surfaces(
     model: mujoco.MjModel, names: Names, of_material: Mapping[str, Surface], default: Surface
 ) -> tuple[NDArray[np.uint8], tuple[Surface, ...]]:
-    """Surface of each geom, and the surfaces: first that of nothing, then the default. Equal surfaces are one."""
+    """Return the surface of each geom, and the surfaces: first of nothing, then the default. Equal surfaces are one."""
     table: dict[Surface, int] = {NO_SURFACE: 0, default: 1}
     number = [table.setdefault(of_material[name], len(table)) if name in of_material else 1 for name in names.materials]
     if len(table) > 256:
         raise ValueError("holds more than 256 different surfaces")
-    of_geom = np.array([*number, 1], np.uint8)[model.geom_matid]  # material -1: the last, which is the default
+    of_geom = np.array([*number, 1], np.uint8)[model.geom_matid]  # material -1 selects the last entry, the default
     return of_geom, tuple(table)
 
 
 def of_material_colour(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Geoms that have the colour of their material, as MuJoCo draws them: their own is exactly the default grey."""
+    """Return True for geoms with the colour of their material: MuJoCo's rule is that their own is the default grey."""
     plain: NDArray[np.bool_] = np.all(model.geom_rgba == _DEFAULT_RGBA, axis=1)
     return (model.geom_matid >= 0) & plain
 
 
 def visible(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Geoms that are drawn: of a group below 3, and not wholly transparent."""
+    """Return True for geoms that are drawn: of a group below 3, and not fully transparent."""
     alpha = model.geom_rgba[:, 3].copy()
     from_material = of_material_colour(model)
     alpha[from_material] = model.mat_rgba[model.geom_matid[from_material], 3]

@@ -1,11 +1,11 @@
-"""The solid geoms of a world, placed: what stands still in W, what moves in the frame of its mocap body.
+"""Poses of a world's solid geoms: static ones in W, moving ones in the frame of their mocap body.
 
-Poses are composed up the chain of bodies as they stand in the file (joints at their reference):
+Poses are composed along the chain of bodies, with joints at their reference:
 
     R = R_parent R_own,   p = p_parent + R_parent p_own
 
-and rounded to 1e-12, so that the last bit of an angle's sine, which depends on the machine that compiled the map, does
-not get into a flight.
+and rounded to 1e-12: the last bit of an angle's sine depends on the machine that compiled the map, and must not reach a
+flight.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.rotation import matrix_of, product
+from signals.rotation import matrix_of, product
 from sim._kernels import SolidTree
 from sim.scene.world import World
 
@@ -35,7 +35,7 @@ _KINDS = frozenset(
         _G.mjGEOM_BOX,
     )
 )
-_HFIELD_TILES = 32  # along each side at most: the boxes that hold a height field
+_HFIELD_TILES = 32  # boxes along each side of a height field, at most
 
 
 @dataclass(frozen=True)
@@ -43,18 +43,18 @@ class PlacedGeoms:
     """Geoms of `World.model` with their frames: W, or an actor's mocap body."""
 
     geom: NDArray[np.int64]
-    body: NDArray[np.int64]  # the mocap body of the model that they hang on; 0: they stand in W
+    body: NDArray[np.int64]  # the mocap body that each belongs to; 0: static in W
     position: Float64  # (n, 3)
     quaternion: Float64  # (n, 4)
 
 
 def _matrices(q: Float64) -> Float64:
-    """(n, 4) unit quaternions to (n, 3, 3)."""
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
     return np.stack(matrix_of(q.T), -1).reshape(-1, 3, 3)
 
 
 def _turned(q: Float64, v: Float64) -> Float64:
-    # Sums written out: a matrix product's order of additions is the machine's own.
+    # Sums are written out: the order of additions in a matrix product depends on the machine.
     R = _matrices(q)
     return (R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2]) + R[:, :, 2] * v[:, 2:3]
 
@@ -64,7 +64,7 @@ def _unit(q: Float64) -> Float64:
 
 
 def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
-    """Where these geoms are."""
+    """Return the poses of these geoms."""
     model = world.model
     moving = {name for actor in world.map.actors for name in actor.bodies}
     root = np.zeros(model.nbody, np.int64)
@@ -91,12 +91,12 @@ def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
 
 
 def solid_geoms(world: World) -> PlacedGeoms:
-    """Every solid geom of the world."""
+    """Return the poses of all solid geoms of the world."""
     return place(world, np.flatnonzero(world.geom_solid))
 
 
 def solid_tree(world: World) -> SolidTree:
-    """The solid geoms that stand still, for `RigidBody.clearance_before`."""
+    """Return the tree of static solid geoms, for `RigidBody.clearance_before`."""
     model, placed = world.model, solid_geoms(world)
     still = placed.body == 0
     geoms, position, turn = placed.geom[still], placed.position[still], _matrices(_unit(placed.quaternion[still]))
@@ -111,7 +111,7 @@ def solid_tree(world: World) -> SolidTree:
         kind.append(np.full(len(boxes), int(_G.mjGEOM_BOX), np.int32))
         center.append(middle)
         frame.append(np.tile(turn[index].reshape(1, 9), (len(boxes), 1)))
-        # The model keeps vertices as 32-bit numbers and their bounds as sums of them.
+        # The model stores vertices as 32-bit floats, and their bounds as sums of these.
         size.append(boxes[:, 3:] * (1.0 + 1e-6) + 1e-6)
     pose = np.concatenate([np.concatenate(center), np.concatenate(frame)], axis=1)
     return SolidTree(
@@ -122,7 +122,7 @@ def solid_tree(world: World) -> SolidTree:
 
 
 def _hfield_boxes(model: mujoco.MjModel, geom: int) -> Float64:
-    """Boxes (centre, half edges) in the geom's frame that hold a height field: tiles as high as their highest point."""
+    """Return boxes (centre, half edges) in the geom's frame that enclose a height field, tile by tile."""
     field = int(model.geom_dataid[geom])
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     half_x, half_y, height, base = model.hfield_size[field].tolist()

@@ -1,4 +1,4 @@
-"""A place from which to look at a scene: for pictures, not for sensors."""
+"""Camera pose in a scene, for pictures of `hil view`."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 
 _Coordinate = Annotated[float, Field(ge=-50_000.0, le=50_000.0)]
 
 
 class ViewPoint(StrictModel):
-    """Where to stand, and where to look: yaw from east towards north, pitch downwards (as a sensor's mount)."""
+    """Position and view direction: yaw from east towards north, pitch downwards (as a sensor's mount)."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     at_m: tuple[_Coordinate, _Coordinate, _Coordinate]  # in W

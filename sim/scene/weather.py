@@ -1,12 +1,12 @@
-"""How far one sees: haze and fog, by the meteorological visibility.
+"""Haze and fog, given by the meteorological visibility.
 
-Visibility V is the range at which a black thing still has 2 % of contrast before the horizon's sky (Koschmieder 1924):
+Visibility V is the range at which a black object has 2 % of contrast against the sky at the horizon (Koschmieder 1924):
 
     exp(-beta V) = 0.02,   beta = 3.912 / V
 
-beta is the extinction of visible light and, for droplets far larger than the wavelength, of a LiDAR's as well. It is
-taken to be the same everywhere up to the height `HAZE_M`, with clear air above. Radar at 60 GHz loses less than
-0.02 dB over 10 m even in thick fog (Recommendation ITU-R P.840), so it is not touched.
+beta is the extinction of visible light and, for droplets far larger than the wavelength, of a LiDAR's light as well. It
+is uniform up to the height `HAZE_M`, with clear air above. Radar at 60 GHz loses less than 0.02 dB over 10 m even in
+thick fog (Recommendation ITU-R P.840); the model leaves it unchanged.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 
 CONTRAST_EXPONENT = 3.912  # -ln 0.02
-HAZE_M = 300.0  # thickness of a layer of fog or of the haze over a city: the order of size
+HAZE_M = 300.0  # typical thickness of a layer of fog or of the haze over a city
 
 
 class Weather(StrictModel):
-    """The air between things; rain and snow are not modelled."""
+    """Visibility of the air; rain and snow are not modelled."""
 
     visibility_m: Annotated[float, Field(ge=10.0, le=1e6)] | None = None  # null: perfectly clear
 
     @property
     def extinction_per_m(self) -> float:
-        """beta; 0 in clear air."""
+        """Extinction beta; 0 in clear air."""
         return 0.0 if self.visibility_m is None else CONTRAST_EXPONENT / self.visibility_m

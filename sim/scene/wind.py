@@ -1,15 +1,15 @@
 """Wind: steady, Dryden turbulence, and gusts at a simulated time.
 
-    wind(t) at the vehicle = steady + turbulence + sum of gusts           [m/s in W; the direction it blows to]
+    wind(t) at the vehicle = steady + turbulence + sum of gusts           [m/s in W; positive: towards east, north, up]
 
-It is evaluated at the ticks and linear in between, so that an integrator of any order sees a smooth wind within a tick.
+It is evaluated at the ticks and is linear in between, so that an integrator of any order sees a smooth wind.
 
-Turbulence is MIL-F-8785C's low-altitude Dryden model (sim/native/dryden.hpp), felt as at one point: no rotation of
-the air over the vehicle's span. Its longitudinal axis lies along the steady wind (east if there is none). The filters
-run with the vehicle's speed through the steady air, at least 1 m/s: a hovering vehicle in calm air still meets what
-drifts by. Gusts are the same everywhere; a front that passes is a gust with its rise time.
+Turbulence is MIL-F-8785C's low-altitude Dryden model (sim/native/dryden.hpp) at one point: the air does not rotate over
+the vehicle's span. Its longitudinal axis lies along the steady wind (east if there is none). The filters run with the
+vehicle's speed through the steady air, at least 1 m/s: turbulence drifts past a hovering vehicle even in calm air.
+Gusts are the same everywhere; a passing front is a gust without an end.
 
-The noise comes from the stream named "wind": no other source's numbers change when turbulence is added.
+The noise is the stream named "wind", so turbulence changes no other source's noise.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from typing import Annotated, Literal, NamedTuple
 import pydantic
 from pydantic import Field
 
-from hil.signals._kernel import det_cos
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream
-from hil.signals.samples import Vec3
-from hil.signals.time import NS_PER_S
+from signals._kernel import det_cos
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream
+from signals.samples import Vec3
+from signals.time import NS_PER_S
 from sim._kernels import Dryden
 
 Speed = Annotated[float, Field(ge=-50.0, le=50.0)]
 Velocity = tuple[Speed, Speed, Speed]
 
-# Mean wind at 20 ft that MIL-F-8785C 3.7.3.1 calls so: 15, 30 and 45 knots.
+# Mean wind at 20 ft for these words in MIL-F-8785C 3.7.3.1: 15, 30 and 45 knots.
 _LEVELS_MPS = {"light": 7.717, "moderate": 15.433, "severe": 23.15}
 _LANES = 5
 _LEAST_AIRSPEED_MPS = 1.0
 
 
 class Turbulence(StrictModel):
-    """How rough the air is: by the mean wind at 20 ft (6.1 m), or by the standard's word for it."""
+    """Strength of turbulence: the mean wind at 20 ft (6.1 m), or the standard's word for it."""
 
     level: Literal["light", "moderate", "severe"] | None = None
     wind_20ft_mps: Annotated[float, Field(ge=0.0, le=50.0)] | None = None
@@ -60,17 +60,19 @@ class Turbulence(StrictModel):
 
 
 class GustEvent(StrictModel):
-    """A gust in MIL-F-8785C's 1-cosine shape: rises over `rise_s`, holds, and falls over `fall_s`; without `fall_s`
-    it stays (a wind front)."""
+    """Gust in MIL-F-8785C's 1-cosine shape: rises over `rise_s`, holds for `hold_s`, falls over `fall_s`.
+
+    Without `fall_s` it stays: a wind front.
+    """
 
     at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
-    velocity_W_mps: Velocity  # at full strength, added to the rest
+    velocity_W_mps: Velocity  # at full strength, added to the other wind
     rise_s: Annotated[float, Field(gt=0.0, le=3600.0)]
     hold_s: Annotated[float, Field(ge=0.0, le=86_400.0)] = 0.0
     fall_s: Annotated[float, Field(gt=0.0, le=3600.0)] | None = None
 
     def strength(self, t_ns: int) -> float:
-        """0..1 at an instant."""
+        """Return the strength at an instant, 0..1."""
         t = (t_ns - round(self.at_s * NS_PER_S)) / NS_PER_S
         if t <= 0.0:
             return 0.0
@@ -83,19 +85,19 @@ class GustEvent(StrictModel):
 
     @property
     def end_s(self) -> float | None:
-        """When it is over; None: never."""
+        """End of the gust; None: it stays."""
         return None if self.fall_s is None else self.at_s + self.rise_s + self.hold_s + self.fall_s
 
     @property
     def text(self) -> str:
-        """What the recording's event says."""
+        """Text of the event in the recording."""
         x, y, z = self.velocity_W_mps
         over = "stays" if self.fall_s is None else f"over at {self.end_s:g} s"
         return f"gust of ({x:g}, {y:g}, {z:g}) m/s (east, north, up) rises for {self.rise_s:g} s, {over}"
 
 
 class Wind(StrictModel):
-    """The air over a scene."""
+    """Wind over a scene."""
 
     steady_W_mps: Velocity = (0.0, 0.0, 0.0)
     turbulence: Turbulence | None = None
@@ -103,14 +105,14 @@ class Wind(StrictModel):
 
 
 class WindEvent(NamedTuple):
-    """A gust begins or ends."""
+    """Beginning or end of a gust."""
 
     tick: int
     text: str
 
 
 class WindAtVehicle:
-    """The wind that one vehicle meets, tick by tick. One instance is one flight."""
+    """Wind at one vehicle, tick by tick. One instance serves one flight."""
 
     def __init__(self, wind: Wind, *, seed: int, tick_ns: int) -> None:
         self.wind = wind
@@ -127,29 +129,29 @@ class WindAtVehicle:
             )
 
     def start(self, height_m: float) -> Vec3:
-        """Wind at tick 0 [m/s in W]."""
+        """Return the wind at tick 0 [m/s in W]."""
         return self._sum(0, self._dryden.sample(height_m) if self._dryden is not None else None)
 
     def at(self, tick: int, height_m: float, v_WB_W: Vec3) -> Vec3:
-        """Wind at tick `tick`, one more each call from 1 on, for a vehicle at that height and velocity [m/s in W]."""
+        """Return the wind [m/s in W] at a vehicle of this height and velocity; call for every tick in order, from 1."""
         rough: Vec3 | None = None
         if self._dryden is not None:
             sx, sy, sz = self.wind.steady_W_mps
             x, y, z = v_WB_W[0] - sx, v_WB_W[1] - sy, v_WB_W[2] - sz
             airspeed = math.sqrt(x * x + y * y + z * z)
-            # Written so that a NaN speed ends as the floor: the state's own range check speaks up for it.
+            # A NaN speed becomes the lower limit here; the range check of the state reports it.
             airspeed = airspeed if airspeed > _LEAST_AIRSPEED_MPS else _LEAST_AIRSPEED_MPS
             rough = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
         return self._sum(tick, rough)
 
     def add(self, gust: GustEvent) -> list[WindEvent]:
-        """One more gust, and what it does. It must not have begun."""
+        """Add a gust that has not begun; return its events."""
         self.wind = self.wind.model_copy(update={"gusts": (*self.wind.gusts, gust)})
         self.constant = False
         return self._events_of((gust,))
 
     def events(self) -> list[WindEvent]:
-        """What the gusts do, by tick."""
+        """Return the beginnings and ends of all gusts."""
         return self._events_of(self.wind.gusts)
 
     def _events_of(self, gusts: Sequence[GustEvent]) -> list[WindEvent]:

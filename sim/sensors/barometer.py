@@ -1,4 +1,4 @@
-"""Barometer: pressure of the standard atmosphere at the vehicle's height, with the errors of sensor and place.
+"""Barometer: pressure of the standard atmosphere at the vehicle's height, with errors of sensor and installation.
 
     p = p_ISA(h) + drift + prop wash + flow + n,   rounded to the resolution
     altitude = the standard atmosphere's at p
@@ -6,10 +6,11 @@
     prop wash   T (p_free + p_ground e^{-z / h_g})      T = mean (rotor speed / reference)^2, the thrust ratio
     flow        sum_i c_i rho/2 u_i |u_i|, i = x, y     u air velocity past the body in B
 
-In the wash the pressure round the sensor is not the static one: suction above the rotors (p_free < 0 reads high), a
-cushion under them near the ground (p_ground > 0 reads low, the dip at take-off that autopilots guard against). The flow
-term is the static port's position error, which ArduPilot corrects with BARO1_WCF_*. Both are first-order models with
-coefficients to be measured on the vehicle; z is height over the ground plane and wind is the scene's steady one.
+In the wash the pressure round the sensor is not the static one: suction above the rotors (p_free < 0, the altitude
+reads high), a cushion under them near the ground (p_ground > 0, it reads low: the dip at take-off that autopilots allow
+for). The flow term is the position error of the static port, which ArduPilot corrects with BARO1_WCF_*. Both are
+first-order models, with coefficients to be measured on the vehicle; z is the height over the ground plane, the wind is
+the scene's steady wind.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals._kernel import det_exp, rotate_into_body
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream
-from hil.signals.samples import BaroSample, TruthState
+from signals._kernel import det_exp, rotate_into_body
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream
+from signals.samples import BaroSample, TruthState
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotor_load import thrust_ratio
-from sim.sensors.sensor import Installation, InstalledSensor
+from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 _AIR_DENSITY_KGPM3 = 1.225  # ISA at sea level
 
@@ -47,7 +48,10 @@ class BarometerParameters(StrictModel):
     wash_ground_pa: WashPressure = 0.0
     wash_ground_height_m: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
     wash_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
-    flow_coefficient: tuple[Coefficient, Coefficient] = (0.0, 0.0)  # along x and y of B, of the dynamic pressure
+    flow_coefficient: tuple[Coefficient, Coefficient] = (
+        0.0,
+        0.0,
+    )  # along x and y of B, as shares of the dynamic pressure
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
 
@@ -68,7 +72,7 @@ class Barometer(InstalledSensor):
         self._drift = gauss_markov(installation, lanes=1, sigma=p.drift_pa, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> BaroSample:
-        """Sample `seq`. Height in W is taken as height over the site (Earth's curvature: 8 cm at 1 km)."""
+        """Return sample `seq`. Height in W counts as height over the site (Earth's curvature: 8 cm at 1 km)."""
         t_ns, p = truth.t_ns, self._p
         n = self._white.normal(seq)
         pressure = pressure_pa(self._site_altitude_m + truth.p_WB[2])
@@ -99,3 +103,6 @@ class Barometer(InstalledSensor):
         ux, uy, _ = rotate_into_body(truth.q_WB, (vx - wx, vy - wy, vz - wz))
         cx, cy = self._p.flow_coefficient
         return 0.5 * _AIR_DENSITY_KGPM3 * (cx * ux * abs(ux) + cy * uy * abs(uy))
+
+
+KIND = Kind(Barometer, BarometerParameters)

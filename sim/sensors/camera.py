@@ -1,13 +1,13 @@
-"""Camera: pictures of the world from the vehicle, in every channel that somebody wants.
+"""Camera: pictures of the world from the vehicle, in every channel that has a consumer.
 
-All channels of a sample are of one moment, `t_capture_ns`, which is the tick's, but for two options:
+All channels of a sample show one instant, `t_capture_ns`, the time of the tick, with two exceptions:
 
 * rolling shutter: rows are read one after another, the middle one at t_capture. Bands of four rows share one pose, the
-  vehicle's at the middle of the band's time (sim/frame/mount.py says how exact that is). With a readout of T and h
-  rows no row is off by more than 2 T / h. People and vehicles of the scene stay where they were at t_capture: a walker
-  at 1.5 m/s and T = 20 ms is off by 15 mm at most.
+  vehicle's at the middle of the band's time (sim/frame/mount.py states the error). With a readout of T and h rows no
+  row is off by more than 2 T / h. People and vehicles of the scene are posed at t_capture: a walker at 1.5 m/s and
+  T = 20 ms is off by 15 mm at most.
 * motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture; again only the
-  camera moves. The other channels are of the middle.
+  camera moves. The other channels belong to the middle of the exposure.
 
 Noise, gain and vignetting change colour only, `depth_noise` the planar depth only; every other channel is the truth.
 """
@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.noise import noise_key
-from hil.signals.samples import ImageSample, TruthState
+from signals.noise import noise_key
+from signals.samples import ImageSample, TruthState
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
 from sim.frame.source import Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
-from sim.sensors.sensor import Installation, InstalledSensor
+from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-BAND_ROWS = 4  # rows of a rolling shutter that share a pose; what a renderer draws at least
+BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the least that a renderer draws
 
 
 class Camera(InstalledSensor):
@@ -37,7 +37,7 @@ class Camera(InstalledSensor):
     sample_type = ImageSample
 
     def __init__(self, installation: Installation, parameters: CameraParameters) -> None:
-        """Raises ValueError without `installation.frames`: there would be nothing to see."""
+        """Raises ValueError without `installation.frames`."""
         p, frames = parameters, installation.frames
         if frames is None:
             raise ValueError(f"sensor '{installation.name}': a camera needs the world's geometry (frames)")
@@ -58,7 +58,7 @@ class Camera(InstalledSensor):
         self._shared = installation.shared
         if self._shared is not None:
             apart = p.supersample > 1 or p.colour != "native" or p.motion_blur is not None
-            self._renderer = self._shared.lend(self._renderer, colour_apart=apart)
+            self._renderer = self._shared.sharing(self._renderer, colour_apart=apart)
         self._moments = self._exposure_moments(p)
         self._bands = self._row_bands(p)
         self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
@@ -68,7 +68,7 @@ class Camera(InstalledSensor):
             self._depth = DepthSensor(p.depth_noise, noise_key(installation.seed, f"{self.name}.depth"))
 
     def sample(self, truth: TruthState, seq: int) -> ImageSample:
-        """Picture `seq`."""
+        """Return picture `seq`."""
         t_ns = truth.t_ns
         self._frames.expect(t_ns)
         if self._shared is not None:
@@ -109,7 +109,7 @@ class Camera(InstalledSensor):
         sensor.finish(seq, pictures["rgb"])
 
     def _draw(self, truth: TruthState, moment_s: float, out: Mapping[str, NDArray[Any]]) -> None:
-        """The picture of one moment of the exposure, row by row where the shutter rolls."""
+        """Draw the picture of one instant of the exposure, band by band with a rolling shutter."""
         if not self._bands:
             self._renderer.render(self.mount.pose(truth, moment_s), out)
             return
@@ -117,7 +117,7 @@ class Camera(InstalledSensor):
             self._renderer.render(self.mount.pose(truth, moment_s + delay_s), out, rows=rows)
 
     def _row_bands(self, p: CameraParameters) -> list[tuple[tuple[int, int], float]]:
-        """Rows of each band, and when their middle is read, from t_capture. Empty: all rows at once."""
+        """Return the rows of each band and the readout time of their middle from t_capture; empty: all rows at once."""
         height = self.model.height
         if p.rolling_shutter_s == 0.0 or height <= BAND_ROWS:
             return []
@@ -132,7 +132,7 @@ class Camera(InstalledSensor):
         return [p.motion_blur.exposure_s * ((k + 0.5) / n - 0.5) for k in range(n)]
 
     def _light_sensor(self, installation: Installation, p: CameraParameters) -> LightSensor | None:
-        """None where colour leaves the camera as it was drawn."""
+        """Return the model of the light sensor; None if it leaves colour as it was drawn."""
         control, noise = p.exposure, p.noise
         if control.gain == 1.0 and not control.auto and noise is None and p.vignetting == 0.0 and p.motion_blur is None:
             return None
@@ -146,3 +146,6 @@ class Camera(InstalledSensor):
             vignette=vignette(self.model, p.vignetting),
             key=noise_key(installation.seed, f"{installation.name}.light"),
         )
+
+
+KIND = Kind(Camera, CameraParameters, parts="channels")

@@ -1,4 +1,4 @@
-"""What can be said about a camera in a bench file or a preset."""
+"""Parameters of a camera, as in a bench file or a preset."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.samples import CHANNEL_UNITS
+from signals.documents.validate import StrictModel
+from signals.samples import CHANNEL_UNITS
 from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
 from sim.frame.quality import QualityName
@@ -23,7 +23,7 @@ _Coefficient = Annotated[float, Field(ge=-1e4, le=1e4)]
 
 
 class Intrinsics(StrictModel):
-    """Calibration as OpenCV, ROS and Kalibr print it: pixels whose centres have whole numbers."""
+    """Calibration as in OpenCV, ROS and Kalibr: pixel centres have whole numbers."""
 
     fx: _Focal
     fy: _Focal
@@ -32,7 +32,7 @@ class Intrinsics(StrictModel):
 
 
 class BrownConradyCoefficients(StrictModel):
-    """Lens of an ordinary camera: sim/frame/distortion.py."""
+    """Lens of an ordinary camera; equations: sim/frame/distortion.py."""
 
     model: Literal["brown_conrady"]
     k1: _Coefficient = 0.0
@@ -46,7 +46,7 @@ class BrownConradyCoefficients(StrictModel):
 
 
 class KannalaBrandtCoefficients(StrictModel):
-    """Fisheye lens: sim/frame/distortion.py."""
+    """Fisheye lens; equations: sim/frame/distortion.py."""
 
     model: Literal["kannala_brandt"]
     k1: _Coefficient = 0.0
@@ -56,7 +56,7 @@ class KannalaBrandtCoefficients(StrictModel):
 
 
 class ExposureControl(StrictModel):
-    """Brightness. `auto`: the gain of each picture follows the brightness of the one before."""
+    """Control of brightness. `auto`: the gain of a picture follows the brightness of the previous one."""
 
     gain: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
     auto: bool = False
@@ -71,23 +71,24 @@ class ExposureControl(StrictModel):
 
 
 class LightNoise(StrictModel):
-    """Shot and read noise. White is `electrons_at_white`: a full well in daylight, far less indoors."""
+    """Shot and read noise. A white pixel has `electrons_at_white`: a full well in daylight, far less indoors."""
 
     electrons_at_white: Annotated[float, Field(ge=1.0, le=1e7)]
     read_noise_electrons: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
 
 
 class MotionBlur(StrictModel):
-    """Pictures over the exposure, averaged in linear light."""
+    """Motion blur: the mean, in linear light, of several pictures over the exposure."""
 
     exposure_s: Annotated[float, Field(gt=0.0, le=1.0)]
     frames: Annotated[int, Field(ge=2, le=64)] = 8
 
 
 class DepthNoise(StrictModel):
-    """Errors of a camera that measures distance: sigma = sigma_m + sigma_per_m z^2, then rounding, then limits.
+    """Errors of a depth camera: noise of sigma = sigma_m + sigma_per_m z^2, then rounding, then limits.
 
-    Stereo rounds 1/z (to disparity step / (focal length * baseline)), time of flight z: one of the two at most.
+    Stereo cameras round 1/z (to disparity step / (focal length * baseline)), time-of-flight cameras z; give at most
+    one.
     """
 
     sigma_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
@@ -106,25 +107,25 @@ class DepthNoise(StrictModel):
 
 
 class CameraParameters(StrictModel):
-    """One camera. Its axis is at the middle of the picture unless `intrinsics` say otherwise."""
+    """Parameters of one camera. Its axis is at the middle of the picture unless `intrinsics` differ."""
 
     resolution: tuple[Pixels, Pixels]  # width, height
-    # Horizontal; this or `intrinsics`.
+    # Horizontal. Give this or `intrinsics`.
     fov_deg: Annotated[float, Field(gt=0.0, le=MAX_FISHEYE_FOV_DEG)] | None = None
     intrinsics: Intrinsics | None = None
     distortion: Annotated[BrownConradyCoefficients | KannalaBrandtCoefficients, Field(discriminator="model")] | None = (
         None
     )
-    channels: tuple[str, ...] = ("rgb",)  # of hil.signals.samples.CHANNEL_UNITS
+    channels: tuple[str, ...] = ("rgb",)  # names of signals.samples.CHANNEL_UNITS
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
-    mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zero looks forward; sim/frame/mount.py
+    mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zeros: looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05
     far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 10_000.0
-    # A level of sim/frame/quality.py, kept to be told: whoever puts parameters together has laid it under the others.
+    # A level of sim/frame/quality.py, for the report only: its values are already in the other parameters.
     quality: QualityName | None = None
     shadows: bool = False
-    textures: bool = True  # false: surfaces in their mean colours
-    # Who draws rgb: the raster, or one of MuJoCo's renderers, for machines with a GPU (docs/frames.md).
+    textures: bool = True  # false: each surface has its mean colour
+    # Renderer of rgb: the raster, or one of MuJoCo's renderers for machines with a GPU (docs/frames.md).
     colour: Literal["native", "egl", "filament"] = "native"
     supersample: Literal[1, 2, 4] = 1  # samples of colour along a pixel's edge
     exposure: ExposureControl = ExposureControl()
@@ -132,7 +133,9 @@ class CameraParameters(StrictModel):
     noise: LightNoise | None = None
     motion_blur: MotionBlur | None = None
     depth_noise: DepthNoise | None = None
-    rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0  # from the first row to the last; 0: all at once
+    rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = (
+        0.0  # from the first row to the last; 0: global shutter
+    )
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
 
     @field_validator("channels")
@@ -142,7 +145,7 @@ class CameraParameters(StrictModel):
             raise ValueError("must name at least one channel")
         for channel in channels:
             if channel not in CHANNEL_UNITS:
-                raise ValueError(f"there is no channel {channel!r}; there are {', '.join(CHANNEL_UNITS)}")
+                raise ValueError(f"there is no channel {channel!r}; channels: {', '.join(CHANNEL_UNITS)}")
         if len(set(channels)) < len(channels):
             raise ValueError("a channel is named twice")
         return channels
@@ -169,22 +172,22 @@ class CameraParameters(StrictModel):
         return self
 
     def _could_be_drawn_by_mujoco(self, model: CameraModel) -> None:
-        who = f"colour {self.colour!r}"
+        renderer = f"colour {self.colour!r}"
         if not model.pinhole:
-            raise ValueError(f"{who} draws pinhole cameras only; for distortion use 'native'")
+            raise ValueError(f"{renderer} draws pinhole cameras only; for distortion use 'native'")
         if self.colour == "egl" and abs(model.fx - model.fy) > 1e-6 * model.fy:
-            raise ValueError(f"{who} draws square pixels only: fx and fy must be the same, or use 'native'")
+            raise ValueError(f"{renderer} draws square pixels only: fx and fy must be the same, or use 'native'")
         if self.colour == "filament" and abs(model.cx - 0.5 * model.width) > 1e-6:
-            raise ValueError(f"{who} needs the optical axis in the middle: cx = (width - 1) / 2, or use 'native'")
+            raise ValueError(f"{renderer} needs the optical axis in the middle: cx = (width - 1) / 2, or use 'native'")
         if self.rolling_shutter_s > 0.0:
-            raise ValueError(f"{who} draws the whole picture at once: no rolling_shutter_s, or use 'native'")
+            raise ValueError(f"{renderer} draws the whole picture at once: no rolling_shutter_s, or use 'native'")
         if self.supersample != 1:
-            raise ValueError(f"{who} draws the whole picture at once: supersample 1, or use 'native'")
+            raise ValueError(f"{renderer} draws the whole picture at once: supersample 1, or use 'native'")
         if not self.textures:
-            raise ValueError(f"{who} draws the map's own textures: leave `textures` out, or use 'native'")
+            raise ValueError(f"{renderer} draws the map's own textures: leave `textures` out, or use 'native'")
 
     def model(self) -> CameraModel:
-        """The camera that these numbers describe. ValueError where there is none."""
+        """Return the camera model. Raises ValueError if no lens has these parameters."""
         width, height = self.resolution
         lens = self._lens()
         if self.intrinsics is not None:
@@ -203,7 +206,7 @@ class CameraParameters(StrictModel):
 
 
 def check_invertible(camera: CameraModel) -> None:
-    """ValueError if the distortion cannot be inverted on the picture's rim, where that happens first."""
+    """Raise ValueError if the distortion cannot be inverted at the picture's rim, where it fails first."""
     columns, rows = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
     rim = np.concatenate(
         [

@@ -1,23 +1,23 @@
-"""Slow sensor errors as first-order processes over a sensor's own sample index."""
+"""Slow sensor errors as first-order processes over the sample index of a sensor."""
 
 from __future__ import annotations
 
 import math
 
-from hil.signals._kernel import det_exp
-from hil.signals.noise import NoiseStream
-from hil.signals.time import NS_PER_S
+from signals._kernel import det_exp
+from signals.noise import NoiseStream
+from signals.time import NS_PER_S
 from sim.sensors.sensor import Installation
 
 
 class Drift:
-    """`lanes` independent first-order processes, stepped once a sample:
+    """Independent first-order processes, one per lane, stepped once per sample:
 
         x_0     = start * n_0
         x_{k+1} = phi x_k + step * n_{k+1}
 
-    A value is a function of (seed, name, index) alone. Indices normally rise; going back replays from the start,
-    going forward catches up, so that skipped samples change nothing.
+    A value is a function of (seed, name, index) alone, so skipped samples change nothing. A rising index steps over the
+    samples in between, a falling one replays from the start.
     """
 
     def __init__(self, seed: int, name: str, *, lanes: int, start: float, phi: float, step: float) -> None:
@@ -27,7 +27,7 @@ class Drift:
         self._value: tuple[float, ...] = (0.0,) * lanes
 
     def at(self, index: int) -> tuple[float, ...]:
-        """Values at sample `index` (>= 0)."""
+        """Return the values at sample `index` (>= 0)."""
         if index == self._index:
             return self._value
         if index < self._index:
@@ -44,7 +44,7 @@ class Drift:
 
 
 def gauss_markov(installation: Installation, *, lanes: int, sigma: float, time_constant_s: float) -> Drift:
-    """Stationary process of standard deviation `sigma` and correlation e^{-t / time_constant}."""
+    """Return a stationary process of standard deviation `sigma` and correlation e^{-t / time_constant}."""
     phi = det_exp(-installation.period_ns / NS_PER_S / time_constant_s)
     name = f"{installation.name}.drift"
     return Drift(installation.seed, name, lanes=lanes, start=sigma, phi=phi, step=sigma * math.sqrt(1.0 - phi * phi))

@@ -1,14 +1,14 @@
-"""Sensor faults from a given simulated time on: declared, checked, and put over any sensor.
+"""Sensor faults from a given simulated time on, applied to the samples of any sensor.
 
-    freeze     the values stay what they were when the fault began; stamps and sequence go on
+    freeze     the values stay as at the beginning of the fault; timestamps and sequence continue
     offset     value + `value`
     drift      value + `rate_per_s` (t - at)
-    stuck_bit  bit `bit` of the output word (two's complement) stays at `level`
-    dropout    no sample at all: `sample` returns None
+    stuck_bit  bit `bit` of the output word (two's complement) is fixed at `level`
+    dropout    no sample: `sample` returns None
 
-A fault is active while at_s <= t < until_s. It acts on one field of the sample, the main one unless `field` says
-otherwise, and there on one axis or on all. Whatever is derived from the field is derived anew (the pressure altitude
-from the pressure). Noise of the sensor, and of every other, is what it would have been without the fault.
+A fault is active while at_s <= t < until_s. It acts on one field of the sample, by default the main one, on one axis or
+on all. Values derived from the field are computed anew (the pressure altitude from the pressure). A fault changes no
+sensor's noise.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, model_validator
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.samples import (
+from signals.documents.validate import StrictModel
+from signals.samples import (
     BaroSample,
     FlowSample,
     GpsSample,
@@ -31,21 +31,23 @@ from hil.signals.samples import (
     RadarSample,
     RangeSample,
     Sample,
+    ScalarSample,
     TruthState,
 )
-from hil.signals.time import NS_PER_S
+from signals.time import NS_PER_S
 from sim.scene.atmosphere import pressure_altitude_m
 from sim.sensors.sensor import Sensor
 
-# Fields that faults act on, the main one first, with the number of axes (1: a scalar).
+# Fields that faults can act on, the main one first, with the number of axes (1: a scalar).
 FAULT_FIELDS: dict[type, dict[str, int]] = {
     ImuSample: {"accel_mps2": 3, "gyro_radps": 3, "temperature_degc": 1},
     MagSample: {"field_tesla": 3},
     BaroSample: {"pressure_pa": 1, "temperature_degc": 1},
     GpsSample: {"altitude_m": 1, "latitude_deg": 1, "longitude_deg": 1, "v_W": 3},
     RangeSample: {"distance_m": 1},
+    ScalarSample: {"value": 1},
     FlowSample: {"flow_rad": 2, "gyro_rad": 3, "distance_m": 1},
-    # Frames freeze and drop out; no other fault acts on them.
+    # Frames can only freeze or drop out.
     ImageSample: {},
     PointCloudSample: {},
     RadarSample: {},
@@ -59,9 +61,9 @@ Size = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class _Fault(StrictModel):
-    """What every fault says."""
+    """Common keys of all faults."""
 
-    sensor: Annotated[str, Field(min_length=1)]  # by its name in the bench file
+    sensor: Annotated[str, Field(min_length=1)]  # name in the bench file
     at_s: Instant
     until_s: Instant | None = None  # null: to the end
 
@@ -73,46 +75,46 @@ class _Fault(StrictModel):
 
     @property
     def span_ns(self) -> tuple[int, int | None]:
-        """First instant and first instant after it [ns]."""
+        """Beginning and end [ns]; None: no end."""
         end = None if self.until_s is None else round(self.until_s * NS_PER_S)
         return round(self.at_s * NS_PER_S), end
 
 
 class Freeze(_Fault):
-    """The values stay what they were."""
+    """Fault that freezes the values."""
 
     kind: Literal["freeze"]
 
 
 class Dropout(_Fault):
-    """No samples."""
+    """Fault that suppresses the samples."""
 
     kind: Literal["dropout"]
 
 
 class _ValueFault(_Fault):
-    """Acts on one field."""
+    """Base of faults of one field."""
 
-    field: str | None = None  # null: the main one
-    axis: Literal["x", "y", "z"] | None = None  # null: all
+    field: str | None = None  # null: the main field
+    axis: Literal["x", "y", "z"] | None = None  # null: all axes
 
 
 class Offset(_ValueFault):
-    """A constant is added [unit of the field]."""
+    """Fault that adds a constant [unit of the field]."""
 
     kind: Literal["offset"]
     value: Size
 
 
 class DriftAway(_ValueFault):
-    """A ramp is added [unit of the field per second]."""
+    """Fault that adds a ramp [unit of the field per second]."""
 
     kind: Literal["drift"]
     rate_per_s: Size
 
 
 class StuckBit(_ValueFault):
-    """One bit of the output word no longer changes."""
+    """Fault that fixes one bit of the output word."""
 
     kind: Literal["stuck_bit"]
     bit: Annotated[int, Field(ge=0, lt=_WORD_BITS)]  # 0: the lowest
@@ -124,7 +126,7 @@ FAULT_LIST: TypeAdapter[list[Any]] = TypeAdapter(list[SensorFault])
 
 
 def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterator[tuple[int, str, str]]:
-    """(index of the fault, key, what is wrong) of faults that do not fit `sensors`: name -> sample type."""
+    """Yield (index, key, message) of faults that do not fit `sensors`: name -> sample type."""
     for index, fault in enumerate(faults):
         kind = sensors.get(fault.sensor)
         if kind is None:
@@ -134,7 +136,7 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
             continue
         fields = FAULT_FIELDS[kind]
         if not fields:
-            yield index, "kind", f"does not act on frames: those of {fault.sensor!r} can only freeze or drop out"
+            yield index, "kind", f"does not act on frames: the frames of {fault.sensor!r} can only freeze or drop out"
             continue
         name = fault.field or next(iter(fields))
         if name not in fields:
@@ -150,10 +152,10 @@ EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event
 
 
 class FaultySensor:
-    """A sensor with faults over it. Everything else about it is the sensor's own."""
+    """Sensor with faults. All other attributes are those of the sensor itself."""
 
     def __init__(self, sensor: Sensor, faults: Sequence[Any], *, on_event: EventSink | None = None) -> None:
-        """`faults` are those of this sensor, acting in their order. Raises ValueError if one does not fit it."""
+        """`faults`: faults of this sensor, applied in their order. Raises ValueError if one does not fit the sensor."""
         problems = list(fault_problems(faults, {sensor.name: sensor.sample_type}))
         if problems:
             raise ValueError("; ".join(f"fault {i}: {key} {text}" for i, key, text in problems))
@@ -170,14 +172,14 @@ class FaultySensor:
         self._on_event = on_event
 
     def inject(self, fault: Any) -> None:
-        """One more fault, known only now. ValueError if it does not fit the sensor."""
+        """Add a fault during the run. Raises ValueError if it does not fit the sensor."""
         for _, key, text in fault_problems((fault,), {self.name: self.sample_type}):
             raise ValueError(f"fault of {fault.sensor}: {key} {text}")
         self._spans.append((fault, *fault.span_ns))
         self._active.append(False)
 
     def sample(self, truth: TruthState, seq: int) -> Sample | None:
-        """Sample `seq` with whatever faults are active at `truth.t_ns`; None during a dropout."""
+        """Return sample `seq` with the faults that are active at `truth.t_ns`; None during a dropout."""
         sample = self._sensor.sample(truth, seq)
         t_ns, dropped = truth.t_ns, False
         values = sample[_STAMPS:]
@@ -216,7 +218,7 @@ class FaultySensor:
             new = _value(old, fault, since_s, step)
         changed = [*values[:at], new, *values[at + 1 :]]
         if name == "pressure_pa":
-            # A barometer that a fault takes below the vacuum would have no altitude at all.
+            # A fault may make the pressure negative, which has no altitude.
             changed[at] = max(new, 1.0)
             changed[at + 1] = pressure_altitude_m(changed[at])
         return tuple(changed)
@@ -230,6 +232,6 @@ def _value(x: float, fault: Any, since_s: float, step: float) -> float:
     counts = math.floor(x / step + 0.5)
     mask = 1 << fault.bit
     stuck = counts | mask if fault.level else counts & ~mask
-    # As the 32-bit word that the driver reads: setting the top bit makes it negative.
+    # The driver reads a 32-bit two's-complement word: setting the top bit makes it negative.
     stuck = (stuck + (1 << (_WORD_BITS - 1))) % (1 << _WORD_BITS) - (1 << (_WORD_BITS - 1))
     return x + (stuck - counts) * step

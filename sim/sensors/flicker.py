@@ -4,14 +4,14 @@ A process of variance s^2 and time constant T has the Allan variance (u = tau / 
 
     s^2 (2u - 3 + 4 e^-u - e^-2u) / u^2
 
-and processes of equal variance, spread evenly over ln T without end, sum to the constant 2 ln 2 per unit of variance
-density: flicker noise. IEEE Std 952-1997 (annex C.1.4) defines the bias instability B by that floor,
+and processes of equal variance, spread evenly over all ln T, sum to the constant 2 ln 2 per unit of variance density:
+flicker noise. IEEE Std 952-1997 (annex C.1.4) defines the bias instability B by that floor,
 
     sigma^2 = (2 ln 2 / pi) B^2,        sigma = 0.664 B
 
-Here seven processes, 0.92 decades apart, do it over tau = 0.01 to 1000 s. `WEIGHTS` is the minimax fit of the floor
-over that span: the sum stays within 1.4 % of the floor's variance, 0.7 % of its deviation (tests/accuracy). All start
-stationary, so a sensor begins with a bias of deviation sqrt(sum of weights) B = 2.2 B besides its turn-on bias.
+Here seven processes, 0.92 decades apart, approximate it over tau = 0.01 to 1000 s. `WEIGHTS` is the minimax fit over
+that span: the sum stays within 1.4 % of the floor's variance, 0.7 % of its deviation (tests/accuracy). All start
+stationary, so a sensor starts with a bias of deviation sqrt(sum of weights) B = 2.2 B besides its turn-on bias.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hil.signals._kernel import det_exp
+from signals._kernel import det_exp
 
 # 10^(-2.4 + 5.5 i / 6) s
 TIME_CONSTANTS_S = (0.003981071706, 0.03286061487, 0.2712396143, 2.238872139, 18.47995811, 152.5382069, 1258.925412)
@@ -27,7 +27,7 @@ WEIGHTS = (0.8524, 0.6478, 0.6802, 0.6630, 0.6800, 0.6513, 0.8354)  # variance o
 
 
 class FlickerProcess(NamedTuple):
-    """x_0 = start n_0,  x_{k+1} = phi x_k + step n_{k+1}, for a bias instability of 1."""
+    """Process x_0 = start n_0,  x_{k+1} = phi x_k + step n_{k+1}, for a bias instability of 1."""
 
     phi: float
     start: float
@@ -35,10 +35,10 @@ class FlickerProcess(NamedTuple):
 
 
 def flicker_processes(period_s: float) -> tuple[FlickerProcess, ...]:
-    """The processes as sampled every `period_s`.
+    """Return the processes as sampled every `period_s`.
 
-    Those with a time constant below the period are left out: point samples of them would be white noise of their
-    full variance, where the sensor's mean over a period has next to nothing of it.
+    Processes with a time constant below the period are left out: their point samples would be white noise of full
+    variance, while the sensor's mean over a period contains almost none of it.
     """
     processes = []
     for time_constant_s, weight in zip(TIME_CONSTANTS_S, WEIGHTS, strict=True):

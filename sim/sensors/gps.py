@@ -2,9 +2,9 @@
 
     p = p_WB + R r + c + n_p,  v = v_WB_W + R (w x r) + n_v     in W, then to WGS-84
 
-r is the antenna's place in B; c a first-order Gauss-Markov process (orbit, clock, troposphere, multipath: errors that
-stay for a while); n white. While the signal is lost the receiver goes on sending: its last position (zeros before the
-first), no velocity, no fix, no satellites, an accuracy that says so. A receiver that falls silent is a dropout
+r is the antenna's position in B; c a first-order Gauss-Markov process (slow errors of orbit, clock, troposphere and
+multipath); n white noise. While the signal is lost the receiver keeps sending: its last position (zeros before the
+first fix), no velocity, no fix, no satellites, and an accuracy to match. A receiver that sends nothing is a dropout
 (`sim.sensors.faults`).
 """
 
@@ -15,24 +15,24 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import rotate_into_world
-from hil.signals.documents.validate import StrictModel
-from hil.signals.geodesy import LocalFrame
-from hil.signals.noise import NoiseStream
-from hil.signals.samples import GpsSample, TruthState
-from hil.signals.time import NS_PER_S
+from signals._kernel import rotate_into_world
+from signals.documents.validate import StrictModel
+from signals.geodesy import LocalFrame
+from signals.noise import NoiseStream
+from signals.samples import GpsSample, TruthState
+from signals.time import NS_PER_S
 from sim.sensors.drift import gauss_markov
-from sim.sensors.sensor import Installation, InstalledSensor, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
 
 Deviation = Annotated[float, Field(ge=0.0, le=1000.0)]
 Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
-_NO_FIX = 1  # MAVLink GPS_FIX_TYPE: a receiver is there, it has no fix
+_NO_FIX = 1  # MAVLink GPS_FIX_TYPE: a receiver without a fix
 _LOST_ACCURACY_M = 1000.0
 
 
 class SignalLoss(StrictModel):
-    """No signal from one instant of simulated time to another."""
+    """Interval of simulated time without a signal."""
 
     from_s: Instant
     until_s: Instant
@@ -45,9 +45,9 @@ class SignalLoss(StrictModel):
 
 
 class GpsParameters(StrictModel):
-    """Errors of one receiver, 1 sigma a horizontal axis or vertical.
+    """Errors of one receiver, 1 sigma per horizontal axis or vertical.
 
-    The accuracies are what it says of itself; null: what its errors are, sqrt(noise^2 + drift^2).
+    The accuracies are those that the receiver reports; null: its true errors, sqrt(noise^2 + drift^2).
     """
 
     horizontal_noise_m: Deviation
@@ -67,13 +67,13 @@ class GpsParameters(StrictModel):
 
 
 class Gps(InstalledSensor):
-    """Fixes of the antenna."""
+    """GNSS receiver: position and velocity of its antenna."""
 
     sample_type = GpsSample
 
     def __init__(self, installation: Installation, parameters: GpsParameters) -> None:
         p, name, seed = parameters, installation.name, installation.seed
-        # What the receiver's protocol can tell apart (UBX-NAV-PVT): 1e-7 degrees, millimetres.
+        # Resolution of the receiver's protocol (UBX-NAV-PVT): 1e-7 degrees, millimetres.
         super().__init__(
             installation, p.latency_s, {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": 1e-3}
         )
@@ -82,13 +82,13 @@ class Gps(InstalledSensor):
         self._vertical_accuracy_m = _accuracy(p.vertical_accuracy_m, p.vertical_noise_m, p.vertical_drift_m)
         self._has_arm = any(p.antenna_m)
         self._loss_ns = [(round(x.from_s * NS_PER_S), round(x.until_s * NS_PER_S)) for x in p.loss]
-        self._held = (0.0, 0.0, 0.0)  # before its first fix a receiver knows no position and sends zeros
+        self._held = (0.0, 0.0, 0.0)  # before the first fix a receiver sends zeros
         self._frame = LocalFrame(installation.scene.site)
         self._white = NoiseStream(seed, f"{name}.white", lanes=6)  # position, velocity
         self._drift = gauss_markov(installation, lanes=3, sigma=1.0, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> GpsSample:
-        """Sample `seq`."""
+        """Return sample `seq`."""
         t_ns, p = truth.t_ns, self._p
         n, c = self._white.normal(seq), self._drift.at(seq)
         if any(begin <= t_ns < end for begin, end in self._loss_ns):
@@ -137,3 +137,6 @@ class Gps(InstalledSensor):
 
 def _accuracy(stated_m: float | None, noise_m: float, drift_m: float) -> float:
     return math.sqrt(noise_m * noise_m + drift_m * drift_m) if stated_m is None else stated_m
+
+
+KIND = Kind(Gps, GpsParameters)

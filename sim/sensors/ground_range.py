@@ -1,4 +1,4 @@
-"""Distance from a sensor on the vehicle straight down its axis to what it sees there."""
+"""Distance from a sensor on the vehicle, along its downward axis, to the first surface."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from hil.signals._kernel import rotate_into_world
-from hil.signals.samples import TruthState, Vec3
+from signals._kernel import rotate_into_world
+from signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
 from sim.scene.scene import Scene
-from sim.scene.world import World, load_world
+from sim.scene.world import World
+from sim.world_loader import load_world
 
 
 class Rays(Protocol):
-    """Something that rays can be sent into."""
+    """Surfaces that can be hit by rays."""
 
     def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float:
-        """Distance [m] along a unit vector to the nearest surface; -1 if none is hit."""
+        """Return the distance [m] along a unit vector to the nearest surface; -1 if none is hit."""
         ...
 
 
 class GroundRange:
-    """What stands still in the scene, seen along -z of B from `mount_m` in B.
+    """Distance to the static scene along -z of B, from `mount_m` in B.
 
-    One ray: the beam's width, the surface's slope within it, people and the vehicle's own legs are not modelled.
+    It is a single ray: beam width, slope of the surface, people and the vehicle's own legs are not modelled.
     """
 
     def __init__(self, scene: Scene, mount_m: Vec3) -> None:
@@ -35,7 +36,7 @@ class GroundRange:
         self._at_origin = not any(mount_m)
 
     def distance_m(self, truth: TruthState) -> float:
-        """True distance [m]; -1 if the ray meets nothing (it points above the horizon)."""
+        """Return the true distance [m]; -1 if the ray hits nothing (it points above the horizon)."""
         origin_W = truth.p_WB
         if not self._at_origin:
             dx, dy, dz = rotate_into_world(truth.q_WB, self._mount_m)
@@ -44,7 +45,7 @@ class GroundRange:
 
 
 def rays_into(scene: Scene) -> Rays:
-    """The ground plane and boxes in closed form, or every visible geom of a map that stands still."""
+    """Return the ground plane and boxes in closed form, or every visible static geom of a map."""
     if not scene.plain:
         return MapRays(load_world(scene))
     return BoxScene(
@@ -53,11 +54,11 @@ def rays_into(scene: Scene) -> Rays:
 
 
 class MapRays:
-    """Rays into a map by MuJoCo, which tries every geom."""
+    """Surfaces of a map; MuJoCo tests every geom."""
 
     def __init__(self, world: World) -> None:
         model = self._model = copy.copy(world.model)
-        # Rays pass what is not drawn, and actors, which are not posed here. Group 5 is for what they pass.
+        # Rays ignore invisible geoms, and actors, which are not posed here: both go to group 5.
         model.geom_group[:] = np.where(world.geom_visible & (world.geom_actor < 0), 0, 5)
         self._data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)

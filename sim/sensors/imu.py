@@ -1,18 +1,18 @@
-"""Strapdown inertial measurement unit: parameters and what they mean. Equations: sim/native/imu.hpp.
+"""Strapdown inertial measurement unit: meaning of its parameters. Equations: sim/native/imu.hpp.
 
     f = R_WB^T (a - g) + alpha x r + w x (w x r)      specific force at the sensor, in B [m/s2]
     out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
-Truth, motion and vibration alike, enters as its mean over the physics step just taken: what an IMU that integrates at a
-high internal rate delivers. Vibration above half the output rate therefore folds down, weakened as a boxcar weakens it.
+Motion and vibration enter as their mean over the physics step just taken, as an IMU delivers that integrates at a high
+internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
 
-Along tau the Allan deviation follows the line that a datasheet (or a long log of the part at rest) gives:
+The Allan deviation over tau follows the line that a datasheet (or a long log of the part at rest) gives:
 
     sigma^2(tau) = N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3
 
 N white noise density, B bias instability, K random walk of the bias. N is the density at the output, so the rounding
-error of the output word is part of it: the white noise drawn is N^2 F - q^2 / 12, F the sample rate and q the step.
-Several internal readings go into one sample, and the mean of m words comes in steps of 1/m word: q = word / m.
+error of the output word is part of it: the variance of the drawn white noise is N^2 F - q^2 / 12, with F the sample
+rate and q the step. A sample is the mean of m internal readings, which has steps of 1/m word: q = word / m.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream, noise_key
-from hil.signals.samples import ImuSample, TruthState
-from hil.signals.time import NS_PER_S
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_cos, det_sin
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream, noise_key
+from signals.samples import ImuSample, TruthState
+from signals.time import NS_PER_S
+from signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
-from sim.sensors.sensor import Installation, InstalledSensor, Position
+from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
 
-_ROTORS = 8  # phases are drawn for as many; a vehicle with fewer uses the first ones
+_ROTORS = 8  # number of phases that are drawn; a vehicle with fewer rotors uses the first ones
 
 Amplitude = Annotated[float, Field(ge=0.0, le=1000.0)]
 Fraction = Annotated[float, Field(ge=0.0, le=0.2)]
 
 
 class Harmonic(StrictModel):
-    """Vibration that one rotor causes, at a multiple of its speed: amplitudes along x, y, z at the reference speed."""
+    """Vibration by one rotor at a multiple of its speed: amplitudes along x, y, z at the reference speed."""
 
-    order: Annotated[float, Field(gt=0.0, le=50.0)]  # 1: imbalance, number of blades: blade passing
+    order: Annotated[float, Field(gt=0.0, le=50.0)]  # 1: imbalance; the number of blades: blade passing
     accel_mps2: tuple[Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0)
     gyro_radps: tuple[Amplitude, Amplitude, Amplitude] = (0.0, 0.0, 0.0)
 
@@ -67,14 +67,14 @@ class ImuParameters(StrictModel):
     gyro_range_radps: Annotated[float, Field(gt=0.0, le=1_000.0)]
     accel_bits: Annotated[int, Field(ge=8, le=32)] = 16
     gyro_bits: Annotated[int, Field(ge=8, le=32)] = 16
-    # Rate of the readings that are averaged into a sample; 0: one reading makes one sample.
+    # Rate of the internal readings that are averaged into a sample; 0: one reading per sample.
     accel_output_rate_hz: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
     gyro_output_rate_hz: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
     temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)]  # once warm
     temperature_noise_degc: Annotated[float, Field(ge=0.0, le=10.0)]
-    warm_up_degc: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0  # colder than that at the start
+    warm_up_degc: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0  # by so much colder at the start
     warm_up_time_constant_s: Annotated[float, Field(gt=0.0, le=1e5)] = 60.0
-    # Where the autopilot calibrated it; null: at `temperature_degc`.
+    # Temperature at which the autopilot calibrated it; null: `temperature_degc`.
     reference_temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] | None = None
     accel_temperature_drift_mps2_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     gyro_temperature_drift_radps_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
@@ -85,7 +85,7 @@ class ImuParameters(StrictModel):
 
 
 class Imu(InstalledSensor):
-    """Averages over one physics tick, whatever its own rate."""
+    """IMU whose samples are means over one physics tick, at any rate of its own."""
 
     sample_type = ImuSample
 
@@ -103,7 +103,7 @@ class Imu(InstalledSensor):
         self.step = [accel_lsb] * 3 + [gyro_lsb] * 3
 
         def drawn(what: str, accel: float, gyro: float) -> list[float]:
-            """One value a channel, drawn once."""
+            """Return one value per channel, drawn once."""
             n = NoiseStream(seed, f"{name}.{what}", lanes=6).normal(0)
             return [accel * x for x in n[:3]] + [gyro * x for x in n[3:]]
 
@@ -137,16 +137,16 @@ class Imu(InstalledSensor):
         )
 
     def sample(self, truth: TruthState, seq: int) -> ImuSample:
-        """Sample `seq`. Specific force at rest, level: (0, 0, +g)."""
+        """Return sample `seq`. Specific force at rest, level: (0, 0, +g)."""
         t_ns = truth.t_ns
         accel, gyro, temperature = self._kernel.sample(truth[3], truth[6], truth[5], truth[7], truth[8], t_ns, seq)
         return ImuSample(seq, t_ns, t_ns + self.latency_ns, accel, gyro, temperature)
 
     def noise(self, first: int, count: int) -> NDArray[np.float64]:
-        """Walk, flicker and white noise that samples `first` .. `first + count - 1` hold before rounding.
+        """Return walk, flicker and white noise of samples `first` .. `first + count - 1`, before rounding.
 
-        Shape (count, 7): accel [m/s2], gyro [rad/s], temperature [degC]. The same code as `sample`, without motion:
-        a million samples take a second or two, so that Allan deviations to hours of flight can be tested.
+        Shape (count, 7): accel [m/s2], gyro [rad/s], temperature [degC]. It is the code of `sample` without motion: a
+        million samples take a second or two, so that Allan deviations over hours of flight can be tested.
         """
         out = np.empty((count, 7))
         self._kernel.noise(first, out)
@@ -154,23 +154,23 @@ class Imu(InstalledSensor):
 
 
 def _readings(output_rate_hz: float, period_s: float) -> int:
-    """Internal readings averaged into one sample, at least one."""
+    """Return the number of internal readings averaged into one sample, at least one."""
     return max(1, math.floor(output_rate_hz * period_s + 1e-9))
 
 
 def _white(density: float, period_s: float, lsb: float) -> float:
-    """Deviation of the white noise before rounding, so that the rounded output has the density."""
+    """Return the deviation of the white noise before rounding that gives the rounded output the density."""
     return math.sqrt(max(0.0, density * density / period_s - lsb * lsb / 12.0))
 
 
 def _gain(seed: int, name: str, scale_error: float, misalignment_rad: float) -> list[float]:
-    """Row-major identity + scale errors on the diagonal + misalignments off it."""
+    """Return, row by row, the identity + scale errors on the diagonal + misalignments off it."""
     n = NoiseStream(seed, name, lanes=9).normal(0)
     return [1.0 + scale_error * n[i] if i % 4 == 0 else misalignment_rad * n[i] for i in range(9)]
 
 
 def _vibration(seed: int, name: str, p: ImuParameters) -> dict[str, Any]:
-    """Harmonics as the kernel takes them; every rotor, harmonic and channel has a phase of its own."""
+    """Return the harmonics as arguments of the kernel; every rotor, harmonic and channel has its own phase."""
     count = _ROTORS * len(p.vibration) * 6
     phases = NoiseStream(seed, f"{name}.vibration", lanes=count).uniform_block(0)[0].tolist() if count else []
     return {
@@ -183,6 +183,9 @@ def _vibration(seed: int, name: str, p: ImuParameters) -> dict[str, Any]:
 
 
 def quantise(value: float, lsb: float, limit: float = math.inf) -> float:
-    """Nearest multiple of `lsb`, saturated at -limit and limit - lsb as a two's-complement word is."""
+    """Return the nearest multiple of `lsb`, saturated at -limit and limit - lsb, as in a two's-complement word."""
     rounded = math.floor(value / lsb + 0.5) * lsb
     return min(max(rounded, -limit), limit - lsb)
+
+
+KIND = Kind(Imu, ImuParameters)

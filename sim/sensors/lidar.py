@@ -1,17 +1,17 @@
-"""LiDAR: a cloud of points over one sweep, each with its time, ring, intensity and class.
+"""LiDAR: the cloud of points of one sweep, each with its time, ring, intensity and class.
 
-The sweep ends at the capture: it covers [t_capture - period, t_capture). Ray i fires `time_offset_ns[i]` (< 0) from the
-capture, from where the vehicle is then (sim/sensors/sweep_motion.py says how exact that is). Moving people and vehicles
-are posed `subsweeps` times a sweep, in the middle of each part: a limb at 5 m/s is off by at most 25 mm with ten parts
-of a sweep of 0.1 s, a walking body by 8 mm. Those that no ray of a part can reach are not posed for it. With
-`rolling: false` everything is of the instant of capture, offsets too.
+The sweep ends at the capture: it covers [t_capture - period, t_capture). Ray i fires at `time_offset_ns[i]` (< 0) from
+the capture, from the vehicle's pose at that time (sim/sensors/sweep_motion.py states the error). Moving people and
+vehicles are posed `subsweeps` times per sweep, at the middle of each part: a limb at 5 m/s is off by at most 25 mm with
+ten parts of a sweep of 0.1 s, a walking body by 8 mm. Actors that no ray of a part can reach are not posed for it. With
+`rolling: false` the whole sweep happens at the capture, and all offsets are 0.
 
-`points_L` is what the device puts out: range times direction in its own frame L (forward, left, up) at the ray's own
-time, so the cloud of a moving vehicle is bent, and straightening it is up to who receives it. p_WL and q_WL are the
-pose at the capture. Rays without a return are left out.
+`points_L` is the output of the device: range times direction in its own frame L (forward, left, up) at the ray's time.
+The cloud of a moving vehicle is therefore distorted, and the receiver has to correct it. p_WL and q_WL are the pose at
+the capture. Rays without a return are left out.
 
-Nothing beyond the range is looked at and nothing without a geom in reach is tested: both change no bit
-(`RayCaster.cast(tree=..., max_range=...)` and their test), nor does it that people out of reach are not posed.
+Surfaces beyond the range, rays without a geom in reach, and actors out of reach are skipped, which changes no bit
+(`RayCaster.cast(tree=..., max_range=...)` and its test).
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import rotate_into_world
-from hil.signals.samples import PointCloudSample, Quat, TruthState, Vec3
+from signals._kernel import rotate_into_world
+from signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from sim._kernels import RayCaster, Vicinity, extinguish, lambert_strength, sweep_rays
 from sim.frame.mount import Mount
 from sim.sensors.lidar_echo import Echoes, Receiver, choose_echoes, single_echoes
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS, Sweep, casting_order
-from sim.sensors.sensor import Installation, InstalledSensor
+from sim.sensors.sensor import Installation, InstalledSensor, Kind
 from sim.sensors.sweep_motion import Motion, at_rest, sweep_motion
 
 Float64 = NDArray[np.float64]
 
-# A beam's footprint: the middle and four rays at half its radius, which share its light evenly.
+# Footprint of a beam: its middle and four rays at half its radius, each with a fifth of the light.
 _FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
 
 
 @dataclass(frozen=True)
 class _Rays:
-    """A sweep made ready: its rays in B, for each ray of the footprint, in the order in which they are cast.
+    """Rays of a sweep in B, for each ray of the footprint, in the order in which they are cast.
 
-    Within a part rays that look the same way stand side by side: what meets them is found for eight at once.
+    Within a part, rays of similar direction are neighbours: intersections are computed for eight rays at once.
     """
 
     sweep: Sweep  # in firing order
     fired_ns: NDArray[np.int32]  # in firing order
-    place: NDArray[np.int32]  # where each ray of `sweep` stands in what follows
+    place: NDArray[np.int32]  # index of each ray of `sweep` in the arrays below
     directions_B: list[Float64]  # (n, 3) each
     origins_B: Float64  # (n, 3)
     offset_ns: NDArray[np.int32]
-    parts: list[slice]  # one for each posing of the scene
-    orders: list[NDArray[np.int32]]  # 0, 1, 2, ... of each part: they are in order
+    parts: list[slice]  # one for each pose of the scene
+    orders: list[NDArray[np.int32]]  # 0, 1, 2, ... of each part
 
 
 class Lidar(InstalledSensor):
@@ -61,7 +61,7 @@ class Lidar(InstalledSensor):
     sample_type = PointCloudSample
 
     def __init__(self, installation: Installation, parameters: LidarParameters) -> None:
-        """Raises ValueError without `installation.frames`, or for more points a sweep than anyone can want."""
+        """Raises ValueError without `installation.frames`, or for more than `MAX_POINTS` points per sweep."""
         p, frames = parameters, installation.frames
         if frames is None:
             raise ValueError(f"sensor '{installation.name}': a LiDAR needs the world's geometry (frames)")
@@ -69,7 +69,7 @@ class Lidar(InstalledSensor):
         count = p.pattern.points(self.period_ns)
         if count > MAX_POINTS:
             raise ValueError(
-                f"sensor '{self.name}': {count} points a sweep are more than {MAX_POINTS}; raise its rate_hz"
+                f"sensor '{self.name}': {count} points per sweep are more than {MAX_POINTS}; raise its rate_hz"
             )
         self._p = p
         self.ring_elevations_deg = p.pattern.ring_elevations_deg
@@ -95,11 +95,11 @@ class Lidar(InstalledSensor):
         self._before: TruthState | None = None
 
     def follow(self, before: TruthState | None) -> None:
-        """Take `before` for the truth of the sweep before the next one, where sweeps are not taken in their order."""
+        """Set the truth of the previous sweep, for callers that do not take sweeps in order."""
         self._before = before
 
     def sample(self, truth: TruthState, seq: int) -> PointCloudSample:
-        """Sweep `seq`. The first one takes the vehicle to have moved with unchanged accelerations."""
+        """Return sweep `seq`. The first one assumes motion with constant accelerations."""
         p, t_ns = self._p, truth.t_ns
         rays = self._ready(seq)
         motion = sweep_motion(truth, self._recent(t_ns)) if p.rolling else at_rest(truth)
@@ -128,12 +128,12 @@ class Lidar(InstalledSensor):
         )
 
     def _recent(self, t_ns: int) -> TruthState | None:
-        """The truth before, if it is recent enough to tell how the vehicle moved during this sweep."""
+        """Return the previous truth if it is recent enough to give the motion during this sweep, else None."""
         before = self._before
         return before if before is not None and 0 < t_ns - before.t_ns <= 2 * self.period_ns else None
 
     def _ready(self, seq: int) -> _Rays:
-        """The rays of sweep `seq`, made ready anew only where they differ from those of the one before."""
+        """Return the rays of sweep `seq`, prepared anew only if they differ from the previous sweep's."""
         sweep = self._pattern.sweep(seq)
         if self._rays is None or self._rays.sweep is not sweep:
             self._rays = self._prepare(sweep)
@@ -142,13 +142,13 @@ class Lidar(InstalledSensor):
     def _prepare(self, sweep: Sweep) -> _Rays:
         p, mount = self._p, self.mount
         rotation = [rotate_into_world(mount.q_BC, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-        columns = np.array(rotation)  # row i: where axis i of L points in B
+        columns = np.array(rotation)  # row i: axis i of L, in B
         d = sweep.directions_L
         origins_B = np.array(p.mount_m) + sweep.origin_z_m[:, None] * columns[2]
         across, upward = _perpendicular(d)
         directions_B = []
         for a, b in self._footprint:
-            radius = 0.5 * p.beam_divergence_rad  # of the cone; small enough for its own tangent
+            radius = 0.5 * p.beam_divergence_rad  # of the cone; so small that it equals its tangent
             tilted = _unit(d + (a * radius) * across + (b * radius) * upward) if a or b else d
             directions_B.append(tilted[:, :1] * columns[0] + tilted[:, 1:2] * columns[1] + tilted[:, 2:] * columns[2])
         n = len(d)
@@ -173,22 +173,22 @@ class Lidar(InstalledSensor):
         )
 
     def _middle_ns(self, i: int, count: int, t_ns: int) -> int:
-        """The time of which the scene is in part `i` of `count`."""
+        """Return the time at which the scene is posed for part `i` of `count`."""
         if not self._p.rolling:
             return t_ns
         return max(0, t_ns - self.period_ns + self.period_ns * (2 * i + 1) // (2 * count))
 
     def _cast(self, rays: _Rays, i: int, motion: Motion, t_ns: int) -> None:
-        """Cast part `i` of the sweep, every ray of the footprint, in the scene as it is at `t_ns`."""
+        """Cast part `i` of the sweep, every ray of the footprint, in the scene at `t_ns`."""
         part, farthest = rays.parts[i], self._receiver.farthest_m
         origins_W, directions_W, normal = self._origins_W[part], self._directions_W[part], self._normal[part]
         for k, directions_B in enumerate(rays.directions_B):
             box = sweep_rays(
                 motion, rays.offset_ns[part], rays.origins_B[part], directions_B[part], origins_W, directions_W
             )
-            if k == 0:  # all of the footprint begin in the same places
+            if k == 0:  # the rays of a footprint have the same origin
                 self._frames.expect(t_ns)
-                self._frames.geometry.bring(Vicinity(*box, farthest))
+                self._frames.geometry.pose_within(Vicinity(*box, farthest))
             range_m, geom = self._range[k, part], self._geom[k, part]
             self._caster.cast(origins_W, directions_W, 0.0, farthest, range_m, geom, normal, order=rays.orders[i])
             strength = self._strength[k, part]
@@ -208,10 +208,10 @@ def _unit(v: Float64) -> Float64:
 
 
 def _perpendicular(d: Float64) -> tuple[Float64, Float64]:
-    """Two unit vectors across each direction: one level, one upward."""
+    """Return two unit vectors across each direction: one level, one upward."""
     level = np.zeros_like(d)
     level[:, 0], level[:, 1] = -d[:, 1], d[:, 0]
-    steep = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] < 1e-12  # straight up or down: any level direction does
+    steep = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] < 1e-12  # straight up or down: any level direction is valid
     level[steep] = (0.0, 1.0, 0.0)
     level = _unit(level)
     up = np.stack(
@@ -223,3 +223,6 @@ def _perpendicular(d: Float64) -> tuple[Float64, Float64]:
         axis=-1,
     )
     return level, up
+
+
+KIND = Kind(Lidar, LidarParameters)

@@ -1,19 +1,19 @@
-"""What a LiDAR makes of the light that comes back: echoes, losses, noise.
+"""Receiver of a LiDAR: echoes, losses and noise.
 
-Light. A surface of reflectivity rho met at incidence theta sends back rho cos(theta) (Lambertian). A beam with
-divergence is five rays: the middle and four at half the radius, each a fifth of the light. What returns from within
-`echo_separation_m` is one echo, at the mean range weighted by light; of several echoes the device reports one.
-Haze of extinction beta takes light on the way out and back, exp(-2 beta r) of each ray (sim/scene/weather.py); what the
-haze itself sends back is left out.
+Light. A surface of reflectivity rho, hit at incidence theta, returns rho cos(theta) (Lambertian). A beam with
+divergence is five rays: the middle and four at half the radius, each with a fifth of the light. Returns within
+`echo_separation_m` of each other are one echo at their mean range, weighted by light; of several echoes the device
+reports one. Haze of extinction beta attenuates each ray by exp(-2 beta r) (sim/scene/weather.py); backscatter of the
+haze is not modelled.
 
-Loss. An echo of strength e = rho cos(theta) is seen to
+Loss. An echo of strength e = rho cos(theta) is detected up to
 
     limit = range_at_10_percent_m * sqrt(e / 0.1)                       (light falls with the square of the range)
 
-for sure up to 0.9 limit, never beyond 1.1 limit, with a probability that falls in a line between; besides, each echo is
+always up to 0.9 limit, never beyond 1.1 limit, with a probability that falls linearly in between; besides, each echo is
 lost with `dropout_probability`.
 
-Measurement. range = round(true + sigma n), kept within [min_range_m, max_range_m].
+Measurement. range = round(true + sigma n), limited to [min_range_m, max_range_m].
 
 Noise of ray i of sweep `seq` is draw seq * rays + i of the streams `<name>.range` and `<name>.dropout`.
 
@@ -28,7 +28,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.noise import noise_key
+from signals.noise import noise_key
 from sim._kernels import LidarReceiver
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import Sweep
@@ -41,15 +41,15 @@ _NO_LIGHT = 1e-12  # weight of a black surface in a mean
 
 @dataclass(frozen=True)
 class Echoes:
-    """One echo a ray. `range_m` is +inf where there is none."""
+    """One echo per ray. `range_m` is +inf for a ray without an echo."""
 
     range_m: Float64  # (n,)
-    strength: Float64  # (n,) rho cos(theta), of all of the beam's light
-    geom: NDArray[np.int32]  # (n,) the surface that gave most of it
+    strength: Float64  # (n,) rho cos(theta), as a share of the beam's light
+    geom: NDArray[np.int32]  # (n,) the surface that returned most of it
 
 
 class Cloud(NamedTuple):
-    """What a sample holds of each point, in the order of its fields; arrays that belong to it."""
+    """Arrays of a sample, one element per point, in the order of its fields; the sample owns them."""
 
     points_L: NDArray[np.float32]
     range_m: NDArray[np.float32]
@@ -60,14 +60,14 @@ class Cloud(NamedTuple):
 
 
 def single_echoes(range_m: Float64, strength: Float64, geom: NDArray[np.int32]) -> Echoes:
-    """Echoes of beams that are one ray."""
+    """Return the echoes of beams of one ray each."""
     return Echoes(range_m, strength, geom)
 
 
 def choose_echoes(
     range_m: Float64, strength: Float64, geom: NDArray[np.int32], *, which: str, separation_m: float
 ) -> Echoes:
-    """The echo that is reported of each beam of (m, n) rays; `which` is "first", "last" or "strongest"."""
+    """Return the echo that is reported for each beam of (m, n) rays; `which` is "first", "last" or "strongest"."""
     m, n = range_m.shape
     order = np.argsort(range_m, axis=0, kind="stable")
     r = np.take_along_axis(range_m, order, axis=0)
@@ -76,7 +76,7 @@ def choose_echoes(
     none = np.full(n, np.inf)
     best = Echoes(none.copy(), np.zeros(n), np.full(n, -1, np.int32))
     found = np.zeros(n, dtype=bool)
-    # The echo being gathered: its last range, sums over its rays, and its brightest ray.
+    # The current echo: its last range, sums over its rays, and its brightest ray.
     last, weight, moment, light = none.copy(), np.zeros(n), np.zeros(n), np.zeros(n)
     brightest, brightest_geom = np.full(n, -1.0), np.full(n, -1, np.int32)
     for j in range(m + 1):
@@ -112,7 +112,7 @@ def choose_echoes(
 
 
 class Receiver:
-    """Losses and noise of one LiDAR: what it reports of each sweep."""
+    """Losses and noise of one LiDAR."""
 
     def __init__(self, parameters: LidarParameters, *, rays: int, seed: int, name: str) -> None:
         p = self._p = parameters
@@ -128,7 +128,7 @@ class Receiver:
             dropout=p.dropout_probability,
             intensity_falloff_m=p.intensity_falloff_m,
         )
-        # Room for a sweep in which every ray is answered.
+        # Buffers for a sweep in which every ray has an echo.
         self._points_L = np.empty((rays, 3), np.float32)
         self._range_m, self._intensity = np.empty(rays, np.float32), np.empty(rays, np.float32)
         self._ring, self._time_offset_ns = np.empty(rays, np.uint16), np.empty(rays, np.int32)
@@ -136,7 +136,7 @@ class Receiver:
 
     @property
     def farthest_m(self) -> float:
-        """True range beyond which nothing is reported: noise brings nothing nearer by more than 9 sigma."""
+        """True range beyond which no echo is reported: noise shortens a range by at most 9 sigma."""
         return self._p.max_range_m + 9.0 * self._p.range_noise_m + self._p.range_resolution_m
 
     def measure(
@@ -149,7 +149,7 @@ class Receiver:
         offset_ns: NDArray[np.int32],
         geom_class: NDArray[np.uint8],
     ) -> Cloud:
-        """What is reported of sweep `seq`. `place` says where in `echoes` each ray is, `offset_ns` when it counts."""
+        """Return the points of sweep `seq`. For each ray, `place` is its index in `echoes`, `offset_ns` its time."""
         count = self._native.receive(
             seq * self._rays,
             place,
@@ -179,7 +179,7 @@ class Receiver:
 
 
 def own(values: NDArray[Scalar]) -> NDArray[Scalar]:
-    """A copy that belongs to one sample and is never written again."""
+    """Return a read-only copy, owned by one sample."""
     values = values.copy()
     values.flags.writeable = False
     return values

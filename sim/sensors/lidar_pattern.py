@@ -1,22 +1,22 @@
-"""Where and when a LiDAR looks: the rays of one sweep in its own frame L (forward, left, up), each with its time.
+"""Scan pattern of a LiDAR: rays of one sweep in its own frame L (forward, left, up), each with its time.
 
 Spinning: channel c of column j fires at
 
     t = j * column + c * firing            after the start of the turn, while t < period
     azimuth = start -+ 2 pi t / period + offset_c,     direction = (cos e cos a, cos e sin a, sin e),  e = elevation_c
 
-The turn starts at the back (azimuth pi), so that the seam lies behind the vehicle and mid-sweep looks ahead.
+The turn starts at the back (azimuth pi): the seam lies behind the vehicle, and the middle of the sweep looks ahead.
 
-Rosette: two equal prisms that turn against each other bend the beam by the sum of two turning vectors (first-order
-optics of a Risley pair):
+Rosette: two equal prisms that rotate against each other deflect the beam by the sum of two rotating vectors
+(first-order optics of a Risley pair):
 
     direction ~ (1, r),     r = tan(FOV / 2) / 2 * (e^{i w1 t} + e^{i w2 t}),     t from the start of the run
 
-Speeds are whole rpm, so the figure closes after 60 s over their greatest common divisor (2.7 s for 7294 and -4664); a
-device whose motors drift never closes it.
+Speeds are whole rpm, so the figure closes after 60 s over their greatest common divisor (2.7 s for 7294 and -4664). The
+drifting motors of a real device never close it.
 
-Times of a sweep are counted back from its end, the instant of capture. Angles go through `det_sin` and `det_cos`, so
-the directions are the same bits on every machine.
+Times of a sweep count back from its end, the capture. Directions use `det_sin` and `det_cos`: the same bits on every
+machine.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.time import NS_PER_S
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, det_sin
+from signals.documents.validate import StrictModel
+from signals.time import NS_PER_S
+from signals.units import RAD_PER_DEG
 from sim._kernels import coherent_order
 
 _NS_PER_MIN = 60 * NS_PER_S
-MAX_POINTS = 1_000_000  # of one sweep
+MAX_POINTS = 1_000_000  # per sweep
 _SIDE_BY_SIDE = 8  # rays that are cast together
 
 Float64 = NDArray[np.float64]
@@ -46,26 +46,26 @@ Azimuth = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 @dataclass(frozen=True)
 class Sweep:
-    """The rays of one sweep in the order in which they fire. Arrays of one length, not to be written to."""
+    """Rays of one sweep in firing order: arrays of one length, read-only by convention."""
 
     directions_L: Float64  # (n, 3), unit
-    origin_z_m: Float64  # (n,) height of the beam's origin over that of L
+    origin_z_m: Float64  # (n,) z of the beam's origin in L
     ring: NDArray[np.uint16]  # (n,) 0: the lowest channel
     time_offset_ns: NDArray[np.int32]  # (n,) from the capture, -period <= offset < 0
 
 
 class Pattern(Protocol):
-    """What gives the rays of each sweep."""
+    """Source of the rays of each sweep."""
 
     def sweep(self, seq: int) -> Sweep:
-        """The rays of sweep `seq`; the same object where no sweep differs from another."""
+        """Return the rays of sweep `seq`; the same object if all sweeps are equal."""
         ...
 
 
 def casting_order(directions_L: Float64, ring: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """The order in which rays are best cast: those that look the same way side by side. It changes speed alone.
+    """Return the fastest order of casting: rays of similar direction are neighbours. It affects speed only.
 
-    Of a spinning head: eight columns by eight columns, up its rings in one and down in the next.
+    For a spinning head: eight columns at a time, up the rings for one group and down for the next.
     """
     n = len(ring)
     if n == 0 or ring.min() == ring.max():
@@ -82,15 +82,15 @@ def casting_order(directions_L: Float64, ring: NDArray[np.uint16]) -> NDArray[np
 
 
 class SpinningPattern(StrictModel):
-    """A column of channels on a turning head."""
+    """Column of channels on a turning head."""
 
     kind: Literal["spinning"]
     elevation_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=256)]  # in firing order
-    azimuth_offset_deg: tuple[Azimuth, ...] = ()  # of each channel, to the left; empty: none
-    origin_z_m: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = ()  # of each channel; empty: none
-    firing_ns: Annotated[int, Field(ge=0, le=10_000_000)]  # from one channel to the next; 0: all at once
+    azimuth_offset_deg: tuple[Azimuth, ...] = ()  # per channel, to the left; empty: none
+    origin_z_m: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = ()  # per channel; empty: none
+    firing_ns: Annotated[int, Field(ge=0, le=10_000_000)]  # from one channel to the next; 0: all channels at once
     column_ns: Annotated[int, Field(gt=0, le=1_000_000_000)] | None = None  # from one column to the next
-    columns: Annotated[int, Field(gt=0, le=100_000)] | None = None  # of one turn, where the device divides the turn
+    columns: Annotated[int, Field(gt=0, le=100_000)] | None = None  # per turn, for a device that divides the turn
     clockwise: bool = True  # seen from above
 
     @model_validator(mode="after")
@@ -108,21 +108,21 @@ class SpinningPattern(StrictModel):
 
     @property
     def ring_elevations_deg(self) -> tuple[float, ...]:
-        """Of each ring. Rings count from the lowest channel up, whatever order they fire in."""
+        """Elevation of each ring. Rings count from the lowest channel up, in any firing order."""
         return tuple(sorted(self.elevation_deg))
 
     def points(self, period_ns: int) -> int:
-        """Rays of one sweep."""
+        """Return the number of rays of one sweep."""
         columns = self.columns if self.columns is not None else period_ns // (self.column_ns or period_ns)
         return max(1, columns) * len(self.elevation_deg)
 
     def over(self, period_ns: int) -> Pattern:
-        """The pattern of a device that turns once in `period_ns`."""
+        """Return the pattern of a device that turns once in `period_ns`."""
         return _Spinning(self, period_ns)
 
 
 class RosettePattern(StrictModel):
-    """One beam behind two prisms that turn against each other."""
+    """One beam behind two prisms that rotate against each other."""
 
     kind: Literal["rosette"]
     field_of_view_deg: Annotated[float, Field(gt=0.0, lt=170.0)]  # full angle of the cone
@@ -131,15 +131,15 @@ class RosettePattern(StrictModel):
 
     @property
     def ring_elevations_deg(self) -> tuple[float, ...]:
-        """None: the one beam goes everywhere."""
+        """Elevation of each ring: empty, since the pattern has no rings."""
         return ()
 
     def points(self, period_ns: int) -> int:
-        """Rays of one sweep."""
+        """Return the number of rays of one sweep."""
         return max(1, self.points_per_s * period_ns // NS_PER_S)
 
     def over(self, period_ns: int) -> Pattern:
-        """The pattern cut into sweeps of `period_ns`."""
+        """Return the pattern cut into sweeps of `period_ns`."""
         return _Rosette(self, period_ns)
 
 
@@ -147,20 +147,20 @@ AnyPattern = Annotated[SpinningPattern | RosettePattern, Field(discriminator="ki
 
 
 def _angles(angles_rad: Float64) -> tuple[Float64, Float64]:
-    """Cosines and sines, the same bits everywhere."""
+    """Return cosines and sines, the same bits on every machine."""
     values = angles_rad.tolist()
     return np.array([det_cos(a) for a in values]), np.array([det_sin(a) for a in values])
 
 
 class _Spinning:
-    """Every turn is the same."""
+    """Pattern of a spinning head: all sweeps are equal."""
 
     def __init__(self, pattern: SpinningPattern, period_ns: int) -> None:
         self._pattern = pattern
         self._period_ns = period_ns
 
     def sweep(self, seq: int) -> Sweep:  # noqa: ARG002
-        """The rays of any turn."""
+        """Return the rays of a turn."""
         return self._turn
 
     @cached_property
@@ -173,7 +173,7 @@ class _Spinning:
         else:
             start_ns = np.arange(columns, dtype=np.int64) * (p.column_ns or 0)
         fire_ns = start_ns[:, None] + np.arange(channels, dtype=np.int64) * p.firing_ns
-        # A device that divides the turn may fire its last channels after it: they belong to its last instant.
+        # A device that divides the turn may fire its last channels after its end; they get its last instant.
         fire_ns = np.minimum(fire_ns, period_ns - 1)
         sense = -1.0 if p.clockwise else 1.0
         turn_cos, turn_sin = _angles((2.0 * np.pi) * (0.5 + sense * (fire_ns.ravel() / period_ns)))
@@ -188,7 +188,7 @@ class _Spinning:
             ],
             axis=-1,
         )
-        # Rings count from the lowest channel up, whatever order they fire in.
+        # Rings count from the lowest channel up, in any firing order.
         order = sorted(range(channels), key=lambda c: (p.elevation_deg[c], c))
         ring = np.empty(channels, dtype=np.uint16)
         ring[order] = np.arange(channels, dtype=np.uint16)
@@ -200,7 +200,7 @@ class _Spinning:
 
 
 class _Rosette:
-    """No sweep is like another: the prisms go on from where they were."""
+    """Pattern of a rosette: the prisms go on turning, so every sweep differs."""
 
     def __init__(self, pattern: RosettePattern, period_ns: int) -> None:
         self._pattern = pattern
@@ -209,17 +209,17 @@ class _Rosette:
         self._fire_ns = np.arange(n, dtype=np.int64) * period_ns // n
         half_rad = 0.5 * pattern.field_of_view_deg * RAD_PER_DEG
         self._radius = 0.5 * det_sin(half_rad) / det_cos(half_rad)
-        # Turns within a sweep, once: a sweep only adds the turn at its start (addition theorem).
+        # Angles within a sweep, computed once; a sweep adds the angle at its start by the addition theorem.
         self._within = [_angles((2.0 * np.pi) * ((rpm * self._fire_ns) / _NS_PER_MIN)) for rpm in pattern.prism_rpm]
         self._zero = np.zeros(n)
         self._ring = np.zeros(n, dtype=np.uint16)
         self._offset_ns = (self._fire_ns - period_ns).astype(np.int32)
 
     def sweep(self, seq: int) -> Sweep:
-        """The rays of sweep `seq`, the first from the start of the run."""
+        """Return the rays of sweep `seq`; sweep 0 begins at the start of the run."""
         left, up = self._zero, self._zero
         for rpm, (cosine, sine) in zip(self._pattern.prism_rpm, self._within, strict=True):
-            # Whole turns leave in integers: an hour on, the phase is as exact as at the start.
+            # Whole turns are removed in integers, so the phase stays exact for hours.
             phase = 2.0 * np.pi * ((rpm * seq * self._period_ns) % _NS_PER_MIN / _NS_PER_MIN)
             c, s = det_cos(phase), det_sin(phase)
             left = left + (c * cosine - s * sine)

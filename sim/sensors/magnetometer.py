@@ -1,10 +1,10 @@
-"""Magnetometer: Earth's field in B as the vehicle's iron and currents leave it, with noise.
+"""Magnetometer: Earth's field in B, disturbed by the vehicle's iron and currents, with noise.
 
     m = S R_WB^T B_W + b + I c + n,   rounded to the resolution, saturated at the range
 
-S soft iron (identity + a symmetric matrix drawn once), b hard iron (drawn once), c the field of the battery leads at
-the reference rotor speed, I the battery current as a fraction of that there: mean (rotor speed / reference)^3, since
-shaft power goes with the cube of speed and the battery's voltage is taken as constant.
+S is soft iron (identity + a symmetric matrix drawn once), b hard iron (drawn once), c the field of the battery leads at
+the reference rotor speed, and I the battery current relative to that speed: mean (rotor speed / reference)^3, since
+shaft power goes with the cube of speed and the battery's voltage counts as constant.
 """
 
 from __future__ import annotations
@@ -14,27 +14,26 @@ from typing import Annotated
 import pygeomag
 from pydantic import Field
 
-from hil.signals._kernel import rotate_into_body
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream
-from hil.signals.samples import MagSample, TruthState, Vec3
+from signals._kernel import rotate_into_body
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream
+from signals.samples import MagSample, TruthState, Vec3
 from sim.scene.scene import Site
 from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio
-from sim.sensors.sensor import Installation, InstalledSensor
+from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-# Fixed, so that a run repeats next year: the field turns by about 0.2 degrees a year at mid latitudes.
+# Fixed, so that a run repeats in later years: the field turns by about 0.2 degrees a year at mid latitudes.
 EPOCH_YEAR = 2026.0
 
 _TESLA_PER_NANOTESLA = 1e-9
 
 
 def magnetic_field_W_tesla(site: Site) -> Vec3:
-    """Field at `site` in W (ENU) [T], by WMM2025 at `EPOCH_YEAR`.
+    """Return the field at `site` in W (ENU) [T], by WMM2025 at `EPOCH_YEAR`.
 
-    Rounded to 1e-12 T, 100,000 times finer than the model's own error: pygeomag uses the C library's sin and cos,
-    whose last bit depends on the CPU, and rounding takes that bit away. Constant over a scene: a kilometre changes
-    the field by some 1e-8 T.
+    It is rounded to 1e-12 T, 100,000 times finer than the model's error: pygeomag uses the C library's sin and cos,
+    whose last bit depends on the CPU. It is constant over a scene: a kilometre changes the field by about 1e-8 T.
     """
     field = pygeomag.GeoMag().calculate(
         glat=site.latitude_deg, glon=site.longitude_deg, alt=site.altitude_m / 1000.0, time=EPOCH_YEAR
@@ -54,7 +53,7 @@ class MagnetometerParameters(StrictModel):
     """Errors of one magnetometer [T]."""
 
     noise_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]
-    hard_iron_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]  # 1 sigma a axis, drawn once
+    hard_iron_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]  # 1 sigma per axis, drawn once
     soft_iron: Annotated[float, Field(ge=0.0, le=0.3)] = 0.0  # 1 sigma of each of the six elements, drawn once
     motor_field_tesla: tuple[Field_T, Field_T, Field_T] = (0.0, 0.0, 0.0)  # in B, at the reference rotor speed
     motor_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
@@ -83,7 +82,7 @@ class Magnetometer(InstalledSensor):
         self._lsb, self._range = p.resolution_tesla, p.range_tesla
 
     def sample(self, truth: TruthState, seq: int) -> MagSample:
-        """Sample `seq`."""
+        """Return sample `seq`."""
         t_ns, sigma, lsb, limit, b = truth.t_ns, self._sigma, self._lsb, self._range, self.hard_iron_tesla
         x, y, z = rotate_into_body(truth.q_WB, self._field_W)
         (sxx, sxy, sxz), (syx, syy, syz), (szx, szy, szz) = self.soft_iron
@@ -100,3 +99,6 @@ class Magnetometer(InstalledSensor):
                 quantise(szx * x + szy * y + szz * z + b[2] + current * cz + sigma * n[2], lsb, limit),
             ),
         )
+
+
+KIND = Kind(Magnetometer, MagnetometerParameters)

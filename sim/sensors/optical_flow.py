@@ -1,13 +1,13 @@
-"""Downward optical flow with its own gyro and, on some devices, a range finder.
+"""Downward optical flow with a gyro of its own and, on some devices, a range finder.
 
-Turn of the picture about x and y of B, for a sensor at r in B at distance d from the ground along -z:
+Rotation of the picture about x and y of B, for a sensor at r in B and distance d from the ground along -z:
 
     u = R^T v + w x r,      flow rate = (w_x + u_y / d,  w_y - u_x / d)
 
-Each sample integrates the rate since the one before by the trapezoid of the two instants (error of second order in
-the sample period; motion faster than half the sample rate is not seen). Then scale error and noise are added and the
-result is rounded. Quality falls from its best at the ground to a third at the greatest distance; it is 0, and the flow
-with it, where the ground is out of range, the tilt too great, or the picture moves faster than the device can follow.
+Each sample integrates the rate since the previous one by the trapezoidal rule (error of second order in the sample
+period; motion faster than half the sample rate is lost). Then scale error and noise are added and the result is
+rounded. Quality falls from its best at the ground to a third at the greatest distance. Quality and flow are 0 if the
+ground is out of range, the tilt too great, or the picture moves faster than the device can track.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_cos, rotate_into_body
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream
-from hil.signals.rotation import upright_of
-from hil.signals.samples import FlowSample, TruthState
-from hil.signals.time import NS_PER_S
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos, rotate_into_body
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream
+from signals.rotation import upright_of
+from signals.samples import FlowSample, TruthState
+from signals.time import NS_PER_S
+from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
-from sim.sensors.sensor import Installation, InstalledSensor, Position, check_order
+from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
 _UNKNOWN_M = -1.0
 
@@ -36,16 +36,16 @@ class OpticalFlowParameters(StrictModel):
     min_distance_m: Annotated[float, Field(ge=0.0, le=100.0)]
     max_distance_m: Annotated[float, Field(gt=0.0, le=1000.0)]
     max_flow_radps: Annotated[float, Field(gt=0.0, le=100.0)]
-    flow_noise_radps: Annotated[float, Field(ge=0.0, le=10.0)]  # of the rate over one sample
+    flow_noise_radps: Annotated[float, Field(ge=0.0, le=10.0)]  # of the mean rate over one sample
     flow_scale_error: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     flow_resolution_rad: Annotated[float, Field(gt=0.0, le=0.1)]
     gyro_noise_radps_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
     gyro_turn_on_bias_radps: Annotated[float, Field(ge=0.0, le=1.0)]
     gyro_resolution_rad: Annotated[float, Field(gt=0.0, le=0.1)]
-    has_range: bool  # it measures the distance itself; else the sample says that it is not known
+    has_range: bool  # has a range finder; else the distance of a sample is unknown
     range_noise_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0
-    quality: Annotated[int, Field(ge=1, le=255)] = 255  # the best it gives
+    quality: Annotated[int, Field(ge=1, le=255)] = 255  # best value
     temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] = 35.0
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
@@ -57,7 +57,7 @@ class OpticalFlowParameters(StrictModel):
 
 
 class OpticalFlow(InstalledSensor):
-    """Integrated flow and rates since the sample before."""
+    """Optical flow sensor: flow and rates integrated since the previous sample."""
 
     sample_type = FlowSample
 
@@ -79,7 +79,7 @@ class OpticalFlow(InstalledSensor):
         self._before: tuple[int, float, float, float, float, float] | None = None
 
     def sample(self, truth: TruthState, seq: int) -> FlowSample:
-        """Sample `seq`. The first one integrates over a period of unchanged motion."""
+        """Return sample `seq`. The first one assumes unchanged motion over its period."""
         p, t_ns = self._p, truth.t_ns
         n = self._white.normal(seq)
         true_m = self._range.distance_m(truth)
@@ -89,7 +89,7 @@ class OpticalFlow(InstalledSensor):
         vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
         upright = upright_of(truth.q_WB)
         in_range = p.min_distance_m <= true_m <= p.max_distance_m and true_m > 0.0
-        # Out of range there is no flow to integrate; the rotation alone keeps the next trapezoid finite.
+        # Out of range there is no flow; the rotation alone keeps the next trapezoid finite.
         fx, fy = (wx + vy / true_m, wy - vx / true_m) if in_range else (wx, wy)
         now = (t_ns, fx, fy, wx, wy, wz)
         old = self._before
@@ -124,3 +124,6 @@ class OpticalFlow(InstalledSensor):
 
 def _rounded(value: float, step: float) -> float:
     return math.floor(value / step + 0.5) * step
+
+
+KIND = Kind(OpticalFlow, OpticalFlowParameters)

@@ -1,4 +1,4 @@
-"""Presets: one real device, one file in `sim/sensors/preset_files/`. A new device is a new file; nothing else changes.
+"""Presets: one file in `sim/sensors/preset_files/` per real device. A new device is a new file and no other change.
 
     kind: barometer
     part: "TE Connectivity MS5611-01BA03"
@@ -6,13 +6,13 @@
     parameters:
       noise_pa: {value: 1.2, stated: "0.012 mbar", status: verified, source: ds, note: "RMS at OSR 4096"}
 
-`value` is in the unit of the parameter's name, `stated` the figure as the source prints it, and `status` says how far
-to trust it:
+`value` is in the unit of the parameter's name, `stated` is the figure as printed in the source, and `status` is its
+reliability:
 
-    verified    read in the maker's document, or its maker's own words, when the file was written
-    secondary   read in somebody else's table or forum
-    datasheet   the datasheet's by common knowledge, not compared with it: check before you rely on it
-    typical     no source states it; the class of the device
+    verified    read in the maker's document, or in a statement of the maker, when the file was written
+    secondary   read in a table or forum of another author
+    datasheet   the datasheet's figure by common knowledge, not compared with it: check it before you rely on it
+    typical     typical of the class of the device; no source states it
     measured    fitted to a recording of the part itself, which the source names (`hil calibrate`)
     choice      a setting of the usual driver or of this bench, not a property of the part
 """
@@ -27,9 +27,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from hil.signals.documents.document import Document, Place
-from hil.signals.documents.validate import StrictModel, load_model, validate
-from hil.signals.errors import ConfigError
+from signals.documents.document import Document, Place
+from signals.documents.validate import StrictModel, load_model, validate
+from signals.errors import ConfigError
 from sim.frame.quality import QUALITIES, with_quality
 from sim.sensors.kinds import KINDS
 
@@ -39,7 +39,7 @@ _Text = Annotated[str, Field(min_length=1)]
 
 
 class Figure(StrictModel):
-    """One parameter with where it is from."""
+    """Value of one parameter with its source."""
 
     value: Any
     status: Literal["verified", "secondary", "datasheet", "typical", "measured", "choice"]
@@ -49,7 +49,7 @@ class Figure(StrictModel):
 
 
 class PresetFile(StrictModel):
-    """What a preset file holds."""
+    """Contents of a preset file."""
 
     kind: str
     part: _Text
@@ -64,13 +64,13 @@ class PresetFile(StrictModel):
             if figure.source and figure.source not in self.sources:
                 raise ValueError(f"parameters.{name}.source {figure.source!r} is not among the sources")
             if figure.status in ("verified", "secondary", "datasheet", "measured") and not figure.source:
-                raise ValueError(f"parameters.{name} is {figure.status!r} and so needs a source")
+                raise ValueError(f"parameters.{name} is {figure.status!r} and needs a source")
         return self
 
 
 @dataclass(frozen=True)
 class Preset:
-    """One real device: kind, parameters, and where the numbers are from."""
+    """Real device: kind, parameters and their sources."""
 
     kind: str
     part: str
@@ -86,7 +86,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class _Figures:
-    """Says of a parameter where a preset file has its value."""
+    """Maps the place of a parameter to the place of its value in a preset file."""
 
     document: Document
 
@@ -99,7 +99,7 @@ def load_preset(path: Path) -> Preset:
     file, document = load_model(path, PresetFile)
     values = {name: figure.value for name, figure in file.parameters.items()}
     if file.kind == "camera" and values.get("quality") in QUALITIES:
-        values = with_quality(values, values["quality"], said=values)
+        values = with_quality(values, values["quality"], given=values)
     parameters, problems = validate(KINDS[file.kind].parameters, values, _Figures(document), below=("parameters",))
     if parameters is None or problems:
         raise ConfigError(problems)
@@ -107,7 +107,7 @@ def load_preset(path: Path) -> Preset:
 
 
 class PresetFolder(Mapping[str, Preset]):
-    """The presets of a folder by file name, sorted, each read when it is first asked for."""
+    """Presets of a folder by file name, sorted; each is read on first use."""
 
     def __init__(self, folder: Path) -> None:
         self._paths = {path.stem: path for path in sorted(folder.glob("*.yaml"))}

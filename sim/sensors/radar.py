@@ -1,13 +1,13 @@
-"""FMCW radar: raw frames from the pictures of a camera, and what a processing chain makes of them.
+"""FMCW radar: raw frames from the pictures of a camera, and their processing.
 
     truth -> picture (range, normal, material, radial velocity) -> echoes -> beat signal -> ADC -> processing
 
     t_capture = the tick = middle of the frame        t_available = t_capture + frame_s / 2 + latency
 
-The picture is the geometry at the tick, all pixels at once: what a camera does to its own pictures (noise, blur,
-rolling shutter) does not reach the radar. How things move within the frame is in the phases of the echoes, from the
-radial velocity of each pixel. Each step is done only as far as the outputs ask for it. Noise is keyed by the seed, the
-sensor's name and the frame's number alone; tracks, and maps with `clutter: background`, hang on the frames before too.
+The picture shows the geometry at the tick, all pixels at once: noise, blur and rolling shutter of the camera do not
+affect the radar. Motion within the frame is in the phases of the echoes, by the radial velocity of each pixel. Steps
+that no output needs are skipped. Noise is keyed by the seed, the sensor's name and the frame's number alone; tracks,
+and maps with `clutter: background`, also depend on earlier frames.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import RadarSample, TruthState
-from hil.signals.time import NS_PER_S
+from signals.samples import RadarSample, TruthState
+from signals.time import NS_PER_S
 from sim._kernels import EchoSynthesisReport
 from sim.frame.camera_pose import CameraPose
 from sim.frame.mount import Mount
@@ -31,44 +31,44 @@ from sim.radar.processing.processor import Processor, Step
 from sim.radar.scatterers import ScattererReport, Scatterers
 from sim.radar.synthesis import Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
-from sim.sensors.sensor import Installation, InstalledSensor
+from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 Picture = Mapping[str, NDArray[Any]]
 
-_STEPS: tuple[Step, ...] = ("tracks", "points", "range_doppler")  # of the processing, each of which needs the next
+_STEPS: tuple[Step, ...] = ("tracks", "points", "range_doppler")  # of the processing; each needs the next
 
-# Why a pixel gives no echo: fields of `ScattererReport` in words.
+# Reasons for a pixel without an echo: fields of `ScattererReport` in words.
 _REASONS = {
     "window": "outside the mask's angles",
-    "pattern": "where the antennas have no gain",
-    "invalid": "a range, normal or speed that is no number",
+    "pattern": "no antenna gain in this direction",
+    "invalid": "range, normal or speed is not finite",
     "sky": "sky",
-    "nothing": "no surface, or one without echo",
+    "nothing": "no surface, or a surface without echo",
     "range": "beyond the mask's range",
-    "classes": "not of the mask's classes",
-    "away": "looks away from the radar",
+    "classes": "class not in the mask",
+    "away": "surface faces away from the radar",
 }
 
 
 class RadarCounts:
-    """What a radar has left out so far, for the report of the run."""
+    """Counts of what a radar has skipped so far, for the report of the run."""
 
     def __init__(self) -> None:
         self.frames = 0
         self.pixels = 0
         self.pixels_dropped: Counter[str] = Counter()  # by reason
         self.echoes = 0
-        self.echoes_dropped = 0  # too weak to matter within the tolerance
-        self.dropped_bound = 0.0  # of any frame: the relative error that this can have made, at most
-        self.shared = 0  # pictures that its camera had drawn already
-        self.terms = 0  # of any frame: low-rank terms of the synthesis, at most
+        self.echoes_dropped = 0  # too weak to matter at the tolerance
+        self.dropped_bound = 0.0  # greatest relative error of any frame by dropped echoes
+        self.shared = 0  # pictures taken over from its camera
+        self.terms = 0  # greatest number of low-rank terms in the synthesis of any frame
 
 
 class RadarFrames:
-    """From pictures to raw frames: the part of a radar that a recording of pictures can stand before, too."""
+    """Raw frames of a radar from pictures, which may also come from a recording."""
 
     def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
-        """Raises ValueError where the mask leaves nothing to be seen or names what the world does not have."""
+        """Raises ValueError if the mask leaves no pixel, or names a class that the world does not have."""
         chirp, rx = p.chirp, p.antenna.rx_positions_m
         self._scatterers = Scatterers(view.camera, world, chirp, p.antenna, p.receiver, p.mask)
         self._synthesizer = Synthesizer(
@@ -87,7 +87,7 @@ class RadarFrames:
         self.counts = RadarCounts()
 
     def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
-        """Frame `seq` from a picture taken from `pose`: a new array (receivers, chirps, samples)."""
+        """Return frame `seq` of a picture taken from `pose`: a new array (receivers, chirps, samples)."""
         echoes = self._scatterers.collect(picture, pose)
         report = self._synthesizer.synthesize(echoes, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
@@ -112,7 +112,7 @@ class Radar(InstalledSensor):
     sample_type = RadarSample
 
     def __init__(self, installation: Installation, parameters: RadarParameters) -> None:
-        """Raises ValueError without `installation.frames`, or for frames that are longer than the time between them."""
+        """Raises ValueError without `installation.frames`, or for frames longer than their period."""
         p, frames = parameters, installation.frames
         name = installation.name
         if frames is None:
@@ -128,7 +128,7 @@ class Radar(InstalledSensor):
         self.chirp = p.chirp
         self.outputs = p.outputs
         self.view: SharedPicture = installation.shared if p.frame is not None and installation.shared else p.view()
-        # R has the axes of B where the camera's C looks forward: x_R = z_C, y_R = -x_C, z_R = -y_C.
+        # R has the axes of B if the camera looks forward: x_R = z_C, y_R = -x_C, z_R = -y_C.
         self.mount = Mount(self.view.mount_m, self.view.mount_rpy_deg, optical=False)
         self._optical = Mount(self.view.mount_m, self.view.mount_rpy_deg)
         self._frames: FrameSource = frames
@@ -143,11 +143,11 @@ class Radar(InstalledSensor):
 
     @property
     def counts(self) -> RadarCounts:
-        """What was left out so far."""
+        """Counts of what was skipped so far."""
         return self._radar.counts
 
     def sample(self, truth: TruthState, seq: int) -> RadarSample:
-        """Frame `seq`."""
+        """Return frame `seq`."""
         t_ns = truth.t_ns
         self._frames.expect(t_ns)
         pose = self._optical.pose(truth)
@@ -163,7 +163,7 @@ class Radar(InstalledSensor):
         return RadarSample(seq, t_ns, t_ns + self.latency_ns, pose.p_WC, self.mount.attitude(truth), channels)
 
     def _picture(self, t_ns: int, pose: CameraPose) -> Picture:
-        """What its camera has just drawn, or else a drawing of its own."""
+        """Return the picture that its camera has just drawn, or a picture of its own."""
         found = self.view.find(t_ns, pose, self.channels)
         if found is not None:
             self.counts.shared += 1
@@ -179,5 +179,8 @@ class Radar(InstalledSensor):
 
 
 def most_frames_hz(p: RadarParameters) -> float:
-    """The highest rate at which frames do not overlap, in whole millihertz."""
+    """Return the highest rate at which frames do not overlap [Hz], in whole millihertz."""
     return int(1000.0 / p.chirp.frame_s) / 1000.0
+
+
+KIND = Kind(Radar, RadarParameters, parts="outputs")

@@ -1,4 +1,4 @@
-"""What can be said about a radar in a bench file or a preset."""
+"""Parameters of a radar, as in a bench file or a preset."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.samples import RADAR_UNITS
+from signals.documents.validate import StrictModel
+from signals.samples import RADAR_UNITS
 from sim.frame.camera_model import CameraModel
 from sim.frame.shared_picture import SharedPicture
 from sim.radar.antenna import Antenna
@@ -24,12 +24,12 @@ _RESOLUTION = (320, 240)
 _FOV_DEG = 90.0
 _NEAR_M, _FAR_M = 0.05, 10_000.0
 _LEVEL = (0.0, 0.0, 0.0)
-# Keys that say where a radar looks. With `frame` the camera says it.
+# Keys of the view. With `frame` the camera gives the view.
 VIEW_KEYS = ("resolution", "fov_deg", "mount_m", "mount_rpy_deg", "near_m", "far_m")
 
 
 class RadarParameters(StrictModel):
-    """One radar: its chirps, its hardware, where it looks, and what is made of its data."""
+    """Parameters of one radar: chirps, hardware, view and processing."""
 
     chirp: Chirp
     antenna: Antenna
@@ -37,15 +37,15 @@ class RadarParameters(StrictModel):
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
     processing: Processing = Processing()
-    # The camera of this bench whose pictures it reads, with its place and lens. Null: a view of its own, in `view`.
+    # The camera of this bench whose pictures it reads, with its mount and lens. Null: a view of its own, by `view`.
     frame: str | None = None
     resolution: tuple[Pixels, Pixels] | None = None  # width, height; null: 320 x 240
     fov_deg: Annotated[float, Field(gt=0.0, lt=180.0)] | None = None  # horizontal; null: 90
-    mount_m: Position | None = None  # from the body origin, in B; null: there
+    mount_m: Position | None = None  # from the body origin, in B; null: at the origin
     mount_rpy_deg: Attitude | None = None  # null: looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] | None = None  # null: 0.05
     far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] | None = None  # null: 10 000
-    method: Literal["nufft", "direct"] = "nufft"  # direct: the exact sum, slow
+    method: Literal["nufft", "direct"] = "nufft"  # direct: the exact sum, which is slow
     tolerance: Annotated[float, Field(ge=MIN_TOLERANCE, le=MAX_TOLERANCE)] = 1e-3  # of nufft, relative to the frame
     outputs: tuple[str, ...] = tuple(RADAR_UNITS)
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0  # from the end of the frame
@@ -57,7 +57,7 @@ class RadarParameters(StrictModel):
             raise ValueError("must name at least one output")
         for output in outputs:
             if output not in RADAR_UNITS:
-                raise ValueError(f"there is no output {output!r}; there are {', '.join(RADAR_UNITS)}")
+                raise ValueError(f"there is no output {output!r}; outputs: {', '.join(RADAR_UNITS)}")
         if len(set(outputs)) < len(outputs):
             raise ValueError("an output is named twice")
         return outputs
@@ -66,7 +66,7 @@ class RadarParameters(StrictModel):
     def _one_view(self) -> RadarParameters:
         given = [key for key in VIEW_KEYS if getattr(self, key) is not None]
         if self.frame is not None and given:
-            raise ValueError(f"frame {self.frame!r} says where the radar looks: leave out {', '.join(given)}")
+            raise ValueError(f"frame {self.frame!r} already gives the radar's view: leave out {', '.join(given)}")
         unfit = self.impairments.problems_with(self.chirp, len(self.antenna.rx_positions_m))
         if unfit:
             raise ValueError("impairments." + "; impairments.".join(unfit))
@@ -76,21 +76,21 @@ class RadarParameters(StrictModel):
         near_m, far_m = self.limits_m
         check_order(("near_m", near_m), ("far_m", far_m))
         if self.frame is None:
-            self.view()  # ValueError for a lens that cannot be
+            self.view()  # raises ValueError for an impossible lens
         return self
 
     @property
     def limits_m(self) -> tuple[float, float]:
-        """Least and greatest depth that is seen."""
+        """Least and greatest visible depth."""
         return _NEAR_M if self.near_m is None else self.near_m, _FAR_M if self.far_m is None else self.far_m
 
     @property
     def needs_processing(self) -> bool:
-        """Whether anything is made of the raw data."""
+        """True if any output needs processing."""
         return self.outputs != ("raw",)
 
     def view(self) -> SharedPicture:
-        """Where a radar without `frame` looks."""
+        """Return the view of a radar without `frame`."""
         width, height = self.resolution or _RESOLUTION
         near_m, far_m = self.limits_m
         return SharedPicture(

@@ -2,8 +2,8 @@
 
     d = round(d_true (1 + s) + sigma n),   sigma = max(noise, relative noise * d_true)
 
-s is a scale error drawn once. No return (quality 0, the device's own value for it) where the ray meets nothing, the
-distance leaves [min, max], the vehicle tilts beyond what the surface reflects, or at random with `dropout_probability`.
+s is a scale error drawn once. There is no return (quality 0, with the device's value for it) if the ray hits nothing,
+the distance leaves [min, max], the tilt is too great, or at random with `dropout_probability`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_cos
-from hil.signals.documents.validate import StrictModel
-from hil.signals.noise import NoiseStream, normal_from_uniform
-from hil.signals.rotation import upright_of
-from hil.signals.samples import RangeSample, TruthState
-from hil.signals.units import RAD_PER_DEG
+from signals._kernel import det_cos
+from signals.documents.validate import StrictModel
+from signals.noise import NoiseStream, normal_from_uniform
+from signals.rotation import upright_of
+from signals.samples import RangeSample, TruthState
+from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
-from sim.sensors.sensor import Installation, InstalledSensor, Position, check_order
+from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
 _BEST = 100
 
@@ -37,7 +37,7 @@ class RangeFinderParameters(StrictModel):
     resolution_m: Annotated[float, Field(gt=0.0, le=1.0)]
     max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0
     dropout_probability: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
-    no_return_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # what it sends when it has no distance
+    no_return_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # distance that it sends without a return
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
@@ -48,7 +48,7 @@ class RangeFinderParameters(StrictModel):
 
 
 class RangeFinder(InstalledSensor):
-    """Distance to what is below, along -z of B."""
+    """Range finder that looks down, along -z of B."""
 
     sample_type = RangeSample
 
@@ -60,12 +60,12 @@ class RangeFinder(InstalledSensor):
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
         self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
         self._least_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
-        # A normal below this one is as likely as a dropout.
+        # A standard normal is below this value with the probability of a dropout.
         lost = p.dropout_probability
         self._drop_below = float(normal_from_uniform(np.array([lost]))[0]) if lost > 0.0 else -math.inf
 
     def sample(self, truth: TruthState, seq: int) -> RangeSample:
-        """Sample `seq`."""
+        """Return sample `seq`."""
         p, t_ns = self._p, truth.t_ns
         n, drop = self._white.normal(seq)
         true_m = self._range.distance_m(truth)
@@ -88,3 +88,6 @@ class RangeFinder(InstalledSensor):
             sigma if seen else 0.0,
             _BEST if seen else 0,
         )
+
+
+KIND = Kind(RangeFinder, RangeFinderParameters)

@@ -1,4 +1,4 @@
-"""How hard the rotors work, from their speeds alone: proxies for what disturbs barometer and magnetometer."""
+"""Load of the rotors from their speeds alone: proxies for their effect on barometer and magnetometer."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def thrust_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> float:
-    """Mean thrust as a fraction of that at the reference speed: thrust goes with the square of speed."""
+    """Return the mean thrust relative to that at the reference speed: thrust goes with the square of speed."""
     total = 0.0
     for speed in rotor_speed_radps:
         ratio = speed / reference_radps
@@ -15,7 +15,7 @@ def thrust_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> 
 
 
 def power_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> float:
-    """Mean shaft power, and so battery current, as a fraction of that at the reference speed: it goes with the cube."""
+    """Return the mean shaft power relative to that at the reference speed: power goes with the cube of speed."""
     total = 0.0
     for speed in rotor_speed_radps:
         ratio = speed / reference_radps

@@ -1,38 +1,49 @@
-"""What every sensor is to the scheduler."""
+"""Interface of every sensor, and its installation in a run.
+
+A sensor is a class with the attributes of `Sensor`, made from an `Installation` and its parameters. To add a kind,
+write the class, a pydantic model of its parameters and `KIND = Kind(...)` in a file of this folder; a device of a kind
+is a file of preset_files/.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Protocol
+from typing import Annotated, Any, Protocol
 
 from pydantic import Field
 
-from hil.signals.samples import Sample, TruthState
-from hil.signals.time import NS_PER_S
+from signals.documents.validate import StrictModel
+from signals.samples import FRAME_SAMPLES, Sample, TruthState
+from signals.time import NS_PER_S, period_ns_from_hz
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
 from sim.scene.scene import Scene
 
 _Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
-Position = tuple[_Offset, _Offset, _Offset]  # where a sensor sits, from the body origin, in B [m]
+Position = tuple[_Offset, _Offset, _Offset]  # of a sensor, from the body origin, in B [m]
 
 
 @dataclass(frozen=True)
 class Installation:
-    """How a sensor is built into a run."""
+    """Installation of a sensor in a run."""
 
     name: str  # also keys its noise
-    period_ns: int
+    rate_hz: float
     seed: int
     scene: Scene
     step_ns: int  # the physics tick
-    frames: FrameSource | None = None  # the world to look at, for cameras, LiDARs and radars
-    shared: SharedPicture | None = None  # of a camera: its pictures that others read; of a reader: those of its camera
+    frames: FrameSource | None = None  # the world's geometry, for cameras, LiDARs and radars
+    shared: SharedPicture | None = None  # pictures of one camera that other sensors read: given to it and to them
+
+    @property
+    def period_ns(self) -> int:
+        """Nominal time between two samples. Raises ValueError for a rate that is not above 0."""
+        return period_ns_from_hz(self.rate_hz)
 
 
 class InstalledSensor:
-    """What every kind of sensor has of a `Sensor`."""
+    """Base of the sensors: the attributes of a `Sensor`."""
 
     def __init__(self, installation: Installation, latency_s: float, resolution: Mapping[str, float]) -> None:
         self.name = installation.name
@@ -42,24 +53,44 @@ class InstalledSensor:
 
 
 def check_order(low: tuple[str, float], high: tuple[str, float]) -> None:
-    """ValueError unless the second of two parameters (name, value) is above the first."""
+    """Raise ValueError unless the second of two parameters (name, value) is above the first."""
     if not high[1] > low[1]:
         raise ValueError(f"{high[0]} {high[1]:g} must be above {low[0]} {low[1]:g}")
 
 
-class Sensor(Protocol):
-    """Turns truth into samples.
+@dataclass(frozen=True)
+class Kind:
+    """Kind of sensor: its class and the model of its parameters."""
 
-    Noise of sample `seq` is a function of the seed, the sensor's name and `seq` alone, whatever was sampled before.
-    Sensors that integrate (vibration phases, optical flow) also depend on the truths they were shown before.
+    sensor: Any  # callable (Installation, parameters) -> Sensor
+    parameters: type[StrictModel]
+    parts: str | None = None  # the parameter that lists the contents of a sample, each of which is a port of its own
+
+    @property
+    def sample_type(self) -> type:
+        """Type of its samples."""
+        kind: type = self.sensor.sample_type
+        return kind
+
+    @property
+    def needs_frames(self) -> bool:
+        """True if it needs the world's geometry (`Installation.frames`)."""
+        return self.sample_type in FRAME_SAMPLES
+
+
+class Sensor(Protocol):
+    """Makes samples of the true state.
+
+    The noise of sample `seq` is a function of the seed, the sensor's name and `seq` alone. Sensors that integrate
+    (vibration phases, optical flow) also depend on the truths of earlier samples.
     """
 
     name: str
     sample_type: type
     period_ns: int
     latency_ns: int
-    resolution: Mapping[str, float]  # step of the output word of each field that has one, in the field's unit
+    resolution: Mapping[str, float]  # step of the output word by field, in the field's unit
 
     def sample(self, truth: TruthState, seq: int) -> Sample:
-        """Sample number `seq`, captured at `truth.t_ns`, available `latency_ns` later."""
+        """Return sample `seq`, captured at `truth.t_ns` and available `latency_ns` later."""
         ...

@@ -1,31 +1,31 @@
-"""How the vehicle moved during a sweep, told from the truths at its ends.
+"""Motion of the vehicle during a sweep, interpolated between the truths at its ends.
 
-With s <= 0 the time from the capture, h the time since the truth before, p, v, q, w of both:
+With s <= 0 the time from the capture, h the time since the previous truth, and p, v, q, w of both:
 
     p(s)   = p + v s + c2 s^2 + c3 s^3                cubic Hermite through (p, v) at 0 and at -h
-    q(s)   = q exp(f(s)),   f(s) = w s + f2 s^2 + f3 s^3     the same in the rotation vector, whose rate at -h is
+    q(s)   = q exp(f(s)),   f(s) = w s + f2 s^2 + f3 s^3     the same for the rotation vector, whose rate at -h is
 
     f' = w + f x w / 2 + f x (f x w) / 12             (inverse of exp's differential, to second order)
 
-Error: fourth derivative times h^4 / 384, below 0.3 mm where the acceleration swings by 10 m/s2 at 1 Hz and h = 0.1 s.
+Error: fourth derivative times h^4 / 384, below 0.3 mm if the acceleration oscillates by 10 m/s2 at 1 Hz and h = 0.1 s.
 
-Without a truth before (the first sweep, a gap, a turn of more than `_MOST_TURN_RAD` in between), Taylor's series at the
-capture: c2 = a / 2, f2 = alpha / 2, f3 = w x alpha / 12; error: jerk times s^3 / 6.
+Without a previous truth (the first sweep, a gap, a turn of more than `_MOST_TURN_RAD` in between) it is the Taylor
+series at the capture: c2 = a / 2, f2 = alpha / 2, f3 = w x alpha / 12; error: jerk times s^3 / 6.
 """
 
 from __future__ import annotations
 
-from hil.signals._kernel import det_atan2
-from hil.signals.rotation import conjugate, cross, norm, product
-from hil.signals.samples import Quat, TruthState, Vec3
-from hil.signals.time import NS_PER_S
+from signals._kernel import det_atan2
+from signals.rotation import conjugate, cross, norm, product
+from signals.samples import Quat, TruthState, Vec3
+from signals.time import NS_PER_S
 
 _MOST_TURN_RAD = 1.0
 Motion = tuple[Vec3, Vec3, Vec3, Vec3, Quat, Vec3, Vec3, Vec3]  # p, c1, c2, c3 in W; q_WB; f1, f2, f3 in B
 
 
 def sweep_motion(now: TruthState, before: TruthState | None) -> Motion:
-    """Coefficients of position and attitude over the time up to `now`."""
+    """Return the coefficients of position and attitude over the time up to `now`."""
     if before is not None and before.t_ns < now.t_ns:
         turn = _rotation_vector(now.q_WB, before.q_WB)
         if norm(turn) <= _MOST_TURN_RAD:
@@ -40,13 +40,13 @@ def sweep_motion(now: TruthState, before: TruthState | None) -> Motion:
 
 
 def at_rest(now: TruthState) -> Motion:
-    """The pose at the capture, for all of the sweep."""
+    """Return the motion of a sweep at the pose of the capture."""
     zero = (0.0, 0.0, 0.0)
     return now.p_WB, zero, zero, zero, now.q_WB, zero, zero, zero
 
 
 def _hermite(step: Vec3, rate: Vec3, rate_before: Vec3, h: float) -> tuple[Vec3, Vec3]:
-    """Coefficients of s^2 and s^3 with x(0) = 0, x'(0) = rate, x(-h) = step, x'(-h) = rate_before."""
+    """Return the coefficients of s^2 and s^3 with x(0) = 0, x'(0) = rate, x(-h) = step, x'(-h) = rate_before."""
     two, three = [], []
     for d, a, b in zip(step, rate, rate_before, strict=True):
         # x(-h) + a h = c2 h^2 - c3 h^3 and x'(-h) - a = -2 c2 h + 3 c3 h^2
@@ -57,17 +57,17 @@ def _hermite(step: Vec3, rate: Vec3, rate_before: Vec3, h: float) -> tuple[Vec3,
 
 
 def _rotation_vector(q: Quat, r: Quat) -> Vec3:
-    """log(q^-1 r): the turn from q to r, in the frame of q."""
+    """Return log(q^-1 r): the rotation from q to r, in the frame of q."""
     w, *vector = product(conjugate(q), r)
     v: Vec3 = (vector[0], vector[1], vector[2])
-    if w < 0.0:  # the other quaternion of the same attitude is nearer
+    if w < 0.0:  # the other quaternion of the same attitude is the shorter way
         w, v = -w, _scaled(-1.0, v)
     s = norm(v)
     return _scaled(2.0 * det_atan2(s, w) / s, v) if s > 1e-12 else _scaled(2.0, v)
 
 
 def _rotation_rate(f: Vec3, w_B: Vec3) -> Vec3:
-    """Rate of the rotation vector f at body rates w_B."""
+    """Return the rate of the rotation vector f at body rates w_B."""
     once = cross(f, w_B)
     twice = cross(f, once)
     return (

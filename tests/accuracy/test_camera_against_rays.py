@@ -9,12 +9,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.signals.rotation import applied, matrix_of
-from hil.signals.samples import ImageSample, TruthState
+from signals.rotation import applied, matrix_of
+from signals.samples import ImageSample, TruthState
 from sim.frame.mount import Mount, moved
 from sim.frame.source import SharedFrames
 from sim.scene.scene import Box, load_scene
 from sim.sensors.catalog import make_sensor
+from sim.sensors.sensor import Installation
 
 BOXES = tuple(
     Box(name=f"box_{i}", center_m=(4.0 + 3.0 * i, (-1) ** i * 2.0 * i, 1.0 + 0.5 * i), size_m=(1.5, 2.0, 2.0 + i))
@@ -41,7 +42,7 @@ def truth(seed: int) -> TruthState:
 
 @pytest.fixture(scope="module")
 def frames() -> SharedFrames:
-    from sim.scene.world import load_world
+    from sim.world_loader import load_world
 
     return SharedFrames(load_world(SCENE))
 
@@ -64,17 +65,12 @@ def ray_ranges(frames: SharedFrames, p_WC: Any, R_WC: Any, rays_C: np.ndarray) -
 @pytest.mark.parametrize("readout_s", [0.0, 0.02], ids=["at once", "rolling"])
 def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: str, readout_s: float) -> None:
     camera = make_sensor(
-        "front",
+        Installation("front", rate_hz=10.0, seed=1, scene=SCENE, step_ns=4_000_000, frames=frames),
         preset="camera_320x240",
-        rate_hz=10.0,
-        seed=1,
-        scene=SCENE,
-        step_ns=4_000_000,
         overrides={"resolution": (96, 72), "channels": ("range", "geom", "radial_velocity"), "far_m": 300.0}
         | {"rolling_shutter_s": readout_s}
         | MOUNT
         | LENSES[lens],
-        frames=frames,
     )
     state = truth(5)
     sample = camera.sample(state, 0)

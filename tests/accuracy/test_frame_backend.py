@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.bench_suite.raster import MujocoRenderer, buffers
-from hil.bench_suite.raster_cases import Case, camera_pose, looking, scene_case
+from hil.apps.bench_suite.sensors.raster import MujocoRenderer, buffers
+from hil.apps.bench_suite.sensors.raster_cases import Case, camera_pose, looking, scene_case
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
@@ -20,7 +20,7 @@ from sim.frame.mujoco_backend import ColourBackendError, MujocoColour, egl_probl
 from sim.frame.renderer import FrameRenderer
 from sim.frame.source import SharedFrames, channel_array
 from sim.scene.scene import load_scene
-from sim.scene.world import load_world
+from sim.world_loader import load_world
 
 CAMERA = CameraModel.from_fov(160, 120, 90.0)
 

@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 import pytest
 
-from hil.bench_suite import lidar, raster
-from hil.bench_suite.lidar import park, shapes
-from hil.bench_suite.raster_errors import Errors
+from hil.apps.bench_suite.sensors import lidar, raster
+from hil.apps.bench_suite.sensors.lidar import park, shapes
+from hil.apps.bench_suite.sensors.raster_errors import Errors
 
 
 def good() -> Errors:

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hil.bench_suite.raster import buffers
-from hil.bench_suite.raster_cases import SCENES, Case, camera_pose, looking, scene_case
-from hil.bench_suite.raster_errors import Errors, errors, truth
+from hil.apps.bench_suite.sensors.raster import buffers
+from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, camera_pose, looking, scene_case
+from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.bench_suite.raster import buffers
-from hil.bench_suite.raster_cases import camera_pose, looking, world_of
+from hil.apps.bench_suite.sensors.raster import buffers
+from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking, world_of
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import BrownConrady, KannalaBrandt
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
-from tests.unit.lidar_world import GROUPS
+from tests.worlds.mjcf_world import GROUPS
 
 Float64 = NDArray[np.float64]
 CAMERAS = {

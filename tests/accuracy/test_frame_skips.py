@@ -7,9 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from hil.bench_suite.raster_cases import Case, field_case, scene_case
-from hil.bench_suite.skip import compare, contact_rule, lidar_rules, radar_rule, raster_rules
-from hil.signals.samples import TruthState
+from hil.apps.bench_suite.sensors.raster_cases import Case, field_case, scene_case
+from hil.apps.bench_suite.sensors.skip import compare, contact_rule, lidar_rules, radar_rule, raster_rules
+from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.renderer import RenderSkips
 

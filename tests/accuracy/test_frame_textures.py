@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.bench_suite.raster_cases import camera_pose
-from hil.signals.samples import Vec3
+from hil.apps.bench_suite.sensors.raster_cases import camera_pose
+from signals.samples import Vec3
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import MujocoColour, egl_problem
 from sim.frame.renderer import FrameRenderer
 from sim.scene.scene import load_scene
-from sim.scene.world import load_world
+from sim.world_loader import load_world
 
 CAMERA = CameraModel.from_fov(96, 96, 50.0)
 SCENE = """\

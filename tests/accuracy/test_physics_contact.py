@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.bench_suite.flight_cases import ThisProject, landing
-from hil.bench_suite.landing_checks import drop
+from hil.apps.bench_suite.physics.flight_cases import ThisProject, landing
+from hil.apps.bench_suite.physics.landing_checks import drop
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene.scene import Box
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.processor import Processor
-from tests.unit.radar_receiver_world import WIDE
-from tests.unit.radar_targets import CHIRP, L_ARRAY, counts, signal_of
+from tests.worlds.radar_point_targets import CHIRP, L_ARRAY, counts, signal_of
+from tests.worlds.radar_recordings import WIDE
 
 AMPLITUDE = 20_000.0  # so that rounding to counts is no noise
 

@@ -3,7 +3,7 @@
 Three links make one chain:
   1. closed form of the processes that run (white, walk, seven first-order ones, rounding) against the line;
   2. estimates from drawn noise, each axis, against the line;
-  3. tests/unit/test_sim_sensors_imu.py: that noise is, bit for bit, what `sample` adds.
+  3. tests/unit/sim/sensors/test_sim_sensors_imu.py: that noise is, bit for bit, what `sample` adds.
 The estimate has scatter of its own. At the bench's rate 1000 s need hours of noise (marked slow); the fast test takes
 0.01 to 1 s at 500 Hz and 1 to 1000 s from the same model at 1 Hz, for one preset unless the slow ones are asked for.
 """
@@ -19,7 +19,8 @@ import pytest
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.flicker import TIME_CONSTANTS_S, WEIGHTS, flicker_processes
-from tests.accuracy.allan import (
+from sim.sensors.sensor import Installation
+from tests.worlds.allan_deviation import (
     line,
     markov_variance,
     octaves,
@@ -40,7 +41,9 @@ AXES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
 
 def imu(preset: str, rate_hz: float, seed: int = 1, **overrides: Any) -> Any:
     return make_sensor(
-        "imu", preset=preset, rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=overrides
+        Installation("imu", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS),
+        preset=preset,
+        overrides=overrides,
     )
 
 

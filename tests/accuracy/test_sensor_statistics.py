@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.signals.geodesy import LocalFrame
-from hil.signals.samples import TruthState
+from signals.geodesy import LocalFrame
+from signals.samples import TruthState
 from sim.scene.atmosphere import pressure_pa
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.sensor import Installation
 
 TICK_NS = 4_000_000
 SCENE = load_scene("airfield")
@@ -37,7 +38,7 @@ def still(**changes: Any) -> TruthState:
 
 def sensor(preset: str, seed: int, rate_hz: float, **overrides: Any) -> Any:
     return make_sensor(
-        "s", preset=preset, rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS, overrides=overrides
+        Installation("s", rate_hz=rate_hz, seed=seed, scene=SCENE, step_ns=TICK_NS), preset=preset, overrides=overrides
     )
 
 

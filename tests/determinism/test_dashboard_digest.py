@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from hil.bench import RunResult, run_bench
+from hil.apps.dash.part import DashboardPart
 from hil.config import load_bench
-from tests.unit.dashboard_page import PageThread
+from hil.run.bench_run import RunResult, run_bench
+from tests.worlds.dashboard_page import PageThread
 
 BENCH = """
 autopilot: {transport: loopback}
@@ -33,7 +34,7 @@ def fly(folder: Path, page: PageThread | None = None, *, mcap: bool = True, **li
         return run_bench(bench, folder / "run", quiet=True)
     watched = page.live(**live)
     try:
-        return run_bench(bench, folder / "run", quiet=True, live=watched)
+        return run_bench(bench, folder / "run", quiet=True, more=[DashboardPart(watched)])
     finally:
         watched.close()
         page.join()

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import run_bench
 from hil.config import load_bench
-from tests import cpu_masks
+from hil.run.bench_run import run_bench
+from tests.worlds import cpu_masks
 
 ROOT = Path(__file__).resolve().parents[2]
 # Long enough to boot, upload, arm, take off from contact and turn towards the first vertex.
@@ -94,4 +94,4 @@ def test_skipping_is_free_of_consequences(reference: str, tmp_path: Path) -> Non
     outcome = run_bench(load_bench(settings=[*SETTINGS, LOOPBACK, *settings]), tmp_path, quiet=True)
     assert outcome.run["digest"] == reference
     assert outcome.run["sensors"]["gps2"] == {"samples": 0, "skipped": 120, "ms": {"p50": 0.0, "p99": 0.0}}
-    assert {"what": "gps2", "why": "nobody consumes gps2", "saved": "120 samples"} in outcome.run["skipped"]
+    assert {"what": "gps2", "why": "no consumer for gps2", "saved": "120 samples"} in outcome.run["skipped"]

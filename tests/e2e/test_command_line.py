@@ -13,15 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from hil.cli import run_command_line
-from tests.run_json_schema import problems_of
+from hil.cli.app import run_command_line
+from tests.worlds.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = ["--set", "duration_s=5", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
 
 
 def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hil.entry", *arguments]
+    command = [sys.executable, "-m", "hil.cli.entry", *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | kwargs
     return subprocess.run(command, cwd=cwd, timeout=120, check=False, env=environment, **options)  # type: ignore[call-overload]
@@ -42,7 +42,7 @@ def wait_for(what: Callable[[], bool]) -> None:
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": 1, "status": "PASS"}')
-    command = [sys.executable, "-m", "hil.entry", "run", "-q", "--out", str(tmp_path), "--set", "pace=1"]
+    command = [sys.executable, "-m", "hil.cli.entry", "run", "-q", "--out", str(tmp_path), "--set", "pace=1"]
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         wait_for(lambda: "Killed" in (tmp_path / "run.json").read_text())
@@ -60,7 +60,8 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
 def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_run() -> None:
     code = (
         "import os, signal, sys, time\n"
-        "from hil import cli, entry\n"
+        "from hil.cli import app\n"
+        "from hil.cli import entry\n"
         "class Dropped:\n"
         "    def __del__(self):\n"
         "        os.kill(os.getpid(), signal.SIGTERM)\n"
@@ -68,7 +69,7 @@ def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_
         "def fly(arguments):\n"
         "    Dropped()\n"
         "    time.sleep(60)\n"
-        "cli.run_command_line = fly\n"
+        "app.run_command_line = fly\n"
         "entry.main()\n"
     )
     done = subprocess.run(
@@ -122,7 +123,7 @@ def test_replay_never_overwrites_the_recording(tmp_path: Path, capsys: pytest.Ca
     assert run_command_line(["run", "-q", "--out", str(tmp_path), *SHORT]) == 1
     before = (tmp_path / "run.mcap").read_bytes()
     assert run_command_line(["replay", str(tmp_path), "--out", str(tmp_path)]) == 3
-    assert "a folder of its own" in capsys.readouterr().err
+    assert "name another folder" in capsys.readouterr().err
     assert (tmp_path / "run.mcap").read_bytes() == before
 
 
@@ -145,7 +146,7 @@ def test_a_renderer_named_in_the_environment_is_no_obstacle() -> None:
 
 
 def test_a_defect_is_an_error_with_a_message() -> None:
-    script = "import hil.cli, hil.entry, sys; hil.cli.run_command_line = lambda a: 1 / 0; hil.entry.main()"
+    script = "import hil.cli.app, hil.cli.entry; hil.cli.app.run_command_line = lambda a: 1 / 0; hil.cli.entry.main()"
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 3
     assert ended.stderr.startswith("error: ZeroDivisionError")

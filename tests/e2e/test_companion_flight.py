@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from firmware_bridge.companion.keys import make_keys
-from hil.bench import RunResult, run_bench
-from hil.companion.trace import TRACE_NAME
 from hil.config import load_bench
-from hil.replay import replay
-from tests.e2e.companion_bench import CAMERAS, RECTANGLE, fly, saved
-from tests.run_json_schema import problems_of
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.companion.trace import TRACE_NAME
+from hil.run.replay import replay
+from tests.worlds.hop_flights import CAMERAS, RECTANGLE, fly, saved
+from tests.worlds.run_json_schema import problems_of
 
 PILOT = "start: [waypoints], control: true, rate_hz: 25"
 RECORDED = "record: {report: false, tlog: false}\n"
@@ -51,7 +51,7 @@ def repeated(run: Path, out: Path) -> str:
 def assert_flown(run: dict[str, Any], time: str) -> None:
     assert run["error"] is None, run["error"]
     assert problems_of(run) == []
-    # How long a client took is measured; only the trace of it repeats such a flight.
+    # The client's computing time is measured, so only its trace repeats such a flight.
     assert (run["status"], run["deterministic"]) == ("PASS", time == "lockstep")
     pilot = run["companion"]["clients"]["waypoints"]
     assert (pilot["control"], pilot["finished"], pilot["malformed"]) == (True, True, 0)
@@ -77,7 +77,7 @@ def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path
         again = from_trace(outcome.out, tmp_path / "again")
     assert again.run["error"] is None
     assert again.run["digest"] == outcome.run["digest"]
-    # And it is the answers' time that counts: half a second more on the link is another flight.
+    # The time of the answers matters: half a second more on the link gives another flight.
     other = from_trace(outcome.out, tmp_path / "other", "companion.link_delay_s=0.5", "duration_s=15")
     assert other.run["digest"] != again.run["digest"]
 
@@ -133,8 +133,8 @@ def test_what_no_client_wants_is_not_drawn(tmp_path: Path, monkeypatch: pytest.M
     assert {"front/depth", "rear/rgb"} <= skipped, run["skipped"]
     assert "front/rgb" not in skipped
     assert run["companion"]["clients"]["Watcher"]["frames"] == 20
-    assert run["mission"] is not None  # flown by the ground station: nobody controls
-    # Without the client the same again, and the same is drawn.
+    assert run["mission"] is not None  # flown by the ground station: no client has control
+    # Without the client the flight is the same, and the same frames are drawn.
     again = from_trace(outcome.out, tmp_path / "again")
     assert again.run["digest"] == run["digest"]
     assert {s["what"] for s in again.run["skipped"]} == skipped
@@ -148,8 +148,8 @@ def test_realtime_flight_of_a_slow_companion(tmp_path: Path, monkeypatch: pytest
     companion = "start: ['slow:Slow'], rate_hz: 25, time: realtime"
     run = fly(tmp_path, companion, settings=("duration_s=3", "pace=1")).run
     assert run["error"] is None, run["error"]
-    seat = run["companion"]["clients"]["Slow"]
+    counts = run["companion"]["clients"]["Slow"]
     assert run["companion"]["frames"] == 75
-    assert 0 < seat["frames"] <= 21
-    assert seat["dropped"] >= 75 - 21 - 4
-    assert saved(tmp_path / "run")["deterministic"] is True  # it only looked on
+    assert 0 < counts["frames"] <= 21
+    assert counts["dropped"] >= 75 - 21 - 4
+    assert saved(tmp_path / "run")["deterministic"] is True  # it only received frames

@@ -1,4 +1,4 @@
-"""The dashboard in a real browser: a mission is started by clicking, watched, flown by hand, broken and looked back at.
+"""The dashboard in a real browser: start a mission, follow it, fly by hand, inject faults, and replay past runs.
 
 Screenshots are left in the folder that HIL_SCREENSHOTS names, if it does.
 """
@@ -98,7 +98,7 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
     yield tab
     tab.close()
-    # Drivers talk of their slowness when a canvas is read back; that is this test, not the page.
+    # Drivers warn when a canvas is read back, which only this test does.
     assert [text for text in wrong if not re.search("GPU stall|readback", text)] == []
 
 
@@ -107,7 +107,7 @@ def local(url: str, address: str) -> bool:
 
 
 def picture(page: Any, name: str) -> None:
-    """Of the page in light and dark, at a desktop's and a tablet's width; nothing may stick out at the side."""
+    """Take pictures in both themes at the width of a desktop and a tablet. Asserts that nothing sticks out sideways."""
     folder = os.environ.get("HIL_SCREENSHOTS")
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
@@ -123,7 +123,7 @@ def picture(page: Any, name: str) -> None:
 
 
 def colours_in(page: Any, selector: str) -> int:
-    """How many different colours a pane's picture has."""
+    """Return the number of different colours in a pane's picture."""
     return int(
         page.locator(selector).evaluate(
             """(canvas) => {
@@ -165,6 +165,7 @@ def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     until(lambda: page.is_enabled("#start"), page=page)
     page.select_option("#f-pace", "2")  # time enough for a slow browser on a busy machine to draw
     page.click("#start")
+    page.wait_for_selector("#start:disabled")  # until then the log is that of the run before
     until(lambda: "Takeoff detected" in page.inner_text("#log"), page=page)
     until(lambda: altitude_m(page) > 1.5, page=page)
     page.keyboard.down("Space")
@@ -244,8 +245,8 @@ def look_back(page: Any) -> None:
     picture(page, "compared")
 
 
-def test_an_afternoon_at_the_bench(page: Any) -> None:
-    """One test, as each part needs the runs of the one before."""
+def test_a_session_at_the_bench(page: Any) -> None:
+    """One test, since each part uses the runs of the part before."""
     start_and_watch(page)
     fly_by_hand_and_break_a_sensor(page)
     look_back(page)

@@ -1,4 +1,4 @@
-"""The dashboard's server over the network, without a browser: `hil run --dash`, `hil dash`, and who is let in."""
+"""The dashboard's server over the network, without a browser: `hil run --dash`, `hil dash`, and access to them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from hil.dashboard.app import PAGE_FOLDER
-from tests.e2e.companion_bench import HOP
+from hil.apps.dash.server.app import PAGE_FOLDER
+from tests.worlds.hop_flights import HOP
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
@@ -34,7 +34,7 @@ class Hil:
         (folder / "hil.yaml").write_text(bench)
         (folder / "hop.waypoints").write_text(HOP)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "hil.entry", *arguments],
+            [sys.executable, "-m", "hil.cli.entry", *arguments],
             cwd=folder,
             env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
             stdout=subprocess.PIPE,
@@ -66,10 +66,10 @@ def dash(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hil]:
     assert hil.process.returncode == 0
 
 
-def test_the_page_and_all_it_needs_come_from_here(dash: Hil) -> None:
+def test_all_files_of_the_page_are_served(dash: Hil) -> None:
     assert dash.get("/").status == 200
-    for file in PAGE_FOLDER.iterdir():
-        assert dash.get(f"/page/{file.name}").status == 200
+    for file in PAGE_FOLDER.rglob("*.*"):
+        assert dash.get(f"/page/{file.relative_to(PAGE_FOLDER).as_posix()}").status == 200
     lists = json.loads(dash.get("/api/choices").read())
     assert "mock" in lists["rig"]
     assert int.from_bytes(dash.get("/api/scene").read()[:4], "little") > 0
@@ -77,14 +77,14 @@ def test_the_page_and_all_it_needs_come_from_here(dash: Hil) -> None:
     assert dash.get("/runs/..%2f..%2fetc/passwd").status == 404
 
 
-def test_another_site_gets_nothing(dash: Hil) -> None:
+def test_requests_of_other_sites_are_refused(dash: Hil) -> None:
     assert dash.get("/api/runs", Origin="http://evil.example").status == 403
     assert dash.get("/", Host="evil.example").status == 403
     with pytest.raises(InvalidStatus):
         connect(f"ws://{dash.host}/live", origin="http://evil.example").__enter__()  # type: ignore[arg-type]
 
 
-def test_whatever_a_page_says_the_server_stays(dash: Hil) -> None:
+def test_invalid_messages_do_not_stop_the_server(dash: Hil) -> None:
     nonsense = [
         "",
         "[" * 10_000,
@@ -165,7 +165,7 @@ def test_a_run_with_a_page_beside_it(tmp_path: Path) -> None:
         socket.create_connection(tuple(hil.host.split(":")), 1.0)
 
 
-def test_others_may_reach_it_only_with_the_token(tmp_path: Path) -> None:
+def test_other_machines_need_the_token(tmp_path: Path) -> None:
     hil = Hil(tmp_path, "dash", "--port", "0", "--host", "0.0.0.0")
     try:
         port = hil.host.rpartition(":")[2]
@@ -184,10 +184,10 @@ def test_others_may_reach_it_only_with_the_token(tmp_path: Path) -> None:
         hil.end()
 
 
-def test_a_port_that_is_taken_is_said_in_words(tmp_path: Path) -> None:
+def test_a_busy_port_is_a_plain_error(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        command = [sys.executable, "-m", "hil.entry", "dash", "--port", port]
+        command = [sys.executable, "-m", "hil.cli.entry", "dash", "--port", port]
         ended = subprocess.run(
             command,
             cwd=tmp_path,

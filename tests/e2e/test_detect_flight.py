@@ -9,10 +9,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from hil.bench import RunResult, run_bench
-from hil.companion.trace import TRACE_NAME
 from hil.config import load_bench
-from tests.e2e.companion_bench import ROOT
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.companion.trace import TRACE_NAME
+from tests.worlds.hop_flights import ROOT
 
 BENCH = """
 rig: mock
@@ -23,7 +23,7 @@ autopilot: {{transport: loopback}}
 record: {{report: false, tlog: false}}
 search: {{camera: front, visible_px: 30, max_error_m: 1.0}}
 companion:
-  start: ["tests.unit.detect_stand_in:StandIn"]
+  start: ["tests.worlds.detector_stand_in:StandIn"]
   rate_hz: 5
   port: 0
   settings: {{depth: front/depth, radar: radar/points}}

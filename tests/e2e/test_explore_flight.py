@@ -1,4 +1,4 @@
-"""`explore` flown by the mock through a small unknown place, in a process of its own over TCP, judged by truth."""
+"""`explore` flies the mock through a small unmapped place, as a process of its own over TCP, judged by truth."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.bench import run_bench
 from hil.config import load_bench
-from tests.e2e.companion_bench import saved
+from hil.run.bench_run import run_bench
+from tests.worlds.hop_flights import saved
 
 SCENE = """name: one_hall
 description: "one hall"
@@ -37,7 +37,7 @@ sensors:
   gps:   {preset: here_plus, rate_hz: 10}
   baro:  {preset: ms5611, rate_hz: 50}
   mag:   {preset: ist8310, rate_hz: 50}
-  lidar:  # coarse, and quick
+  lidar:  # coarse, for a fast test
     preset: vlp16
     rate_hz: 10
     mount_m: [0.0, 0.0, 0.12]

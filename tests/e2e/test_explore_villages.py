@@ -1,4 +1,4 @@
-"""Twenty unknown villages: the goal reached, nothing near, no long way round. The shipped bench, SLAM and all."""
+"""Twenty unmapped villages with the shipped bench and SLAM: goal reached, clearance kept, no long detour."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import run_bench
 from hil.config import load_bench
+from hil.run.bench_run import run_bench
 
 BENCH = Path(__file__).resolve().parents[2] / "rigs" / "explore.yaml"
 QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false}")

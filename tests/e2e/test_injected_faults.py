@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import RunResult, run_bench
 from hil.config import load_bench
-from hil.recorder.reading import read_messages
-from hil.signals.errors import ConfigError
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.recorder.reading import read_messages
+from signals.errors import ConfigError
 
 BENCH = """
 rig: mock

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import hil.radar_offline.results
-from hil.bench import run_bench
-from hil.cli import run_command_line
+import hil.apps.radar.results
+from hil.apps.radar.sources import open_source, pictures_at
+from hil.cli.app import run_command_line
 from hil.config import load_bench
-from hil.radar_offline.sources import open_source, pictures_at
-from hil.recorder.reading import read_messages
-from hil.recorder.reading_frames import radar_frame
-from hil.recorder.recorder import MCAP_NAME
-from hil.replay import replay
+from hil.run.bench_run import run_bench
+from hil.run.recorder.reading import read_messages
+from hil.run.recorder.reading_frames import radar_frame
+from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.replay import replay
 from sim.scene.maps.walk_path import there_and_back
 
 # The vehicle stays on the ground; a mast carries camera and radar 1.8 m up. The person walks away from 1 m on.
@@ -61,7 +61,7 @@ def raw_of(run: Path) -> NDArray[np.uint16]:
 
 @pytest.fixture(autouse=True)
 def few_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hil.radar_offline.results, "PICTURES", 2)
+    monkeypatch.setattr(hil.apps.radar.results, "PICTURES", 2)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def processed(flown: tuple[Path, dict[str, Any]], tmp_path_factory: pytest.TempP
     """What `hil radar` makes of that run."""
     folder = tmp_path_factory.mktemp("processed")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hil.radar_offline.results, "PICTURES", 2)
+        patch.setattr(hil.apps.radar.results, "PICTURES", 2)
         assert run_command_line(["radar", str(flown[0]), "--out", str(folder)]) == 0
     return folder
 
@@ -87,7 +87,10 @@ def test_the_run_tells_what_the_radar_did(flown: tuple[Path, dict[str, Any]]) ->
     assert run["sensors"]["radar"]["samples"] == FRAMES
     assert run["sensors"]["radar"]["radar"]["shared_pictures"] == FRAMES
     told = {(row["what"], row["why"]): row["saved"] for row in run["skipped"]}
-    assert told["radar: drawing", "its camera has just drawn the same"] == f"{FRAMES} of {FRAMES} drawings"
+    assert (
+        told["radar: pictures", "read from the picture that its camera has just rendered"]
+        == f"{FRAMES} of {FRAMES} pictures"
+    )
     assert told["radar: pixels", "sky"].endswith(f"of {FRAMES * 160 * 120} pixels")
     assert (out / "frame_radar.png").read_bytes().startswith(b"\x89PNG")
     assert "What radar saw in its fullest frame" in (out / "report.html").read_text()

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import run_bench
 from hil.config import load_bench
-from hil.recorder.reading import Recording, read_messages
+from hil.run.bench_run import run_bench
+from hil.run.recorder.reading import Recording, read_messages
 from tests.e2e.test_command_line import hil
-from tests.run_json_schema import problems_of
+from tests.worlds.run_json_schema import problems_of
 
 
 @pytest.fixture(scope="module")

@@ -21,13 +21,13 @@ from typing import Any
 import msgpack
 import pytest
 
-import hil.companion.started as started
+import hil.run.companion.started as started
 from firmware_bridge.companion.server import CompanionServer
-from hil.bench import RunResult
-from hil.recorder.reading import Recording, read_messages
-from tests.e2e.companion_bench import ROOT, fly, mapped_rings, marked_processes, saved, write_bench
-from tests.links.companion_world import RawClient
-from tests.run_json_schema import problems_of
+from hil.run.bench_run import RunResult
+from hil.run.recorder.reading import Recording, read_messages
+from tests.worlds.companion_server import RawClient
+from tests.worlds.hop_flights import ROOT, fly, mapped_rings, marked_processes, saved, write_bench
+from tests.worlds.run_json_schema import problems_of
 
 PILOT = "start: [waypoints], control: true, rate_hz: 25"
 SHORT = ("duration_s=6",)
@@ -190,8 +190,8 @@ def test_a_pilot_that_dies_and_comes_back_flies_on(tmp_path: Path, port: int) ->
         outcome = run_on(tmp_path, port, "clients: 1, control: true, rate_hz: 25", *SHORT, "companion.reconnect_s=20")
     assert outcome.run["error"] is None, outcome.run["error"]
     assert flown == [39, 149]
-    seat = outcome.run["companion"]["clients"]["raw"]
-    assert seat["dropped"] == 0
+    counts = outcome.run["companion"]["clients"]["raw"]
+    assert counts["dropped"] == 0
     # As if nothing had happened: a flight is its answers.
     with beside(lambda: flown.append(pilot(port, "raw", 10_000))):
         whole = run_on(tmp_path / "whole", port, "clients: 1, control: true, rate_hz: 25", *SHORT)
@@ -256,8 +256,8 @@ def test_an_observer_changes_nothing_whatever_it_does(
     run = outcome.run
     assert run["error"] is None, run["error"]
     assert run["digest"] == unobserved
-    pilot_seat, watcher = run["companion"]["clients"]["waypoints"], run["companion"]["clients"]["watcher"]
-    assert (pilot_seat["frames"], pilot_seat["dropped"], pilot_seat["malformed"]) == (150, 0, 0)
+    flown, watcher = run["companion"]["clients"]["waypoints"], run["companion"]["clients"]["watcher"]
+    assert (flown["frames"], flown["dropped"], flown["malformed"]) == (150, 0, 0)
     assert watcher["frames"] > 0
 
 

@@ -18,7 +18,7 @@ from firmware_bridge.codecs.companion import VERSION, Bye, Credit, Done, Hello, 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.keys import make_keys, read_pair
 from firmware_bridge.companion.server import CompanionServer
-from tests.links.companion_world import Events, RawClient, answered, frame_of, join, serving, step, until
+from tests.worlds.companion_server import Events, RawClient, answered, frame_of, join, serving, step, until
 
 NAN = float("nan")
 DONE = {"k": "done", "frame": 0, "t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0, "desired": None, "finished": False}
@@ -209,7 +209,7 @@ def test_wrong_keys_are_turned_away_and_the_right_one_is_served(key: str, tmp_pa
         join(server, client)
         until(server, lambda: bool(events.of("wire")))
         step(server, client, 0)
-        assert ("key is not among" if key == "other key" else "failed to greet") in events.of("wire")[0]
+        assert ("key is not among" if key == "other key" else "failed in the handshake") in events.of("wire")[0]
         assert server.living == ("cut",)
         assert stranger.silent()
 

@@ -24,14 +24,14 @@ from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
-from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.config import load_bench
-from hil.signals.errors import HandshakeError, LockstepLost
-from hil.signals.samples import ImuSample
-from tests.links.ardupilot_packets import encode_servos
+from signals.errors import HandshakeError, LockstepLost
+from signals.samples import ImuSample
+from tests.worlds.ardupilot_json_sitl import encode_servos
 
 BATCH = 20_000
 WIDTH = 320  # longest packet; a signed frame with 255 bytes of payload has 280
@@ -232,7 +232,7 @@ def test_the_lockstep_link_ends_in_named_errors_only() -> None:
     imu = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
     ends: dict[str, int] = {}
     for _ in range(400):
-        link = LockstepLink(LoopbackTransport(Babbler(noise)), caps, reply_limit_s=0.1)
+        link = LockstepLink(LoopbackTransport(Babbler(noise)), caps, timeouts=LinkTimeouts(reply_s=0.1))
         link.open()
         try:
             for tick in range(40):

@@ -57,7 +57,7 @@ def fly(flights: dict[str, list[dict[str, Any]]], folder: Path) -> dict[str, dic
     for number, (name, faults) in enumerate(flights.items()):
         code = (
             "import sys, pathlib\n"
-            "from hil.bench import run_bench\n"
+            "from hil.run.bench_run import run_bench\n"
             "from hil.config import load_bench\n"
             "bench, mission, out, *settings = sys.argv[1:]\n"
             "loaded = load_bench(bench, rig='mock_hitl', mission=mission, settings=settings)\n"

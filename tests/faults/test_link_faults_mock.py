@@ -13,22 +13,23 @@ from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.autopilot_link import LinkCaps, LinkTimeouts
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.transport import Transport
-from hil.autopilots import mock_command
 from hil.config import Bench, load_bench
-from hil.missions.path import planned_path
-from hil.scheduler import Scheduler, SensorSlot
-from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
-from hil.signals.time import NS_PER_S, RateAccumulator
-from hil.verdict import FlightMeasurement, judge
+from hil.config.missions.path import planned_path
+from hil.run.autopilots.mock import mock_command
+from hil.run.loop.scheduler import Scheduler, SensorSlot, Wiring
+from hil.run.verdict.verdict import FlightMeasurement, judge
+from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
+from signals.time import NS_PER_S, RateAccumulator
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.catalog import make_sensor
+from sim.sensors.sensor import Installation
 
 BOOT = 20
 CAPS = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=BOOT)
@@ -72,8 +73,7 @@ class Flight:
             self.wire,
             CAPS,
             start_process=(lambda: ChildProcess(mock_command(pty.far_path, boot_sensors=BOOT))) if process else None,
-            reply_limit_s=reply_limit_s,
-            heartbeat_limit_s=10.0 if process else 1.0,
+            timeouts=LinkTimeouts(reply_limit_s, connect_s=10.0 if process else 1.0),
         )
         self.physics = QuadrotorPhysics(self.bench.vehicle, self.bench.scene, TICK_NS)
         x, y, z = self.physics.state[:3].tolist()
@@ -84,12 +84,8 @@ class Flight:
         self.slots = [
             SensorSlot(
                 make_sensor(
-                    name,
+                    Installation(name, rate_hz=sensor.rate_hz, seed=seed, scene=self.bench.scene, step_ns=TICK_NS),
                     kind=sensor.kind,
-                    rate_hz=sensor.rate_hz,
-                    seed=seed,
-                    scene=self.bench.scene,
-                    step_ns=TICK_NS,
                     overrides=sensor.parameters.model_dump(),
                 ),
                 RateAccumulator(event_mhz=round(sensor.rate_hz * 1000), tick_mhz=250_000),
@@ -104,8 +100,7 @@ class Flight:
         """To the mission's end or for `limit_s`. Raises what the link raises."""
         try:
             self.link.open()
-            self.scheduler = Scheduler(
-                tick_ns=TICK_NS,
+            wiring = Wiring(
                 physics=self.physics,
                 sensors=self.slots,
                 link=self.link,
@@ -114,6 +109,7 @@ class Flight:
                 recorder=self.recorder,  # type: ignore[arg-type]
                 observers=[self.measurement.add],
             )
+            self.scheduler = Scheduler(wiring, tick_ns=TICK_NS)
             while self.scheduler.t_ns < limit_s * NS_PER_S and self.station.phase is not Phase.DONE:
                 self.scheduler.step()
         finally:

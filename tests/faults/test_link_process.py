@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from firmware_bridge.links.autopilot_link import LinkTimeouts
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.links.lockstep import LinkCaps, LockstepLink
+from firmware_bridge.links.px4.lockstep import LinkCaps, LockstepLink
 from firmware_bridge.transports.pty import PtyTransport
-from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
-from hil.signals.samples import ImuSample
+from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
+from signals.samples import ImuSample
 
-FAKE_PATH = Path(__file__).parents[1] / "links" / "fake_autopilot.py"
+FAKE_PATH = Path(__file__).parents[1] / "worlds" / "scripted_autopilot.py"
 TICK_NS = 4_000_000
 CAPS = LinkCaps("fake", lockstep=True, deterministic=True, boot_sensors=3)
 IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
@@ -33,7 +34,7 @@ def make_link():
             return ChildProcess(command, stderr_path=stderr_path)
 
         link = LockstepLink(
-            transport, CAPS, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=heartbeat_limit_s
+            transport, CAPS, start_process=start, timeouts=LinkTimeouts(reply_limit_s, heartbeat_limit_s)
         )
         links.append(link)
         return link
@@ -78,7 +79,7 @@ def test_alive_but_hung_is_lost_lockstep_and_is_ended_by_close(make_link):
     link = make_link("--fault", "hang")
     link.open()
     pid = link._process.pid
-    with pytest.raises(LockstepLost, match="said nothing; its process still runs"):
+    with pytest.raises(LockstepLost, match="no bytes came; its process still runs"):
         fly(link, 20)
     link.close()
     assert gone(pid)
@@ -108,7 +109,7 @@ def test_program_that_ends_at_once(make_link):
 
 def test_program_that_says_nothing(make_link):
     link = make_link("--mute", heartbeat_limit_s=0.6)
-    with pytest.raises(HandshakeError, match="nothing came at all"):
+    with pytest.raises(HandshakeError, match="no bytes came at all"):
         link.open()
     assert link._process is None
 
@@ -120,7 +121,7 @@ def test_program_that_talks_something_else(make_link):
         transport,
         CAPS,
         start_process=lambda: ChildProcess([sys.executable, "-c", code, transport.far_path]),
-        heartbeat_limit_s=0.6,
+        timeouts=LinkTimeouts(connect_s=0.6),
     )
     with pytest.raises(HandshakeError, match="none of them a MAVLink message"):
         link.open()

@@ -8,8 +8,8 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import parse_fault, random_bytes
-from hil.signals.errors import ConfigError
-from tests.unit.mock_pixhawk_world import World
+from signals.errors import ConfigError
+from tests.worlds.mock_pixhawk_world import World
 
 ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
 

@@ -14,7 +14,7 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.line import SendBuffer
-from tests.unit.mock_pixhawk_world import World
+from tests.worlds.mock_pixhawk_world import World
 
 LIMIT_S = 20.0
 

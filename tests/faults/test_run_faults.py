@@ -16,10 +16,10 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import RunResult, run_bench
 from hil.config import load_bench
-from hil.recorder.reading import read_messages
-from tests.run_json_schema import problems_of
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.recorder.reading import read_messages
+from tests.worlds.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -39,7 +39,7 @@ def recorded_until_s(out: Path) -> float:
     [
         ("die", "LinkClosed", "died|status 70"),
         ("stall", "LockstepLost", "time_usec"),
-        ("wrong_time", "LockstepLost", "answered about"),
+        ("wrong_time", "LockstepLost", "its answer"),
         ("garbage", "LockstepLost", "damaged"),
     ],
 )

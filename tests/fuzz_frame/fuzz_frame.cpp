@@ -35,32 +35,32 @@ void same(const Channels &a, const Channels &b, int row0, int row1, const char *
 
 // Everything about a camera but its pose, from a seed of its own: made again for another instruction set.
 std::unique_ptr<Raster> random_raster(const Geometry &geometry, bool huge, Isa isa, std::uint64_t seed) {
-    Dice dice(seed);
-    int width = 1 + dice.below(dice.one_in(3) ? 9 : 100), height = 1 + dice.below(dice.one_in(3) ? 9 : 80);
-    if (dice.one_in(12)) width = height = 1;
+    RandomGenerator rng(seed);
+    int width = 1 + rng.below(rng.one_in(3) ? 9 : 100), height = 1 + rng.below(rng.one_in(3) ? 9 : 80);
+    if (rng.one_in(12)) width = height = 1;
     if (huge) width = height = 4096;
-    if (dice.one_in(60)) width = dice.one_in(2) ? 0 : -3;
-    if (dice.one_in(60)) height = dice.one_in(2) ? 1 << 20 : std::numeric_limits<int>::max();
-    if (!huge && dice.one_in(3)) {
+    if (rng.one_in(60)) width = rng.one_in(2) ? 0 : -3;
+    if (rng.one_in(60)) height = rng.one_in(2) ? 1 << 20 : std::numeric_limits<int>::max();
+    if (!huge && rng.one_in(3)) {
         width = std::clamp(width, 1, 200), height = std::clamp(height, 1, 200);
         std::vector<double> directions;
-        const double wide = dice.uniform(0.1, 3.2);  // half of the field of view: up to all around
+        const double wide = rng.uniform(0.1, 3.2);  // half of the field of view: up to all around
         for (int y = 0; y < height; ++y) {
             for (int x = 0; x < width; ++x) {
                 const double u = (x + 0.5) / width * 2.0 - 1.0, v = (y + 0.5) / height * 2.0 - 1.0;
                 const double angle = wide * std::min(1.0, std::hypot(u, v)), turn = std::atan2(v, u);
                 double d[3] = {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)};
-                if (dice.one_in(50000)) d[dice.below(3)] = dice.number(-1.0, 1.0);
+                if (rng.one_in(50000)) d[rng.below(3)] = rng.number(-1.0, 1.0);
                 directions.insert(directions.end(), d, d + 3);
             }
         }
         return std::make_unique<Raster>(geometry, width, height, directions.data(), isa);
     }
-    const double f = dice.number(0.2, 2.0) * width;
+    const double f = rng.number(0.2, 2.0) * width;
     return std::make_unique<Raster>(geometry, width, height, Projection::kPinhole, f,
-                                    dice.one_in(5) ? dice.number(0.1, 300.0) : f,
-                                    dice.one_in(4) ? dice.number(-50.0, 200.0) : 0.5 * width,
-                                    dice.one_in(4) ? dice.number(-50.0, 200.0) : 0.5 * height, isa);
+                                    rng.one_in(5) ? rng.number(0.1, 300.0) : f,
+                                    rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * width,
+                                    rng.one_in(4) ? rng.number(-50.0, 200.0) : 0.5 * height, isa);
 }
 
 struct Shot {
@@ -79,14 +79,14 @@ Channels take(Picture &picture, const Shot &shot, unsigned wanted, int row0, int
 }
 
 // Random rays, some odd: the same answer with and without the tree, by any instruction set and number of threads.
-void rays(Dice &dice, const Geometry &geometry) {
+void rays(RandomGenerator &rng, const Geometry &geometry) {
     constexpr std::size_t kRays = 64;
     std::vector<double> origin(3 * kRays), direction(3 * kRays);
-    for (double &x : origin) x = dice.number(-15.0, 15.0);
-    for (double &x : direction) x = dice.number(-1.0, 1.0);
+    for (double &x : origin) x = rng.number(-15.0, 15.0);
+    for (double &x : direction) x = rng.number(-1.0, 1.0);
     RayCaster caster(geometry);
     caster.refresh();
-    const double t_max = dice.one_in(3) ? dice.number(0.0, 30.0) : 1e6;
+    const double t_max = rng.one_in(3) ? rng.number(0.0, 30.0) : 1e6;
     std::vector<double> first_range;
     std::vector<std::int32_t> first_geom;
     const auto cast = [&](bool tree, bool max_range, int threads, Isa isa, const char *what) {
@@ -110,43 +110,43 @@ void rays(Dice &dice, const Geometry &geometry) {
     for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
         if (has_isa(isa)) cast(true, true, 1, isa, isa_name(isa));
     }
-    if (dice.bent) return;  // boxes hold what rotations that are none do to a shape only roughly
+    if (rng.bent) return;  // boxes hold what rotations that are none do to a shape only roughly
     cast(false, true, 1, best_isa(), "tree");
     cast(true, false, 1, best_isa(), "greatest range");
 }
 
 void one(std::uint64_t seed) {
-    Dice dice(seed);
+    RandomGenerator rng(seed);
     const bool huge = seed % 500 == 7;
     Geometry geometry;
-    fill(dice, geometry);
-    const Scenery scenery = random_scenery(dice, geometry.geoms().size());
+    fill(rng, geometry);
+    const Scenery scenery = random_scenery(rng, geometry.geoms().size());
     Shot shot{};
-    shot.light = random_light(dice);
-    const std::uint64_t raster_seed = dice.bits();
+    shot.light = random_light(rng);
+    const std::uint64_t raster_seed = rng.bits();
     std::unique_ptr<Picture> picture;
     std::unique_ptr<SunShadows> shadows;
     int resolution = 0;
     try {
         picture = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed), scenery);
-        if (dice.one_in(3)) {
-            resolution = 1 + dice.below(300);
+        if (rng.one_in(3)) {
+            resolution = 1 + rng.below(300);
             shadows = std::make_unique<SunShadows>(geometry, shot.light.sun_W, resolution, best_isa());
         }
     } catch (const std::invalid_argument &) {
         if (picture == nullptr) return;  // refused in words; without the sun there is a picture all the same
     }
-    if (dice.one_in(8)) shot.options.near_t = static_cast<float>(dice.uniform(1e-3, 3.0));
-    if (dice.one_in(8)) shot.options.far_t = static_cast<float>(dice.uniform(3.0, 1e5));
+    if (rng.one_in(8)) shot.options.near_t = static_cast<float>(rng.uniform(1e-3, 3.0));
+    if (rng.one_in(8)) shot.options.far_t = static_cast<float>(rng.uniform(3.0, 1e5));
     const int height = picture->raster().buffer().height;
     for (int number = 0; number < (huge ? 1 : 3); ++number) {
-        stir(dice, geometry);
+        stir(rng, geometry);
         if (shadows != nullptr) shadows->update(true);
         shot.shadows = shadows.get();
-        shot.camera = random_camera(dice, geometry);
+        shot.camera = random_camera(rng, geometry);
         const Channels whole = take(*picture, shot, kAll, 0, height, 1);
         if (huge) continue;
-        const auto wanted = static_cast<unsigned>(dice.below(kAll + 1));
+        const auto wanted = static_cast<unsigned>(rng.below(kAll + 1));
         same(whole, take(*picture, shot, wanted, 0, height, 1), 0, height, "other channels asked for");
         for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
             if (!has_isa(isa) || isa == best_isa()) continue;
@@ -160,12 +160,12 @@ void one(std::uint64_t seed) {
             }
             same(whole, take(other, again, kAll, 0, height, 1), 0, height, isa_name(isa));
         }
-        if (dice.bent) continue;  // threads and rows have bounds of their own
-        same(whole, take(*picture, shot, kAll, 0, height, 2 + dice.below(6)), 0, height, "number of threads");
+        if (rng.bent) continue;  // threads and rows have bounds of their own
+        same(whole, take(*picture, shot, kAll, 0, height, 2 + rng.below(6)), 0, height, "number of threads");
         if (height > 4) {
-            const int row0 = 4 * dice.below(height / 4);
-            const int row1 = std::min(height, row0 + 4 * (1 + dice.below((height - row0) / 4 + 1)));
-            const Channels rows = take(*picture, shot, kAll, row0, row1, 1 + dice.below(3));
+            const int row0 = 4 * rng.below(height / 4);
+            const int row1 = std::min(height, row0 + 4 * (1 + rng.below((height - row0) / 4 + 1)));
+            const Channels rows = take(*picture, shot, kAll, row0, row1, 1 + rng.below(3));
             same(whole, rows, row0, row1, "rows alone");
             if (!rows.only_rows(row0, row1)) throw Failure("other rows than those asked for are written");
         }
@@ -179,7 +179,7 @@ void one(std::uint64_t seed) {
         slow.options.hide_backs = false;
         same(whole, take(*picture, slow, kAll, 0, height, 1), 0, height, "backs of meshes");
     }
-    if (!huge) rays(dice, geometry);
+    if (!huge) rays(rng, geometry);
 }
 
 }  // namespace fuzz

@@ -9,10 +9,9 @@ import threading
 
 import pytest
 
-from hil.signals.errors import LockstepLost
-from hil.signals.samples import RangeSample
-from tests.links.drive import IMU
-from tests.links.json_sitl import (
+from signals.errors import LockstepLost
+from signals.samples import RangeSample
+from tests.worlds.ardupilot_json_sitl import (
     HOVER,
     TICK_NS,
     fly,
@@ -20,6 +19,7 @@ from tests.links.json_sitl import (
     truth,
     value,
 )
+from tests.worlds.resting_vehicle import IMU
 
 
 def test_one_packet_one_answer(make, sitl):
@@ -77,7 +77,7 @@ def test_range_finder_is_sent_from_its_first_sample_on(make, sitl):
 
 
 def test_the_wind_is_told_only_where_asked_for(make, sitl):
-    link = make(tells_wind=True)
+    link = make(sends_wind=True)
     link.observe(truth(0, v_WB_W=(5.0, 0.0, 0.0)), (1.0, 2.0, 0.0))
     link.send(0, 0, IMU, None, None, None, b"")
     text = sitl.take()
@@ -143,7 +143,7 @@ def test_an_answer_too_many_is_used_up_at_once(make, sitl):
     link = make()
     fly(link, sitl, 3)
     data = send(link, 3)
-    link._inbox.send(data, link._asker)
+    link._inbox.send(data, link._sender)
     sitl.step()
     sitl.step()
     link.wait(3, 3 * TICK_NS)
@@ -189,7 +189,7 @@ def test_a_frame_count_that_wraps_goes_on(make, sitl):
     far = sitl
     link = make()
     fly(link, far, 1)
-    link._asked = link._asked._replace(frame_count=2**32 - 2)
+    link._packet = link._packet._replace(frame_count=2**32 - 2)
     far.count = 2**32 - 2
     send(link, 1)
     far.step()

@@ -9,13 +9,13 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, pack
-from firmware_bridge.links.ardupilot_json import ArduPilotJsonLink, RestartRequested
-from firmware_bridge.links.ardupilot_mavlink import MavlinkSide
+from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink, RestartRequested
+from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
+from firmware_bridge.links.autopilot_link import LinkTimeouts
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox
-from hil.signals.errors import HandshakeError, LinkClosed, LockstepLost
-from tests.links.drive import IMU
-from tests.links.json_sitl import (
+from signals.errors import HandshakeError, LinkClosed, LockstepLost
+from tests.worlds.ardupilot_json_sitl import (
     HOVER,
     LOOPBACK,
     TICK_NS,
@@ -27,6 +27,7 @@ from tests.links.json_sitl import (
     truth,
     value,
 )
+from tests.worlds.resting_vehicle import IMU
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
@@ -52,7 +53,7 @@ def test_a_reboot_ends_a_mission(make, sitl, when):
 
 
 def test_a_server_goes_along_with_reboots(make, sitl):
-    link = make(on_restart="reset", mavlink=False, reply_limit_s=math.inf, boot_limit_s=math.inf)
+    link = make(on_restart="reset", mavlink=False, timeouts=LinkTimeouts(math.inf, math.inf))
     for _ in range(4):
         fly(link, sitl, 20)
         send(link, 20)
@@ -146,7 +147,7 @@ def test_motors_that_turn_are_armed_before_the_next_heartbeat(make, sitl):
 
 def test_telemetry_is_read_while_waiting(make, sitl):
     """Before the answer has come: a SITL over TCP stands still if nobody reads, over UDP words would be lost."""
-    link = make(reply_limit_s=60.0)
+    link = make(timeouts=LinkTimeouts(60.0, connect_s=5.0))
     fly(link, sitl, 1)
     send(link, 1)
 
@@ -168,8 +169,10 @@ def test_telemetry_is_read_while_waiting(make, sitl):
 def test_words_over_tcp_and_again_after_a_reboot(sitl):
     """SITL's own way: it listens, and asks nothing before a client has come."""
     listener = socket.create_server((LOOPBACK, 0))
-    inbox, side = UdpInbox(0), MavlinkSide(TcpClient(listener.getsockname()[1]))
-    link = ArduPilotJsonLink(inbox, side, start_process=sitl.attach(inbox, side), on_restart="reset", boot_limit_s=5.0)
+    inbox, side = UdpInbox(0), MavlinkChannel(TcpClient(listener.getsockname()[1]))
+    link = ArduPilotJsonLink(
+        inbox, side, start_process=sitl.attach(inbox, side), on_restart="reset", timeouts=LinkTimeouts(connect_s=5.0)
+    )
     asked = sitl.ask
     connections = []
 
@@ -205,13 +208,14 @@ def test_words_over_tcp_and_again_after_a_reboot(sitl):
 
 
 def test_silence_is_told_with_what_is_still_heard(make, sitl):
-    link = make(reply_limit_s=0.6)
+    link = make(timeouts=LinkTimeouts(0.6, connect_s=5.0))
     fly(link, sitl, 2)
     sitl.say(StatusText(2, b"EKF variance", 0, 0))
     send(link, 2)
     sitl.ask()  # does not take the answer
     with pytest.raises(
-        LockstepLost, match=r"repeats frame 2.*1 sent again.*MAVLink is still heard.*process still runs.*EKF variance"
+        LockstepLost,
+        match=r"repeats frame 2.*1 sent again.*MAVLink frames still come.*process still runs.*EKF variance",
     ) as caught:
         link.wait(2, 2 * TICK_NS)
     assert caught.value.cause == "silent"
@@ -219,7 +223,7 @@ def test_silence_is_told_with_what_is_still_heard(make, sitl):
 
 
 def test_a_process_that_ended_is_told_with_its_end(make, sitl):
-    link = make(reply_limit_s=30.0)
+    link = make(timeouts=LinkTimeouts(30.0, connect_s=5.0))
     fly(link, sitl, 2)
     send(link, 2)
     link._process.alive = False
@@ -229,8 +233,8 @@ def test_a_process_that_ended_is_told_with_its_end(make, sitl):
 
 
 def test_nothing_comes_at_all():
-    link = ArduPilotJsonLink(UdpInbox(0), boot_limit_s=0.2)
-    with pytest.raises(HandshakeError, match=r"nothing came at all.*--sim-port-out \d+"):
+    link = ArduPilotJsonLink(UdpInbox(0), timeouts=LinkTimeouts(connect_s=0.2))
+    with pytest.raises(HandshakeError, match=r"no datagram came.*--sim-port-out \d+"):
         link.open()
 
 
@@ -248,5 +252,5 @@ def test_frame_rate_that_stays_elsewhere_is_told_once(make, sitl):
         fly(link, sitl, 1, start=tick)
     ((kind, text),) = link.events
     assert kind == "warning"
-    assert "asks for 6" in text
+    assert "requests 6" in text
     assert link.stats.frame_rate_hz == 600

@@ -3,7 +3,7 @@
 import pytest
 
 from firmware_bridge.codecs.ardupilot_json import hover_throttle
-from firmware_bridge.links.ardupilot_sitl import (
+from firmware_bridge.links.ardupilot.sitl import (
     DEFAULTS_PATH,
     SPIN_MAX,
     SPIN_MIN,
@@ -11,12 +11,15 @@ from firmware_bridge.links.ardupilot_sitl import (
     copter_parameters,
     write_defaults,
 )
-from hil.signals.errors import LinkClosed, LinkError, PortNotFound
+from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.child_process import FirmwareBuild
+from signals.errors import LinkClosed, LinkError, PortNotFound
 
 
 def test_command_line(tmp_path):
     (tmp_path / "arducopter").touch()
-    settings = {"binary": tmp_path / "arducopter", "folder": tmp_path, "instance": 2, "arguments": ["--rate", "400"]}
+    build = FirmwareBuild(tmp_path / "arducopter", tmp_path, tmp_path / "log", arguments=["--rate", "400"])
+    settings = {"build": build, "instance": 2}
     link = ardupilot_sitl(home=(47.397742, 8.545594, 488.0, 90.0), **settings)
     link._inbox.open()
     link._mavlink.open()
@@ -71,11 +74,11 @@ def test_parameters_fit_the_vehicle(tmp_path):
 
 
 def test_wrong_settings_are_named(tmp_path):
-    home = (47.0, 8.0, 488.0, 0.0)
+    build = FirmwareBuild(tmp_path / "arducopter", tmp_path, tmp_path / "log")
     with pytest.raises(PortNotFound, match="no such program"):
-        ardupilot_sitl(binary=tmp_path / "arducopter", folder=tmp_path, home=home)
+        ardupilot_sitl(build=build, home=(47.0, 8.0, 488.0, 0.0))
     with pytest.raises(LinkError, match="`home`"):
-        ardupilot_sitl(binary=tmp_path / "arducopter")
+        ardupilot_sitl(build=build)
     for text in ("serial:1", "udp:", "udp:x", "tcp"):
         with pytest.raises(LinkError, match="udp:PORT, tcp:PORT or none"):
             ardupilot_sitl(mavlink=text)
@@ -86,7 +89,8 @@ def test_a_program_that_ends_at_once_is_told_with_its_last_words(tmp_path):
     program = tmp_path / "arducopter"
     program.write_text("#!/bin/sh\necho PANIC: no such frame\nexit 3\n")
     program.chmod(0o755)
-    link = ardupilot_sitl(binary=program, folder=tmp_path / "run", home=(47.0, 8.0, 488.0, 0.0), boot_limit_s=20.0)
+    build = FirmwareBuild(program, tmp_path / "run", tmp_path / "run" / "log")
+    link = ardupilot_sitl(build=build, home=(47.0, 8.0, 488.0, 0.0), timeouts=LinkTimeouts(connect_s=20.0))
     with pytest.raises(LinkClosed, match=r"(?s)before its first.*exit status 3.*PANIC: no such frame") as caught:
         link.open()
     assert caught.value.cause == "crashed"

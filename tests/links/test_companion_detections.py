@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hil.signals.detections import MOST_BOXES, MOST_OBJECTS
-from tests.links.companion_world import RawClient, answered, frame_of, join, serving, step, until
+from signals.detections import MOST_BOXES, MOST_OBJECTS
+from tests.worlds.companion_server import RawClient, answered, frame_of, join, serving, step, until
 
 BOX = ["person", 0.5, 1.0, 2.0, 3.0, 4.0, 12.5, None, [1.0, 2.0, 0.0]]
 SEEN: dict[str, Any] = {"topic": "front/rgb", "t_capture_ns": 5, "size_px": [4, 3], "boxes": [BOX], "objects": None}

@@ -17,10 +17,10 @@ from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import SharedRing
 from firmware_bridge.companion.sockets import RECEIVE_HWM
-from hil.companion.settings import link_settings
+from hil.config.companion.link_settings import link_settings
 from hil.config.schema import Companion
-from hil.signals.errors import PortNotFound
-from tests.links.companion_world import FACTS, RawClient, answered, frame_of, join, serving, step, until
+from signals.errors import PortNotFound
+from tests.worlds.companion_server import FACTS, RawClient, answered, frame_of, join, serving, step, until
 
 
 def test_times_at_the_end_of_64_bits_are_counted() -> None:
@@ -169,7 +169,7 @@ def test_what_nobody_reads_waits_with_its_sender(way: str, tmp_path: Path) -> No
             assert taken < 4 * RECEIVE_HWM  # the bench holds so many, and the kernel's buffers some more
         step(server, other, 0, "other")
         until(server, lambda: "cut" in server.lost)
-        assert server.lost["cut"].startswith("10 messages without sense in a row")
+        assert server.lost["cut"].startswith("10 malformed messages in a row")
         step(server, other, 1, "other")
 
 

@@ -26,9 +26,9 @@ from firmware_bridge.companion.keys import make_keys, read_allowed, read_bench_k
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from firmware_bridge.companion.shared_ring import Block, SharedRing
-from hil.signals.desired import DesiredState, Knot
-from hil.signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
-from tests.links.companion_world import (
+from signals.desired import DesiredState, Knot
+from signals.errors import ConfigError, HandshakeError, LinkClosed, PortBusy
+from tests.worlds.companion_server import (
     FACTS,
     TOPICS,
     RawClient,
@@ -206,9 +206,9 @@ def test_ring_goes_round_a_slot_that_is_not_given_back() -> None:
         for _ in range(50):
             place = ring.put(blocks(a, a[:3]), ["x", "y"])
             assert place not in (None, stuck)
-            ring.give_back(place, "x")
+            ring.release(place, "x")
             assert ring.put(blocks(np.zeros(512, np.uint8)), ["x"]) is None  # y still holds it
-            ring.give_back(place, "y")
+            ring.release(place, "y")
         assert ring.put(blocks(np.zeros(640, np.uint8)), ["x"]) is None
         whole = ring.put(blocks(np.zeros(512, np.uint8)), ["x"])
         assert whole == 128
@@ -278,7 +278,7 @@ def test_waiting_names_what_is_missing() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         client.hello(topics=["sonar"])
         calls: list[int] = []
-        with pytest.raises(HandshakeError, match=r"0 of 2 clients.*no topic fits 'sonar'.*baro"):
+        with pytest.raises(HandshakeError, match=r"0 of 2 clients.*no topic matches 'sonar'.*baro"):
             server.wait_for_clients(2, 0.2, lambda: calls.append(1))
         assert calls
         client.hello()
@@ -325,7 +325,7 @@ def test_arrays_are_sent_in_c_order_and_little_endian() -> None:
             assert a["dtype"][0] in "<|"
             np.testing.assert_array_equal(got, arrays[a["name"]])
         points = np.zeros(2, [("x", "f4")])
-        with pytest.raises(CodecError, match=r"imu\.points.*columns"):
+        with pytest.raises(CodecError, match=r"imu\.points.*plain numeric array"):
             server.send(CompanionFrame(1, 1, 1, (CompanionSample("imu", 0, 0, 0, {}, {"points": points}),)))
 
 

@@ -11,8 +11,9 @@ import pytest
 
 from firmware_bridge.companion.keys import make_keys
 from firmware_bridge.companion.settings import Arrangement
-from hil.bench_suite.link_transfer import AHEAD, Host, Wire, far_end, second_host
-from hil.signals.errors import ConfigError, HandshakeError, PortNotFound
+from hil.apps.bench_suite.link.second_host import Host, second_host
+from hil.apps.bench_suite.link.transfer import MAX_IN_FLIGHT, Endpoints, open_transfer
+from signals.errors import ConfigError, HandshakeError, PortNotFound
 
 SCALE = 0.1
 
@@ -31,30 +32,36 @@ def host() -> Iterator[Host]:
 
 
 @pytest.fixture
-def wire(host: Host, tmp_path: Path) -> Wire:
+def endpoints(host: Host, tmp_path: Path) -> Endpoints:
     make_keys(tmp_path / "keys", ["peer", "other"])
-    return Wire(host.near, host.command, tmp_path / "keys")
+    return Endpoints(host.near, host.command, tmp_path / "keys")
 
 
 @pytest.mark.parametrize("arrangement", ["one_port", "ports"])
-def test_frames_cross_the_wire_whole(wire: Wire, arrangement: Arrangement) -> None:
-    with far_end(wire, arrangement, scale=SCALE) as transfer:
+def test_frames_cross_the_wire_whole(endpoints: Endpoints, arrangement: Arrangement) -> None:
+    with open_transfer(endpoints, arrangement, scale=SCALE) as transfer:
         assert transfer.differing == 0
-        rates = transfer.measure(ahead=AHEAD, seconds=0.2, least_pairs=1)
+        rates = transfer.measure(in_flight=MAX_IN_FLIGHT, seconds=0.2, least_pairs=1)
     # No faster than the wire is: else the frames went some other way. A burst may pass at once.
     assert min(rates.link_s + rates.bare_s) > 0.5 * rates.payload_bytes * 8 / 1e9
 
 
-def test_a_key_that_is_not_allowed_stays_outside(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert wire.keys is not None
-    (wire.keys / "peer.pub").unlink()
-    monkeypatch.setattr("hil.bench_suite.link_transfer.LIMIT_S", 1.5)
-    with pytest.raises(HandshakeError, match="not among the allowed"), far_end(wire, "one_port", scale=SCALE):
+def test_a_key_that_is_not_allowed_stays_outside(endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert endpoints.keys is not None
+    (endpoints.keys / "peer.pub").unlink()
+    monkeypatch.setattr("hil.apps.bench_suite.link.transfer.LIMIT_S", 5.0)
+    with (
+        pytest.raises(HandshakeError, match="not among the allowed"),
+        open_transfer(endpoints, "one_port", scale=SCALE),
+    ):
         pass
 
 
-def test_no_keys_no_second_host(wire: Wire) -> None:
-    with pytest.raises(ConfigError, match="make keys"), far_end(wire._replace(keys=None), "one_port", scale=SCALE):
+def test_no_keys_no_second_host(endpoints: Endpoints) -> None:
+    with (
+        pytest.raises(ConfigError, match="make keys"),
+        open_transfer(endpoints._replace(keys=None), "one_port", scale=SCALE),
+    ):
         pass
 
 

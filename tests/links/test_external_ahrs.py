@@ -7,6 +7,7 @@ import math
 import os
 import struct
 import tty
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -15,16 +16,18 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.codecs.vectornav import sentence
-from firmware_bridge.links import external_ahrs
-from firmware_bridge.links.ardupilot_eahrs import (
+from firmware_bridge.links.ardupilot import external_ahrs
+from firmware_bridge.links.ardupilot.eahrs_sitl import (
     HeldPty,
     arducopter_on_ptys,
     sitl_parameters,
 )
-from firmware_bridge.links.external_ahrs import ExternalAhrsLink
-from firmware_bridge.links.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
-from hil.signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
-from tests.links.ahrs_board import (
+from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink
+from firmware_bridge.links.ardupilot.vectornav_stream import GPS_START_NS, InsErrors, InsSolution
+from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.child_process import FirmwareBuild
+from signals.errors import HandshakeError, LinkClosed, LinkError, PortNotFound
+from tests.worlds.external_ahrs_board import (
     NO_ERRORS,
     SETUP,
     TICK_NS,
@@ -34,7 +37,7 @@ from tests.links.ahrs_board import (
     geodetic,
     truth,
 )
-from tests.links.drive import BARO, GPS, IMU, MAG, Process
+from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG, Process
 
 
 @pytest.fixture(autouse=True)
@@ -121,7 +124,7 @@ def test_the_outputs_are_asked_for_and_become_controls(board):
     bench.run(2)
     assert board.requested == [6000.0]  # 0.8 of a loop of 200 Hz, half the tick's rate
     bench.run(2)
-    assert bench.link.servo_interval_us == 6000
+    assert bench.link._servos.granted_us == 6000
     board.outputs(1000, 1250, 2000, 2500, 0)
     bench.run(1)
     assert bench.controls.controls == (0.0, 0.25, 1.0, 1.0) + (0.0,) * 12
@@ -143,7 +146,7 @@ def test_a_slow_loop_refuses_and_is_asked_for_less_until_it_agrees():
     board.beat()
     bench.run(10)
     assert board.requested == [6000.0, 8000.0, 10_000.0, 14_000.0]
-    assert bench.link.servo_interval_us == 14_000
+    assert bench.link._servos.granted_us == 14_000
 
 
 def test_another_ground_stations_answer_is_not_taken_for_ours(board):
@@ -252,14 +255,14 @@ def silent(bench, **limits):
 
 
 def test_no_mavlink_at_all(board):
-    error = silent(Bench(board, heartbeat_limit_s=0.1))
+    error = silent(Bench(board, timeouts=LinkTimeouts(connect_s=0.1)))
     assert (type(error), error.cause) == (HandshakeError, "no_heartbeat")
     assert "did set up its External AHRS" in str(error)
     assert "SERIALn_PROTOCOL 2" in str(error)
 
 
 def test_mavlink_that_falls_silent(board):
-    bench = Bench(board, silence_limit_s=0.1)
+    bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.1))
     board.beat()
     bench.run(2)
     board.talks = False
@@ -267,7 +270,7 @@ def test_mavlink_that_falls_silent(board):
 
 
 def test_mavlink_without_outputs(board):
-    bench = Bench(board, silence_limit_s=0.2)
+    bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.2))
     run = bench.link.begin
 
     def begin(tick):
@@ -278,14 +281,14 @@ def test_mavlink_without_outputs(board):
     error = silent(bench)
     assert error.cause == "no_controls"
     assert "SERVO_OUTPUT_RAW" in str(error)
-    assert "agreed to 6000 us" in str(error)
+    assert "accepted 6000 us" in str(error)
 
 
 def test_a_set_up_that_never_ends_and_one_that_is_refused():
     with pytest.raises(HandshakeError, match="not completed"):
-        Bench(Board(asks=SETUP[:4]), heartbeat_limit_s=0.1)
+        Bench(Board(asks=SETUP[:4]), timeouts=LinkTimeouts(connect_s=0.1))
     with pytest.raises(HandshakeError, match="a parameter that this device does not have") as caught:
-        Bench(Board(asks=("VNWRG,75,3,0,01,0721",)), heartbeat_limit_s=0.1)
+        Bench(Board(asks=("VNWRG,75,3,0,01,0721",)), timeouts=LinkTimeouts(connect_s=0.1))
     assert caught.value.cause == "setup"
 
 
@@ -293,7 +296,7 @@ def test_more_than_a_tick_or_a_line_can_carry_is_told():
     asks = tuple(text.replace("75,3,2,", "75,3,1,") for text in SETUP)
     bench = Bench(Board(asks=asks), baud=460_800)
     assert bench.kinds() == ["warning", "warning"]
-    assert "asked for 800 IMU packets a second" in bench.events[0][1]
+    assert "requested 800 IMU packets a second" in bench.events[0][1]
     assert "460800 baud" in bench.events[1][1]
     assert [finding.text for finding in bench.link.findings()[:2]] == [text for _, text in bench.events]
 
@@ -305,7 +308,7 @@ def test_a_process_that_ends_before_and_after_the_set_up(board):
     assert caught.value.cause == "crashed"
     assert process.closed
     process = Process()
-    bench = Bench(board, start_process=lambda: process, heartbeat_limit_s=0.1)
+    bench = Bench(board, start_process=lambda: process, timeouts=LinkTimeouts(connect_s=0.1))
     process.alive = False
     assert silent(bench).cause == "crashed"
 
@@ -326,7 +329,7 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
         period_ns=TICK_NS,
         geodetic=geodetic,
         start_process=lambda: Process(connect),
-        silence_limit_s=60.0,
+        timeouts=LinkTimeouts(reply_s=60.0),
     )
     board = Board(asks=())
     try:
@@ -373,9 +376,9 @@ def _read(fd):
 
 
 def test_the_solution_without_errors_is_the_truth_and_with_errors_has_their_size():
-    exact = InsSolution(geodetic, NO_ERRORS, seed=1).solve(truth(0))
+    exact = InsSolution(geodetic, NO_ERRORS).solve(truth(0))
     assert exact == ((1.0, 0.0, 0.0, 0.0), geodetic((10.0, 20.0, 0.25)), (1.0, 2.0, 3.0))
-    solution = InsSolution(lambda p: p, InsErrors(0.5, 0.1, 2.0, correlation_s=0.01), seed=3)
+    solution = InsSolution(lambda p: p, InsErrors(0.5, 0.1, 2.0, correlation_s=0.01, seed=3))
     rows = [solution.solve(truth(400 * k)) for k in range(2000)]
 
     def spread(values, mean):
@@ -388,7 +391,7 @@ def test_the_solution_without_errors_is_the_truth_and_with_errors_has_their_size
 
 
 def test_errors_wander_slowly_and_the_same_seed_repeats_them():
-    one, two = (InsSolution(lambda p: p, InsErrors(), seed=5) for _ in range(2))
+    one, two = (InsSolution(lambda p: p, InsErrors(seed=5)) for _ in range(2))
     rows = [one.solve(truth(8 * k)) for k in range(500)]
     assert rows == [two.solve(truth(8 * k)) for k in range(500)]
     steps = [abs(b[1][0] - a[1][0]) for a, b in pairwise(rows)]
@@ -401,10 +404,11 @@ def test_errors_wander_slowly_and_the_same_seed_repeats_them():
 def test_command_line_and_parameters(tmp_path):
     (tmp_path / "ap").touch()
     wires = [HeldPty(), HeldPty()]
-    usual = {"folder": tmp_path, "log": tmp_path / "log", "home": (47.0, 8.0, 488.0, 90.0), "parameters": {}}
+    build = FirmwareBuild(tmp_path / "ap", tmp_path, tmp_path / "log")
+    usual = {"home": (47.0, 8.0, 488.0, 90.0), "parameters": {}}
     for wire in wires:
         wire.open()
-    argv = arducopter_on_ptys(tmp_path / "ap", *wires, **usual)().argv
+    argv = arducopter_on_ptys(build, *wires, **usual)().argv
     ports = {argv[i]: argv[i + 1] for i in range(len(argv) - 1) if argv[i].startswith("--serial")}
     assert ports == {f"--serial{n}": "none" for n in range(9)} | {
         "--serial0": f"uart:{wires[1].far_path}:921600",
@@ -420,6 +424,6 @@ def test_command_line_and_parameters(tmp_path):
     assert found["FENCE_ENABLE"] == 1.0
     assert "SIM_RATE_HZ" not in found
     with pytest.raises(LinkError, match="Canberra"):
-        arducopter_on_ptys(tmp_path / "ap", *wires, **(usual | {"home": (0.0, 0.0, 0.0, 0.0)}))()
+        arducopter_on_ptys(build, *wires, **(usual | {"home": (0.0, 0.0, 0.0, 0.0)}))()
     with pytest.raises(PortNotFound, match="no such program"):
-        arducopter_on_ptys(tmp_path / "nothing", *wires, **usual)
+        arducopter_on_ptys(replace(build, binary=tmp_path / "nothing"), *wires, **usual)

@@ -17,19 +17,19 @@ from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, NAME
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.links import hitl_setup
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
-from firmware_bridge.links.free_running import FreeRunningLink
-from firmware_bridge.links.hitl_setup import HitlSetup
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.px4 import hitl_setup
+from firmware_bridge.links.px4.free_running import FreeRunningLink
+from firmware_bridge.links.px4.hitl_setup import HitlSetup
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
-from hil.bench import RunResult, run_bench
+from hil.apps.devices import check_board
 from hil.config import load_bench
-from hil.devices_command import check_board
-from hil.signals.errors import HandshakeError, LinkClosed, LinkError
-from hil.signals.samples import RangeSample
-from tests.links.drive import GPS, IMU, Drive
-from tests.links.hitl_board import HitlBoard
+from hil.run.bench_run import RunResult, run_bench
+from signals.errors import HandshakeError, LinkClosed, LinkError
+from signals.samples import RangeSample
+from tests.worlds.hitl_board import HitlBoard
+from tests.worlds.resting_vehicle import GPS, IMU, Drive
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 
@@ -62,7 +62,7 @@ class HitlDrive(Drive):
         self.events: list[tuple[str, str]] = []
         settings = {
             "period_ns": TICK_NS,
-            "silence_limit_s": 30.0,
+            "timeouts": LinkTimeouts(reply_s=30.0),
             "on_event": lambda kind, text: self.events.append((kind, text)),
         } | settings
         super().__init__(FreeRunningLink(transport, CAPS, motors=4 if checked else None, **settings), TICK_NS)
@@ -145,7 +145,7 @@ def test_a_bench_that_falls_behind_lets_go_and_says_so(board: Boards, drive: Dri
     assert schedule.slipped_ns >= 250_000_000
     (kind, text), *_ = driven.events
     assert kind == "slip"
-    assert "behind the wall clock and let go" in text
+    assert "behind the wall clock: later ticks move by that" in text
     assert len(driven.events) <= schedule.slip_count  # each told once
     assert any("could not keep up" in finding.text for finding in driven.link.findings())
 
@@ -164,7 +164,7 @@ def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) ->
         lambda: driven.now_ns(),
         lambda t_ns, kind, text: told.append((t_ns, kind, text)),
     )
-    driven = drive(wire, opened=False, own_sender=False, reconnect_s=60.0)
+    driven = drive(wire, opened=False, own_sender=False, timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=60.0))
     driven.link.open()
     driven.run(100)
     assert {kind for kind, _ in driven.events} <= {"slip"}
@@ -186,7 +186,7 @@ def test_a_board_that_is_really_unplugged_and_put_back(board: Boards, drive: Dri
     first = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(first.port)
-    driven = drive(SerialTransport(str(port)), reconnect_s=60.0)
+    driven = drive(SerialTransport(str(port)), timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=60.0))
     driven.run(50)
     before = driven.link.send_stats().sent
     first.unplug()
@@ -205,7 +205,7 @@ def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path:
     far = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(far.port)
-    driven = drive(SerialTransport(str(port)), reconnect_s=reconnect_s)
+    driven = drive(SerialTransport(str(port)), timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=reconnect_s))
     driven.run(20)
     far.unplug()
     port.unlink()
@@ -223,17 +223,17 @@ def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path:
 
 def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> None:
     far = board()
-    driven = drive(far, silence_limit_s=1.0)
+    driven = drive(far, timeouts=LinkTimeouts(reply_s=1.0))
     driven.run(50)
     far.tap.mute.add("all")
-    with pytest.raises(LinkError, match=r"nothing was heard of it for 1\.\d s") as caught:
+    with pytest.raises(LinkError, match=r"no message has come for 1\.\d s") as caught:
         driven.run(5000)
     assert caught.value.cause == "silent"
 
 
 def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -> None:
     far = board(mute=["HIL_ACTUATOR_CONTROLS"])
-    driven = drive(far, silence_limit_s=1.5)
+    driven = drive(far, timeouts=LinkTimeouts(reply_s=1.5))
     with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 1\.5 s: is SYS_HITL 1") as caught:
         driven.run(5000)
     assert caught.value.cause == "no_controls"
@@ -258,7 +258,7 @@ def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
 
 def test_no_heartbeat(board: Boards, drive: Drives) -> None:
     far = board(mute=["HEARTBEAT"])
-    driven = drive(far, heartbeat_limit_s=0.5, opened=False)
+    driven = drive(far, timeouts=LinkTimeouts(connect_s=0.5), opened=False)
     with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
         driven.link.open()
     assert driven.link.send_stats() is None
@@ -303,7 +303,7 @@ def test_what_it_does_not_take_or_have_is_named(setup: Setup, monkeypatch: pytes
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.3)
     _, asked = setup()
     assert asked.problems() == []
-    with pytest.raises(HandshakeError, match="does not take HIL_ACT_FUNC1 = 5000"):
+    with pytest.raises(HandshakeError, match="does not accept HIL_ACT_FUNC1 = 5000"):
         asked.set({"HIL_ACT_FUNC1": 5000.0})
     with pytest.raises(HandshakeError, match="does not answer for the parameter NOT_A_PARAM"):
         asked.set({"NOT_A_PARAM": 1.0})
@@ -349,7 +349,7 @@ def test_one_that_answers_for_no_parameter(setup: Setup, monkeypatch: pytest.Mon
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.5)
     _, asked = setup(mute=["PARAM_VALUE", "HIL_ACTUATOR_CONTROLS"])
-    with pytest.raises(HandshakeError, match="answered none: is it PX4"):
+    with pytest.raises(HandshakeError, match=r"answered none of the requests.*is it PX4"):
         asked.require()
 
 
@@ -392,7 +392,7 @@ def test_a_board_that_has_not_been_restarted(board: Boards, monkeypatch: pytest.
     far.mock.params.set("SYS_HITL", 1.0)
     ready, text = check(far.port)
     assert (ready, far.mock.boots) == (False, 1)
-    assert "not restarted yet, or the line too slow" in text
+    assert "not restarted yet, or the connection is too slow" in text
     assert not check(far.port, fix=True)[0]
     assert far.wait_for(lambda: far.mock.boots == 2)
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)

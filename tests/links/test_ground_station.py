@@ -13,9 +13,9 @@ from firmware_bridge.ground_station.modes import ARDUPILOT, PX4
 from firmware_bridge.ground_station.phased_flight import Phase
 from firmware_bridge.ground_station.progress import Progress, is_waypoint
 from firmware_bridge.ground_station.station import GroundStation
-from hil.signals.errors import HandshakeError
-from hil.signals.mission import MissionItem
-from tests.links.scripted_vehicle import (
+from signals.errors import HandshakeError
+from signals.mission import MissionItem
+from tests.worlds.scripted_vehicle import (
     ACCEPTED,
     ARM,
     COMPLAINT,
@@ -28,7 +28,7 @@ from tests.links.scripted_vehicle import (
     S,
     fly,
 )
-from tests.links.scripted_vehicle import ScriptedVehicle as Vehicle
+from tests.worlds.scripted_vehicle import ScriptedVehicle as Vehicle
 
 AUTO, GUIDED, LAND = 3, 4, 9  # of ArduCopter
 BOTH = pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
@@ -59,7 +59,7 @@ def flown(autopilot: int = PX4, mission: list[MissionItem] = RECTANGLE, **script
 def test_a_whole_flight(autopilot: int, commands: list[Any]) -> None:
     station, vehicle = flown(autopilot)
     assert station.phase is Phase.DONE
-    assert station.mission_completed
+    assert station._progress.completed
     assert (station.reached, station.waypoints) == (6, 6)
     assert vehicle.commands() == commands
     assert set(vehicle.intervals) == {MSGID["SYS_STATUS"], MSGID["EXTENDED_SYS_STATE"], MSGID["MISSION_CURRENT"]}
@@ -102,7 +102,7 @@ def test_heartbeat_once_a_simulated_second_without_drift() -> None:
 @pytest.mark.parametrize("lose", [1, 2, 4])
 def test_lost_messages_are_asked_again(lose: int) -> None:
     station, vehicle = flown(lose=lose)
-    assert station.mission_completed
+    assert station._progress.completed
     assert max(m.confirmation for m in vehicle.sent("COMMAND_LONG")) == lose
 
 
@@ -111,7 +111,7 @@ def test_lost_messages_are_asked_again(lose: int) -> None:
 )
 def test_vehicles_that_do_it_another_way(script: dict[str, Any]) -> None:
     station, vehicle = flown(**script)
-    assert station.mission_completed
+    assert station._progress.completed
     assert vehicle.armed_at_ns >= script.get("ready_ns", 0)
 
 
@@ -122,7 +122,7 @@ def test_vehicles_that_do_it_another_way(script: dict[str, Any]) -> None:
 )  # fmt: skip
 def test_what_is_declined_is_asked_again_a_second_later(autopilot: int, command: int, declines: int) -> None:
     station, vehicle = flown(autopilot, answers={command: [declines] * 3 + [ACCEPTED]})
-    assert station.mission_completed
+    assert station._progress.completed
     asked = [number for number, *_ in vehicle.commands()]
     assert asked.count(command) == 4
     assert list(dict.fromkeys(asked)) == [SET_MODE, ARM, MISSION_START][: len(set(asked))]
@@ -131,13 +131,13 @@ def test_what_is_declined_is_asked_again_a_second_later(autopilot: int, command:
 
 def test_no_room_is_taken_for_not_yet_for_a_while_by_ardupilot() -> None:
     station, copter = flown(ARDUPILOT, room_ns=12 * S)
-    assert station.mission_completed
+    assert station._progress.completed
     assert 12 <= len(copter.sent("MISSION_COUNT")) <= 15
 
 
 def test_an_upload_whose_acknowledgement_was_lost_is_offered_again() -> None:
     station, vehicle = flown(lost_acks=2)
-    assert station.mission_completed
+    assert station._progress.completed
     assert len(vehicle.sent("MISSION_COUNT")) == 3
 
 
@@ -150,7 +150,7 @@ def test_an_upload_whose_acknowledgement_was_lost_is_offered_again() -> None:
         (ARDUPILOT, {"room_ns": 1000 * S}, {}, "7 items was refused after 0 of them: MAV_MISSION_NO_SPACE"),
         (PX4, {"reject_seq": 2}, {}, "refused after 3 of them: MAV_MISSION_INVALID_PARAM7; an altitude"),
         (ARDUPILOT, {"reject_seq": 2}, {}, "refused after 3 of them"),
-        (PX4, {"lost_acks": 1000}, {}, "6 of 6 items were asked for, then nothing"),
+        (PX4, {"lost_acks": 1000}, {}, "6 of 6 items were requested, then none"),
         (PX4, {"ready_ns": 1 << 60}, {"preflight_limit_s": 5.0}, "not ready to arm after 5 s .*pre-arm check does not"),
         (ARDUPILOT, {"ready_ns": 1 << 60}, {"preflight_limit_s": 10.0}, "not ready to arm after 10 s"),
         (PX4, {"answers": {ARM: REJECTED_FOR_NOW}}, {"preflight_limit_s": 8.0}, "to arm .*Y_REJECTED .*gyro bias"),
@@ -159,8 +159,8 @@ def test_an_upload_whose_acknowledgement_was_lost_is_offered_again() -> None:
         (PX4, {"answers": {SET_MODE: 3}}, {}, "asked to enter mode AUTO.MISSION and answered MAV_RESULT_UNSUPPORTED"),
         (ARDUPILOT, {"answers": {SET_MODE: DENIED}}, {}, "asked to enter mode GUIDED and answered MAV_RESULT_DENIED"),
         (ARDUPILOT, {"answers": {MISSION_START: DENIED}}, {}, "to start the mission and answered MAV_RESULT_DENIED"),
-        (PX4, {"answers": {ARM: None}}, {}, "MAV_CMD_COMPONENT_ARM_DISARM was asked 5 times and never answered"),
-        (PX4, {"crash_ns": 1}, {}, "accepted arming 5 times, but its heartbeats never say"),
+        (PX4, {"answers": {ARM: None}}, {}, "MAV_CMD_COMPONENT_ARM_DISARM was sent 5 times without an answer"),
+        (PX4, {"crash_ns": 1}, {}, "accepted arming 5 times, but its heartbeats never show"),
         (PX4, {"crash_ns": 4_200_000_000}, {}, "disarmed before it took off"),
         (PX4, {"hold": True}, {"takeoff_limit_s": 5.0}, "armed, but not in the air after 5 s"),
         (ARDUPILOT, {"hold": True}, {"takeoff_limit_s": 5.0}, "armed, but not in the air after 5 s"),
@@ -196,7 +196,7 @@ def test_a_mission_of_nothing_is_refused() -> None:
 def test_crash_in_flight_is_an_end_without_completion() -> None:
     station, _ = flown(crash_ns=6 * S)
     assert station.phase is Phase.DONE
-    assert not station.mission_completed
+    assert not station._progress.completed
     assert 0 < station.reached < 6
 
 
@@ -206,7 +206,7 @@ def test_crash_in_flight_is_an_end_without_completion() -> None:
 def test_a_mission_without_landing_is_landed_where_it_ends(autopilot: int, modes: list[tuple[float, float]]) -> None:
     station, vehicle = flown(autopilot, RECTANGLE[:-1])
     assert station.phase is Phase.DONE
-    assert station.mission_completed
+    assert station._progress.completed
     assert [(main, sub) for command, _, main, sub in vehicle.commands() if command == SET_MODE] == modes
 
 

@@ -8,14 +8,14 @@ import pytest
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.links.lockstep import LockstepLink
+from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
-from hil.signals.errors import HandshakeError, LockstepLost
-from tests.links import fake_autopilot as fake
-from tests.links.drive import BARO, GPS, IMU, MAG
+from signals.errors import HandshakeError, LockstepLost
+from tests.worlds import scripted_autopilot as fake
+from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG
 
 TICK_NS = 4_000_000
 BOOT = 3
@@ -25,7 +25,9 @@ ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 def in_memory(*, reply_limit_s=0.3, **script):
     return LockstepLink(
-        LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)), CAPS, reply_limit_s=reply_limit_s
+        LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)),
+        CAPS,
+        timeouts=LinkTimeouts(reply_s=reply_limit_s),
     )
 
 
@@ -36,9 +38,7 @@ def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
         argv = [sys.executable, fake.__file__, "--port", transport.far_path, "--boot-sensors", str(BOOT), *arguments]
         return ChildProcess(argv)
 
-    return LockstepLink(
-        transport, CAPS, start_process=start, reply_limit_s=reply_limit_s, heartbeat_limit_s=heartbeat_limit_s
-    )
+    return LockstepLink(transport, CAPS, start_process=start, timeouts=LinkTimeouts(reply_limit_s, heartbeat_limit_s))
 
 
 @pytest.fixture(params=["memory", "pty"])
@@ -124,9 +124,9 @@ def test_bytes_that_are_no_answer_do_not_end_a_run(scripted, fault):
 @pytest.mark.parametrize(
     ("fault", "error", "says"),
     [
-        ("wrong_time", LockstepLost, "time_usec 28000, it answered about 32000"),
-        ("old_time", LockstepLost, "28000, it answered about 24000"),
-        ("silent", LockstepLost, "it said nothing"),
+        ("wrong_time", LockstepLost, "time_usec 28000, its answer 32000"),
+        ("old_time", LockstepLost, "28000, its answer 24000"),
+        ("silent", LockstepLost, "no bytes came"),
         ("telemetry_only", LockstepLost, "telemetry came .1 messages. but no HIL_ACTUATOR_CONTROLS"),
         ("garbage_only", LockstepLost, "damaged"),
         ("damaged", LockstepLost, "no answer to time_usec 28000"),
@@ -149,11 +149,13 @@ def test_a_second_answer_ends_the_next_tick(scripted):
 
 
 def test_boot_length_that_the_rig_has_wrong():
-    early = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, reply_limit_s=0.1)
+    early = LockstepLink(
+        LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, timeouts=LinkTimeouts(reply_s=0.1)
+    )
     early.open()
     with pytest.raises(LockstepLost, match="boot_sensors"):
         fly(early, 10)
-    late = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=9)), CAPS, reply_limit_s=0.1)
+    late = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=9)), CAPS, timeouts=LinkTimeouts(reply_s=0.1))
     late.open()
     with pytest.raises(LockstepLost, match="boot_sensors"):
         fly(late, 10)
@@ -179,7 +181,7 @@ def test_an_open_link_can_be_closed_and_opened_again():
 
 def test_no_heartbeat_in_memory():
     link = in_memory(greet=False)
-    with pytest.raises(HandshakeError, match="nothing came at all"):
+    with pytest.raises(HandshakeError, match="no bytes came at all"):
         link.open()
 
 
@@ -199,7 +201,7 @@ def test_fifty_thousand_packets_of_rubbish_between_answers():
                 [rng.randbytes(rng.randrange(40)), bytes(damaged), b"\xfd\xff\x00\x00\x07\x01\x01\x1e\0\0"]
             )
 
-    link = LockstepLink(LoopbackTransport(Noisy(boot_sensors=BOOT)), CAPS, reply_limit_s=1.0)
+    link = LockstepLink(LoopbackTransport(Noisy(boot_sensors=BOOT)), CAPS, timeouts=LinkTimeouts(reply_s=1.0))
     link.open()
     ticks = 5_000
     for tick in range(ticks):

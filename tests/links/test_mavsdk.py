@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.links.bench_process import BenchProcess, free_port, until
+from tests.worlds.bench_process import BenchProcess, free_port, until
 
 
 @contextmanager

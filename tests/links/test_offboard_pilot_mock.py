@@ -11,12 +11,12 @@ import pytest
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
-from hil.signals._kernel import tangent_ned
-from hil.signals.desired import DesiredState
-from hil.signals.geodesy import LocalFrame
-from hil.signals.samples import TruthState
+from signals._kernel import tangent_ned
+from signals.desired import DesiredState
+from signals.geodesy import LocalFrame
+from signals.samples import TruthState
 from sim.scene.scene import load_scene
-from tests.unit.mock_pixhawk_world import TICK_HZ, TICK_NS, World
+from tests.worlds.mock_pixhawk_world import TICK_HZ, TICK_NS, World
 
 WANTED_EVERY = 10  # ticks: a companion at 25 Hz
 UP = DesiredState(p_W=(0.0, 0.0, 3.0), yaw_rad=0.0)

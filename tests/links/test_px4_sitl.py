@@ -1,4 +1,4 @@
-"""PX4 SITL as the bench starts, flies and loses it, against a stand-in on PX4's own wires (`fake_px4`)."""
+"""PX4 SITL as the bench starts, flies and loses it, against a stand-in on PX4's own wires (`fake_px4_sitl`)."""
 
 from __future__ import annotations
 
@@ -16,17 +16,19 @@ from typing import Any
 
 import pytest
 
-from firmware_bridge.links import child_process, ground_channel, lockstep
-from firmware_bridge.links.px4_process import px4_sitl_link, px4_sitl_process
-from hil.bench import RunResult, run_bench
+from firmware_bridge.links import child_process
+from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.px4 import ground_channel, lockstep
+from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import load_bench
-from hil.signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
-from tests.links.drive import Drive
-from tests.links.fake_px4 import FakePx4
+from hil.run.bench_run import RunResult, run_bench
+from signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from tests.worlds.fake_px4_sitl import FakePx4
+from tests.worlds.resting_vehicle import Drive
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="PX4 SITL does not run there")
 
-FAKE = Path(__file__).with_name("fake_px4.py")
+FAKE = Path(__file__).parents[1] / "worlds" / "fake_px4_sitl.py"
 TICK_NS = 4_000_000
 ARM, SET_MODE, TERMINATE = 400, 176, 185
 OFFBOARD = 6.0
@@ -159,9 +161,10 @@ def test_a_crash_is_told_with_its_last_words(fly: Flights, how: str, status: str
     assert result.run["sim_s"] == pytest.approx(499 * 0.004, abs=0.01)
 
 
-def process(build: Path, folder: Path, **more: Any) -> Any:
-    settings: dict[str, Any] = {"airframe": "none_iris", "tick_hz": 250, "params": {}, "env": {}} | more
-    return px4_sitl_process(build, folder=folder, log=folder.parent / "log", **settings)
+def process(binary: Path, folder: Path, *, env: dict[str, str] | None = None, **more: Any) -> Any:
+    settings: dict[str, Any] = {"airframe": "none_iris", "tick_hz": 250, "params": {}} | more
+    build = child_process.FirmwareBuild(binary, folder, folder.parent / "log", env=env or {})
+    return px4_sitl_process(build, **settings)
 
 
 @pytest.mark.parametrize("airframe", ["none_iris", "10016"])
@@ -181,7 +184,7 @@ def test_a_fast_tick_raises_the_rate_at_which_px4_integrates(build: Path, tmp_pa
 
 
 def test_what_is_no_build_is_said_before_anything_starts(build: Path, tmp_path: Path) -> None:
-    with pytest.raises(PortNotFound, match=r"no such program; autopilot\.binary names"):
+    with pytest.raises(PortNotFound, match=r"does not exist; set autopilot\.binary"):
         process(tmp_path / "nothing", tmp_path / "w")
     with pytest.raises(PortNotFound, match=r"no airframe 'none_hexa'; .*it has: 10016 none_iris$"):
         process(build, tmp_path / "w", airframe="none_hexa")
@@ -235,7 +238,9 @@ class Px4Drive(Drive):
         if start is None:
             self.px4 = FakePx4(instance, script=script)
             threading.Thread(target=self.px4.serve, daemon=True).start()
-        super().__init__(px4_sitl_link(instance, start_process=start, reply_limit_s=reply_limit_s), TICK_NS)
+        super().__init__(
+            px4_sitl_link(instance, start_process=start, timeouts=LinkTimeouts(reply_s=reply_limit_s)), TICK_NS
+        )
         self.link.open()
 
     def step(self, extra: bytes = b"") -> bytes:
@@ -247,7 +252,7 @@ def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
     made: list[Px4Drive] = []
     monkeypatch.setattr(lockstep, "_LINGER_S", 0.2)
     # However busy the machine is: the far side reads in the end.
-    monkeypatch.setattr(ground_channel, "_TAKEN_LIMIT_S", 30.0)
+    monkeypatch.setattr(ground_channel, "_READ_LIMIT_S", 30.0)
 
     def make(**settings: Any) -> Px4Drive:
         made.append(Px4Drive(instance, **settings))
@@ -292,7 +297,7 @@ def lost(driven: Px4Drive, ticks: int = 400) -> LinkError:
 @pytest.mark.parametrize(
     ("script", "cause", "says"),
     [
-        ("heartbeat@100", "terminated", "terminated: PX4 answers nothing afterwards"),
+        ("heartbeat@100", "terminated", "terminated: PX4 does not answer afterwards"),
         ("late_heartbeat@100", "terminated", "terminated"),
         ("text@100", "terminated", "it last said: Flight termination active"),
         ("lost@100", "lost", "it answers later messages"),
@@ -321,14 +326,14 @@ def test_silent_in_offboard_without_set_points(drive: Drives) -> None:
     with pytest.raises(LockstepLost) as caught:
         driven.step(driven.command(SET_MODE, 1.0, OFFBOARD))
     assert caught.value.cause == "offboard_without_setpoints"
-    assert "Send set-points first" in str(caught.value)
+    assert "send set-points first" in str(caught.value)
 
 
 def test_an_offboard_that_has_been_left_explains_no_silence(drive: Drives) -> None:
     """In flight, say; what counts is what it was told last."""
     driven = drive(script="silent@100")
     driven.run(60)
-    driven.link._watch.told(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))
+    driven.link._vehicle.sent(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))
     assert lost(driven).cause == "silent"
 
 
@@ -364,7 +369,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
     other = FakePx4(instance)
     threading.Thread(target=other.serve, daemon=True).start()
     ended = child_process.ChildProcess(["/bin/sh", "-c", "echo port is taken >&2; exit 3"])
-    link = px4_sitl_link(instance, start_process=lambda: ended, reply_limit_s=30.0)
+    link = px4_sitl_link(instance, start_process=lambda: ended, timeouts=LinkTimeouts(reply_s=30.0))
 
     def fly() -> None:
         link.open()
@@ -384,12 +389,12 @@ def test_a_px4_that_has_lost_its_simulator_before(instance: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as left_over:
         left_over.bind(("127.0.0.1", 18570 + instance))
         with pytest.raises(HandshakeError, match="never connects again; start PX4 anew"):
-            px4_sitl_link(instance, heartbeat_limit_s=0.2).open()
+            px4_sitl_link(instance, timeouts=LinkTimeouts(connect_s=0.2)).open()
 
 
 def test_nobody_connects(instance: int) -> None:
-    link = px4_sitl_link(instance, heartbeat_limit_s=0.2)
-    with pytest.raises(HandshakeError, match="nobody connected; start PX4 with PX4_SIM_MODEL=none_iris"):
+    link = px4_sitl_link(instance, timeouts=LinkTimeouts(connect_s=0.2))
+    with pytest.raises(HandshakeError, match="no program connected; start PX4 with PX4_SIM_MODEL=none_iris"):
         link.open()
     # The port is free again.
     with pytest.raises(HandshakeError):

@@ -7,9 +7,9 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import NAME
-from firmware_bridge.router import Endpoint, Router
-from hil.signals.errors import PortBusy, PortNotFound
-from tests.links.router_client import UdpClient, command, framed, heartbeat, raw, until
+from firmware_bridge.router.router import Endpoint, Router
+from signals.errors import PortBusy, PortNotFound
+from tests.worlds.router_clients import UdpClient, address_of, command, framed, heartbeat, raw, until
 
 VEHICLE = FrameEncoder(1, 1)
 CLIENT = FrameEncoder(245, 190)
@@ -57,7 +57,7 @@ def test_only_heartbeats_until_a_client_speaks_then_everything_but_hil(router, c
     router.forward([ATTITUDE, ACTUATORS])
     assert hears(client, 0) == []
     assert not router.received_any
-    client.say(HELLO, router.local_addresses[0])
+    client.say(HELLO, address_of(router))
     assert collect(router, len(HELLO)) == HELLO
     assert router.received_any
     router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
@@ -67,7 +67,7 @@ def test_only_heartbeats_until_a_client_speaks_then_everything_but_hil(router, c
 
 def test_a_client_from_elsewhere_is_learnt(router, client):
     other = UdpClient()
-    other.say(ARM, router.local_addresses[0])
+    other.say(ARM, address_of(router))
     assert collect(router, len(ARM)) == ARM
     router.forward([ATTITUDE])
     assert hears(other, 1) == ["ATTITUDE"]
@@ -78,7 +78,7 @@ def test_a_client_from_elsewhere_is_learnt(router, client):
 
 
 def test_only_whole_valid_frames_go_on(router, client):
-    to = router.local_addresses[0]
+    to = address_of(router)
     broken = bytearray(ARM)
     broken[20] ^= 1
     client.say(b"GET / HTTP/1.1\r\n\r\n" + bytes(broken) + HELLO + b"\xfd\x09", to)
@@ -88,7 +88,7 @@ def test_only_whole_valid_frames_go_on(router, client):
 
 def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(router, client):
     other = UdpClient()
-    to = router.local_addresses[0]
+    to = address_of(router)
     client.say(HELLO, to)
     other.say(HELLO, to)
     assert collect(router, 2 * len(HELLO)) == 2 * HELLO
@@ -104,7 +104,7 @@ def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(rout
 
 
 def test_a_flood_is_bounded_per_tick_and_in_memory(router, client):
-    to = router.local_addresses[0]
+    to = address_of(router)
     got = []
     for _ in range(40):
         for _ in range(30):
@@ -120,7 +120,7 @@ def test_a_flood_is_bounded_per_tick_and_in_memory(router, client):
 
 
 def test_long_telemetry_is_cut_into_datagrams_of_whole_frames(router, client):
-    client.say(HELLO, router.local_addresses[0])
+    client.say(HELLO, address_of(router))
     collect(router, len(HELLO))
     router.forward([ATTITUDE] * 200)
     sizes = []
@@ -154,7 +154,7 @@ def test_busy_and_foreign_addresses_are_named(client):
 
 
 def test_close_and_open_again(router, client):
-    client.say(HELLO, router.local_addresses[0])
+    client.say(HELLO, address_of(router))
     collect(router, len(HELLO))
     router.close()
     router.close()

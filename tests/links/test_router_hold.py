@@ -9,8 +9,8 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.router import Endpoint, Router
-from tests.links.router_client import Clock, UdpClient, framed, heartbeat, raw, until
+from firmware_bridge.router.router import Endpoint, Router
+from tests.worlds.router_clients import Clock, UdpClient, address_of, framed, heartbeat, raw, until
 
 TICK_NS = 4_000_000
 MS = 1_000_000
@@ -38,7 +38,7 @@ class Rig:
 
     def say(self, data: bytes) -> None:
         """The client speaks, now, and is heard in this tick."""
-        self.client.say(data, self.router.local_addresses[0])
+        self.client.say(data, address_of(self.router))
         self._take(until(self.router, lambda got: data in got, self.t_ns))
 
     def run(self, wall_ms: float) -> None:
@@ -144,7 +144,7 @@ def test_only_the_newest_kind_of_setpoint_is_repeated(rig: Rig) -> None:
 @pytest.mark.parametrize("rig", [(20.0,)], indirect=True)
 def test_copies_go_to_the_autopilot_only(rig: Rig) -> None:
     other = UdpClient(246, 190)
-    other.say(heartbeat(other.encoder), rig.router.local_addresses[0])
+    other.say(heartbeat(other.encoder), address_of(rig.router))
     until(rig.router, lambda data: data, rig.t_ns)
     stream(rig, 3)
     until(rig.router, lambda _: len(other.hear()) >= 1, rig.t_ns)

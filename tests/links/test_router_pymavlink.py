@@ -11,8 +11,8 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
-from hil.recorder.recorder import TLOG_NAME
-from tests.links.bench_process import BenchProcess, free_port, until
+from hil.run.recorder.recorder import TLOG_NAME
+from tests.worlds.bench_process import BenchProcess, free_port, until
 
 LATITUDE, LONGITUDE = 473977420, 85455940
 

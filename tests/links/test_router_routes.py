@@ -8,8 +8,8 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import NAME, target
-from firmware_bridge.router import Endpoint, Router
-from tests.links.router_client import TcpClient, UdpClient, command, framed, heartbeat, raw, until
+from firmware_bridge.router.router import Endpoint, Router
+from tests.worlds.router_clients import TcpClient, UdpClient, address_of, command, framed, heartbeat, raw, until
 
 VEHICLE = FrameEncoder(1, 1)
 HEARTBEAT = framed(raw(VEHICLE, "HEARTBEAT", 2, 12, 0, 0, 0, 3))
@@ -37,7 +37,7 @@ def joined(router: Router, *clients: UdpClient) -> None:
     """Each client says hello and is known."""
     for client in clients:
         hello = heartbeat(client.encoder)
-        client.say(hello, router.local_addresses[0])
+        client.say(hello, address_of(router))
         until(router, lambda data, hello=hello: hello in data)
     for client in clients:
         client.hear()
@@ -77,7 +77,7 @@ def test_clients_see_each_others_messages_but_not_their_own(router: Router) -> N
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     order = command(a.encoder, 1, 1)
-    a.say(heartbeat(a.encoder) + order, router.local_addresses[0])
+    a.say(heartbeat(a.encoder) + order, address_of(router))
     until(router, lambda data: data.endswith(order))
     # The heartbeat is everybody's; the command is the autopilot's business alone.
     assert hears(router, b) == ["HEARTBEAT"]
@@ -90,12 +90,12 @@ def test_a_message_for_a_client_does_not_reach_the_autopilot(router: Router) -> 
     joined(router, a, b, c)
     order = command(a.encoder, 246, 191)
     end = heartbeat(a.encoder)
-    a.say(order + end, router.local_addresses[0])
+    a.say(order + end, address_of(router))
     data = until(router, lambda data: end in data)
     assert data == end
     assert hears(router, b, 2) == ["COMMAND_LONG", "HEARTBEAT"]
     assert hears(router, c) == ["HEARTBEAT"]
-    assert [frame.raw for frame in router.take_overheard()] == [order]
+    assert [frame.raw for frame in router.take_between_clients()] == [order]
     a.close(), b.close(), c.close()
 
 
@@ -103,7 +103,7 @@ def test_a_companion_of_the_vehicles_own_system(router: Router) -> None:
     a, companion = UdpClient(245, 190), UdpClient(1, 191)
     joined(router, a, companion)
     to_companion, to_all_of_it, to_autopilot = (command(a.encoder, 1, component) for component in (191, 0, 1))
-    a.say(to_companion + to_all_of_it + to_autopilot, router.local_addresses[0])
+    a.say(to_companion + to_all_of_it + to_autopilot, address_of(router))
     assert until(router, lambda data: to_autopilot in data) == to_all_of_it + to_autopilot
     assert hears(router, companion, 2) == ["COMMAND_LONG"] * 2
     assert router.stats.looped == 0
@@ -115,7 +115,7 @@ def test_unknown_targets_go_to_the_autopilot(router: Router) -> None:
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     order = command(a.encoder, 77, 1)
-    a.say(order, router.local_addresses[0])
+    a.say(order, address_of(router))
     assert until(router, lambda data: order in data) == order
     assert names(b) == []
     a.close(), b.close()
@@ -127,7 +127,7 @@ def test_hil_messages_and_keys_are_shown_to_nobody(router: Router) -> None:
     key = raw(a.encoder, "SETUP_SIGNING", 0, 0, tuple(range(32)), 1)
     sensor = raw(a.encoder, "HIL_SENSOR", 0, *[0.0] * 13, 0x1FFF, 0)
     end = heartbeat(a.encoder)
-    a.say(sensor + key + end, router.local_addresses[0])
+    a.say(sensor + key + end, address_of(router))
     assert until(router, lambda data: end in data) == key + end
     assert hears(router, b) == ["HEARTBEAT"]
     router.forward([framed(key), ATTITUDE])
@@ -140,17 +140,17 @@ def test_loops_end(router: Router) -> None:
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     word = heartbeat(a.encoder)
-    a.say(word, router.local_addresses[0])
+    a.say(word, address_of(router))
     assert hears(router, b) == ["HEARTBEAT"]
     end = heartbeat(b.encoder)
     # A router behind b sends back what it was shown, of the client and of the autopilot.
-    b.say(word + HEARTBEAT.raw + end, router.local_addresses[0])
+    b.say(word + HEARTBEAT.raw + end, address_of(router))
     assert until(router, lambda data: end in data) == end
     assert router.stats.looped == 2
     assert sum("loop" in text for _, text in router.take_events()) == 2
     # And one that reaches us twice: the same frame cannot go round for ever.
     word = heartbeat(a.encoder)
-    a.say(word * 100 + heartbeat(a.encoder), router.local_addresses[0])
+    a.say(word * 100 + heartbeat(a.encoder), address_of(router))
     data = until(router, lambda data: len(data) > 40 * len(word))
     assert data.count(word) <= 51
     a.close(), b.close()
@@ -159,7 +159,7 @@ def test_loops_end(router: Router) -> None:
 def test_tcp_and_udp_clients_side_by_side(router: Router) -> None:
     udp = UdpClient(245, 190)
     joined(router, udp)
-    tcp = TcpClient(router.local_addresses[1], 246, 190)
+    tcp = TcpClient(address_of(router, 1), 246, 190)
     router.collect()
     router.forward([HEARTBEAT, ATTITUDE])
     assert hears(router, udp, 2) == ["HEARTBEAT", "ATTITUDE"]
@@ -184,7 +184,7 @@ def test_tcp_and_udp_clients_side_by_side(router: Router) -> None:
 def test_a_stalled_tcp_client_is_hung_up_on_and_delays_nobody(router: Router) -> None:
     udp = UdpClient(245, 190)
     joined(router, udp)
-    tcp = TcpClient(router.local_addresses[1], 246, 190, receive_buffer=4096)
+    tcp = TcpClient(address_of(router, 1), 246, 190, receive_buffer=4096)
     hello = heartbeat(tcp.encoder)
     tcp.say(hello)
     until(router, lambda data: hello in data)
@@ -208,9 +208,9 @@ def test_a_flood_of_one_client_does_not_silence_another(router: Router) -> None:
     joined(router, flooder, quiet)
     word = command(flooder.encoder, 1, 1)
     for _ in range(40):
-        flooder.say(word * 30, router.local_addresses[0])
+        flooder.say(word * 30, address_of(router))
     order = command(quiet.encoder, 1, 1, 176)
-    quiet.say(order, router.local_addresses[0])
+    quiet.say(order, address_of(router))
     data = until(router, lambda data: order in data)
     assert data.index(order) <= 64 * 1024
     assert router.stats.dropped > 0
@@ -221,7 +221,7 @@ def test_a_flood_of_one_client_does_not_silence_another(router: Router) -> None:
 def test_no_more_clients_than_there_is_room_for(router: Router) -> None:
     clients = [UdpClient(2 + i, 190) for i in range(20)]
     for client in clients:
-        client.say(heartbeat(client.encoder), router.local_addresses[0])
+        client.say(heartbeat(client.encoder), address_of(router))
     until(router, lambda _: router.stats.turned_away >= 4)
     assert router.stats.clients == 16
     for client in clients:
@@ -248,5 +248,5 @@ def test_endpoints_as_written(text: str, endpoint: Endpoint) -> None:
 def test_an_endpoint_open_to_the_network_is_warned_of() -> None:
     router = Router([Endpoint(None, ("0.0.0.0", 0), name="companion")])
     router.open()
-    assert [(kind, "anybody" in text) for kind, text in router.take_events()] == [("warning", True)]
+    assert [(kind, "any machine" in text) for kind, text in router.take_events()] == [("warning", True)]
     router.close()

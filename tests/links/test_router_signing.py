@@ -10,17 +10,17 @@ from pymavlink.dialects.v20 import all as dialect
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.signing import Signer, SigningKey, is_signed, stamp, strip_signature, wall_timestamp
-from firmware_bridge.router import Endpoint, Router
-from firmware_bridge.router_signing import (
-    AutopilotSide,
-    ClientSide,
+from firmware_bridge.router.router import Endpoint, Router
+from firmware_bridge.router.signing import (
+    AutopilotSigning,
+    ClientSigning,
     SignedCommands,
     copy_for_autopilot,
     for_autopilot,
     read_key,
 )
-from hil.signals.errors import ConfigError
-from tests.links.router_client import UdpClient, command, framed, heartbeat, raw, until
+from signals.errors import ConfigError
+from tests.worlds.router_clients import UdpClient, address_of, command, framed, heartbeat, raw, until
 
 KEY = SigningKey(bytes(range(32)))
 OTHER_KEY = SigningKey(bytes(range(1, 33)))
@@ -59,7 +59,7 @@ def client() -> Iterator[UdpClient]:
 
 @pytest.fixture
 def demanding() -> Iterator[Router]:
-    router = opened(clients_sign=ClientSide(KEY))
+    router = opened(client_signing=ClientSigning(KEY))
     yield router
     router.close()
 
@@ -68,7 +68,7 @@ def test_signed_frames_pass_untouched_both_ways_where_the_bench_has_no_key(clien
     router = opened()
     peer = pymavlink(KEY)
     words = said(peer)
-    client.say(words, router.local_addresses[0])
+    client.say(words, address_of(router))
     assert until(router, lambda data: words in data) == words
     signed = framed(Signer(KEY, 0).sign(ATTITUDE.raw))
     router.forward([signed, ATTITUDE])
@@ -80,7 +80,7 @@ def test_signed_frames_pass_untouched_both_ways_where_the_bench_has_no_key(clien
 def test_who_signs_is_heard_and_hears_what_it_can_trust(demanding: Router, client: UdpClient) -> None:
     peer = pymavlink(KEY)
     words = said(peer)
-    client.say(words, demanding.local_addresses[0])
+    client.say(words, address_of(demanding))
     # The signature is kept: an autopilot with the same key can check it too.
     assert until(demanding, lambda data: words in data) == words
     already = framed(Signer(KEY, 0).sign(HEARTBEAT.raw))
@@ -93,7 +93,7 @@ def test_who_signs_is_heard_and_hears_what_it_can_trust(demanding: Router, clien
 
 
 def test_who_does_not_sign_is_neither_heard_nor_told(demanding: Router, client: UdpClient) -> None:
-    to = demanding.local_addresses[0]
+    to = address_of(demanding)
     good = UdpClient()
     signed = said(pymavlink(KEY))
     client.say(heartbeat(client.encoder) + command(client.encoder, 1, 1), to)
@@ -113,7 +113,7 @@ def test_who_does_not_sign_is_neither_heard_nor_told(demanding: Router, client: 
 
 def test_a_radio_need_not_sign(demanding: Router, client: UdpClient) -> None:
     status = raw(client.encoder, "RADIO_STATUS", 1, 1, 1, 1, 1, 0, 0)
-    client.say(status, demanding.local_addresses[0])
+    client.say(status, address_of(demanding))
     assert until(demanding, lambda data: status in data) == status
 
 
@@ -124,7 +124,7 @@ def test_the_benchs_own_words_are_signed_for_the_autopilot() -> None:
         def step(self, t_ns, frames):
             return words.pop(0)
 
-    source = SignedCommands(Station(), AutopilotSide(KEY))
+    source = SignedCommands(Station(), AutopilotSigning(KEY))
     autopilot = pymavlink(KEY)
     # Its clock is ahead, as after a simulated GPS fix: followed, or what is said would be refused as too old.
     autopilot.signing.timestamp += 10**9
@@ -137,7 +137,7 @@ def test_the_benchs_own_words_are_signed_for_the_autopilot() -> None:
 def test_which_frames_are_signed_anew() -> None:
     plain = heartbeat(FrameEncoder(200, 190))
     signed = Signer(KEY, 0).sign(plain)
-    clients, same, other = ClientSide(KEY), AutopilotSide(KEY), AutopilotSide(OTHER_KEY)
+    clients, same, other = ClientSigning(KEY), AutopilotSigning(KEY), AutopilotSigning(OTHER_KEY)
     assert for_autopilot(signed, clients, None) == signed
     assert for_autopilot(signed, None, other) == signed  # nobody here has checked it
     assert for_autopilot(signed, clients, same) == signed

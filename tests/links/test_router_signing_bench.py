@@ -10,8 +10,8 @@ from pymavlink import mavutil
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.signing import SigningKey, is_signed, matches
-from hil.recorder.recorder import TLOG_NAME
-from tests.links.bench_process import BenchProcess, free_port, until
+from hil.run.recorder.recorder import TLOG_NAME
+from tests.worlds.bench_process import BenchProcess, free_port, until
 
 PHRASE = "correct horse"
 KEY = hashlib.sha256(PHRASE.encode()).digest()

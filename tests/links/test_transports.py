@@ -12,7 +12,7 @@ from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.tcp import TcpClient, TcpServer
 from firmware_bridge.transports.udp import UdpTransport
-from hil.signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+from signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
 
 EVERY_BYTE = bytes(range(256))
 
@@ -176,7 +176,7 @@ def test_udp_learns_whom_to_answer():
     server = UdpTransport()
     server.open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-        with pytest.raises(LinkClosed, match="nobody"):
+        with pytest.raises(LinkClosed, match="no datagram has come"):
             server.write(b"x")
         client.settimeout(5.0)
         client.sendto(b"hello", ("127.0.0.1", server.port))

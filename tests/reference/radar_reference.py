@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
+from signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from tests import cpu_masks
-from tests.cpu_masks import output_of
+from tests.worlds import cpu_masks
+from tests.worlds.cpu_masks import output_of
 
 # Gusts, turbulence, battery, faults, hard landings.
 FLIGHT = """
 import hashlib
 from sim.physics.vehicle import Effects
+from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
+from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
@@ -24,7 +26,7 @@ faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=15.0),
 digest = hashlib.sha256()
 for name in ("x500", "racer"):
     physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, effects=Effects(battery=True),
-                               faults=faults, wind=wind, seed=3, initial_yaw_rad=0.4)
+                               disturbances=Disturbances(wind, 3, faults), start=FlightStart(yaw_rad=0.4))
     h = physics.vehicle.hover_control
     for tick in range(800):
         truth = physics.advance(tick, (1.15 * h,) * 4 if tick < 400 else (0.0,) * 4)
@@ -39,11 +41,13 @@ import hashlib, struct
 import numpy as np
 from sim.frame.channels import CHANNELS
 from sim.frame.source import SharedFrames
+from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
-from sim.scene.world import load_world
+from sim.world_loader import load_world
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.sensor import Installation
 from sim.sensors.faults import FAULT_LIST, FaultySensor
 
 EXTRA = {
@@ -69,7 +73,7 @@ FAULTS = [
     {"kind": "freeze", "at_s": 0.8, "until_s": 0.9},
 ]
 scene, tick_ns = load_scene("airfield"), 4_000_000
-physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, initial_yaw_rad=0.4)
+physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, start=FlightStart(yaw_rad=0.4))
 frames = SharedFrames(load_world(load_scene("radar_range")))
 sensors = []
 for name in PRESETS:
@@ -77,17 +81,17 @@ for name in PRESETS:
     if KINDS[kind].needs_frames:
         extra = FRAME_EXTRA[kind]
         made = make_sensor(
-            name, preset=name, rate_hz=2.0, seed=1, scene=scene, step_ns=tick_ns, overrides=extra, frames=frames
+            Installation(name, rate_hz=2.0, seed=1, scene=scene, step_ns=tick_ns, frames=frames),
+            preset=name, overrides=extra,
         )
         sensors.append((made, 125))
         continue
     every = 25 if kind == "gps" else 1 if kind == "imu" else 5
-    made = make_sensor(
-        name, preset=name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns, overrides=EXTRA[kind]
-    )
+    installation = Installation(name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
+    made = make_sensor(installation, preset=name, overrides=EXTRA.get(kind, {}))
     sensors.append((made, every))
     faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])
-    again = make_sensor(name, preset=name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
+    again = make_sensor(installation, preset=name)
     sensors.append((FaultySensor(again, faults), every))
 h, digest = physics.vehicle.hover_control, hashlib.sha256()
 
@@ -118,7 +122,7 @@ print(digest.hexdigest())
 ECHOES = """
 import hashlib
 import numpy as np
-from hil.signals.noise import NoiseStream
+from signals.noise import NoiseStream
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.processing.parameters import Processing

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge import _native
-from firmware_bridge.mock_pixhawk import ekf_model
+from firmware_bridge.mock_pixhawk.estimate import ekf_model
 
 FUNCTIONS = {f.name(): f for f in ekf_model.functions()}
 COMPILED = {name: ca.external(name, _native.__file__) for name in FUNCTIONS}

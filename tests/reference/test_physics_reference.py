@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
+from sim.physics.flight_start import FlightStart
+from sim.physics.integration import Integration
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Effects, Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import load_scene
@@ -53,7 +56,7 @@ class Flown:
         **options: Any,
     ) -> None:
         scene = load_scene("airfield")
-        physics = QuadrotorPhysics(vehicle, scene, tick_ns, initial_p_WB=(0.0, 0.0, height_m), **options)
+        physics = QuadrotorPhysics(vehicle, scene, tick_ns, **options, start=FlightStart(p_WB=(0.0, 0.0, height_m)))
         physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
         for place, value in (start or {}).items():
             physics.state[place] = value
@@ -100,7 +103,7 @@ def test_classical_method_is_of_order_four() -> None:
     commands = hard_commands(vehicle, 2.0, 8_000_000)
     errors = []
     for step_ms in (8, 4, 2, 1):
-        flown = Flown(vehicle, commands, tick_ns=8_000_000, method="classical", step_ns=step_ms * 1_000_000)
+        flown = Flown(vehicle, commands, tick_ns=8_000_000, integration=Integration("classical", step_ms * 1_000_000))
         errors.append(flown.errors()[0])
     slope = np.polyfit(np.log([8, 4, 2, 1]), np.log(errors), 1)[0]
     assert slope == pytest.approx(4.0, abs=0.2), errors
@@ -112,7 +115,11 @@ def test_default_method_is_of_order_eight() -> None:
     commands = hard_commands(vehicle, 0.128, 64_000_000)
     errors = []
     for step_ms in (64, 32):
-        errors.append(Flown(vehicle, commands, tick_ns=64_000_000, step_ns=step_ms * 1_000_000).errors()[0])
+        errors.append(
+            Flown(vehicle, commands, tick_ns=64_000_000, integration=Integration(step_ns=step_ms * 1_000_000)).errors()[
+                0
+            ]
+        )
     coarse, fine = errors
     assert math.log2(coarse / fine) > 7.0, errors
     assert fine < 1e-6
@@ -148,7 +155,7 @@ def test_wind_that_changes_within_the_tick() -> None:
         turbulence=Turbulence(level="moderate"),
         gusts=(GustEvent(at_s=0.3, velocity_W_mps=(6.0, 4.0, -1.0), rise_s=0.5, hold_s=0.2, fall_s=0.3),),
     )
-    flown = Flown(vehicle, hard_commands(vehicle, 2.0), wind=wind, seed=4)
+    flown = Flown(vehicle, hard_commands(vehicle, 2.0), disturbances=Disturbances(wind, seed=4))
     assert np.ptp(flown.wind, axis=0).min() > 0.5
     position, attitude, _ = flown.errors()
     assert position < 1e-9
@@ -172,7 +179,7 @@ def test_rotor_faults() -> None:
         RotorFault(kind="efficiency", rotor=1, at_s=0.1, factor=0.8),
         RotorFault(kind="lost_blade", rotor=2, at_s=0.3, imbalance_gcm=20.0),
     ]
-    flown = Flown(vehicle, commands, faults=faults)
+    flown = Flown(vehicle, commands, disturbances=Disturbances(faults=faults))
     left, whirl = np.ones((150, 4)), np.zeros((150, 4))
     left[25:, 1], left[75:, 2], whirl[75:, 2] = 0.8, 0.5, 20e-5
     position, attitude, _ = flown.errors(thrust_left=left, imbalance_kgm=whirl)
@@ -198,7 +205,7 @@ def test_every_part_of_the_equations_matters() -> None:
 @pytest.mark.parametrize("spin", [20.0, 60.0])
 def test_an_hour_of_tumbling_keeps_energy_and_momentum(spin: float) -> None:
     """60 rad/s for a quarter of an hour: the same number of radians."""
-    from hil.bench_suite.flight_cases import ThisProject, spin_drift, tumble
+    from hil.apps.bench_suite.physics.flight_cases import ThisProject, spin_drift, tumble
 
     flight = tumble(3600.0 if spin == 20.0 else 300.0, spin)
     drift = spin_drift(flight, ThisProject(4.0).fly(flight, record=False)[-1])
@@ -215,6 +222,6 @@ def test_stiff_vehicles_stay_exact() -> None:
             vehicle,
             np.zeros((100, 4)),
             start={13: 300.0, 14: 300.0, 15: 300.0, 16: 300.0},
-            wind=Wind(steady_W_mps=(*wind, 0.0)),
+            disturbances=Disturbances(Wind(steady_W_mps=(*wind, 0.0))),
         )
         assert flown.errors()[0] < 1e-6

@@ -12,7 +12,7 @@ from sim.frame.camera_model import CameraModel
 from sim.radar.reflection import Reflection
 from sim.radar.scatterers import Scatterers
 from sim.scene.world import World
-from tests.unit.radar_world import (
+from tests.worlds.radar_scenes import (
     ANTENNA,
     CHIRP,
     LAMBERT,

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.signals.samples import Vec3
+from signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
 from tests.reference.radar_reference import reference
-from tests.unit.radar_receiver_world import WIDE
-from tests.unit.radar_targets import CHIRP as TABLE_2
+from tests.worlds.radar_point_targets import CHIRP as TABLE_2
+from tests.worlds.radar_recordings import WIDE
 
 ODD = Chirp(
     center_frequency_hz=24.1e9,
@@ -264,7 +264,7 @@ def test_more_receivers_than_are_summed_at_once(tolerance: float) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"method": "fft"}, "no synthesis method 'fft'; there are direct, nufft"),
+        ({"method": "fft"}, "no synthesis method 'fft'; methods: direct, nufft"),
         ({"tolerance": 1e-13}, "tolerance must lie in"),
         ({"tolerance": 0.5}, "tolerance must lie in"),
         ({"tolerance": float("nan")}, "tolerance must lie in"),

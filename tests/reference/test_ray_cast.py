@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim._kernels import Geometry, RayCaster, coherent_order
 from tests.reference.ray_reference import MUJOCO_NUMBER, SHAPES, nearest
-from tests.unit.lidar_world import cast, compiled, mujoco_rays, native
+from tests.worlds.mjcf_world import cast, compiled, mujoco_rays, native
 
 KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 

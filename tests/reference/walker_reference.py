@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_cos, det_sin
+from signals._kernel import det_cos, det_sin
 from sim.scene.maps.walk_path import Corner, Straight, WalkPath, smoothstep, smoothstep_slope
 from sim.scene.maps.walker import Walker
 

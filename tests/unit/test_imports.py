@@ -1,54 +1,106 @@
-"""Imports go one way: hil.signals <- sim, firmware_bridge <- hil. Read from the source, not from what ran."""
+"""Imports go one way (signals <- sim, firmware_bridge <- hil; in hil cli -> apps -> run -> config), with no circle."""
 
 from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Collection
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs")
+FLOORS = ("cli", "apps", "run", "config")  # each may import those to its right
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Return the absolute names that a file imports anywhere: in functions and for type checkers too."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names.add(node.module)
-        elif isinstance(node, ast.ImportFrom) and node.level:
-            raise AssertionError(f"{path}: relative import; this project names packages in full")
-    return names
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}: relative import; this project names packages in full"
+            names |= {str(node.module)} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return frozenset(names)
 
 
 def sources(package: str) -> list[Path]:
-    return sorted((ROOT / package).rglob("*.py"))
+    """Return the Python files of a package, sorted. Fails if there is none."""
+    found = sorted((ROOT / package).rglob("*.py"))
+    assert found, package
+    return found
 
 
 def within(name: str, package: str) -> bool:
     return name == package or name.startswith(package + ".")
 
 
-@pytest.mark.parametrize("path", sources("hil/signals"), ids=str)
+def module_name(path: Path) -> str:
+    """Return the name under which a file is imported; `hil_companion` is a root of its own, as on the companion."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    parts = parts[2:] if parts[:2] == ("rigs", "jetson") else parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def used_modules(path: Path, modules: Collection[str]) -> set[str]:
+    """Return those of `modules` that a file imports; of a package only where a name is not one of its modules."""
+    used: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            used |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            package = str(node.module)
+            members = {f"{package}.{alias.name}" for alias in node.names}
+            used |= {member if member in modules else package for member in members}
+    return used & set(modules)
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Return the sets of modules that import each other, directly or not."""
+    reached = {start: set(following) for start, following in graph.items()}
+    for middle in graph:
+        for start in graph:
+            if middle in reached[start]:
+                reached[start] |= reached[middle]
+    in_a_circle = [module for module in graph if module in reached[module]]
+    found = {frozenset(b for b in in_a_circle if b in reached[a] and a in reached[b]) for a in in_a_circle}
+    return [set(members) for members in found]
+
+
+@pytest.mark.parametrize("path", sources("signals"), ids=str)
 def test_signals_imports_only_stdlib_numpy_and_what_reads_files(path: Path) -> None:
     """The strict reader of users' files is of the leaf too: nothing else there needs a parser and a checker."""
     known = {"numpy", "yaml", "pydantic"} if path.parent.name == "documents" else {"numpy"}
     for name in imported(path):
         top = name.split(".")[0]
-        assert top in sys.stdlib_module_names or top in known or within(name, "hil.signals"), name
+        assert top in sys.stdlib_module_names or top in known or within(name, "signals"), name
 
 
 @pytest.mark.parametrize(("package", "other"), [("sim", "firmware_bridge"), ("firmware_bridge", "sim")])
 def test_sides_do_not_know_each_other(package: str, other: str) -> None:
-    assert sources(package)
     for path in sources(package):
         for name in imported(path):
             assert not within(name, other), f"{path} imports {name}"
-            if within(name, "hil"):
-                assert within(name, "hil.signals"), f"{path} imports {name}"
+            assert not within(name, "hil"), f"{path} imports {name}"
 
 
-def test_hil_init_is_empty_so_that_the_leaf_stays_a_leaf() -> None:
-    assert (ROOT / "hil" / "__init__.py").read_text() == ""
+@pytest.mark.parametrize("floor", FLOORS)
+def test_the_floors_of_hil_import_downwards_only(floor: str) -> None:
+    above = FLOORS[: FLOORS.index(floor)]
+    for path in sources(f"hil/{floor}"):
+        for name in imported(path):
+            assert not any(within(name, f"hil.{higher}") for higher in above), f"{path} imports {name}"
+
+
+def test_no_circle_of_modules() -> None:
+    modules = {module_name(path): path for package in PACKAGES for path in sources(package)}
+    graph = {name: used_modules(path, modules) - {name} for name, path in modules.items()}
+    assert circles(graph) == []
+
+
+def test_a_circle_is_found() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [{"b", "c"}]

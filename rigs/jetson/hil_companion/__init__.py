@@ -1,15 +1,18 @@
-"""Client of the bench's companion link: what an algorithm under test (CUT) needs to receive frames and to command.
+"""Client of the bench's companion link: lets a client under test (CUT) receive frames and command the vehicle.
 
-Plain Python 3.8 or newer with numpy, pyzmq and msgpack, so that it installs on a companion computer's own Python.
+Plain Python 3.8 or newer with numpy, pyzmq and msgpack, so that it runs on a companion computer's own Python.
 A CUT is one function from a `Frame` to a `Desired` or None; `run` connects it to a bench.
 """
 
-from hil_companion.client import Client
+import sys
+
 from hil_companion.desired import Desired
 from hil_companion.detections import Detections, Found
 from hil_companion.errors import CompanionError
 from hil_companion.frame import Frame, Sample
-from hil_companion.protocol import Welcome
+from hil_companion.link.client import Client
+from hil_companion.link.protocol import Welcome
+from hil_companion.moved import MovedModules
 from hil_companion.runner import run
 from hil_companion.view import Grid, View
 
@@ -26,3 +29,5 @@ __all__ = [
     "Welcome",
     "run",
 ]
+
+sys.meta_path.append(MovedModules())

@@ -1,4 +1,4 @@
-"""`python -m hil_companion`."""
+"""Entry point of `python -m hil_companion`."""
 
 import sys
 

@@ -1,6 +1,7 @@
-"""CUTs by name: those that come with the client, or `module:attribute` of your own.
+"""CUTs by name: the shipped ones, or MODULE:NAME of the user's own.
 
-What a shipped CUT can be told (--set key=value) are the keyword arguments of its class.
+The settings of a CUT (--set key=value) are the keyword arguments of its class. A shipped CUT declares them as the
+fields of a dataclass, its `settings_type`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SHIPPED = {
 
 
 def make_cut(name: str, settings: Iterable[str] = ()) -> Any:
-    """The CUT of that name with those settings (KEY=VALUE; values as in JSON, else text). OptionError."""
+    """Make the CUT of that name with settings KEY=VALUE (a value is JSON, or else text). Raises OptionError."""
     found = _find(name)
     options = dict(_setting(text) for text in settings)
     if not inspect.isclass(found):
@@ -49,7 +50,7 @@ def _find(name: str) -> Any:
     if not colon:
         raise OptionError(f"no CUT {name!r}{_nearest(name, SHIPPED)}; there are {', '.join(SHIPPED)}, or MODULE:NAME")
     if name not in SHIPPED and "" not in sys.path:
-        sys.path.insert(0, "")  # a CUT of one's own lies where one starts it
+        sys.path.insert(0, "")  # the user's own CUT lies in the folder where the command is started
     try:
         found = getattr(importlib.import_module(module), attribute, None)
     except ImportError as error:
@@ -59,8 +60,11 @@ def _find(name: str) -> Any:
     return found
 
 
-def _options(cut: Any) -> dict[str, Any]:
-    parameters = inspect.signature(cut).parameters.values()
+def _options(cut: type) -> dict[str, Any]:
+    """Return the names of a class's settings with their defaults."""
+    # A subclass with an __init__ of its own has that one's settings, not those of the shipped CUT above it.
+    owner = next(kind for kind in cut.__mro__ if "__init__" in vars(kind))
+    parameters = inspect.signature(vars(owner).get("settings_type", cut)).parameters.values()
     return {p.name: p.default for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
 
 

@@ -8,8 +8,8 @@ import signal
 from typing import Any, Sequence
 
 from hil_companion.catalog import SHIPPED, make_cut
-from hil_companion.client import DEFAULT_WAIT_S
 from hil_companion.errors import OptionError
+from hil_companion.link.options import DEFAULT_WAIT_S
 from hil_companion.runner import OPTION_STATUS, run, to_stderr
 
 
@@ -24,7 +24,10 @@ def start(
     hold: bool = False,
     **options: Any,
 ) -> int:
-    """Make a CUT by name and run it; what it does not say of itself (topics, control, hold) comes from the options."""
+    """Make a CUT by name and run it; topics, control and hold come from the options or else from the CUT's class.
+
+    `options`: further arguments of `run`. Returns the exit status.
+    """
     try:
         cut = make_cut(cut_name, settings)
     except OptionError as error:
@@ -42,28 +45,44 @@ def start(
 
 
 def topic_list(texts: Sequence[str] | None) -> list[str] | None:
-    """Patterns out of options that may each hold several, with commas between."""
+    """Split options, each of which may hold several patterns with commas between; None if there is none."""
     return [t.strip() for text in texts or () for t in text.split(",") if t.strip()] or None
 
 
 def parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(
+    options = argparse.ArgumentParser(
         prog="hil_companion", description="Run an algorithm under test (CUT) against a hardware-in-the-loop bench."
     )
-    made.add_argument("cut", metavar="NAME", help=", ".join(SHIPPED) + ", or MODULE:NAME of your own")
-    made.add_argument("--connect", required=True, metavar="ADDR", help="tcp://HOST:PORT or ipc://FILE")
-    made.add_argument("--name", help="how the bench calls this client; default the CUT's name")
-    made.add_argument("--topics", action="append", metavar="A,B", help="what to receive, shell patterns: front/*,imu")
-    made.add_argument("--key", metavar="FILE", help="this client's secret key")
-    made.add_argument("--bench-key", metavar="FILE", help="the bench's public key")
-    made.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of the CUT")
-    made.add_argument("--control", action="store_true", help="ask to command, for a CUT that does not by itself")
-    made.add_argument("--hold", action="store_true", help="what it desires is flown as it stands, not carried on")
-    made.add_argument("--credit", type=int, default=1, help="frames on the way at once; default 1")
-    made.add_argument("--no-shared-memory", action="store_true", help="even where the bench is on this machine")
-    made.add_argument("--wait", type=float, default=DEFAULT_WAIT_S, metavar="S", help="for the bench to be there")
-    made.add_argument("--reconnect", type=float, default=math.inf, metavar="S", help="after a loss; default for ever")
-    return made
+    options.add_argument("cut", metavar="NAME", help=", ".join(SHIPPED) + ", or MODULE:NAME of your own")
+    options.add_argument("--connect", required=True, metavar="ADDR", help="tcp://HOST:PORT or ipc://FILE")
+    options.add_argument("--name", help="the client's name in the bench's report; default: the CUT's name")
+    options.add_argument(
+        "--topics", action="append", metavar="A,B", help="topics to receive, as shell patterns: front/*,imu"
+    )
+    options.add_argument("--key", metavar="FILE", help="this client's secret key")
+    options.add_argument("--bench-key", metavar="FILE", help="the bench's public key")
+    options.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of the CUT")
+    options.add_argument(
+        "--control", action="store_true", help="ask for permission to command, for a CUT that does not declare it"
+    )
+    options.add_argument(
+        "--hold", action="store_true", help="the bench flies each desired state as it is, without extrapolation"
+    )
+    options.add_argument("--credit", type=int, default=1, help="frames that may be on the way at once; default 1")
+    options.add_argument(
+        "--no-shared-memory", action="store_true", help="use sockets even if the bench runs on this machine"
+    )
+    options.add_argument(
+        "--wait", type=float, default=DEFAULT_WAIT_S, metavar="S", help="timeout for the bench to answer"
+    )
+    options.add_argument(
+        "--reconnect",
+        type=float,
+        default=math.inf,
+        metavar="S",
+        help="timeout for reconnecting after a loss; default: none",
+    )
+    return options
 
 
 def _stop(number: int, frame: Any) -> None:  # noqa: ARG001
@@ -71,8 +90,9 @@ def _stop(number: int, frame: Any) -> None:  # noqa: ARG001
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; the exit status: 0 ended, 2 wrong options, 3 error."""
-    # As Ctrl-C, so that the bench hears a bye: what a service manager sends, and a script that hides SIGINT from us.
+    """Run the command line and return the exit status: 0 ended, 2 wrong options, 3 error."""
+    # Both end the client like Ctrl-C, with a bye to the bench: a service manager sends SIGTERM, and a program started
+    # in the background by a shell script ignores SIGINT unless a handler is set.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
     given = parser().parse_args(arguments)

@@ -1,4 +1,4 @@
-"""What a CUT wants the vehicle to do: any part of a state. What is left out is not commanded.
+"""The state that a CUT commands. Fields that are None are not commanded.
 
 World W is ENU (east, north, up), body B is FLU (forward, left, up), SI units; quaternions w-x-y-z, rotating B into W.
 """
@@ -15,17 +15,16 @@ from hil_companion.errors import CutError
 UNIT_NORM_TOLERANCE = 1e-3
 FLAGS = ("land", "hold")
 MOST_KNOTS, LONGEST_AHEAD_S, LEAST_STEP_S = 32, 5.0, 1e-3
-LARGEST = 1e9  # m, m/s, ...: what the bench takes; nothing commanded comes near
+LARGEST = 1e9  # m, m/s, ...: the bench's limit, far beyond any command
 
 
 @dataclass(frozen=True)
 class Desired:
-    """A desired state, at the time of the frame that it answers. Checked when made: CutError where a number is not
-    finite or has no meaning.
+    """A desired state at the time of the frame that it answers. Raises CutError for invalid values.
 
-    What it says of change carries it on from there, until the next one: p_W along v_W and a_W, v_W along a_W, yaw_rad
-    along yaw_rate_radps, for half a second at most. Not so with `hold`: then it is flown as it stands. `ahead` tells
-    more of the path from p_W and v_W on: (seconds later, position, velocity), in the order of time.
+    The bench extrapolates it until the next one, for half a second at most: p_W along v_W and a_W, v_W along a_W,
+    yaw_rad along yaw_rate_radps. With `hold` it does not extrapolate. `ahead` gives more of the path from p_W and v_W
+    on: knots (seconds later, position, velocity) in the order of time.
     """
 
     p_W: Sequence[float] | None = None  # [m]
@@ -34,7 +33,7 @@ class Desired:
     yaw_rad: float | None = None  # from east, counter-clockwise
     yaw_rate_radps: float | None = None
     q_WB: Sequence[float] | None = None
-    thrust: float | None = None  # 0..1 of what there is
+    thrust: float | None = None  # 0..1, share of the full thrust
     w_B: Sequence[float] | None = None  # [rad/s]
     land: bool = False
     hold: bool = False
@@ -63,7 +62,7 @@ class Desired:
         except (TypeError, ValueError):
             raise CutError("desired ahead: for each knot a time, a position and a velocity are needed") from None
         if given and (self.p_W is None or self.v_W is None):
-            raise CutError("desired ahead without p_W and v_W: a path begins somewhere")
+            raise CutError("desired ahead without p_W and v_W: both are needed as its first point")
         if len(given) > MOST_KNOTS:
             raise CutError(f"desired ahead: {len(given)} knots; {MOST_KNOTS} are the most")
         before_s = 0.0
@@ -81,7 +80,7 @@ class Desired:
         return knots
 
     def _check_combination(self) -> None:
-        """The bench refuses what does not go together; better that the CUT hears of it."""
+        """Raise CutError for fields that cannot be combined; the bench would refuse them."""
         if self.thrust is None:
             if self.w_B is not None:
                 raise CutError("desired w_B without thrust: body rates are flown with a thrust")
@@ -94,10 +93,10 @@ class Desired:
             raise CutError(f"desired thrust with {', '.join(others)}: either an attitude is flown, or a path")
 
     def _keep(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)  # plain floats from here on, whatever they were given as
+        object.__setattr__(self, name, value)  # as plain floats and lists, whatever types the CUT passed
 
     def as_map(self) -> dict[str, Any]:
-        """What goes on the wire: plain floats and lists, only what is commanded."""
+        """Return the commanded fields as plain floats and lists, for the message."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return {
             name: value for name, value in entries.items() if value is not None and value is not False and value != []

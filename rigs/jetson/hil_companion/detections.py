@@ -1,8 +1,7 @@
-"""What a CUT tells the bench of a picture: things in it, and things that it takes to be in the world. Checked before it
-is sent.
+"""Detections of a CUT: boxes in a picture and objects in the world, checked before they are sent.
 
-Boxes are of the picture's pixels, 0 at its edge; W is ENU. What is said here is what the CUT believes: the bench
-records it, shows it and may judge it, and never corrects it.
+Boxes are in pixels of the picture, 0 at its edge; W is ENU. The bench records and shows the detections and may judge
+them, but never corrects them.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_ .-]+")
 
 @dataclass(frozen=True)
 class Found:
-    """One thing of the world: where it was when it was last seen, and how it moved."""
+    """One object in the world: its position and velocity at its last sighting."""
 
-    number: int  # stays its own
+    number: int  # identifies the object in all later messages
     label: str
     t_ns: int  # simulated
     p_W: tuple[float, float, float]
@@ -34,7 +33,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Detections:
-    """Of one picture: `boxes` are `Detection`s, or whatever has their fields. `objects`: None where nothing is new."""
+    """Detections of one picture. `boxes`: `Detection`s or objects with its fields. `objects`: None if unchanged."""
 
     topic: str
     t_capture_ns: int
@@ -43,8 +42,7 @@ class Detections:
     objects: Sequence[Found] | None = None
 
     def as_map(self) -> dict[str, Any]:
-        """What goes on the wire: the surest boxes and the newest objects, where there are too many. CutError for
-        numbers that are none, and for what is no box."""
+        """Return the entries of the message, at most 128 boxes by score and the 256 newest objects. Raises CutError."""
         try:
             return self._map()
         except (AttributeError, TypeError, ValueError) as error:
@@ -91,7 +89,7 @@ def _objects(objects: Sequence[Found]) -> list[list[Any]]:
 def _label(label: Any) -> str:
     plain = _NOT_PLAIN.sub("-", str(label))[:LONGEST_LABEL]
     if not plain:
-        raise CutError("detections: a label without a letter")
+        raise CutError("detections: a label must not be empty")
     return plain
 
 

@@ -1,4 +1,4 @@
-"""What can go wrong on the way to a bench. Each message says what, where and what to do, on one line."""
+"""Errors of the companion client. Each message says on one line what was wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class OptionError(CompanionError):
 
 
 class NoBench(CompanionError):
-    """Nobody answered as a bench in time."""
+    """No bench answered before the timeout."""
 
 
 class WrongKeys(CompanionError):
@@ -20,7 +20,7 @@ class WrongKeys(CompanionError):
 
 
 class Refused(CompanionError):
-    """The bench said no. `code` is one of protocol.REFUSALS, `text` the bench's own words."""
+    """The bench refused this client. `code` is one of protocol.REFUSALS, `text` the bench's explanation."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(f"refused by the bench ({code}): {text}")
@@ -29,14 +29,14 @@ class Refused(CompanionError):
 
 
 class SchemaChanged(Refused):
-    """The bench that came back sends other data than the one before."""
+    """After a reconnection the bench sends other data than before."""
 
     def __init__(self, text: str) -> None:
         super().__init__("schema", text)
 
 
 class ConnectionLost(CompanionError):
-    """The connection was there and is gone."""
+    """An open connection was lost."""
 
 
 class BadMessage(CompanionError):
@@ -44,4 +44,4 @@ class BadMessage(CompanionError):
 
 
 class CutError(CompanionError):
-    """The algorithm under test itself failed, or returned what nobody can send."""
+    """The client under test failed, or returned a value that cannot be sent."""

@@ -1,7 +1,7 @@
-"""One frame: what the bench's sensors delivered since the frame before, as read-only views on the received bytes.
+"""One frame: the samples of the bench's sensors since the frame before, as read-only views on the received bytes.
 
-Nothing is copied. Arrays that came by socket keep their bytes alive for as long as they are held. Those in the shared
-ring (`Frame.in_ring`) are overwritten after the frame has been answered: `Frame.copy()` what is to outlive that.
+Nothing is copied. Arrays that came by socket keep their bytes alive. Arrays in the shared ring (`Frame.in_ring`) are
+overwritten after the frame has been answered; use `Frame.copy()` to keep them.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from typing import Any, Iterator, Sequence
 
 import numpy as np
 
-from hil_companion.checks import Fields
 from hil_companion.errors import BadMessage, CompanionError
-from hil_companion.protocol import MAX_TOPICS, Header, Ring
+from hil_companion.link.checks import Fields
+from hil_companion.link.protocol import MAX_TOPICS, Header, Ring
 
 MAX_DIMENSIONS = 8
 MAX_TOPIC = 200  # characters
-MAX_ARRAYS = 64  # of one sample
-FOLDER = Path("/dev/shm")  # noqa: S108 (where Linux keeps POSIX shared memory; nothing is made there)
+MAX_ARRAYS = 64  # in one sample
+FOLDER = Path("/dev/shm")  # noqa: S108 (Linux shows POSIX shared memory here; no file is created)
 _DTYPE = re.compile(r"(?:\|b1|[|<][iu]1|<[iu][248]|<f[248]|<c(?:8|16))\Z")
 
 
 class Sample:
-    """What one topic delivered: `sample["rgb"]` is an array or a value."""
+    """The data of one topic: `sample["rgb"]` is an array or a value."""
 
     __slots__ = ("arrays", "seq", "t_available_ns", "t_capture_ns", "topic", "values")
 
@@ -40,8 +40,8 @@ class Sample:
     ) -> None:
         self.topic = topic
         self.seq = seq
-        self.t_capture_ns = t_capture_ns  # simulated time at which it was taken
-        self.t_available_ns = t_available_ns  # and at which it left the sensor
+        self.t_capture_ns = t_capture_ns  # simulated time of the measurement
+        self.t_available_ns = t_available_ns  # simulated time at which the sensor delivered it
         self.values = values
         self.arrays = arrays
 
@@ -50,21 +50,21 @@ class Sample:
             return self.arrays[name]
         if name in self.values:
             return self.values[name]
-        there = ", ".join([*self.arrays, *self.values]) or "nothing"
-        raise KeyError(f"{self.topic} has no {name!r}; it has {there}")
+        names = ", ".join([*self.arrays, *self.values]) or "nothing"
+        raise KeyError(f"{self.topic} has no {name!r}; it has {names}")
 
     def __contains__(self, name: object) -> bool:
         return name in self.arrays or name in self.values
 
     def latest(self, name: str) -> Any:
-        """The newest row of a field of a topic whose samples are stacked one a row; a single value as it is."""
+        """Return the newest row of a field whose samples are stacked by row; a single value unchanged."""
         value = self[name]
         stacked = name in self.arrays or isinstance(self.values.get("seq"), list)
         return value[-1] if stacked else value
 
     @property
     def array(self) -> np.ndarray:
-        """The one array of a sample that has one."""
+        """Return the array of a sample with exactly one. Raises KeyError."""
         if len(self.arrays) != 1:
             raise KeyError(f"{self.topic} has {len(self.arrays)} arrays, not one: {', '.join(self.arrays)}")
         return next(iter(self.arrays.values()))
@@ -87,25 +87,25 @@ class Frame:
     )
 
     def __init__(self, header: Header, samples: dict[str, Sample], *, in_ring: bool, t_received_ns: int) -> None:
-        at = Fields(header, "frame")
-        self.frame = at.integer("frame")
-        self.tick = at.integer("tick")
-        self.t_ns = at.integer("t_ns")
-        self.t_sent_ns = at.integer("t_sent_ns")  # the bench's clock
-        self.dropped = at.integer("dropped")  # frames that this client did not get since the one before
+        fields = Fields(header, "frame")
+        self.frame = fields.integer("frame")
+        self.tick = fields.integer("tick")
+        self.t_ns = fields.integer("t_ns")
+        self.t_sent_ns = fields.integer("t_sent_ns")  # the bench's clock
+        self.dropped = fields.integer("dropped")  # frames that were not sent to this client since the one before
         release = header.get("release")
-        self.release: int | None = None if release is None else at.integer("release")
+        self.release: int | None = None if release is None else fields.integer("release")
         self.samples = samples
         self.in_ring = in_ring
         self.t_received_ns = t_received_ns
-        self.latency_ns = 0  # of the frame before: both ways on the wire and the CUT's own time; 0: not known yet
+        self.latency_ns = 0  # round trip plus computing time of the frame before; 0: not known yet
 
     def __getitem__(self, topic: str) -> Sample:
         try:
             return self.samples[topic]
         except KeyError:
-            there = ", ".join(self.samples) or "nothing"
-            raise KeyError(f"frame {self.frame} has no {topic!r}; it has {there}") from None
+            names = ", ".join(self.samples) or "nothing"
+            raise KeyError(f"frame {self.frame} has no {topic!r}; it has {names}") from None
 
     def __contains__(self, topic: object) -> bool:
         return topic in self.samples
@@ -117,7 +117,7 @@ class Frame:
         return len(self.samples)
 
     def copy(self) -> Frame:
-        """The same with arrays of its own, which stay when the ring's slot has been given back."""
+        """Return a frame with copied arrays, which stay valid after this frame has been answered."""
         other: Frame = object.__new__(Frame)
         for name in Frame.__slots__:
             setattr(other, name, getattr(self, name))
@@ -137,15 +137,15 @@ def _copies(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def can_map() -> bool:
-    """Whether this system shows shared memory as files."""
+    """Return True if this system shows shared memory as files."""
     return FOLDER.is_dir()
 
 
 class RingView:
-    """The bench's shared memory, mapped read-only: it copies a frame's arrays there once, and they are read in place.
+    """The bench's shared memory, mapped read-only; the arrays of a frame are read in place. Raises CompanionError.
 
-    Mapped by its file and not by multiprocessing.shared_memory: before Python 3.13 that one hands the memory to a
-    resource tracker, which would remove it under the bench when this process ends; and it maps for writing.
+    It is mapped by its file because multiprocessing.shared_memory maps for writing and, before Python 3.13, registers
+    the memory with a resource tracker that removes it when this process ends, while the bench still uses it.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -162,45 +162,45 @@ class RingView:
 
 
 def read_samples(header: Header, parts: Sequence[Any], ring: RingView | None = None) -> dict[str, Sample]:
-    """The samples of a header, their arrays laid over `parts` (all of the message) or the ring. BadMessage."""
-    at = Fields(header, "frame")
+    """Return the samples of a header by topic, with arrays over the message's parts or the ring. Raises BadMessage."""
+    fields = Fields(header, "frame")
     if ring is not None:
-        memory, base = ring.memory, at.integer("release")
+        memory, base = ring.memory, fields.integer("release")
     else:
         memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
     samples: dict[str, Sample] = {}
-    for number, entries in enumerate(at.sequence("samples", MAX_TOPICS)):
-        sample = _sample(Fields(entries, f"{at.place}.samples[{number}]"), memory, base)
+    for number, entries in enumerate(fields.sequence("samples", MAX_TOPICS)):
+        sample = _sample(Fields(entries, f"{fields.place}.samples[{number}]"), memory, base)
         if sample.topic in samples:
             raise BadMessage(f"frame {header.get('frame')}: {sample.topic!r} comes twice")
         samples[sample.topic] = sample
     return samples
 
 
-def _sample(at: Fields, memory: Any, base: int) -> Sample:
-    topic, values = at.text("topic", MAX_TOPIC), at.mapping("values")
+def _sample(fields: Fields, memory: Any, base: int) -> Sample:
+    topic, values = fields.text("topic", MAX_TOPIC), fields.mapping("values")
     arrays: dict[str, np.ndarray] = {}
-    for number, entries in enumerate(at.sequence("arrays", MAX_ARRAYS)):
-        name, array = _array(Fields(entries, f"{at.place}.arrays[{number}]"), memory, base)
+    for number, entries in enumerate(fields.sequence("arrays", MAX_ARRAYS)):
+        name, array = _array(Fields(entries, f"{fields.place}.arrays[{number}]"), memory, base)
         if name in arrays or name in values:
             raise BadMessage(f"{topic}: {name!r} comes twice")
         arrays[name] = array
-    times = at.integer("seq"), at.integer("t_capture_ns"), at.integer("t_available_ns")
+    times = fields.integer("seq"), fields.integer("t_capture_ns"), fields.integer("t_available_ns")
     return Sample(topic, *times, values, arrays)
 
 
-def _array(at: Fields, memory: Any, base: int) -> tuple[str, np.ndarray]:
-    """Name and array, read-only, in this memory; its offset is counted from `base`."""
-    name, kind = at.text("name", 100), at.text("dtype", 8)
+def _array(fields: Fields, memory: Any, base: int) -> tuple[str, np.ndarray]:
+    """Return name and read-only array; its offset in the memory is counted from `base`. Raises BadMessage."""
+    name, kind = fields.text("name", 100), fields.text("dtype", 8)
     if not _DTYPE.match(kind):
-        raise at.wrong("dtype", "the name of a little-endian number type, such as <f4,")
-    dtype, shape = np.dtype(kind), at.sequence("shape", MAX_DIMENSIONS)
+        raise fields.wrong("dtype", "the name of a little-endian number type, such as <f4,")
+    dtype, shape = np.dtype(kind), fields.sequence("shape", MAX_DIMENSIONS)
     size = dtype.itemsize
     for n in shape:
         if type(n) is not int or not 0 <= n < 2**31:
-            raise at.wrong("shape", "whole numbers, not negative,")
+            raise fields.wrong("shape", "whole numbers, not negative,")
         size *= n
-    begin = base + at.integer("offset")
+    begin = base + fields.integer("offset")
     if begin + size > len(memory):
         raise BadMessage(f"{name}: {size} bytes at {begin}, where there are {len(memory)}")
     array: np.ndarray = np.ndarray(shape, dtype, memory, begin) if size else np.empty(shape, dtype)

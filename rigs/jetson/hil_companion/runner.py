@@ -1,8 +1,8 @@
-"""Runs a CUT against a bench: connects, hands it every frame, sends what it desires, comes back after a loss.
+"""Runs a CUT against a bench: connects, passes it every frame, sends its answers, reconnects after a loss.
 
-A CUT is a function from a `Frame` to a `Desired` or None; or an object that is called like one and may also have
-`start(welcome)`, called before the first frame of every session, `finished`, `report` and `detections`, read after each
-frame, `view()`, called now and then behind an answer, and `stop()`, called once at the end.
+A CUT is a function from a `Frame` to a `Desired` or None, or a callable object with any of: `start(welcome)`, called
+before the first frame of every session; `finished`, `report` and `detections`, read after each frame; `view()`, called
+at the bench's view period after an answer; `stop()`, called once at the end.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ import traceback
 from dataclasses import dataclass
 from typing import Any, Callable, Mapping, Optional
 
-from hil_companion.client import DEFAULT_WAIT_S, Client
 from hil_companion.desired import Desired
 from hil_companion.errors import CompanionError, ConnectionLost, CutError, NoBench, OptionError, Refused
 from hil_companion.frame import Frame
+from hil_companion.link.client import Client
+from hil_companion.link.options import DEFAULT_WAIT_S
 
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
-DROPPED = "dropped"  # an `end` for this client alone, which may come back
-# What can pass by itself after a loss: the bench may not have noticed yet that we were gone.
-_PASSING = ("name", "full", "control")
+DROPPED = "dropped"  # status of an `end` for this client only, which may connect again
+# Refusals that are temporary after a loss: the bench may not have noticed yet that the old connection is gone.
+_TEMPORARY = ("name", "full", "control")
 
 Cut = Callable[[Frame], Optional[Desired]]
 
@@ -38,35 +39,35 @@ def run(
     say: Callable[[str], None] | None = None,
     **options: Any,
 ) -> int:
-    """Run until the bench ends; `options`: `topics`, `control` and others of `Client.connect`.
+    """Run until the bench ends and return the exit status: 0 ended, 2 wrong options, 3 error.
 
-    The exit status: 0 ended, 2 wrong options, 3 error, each told in one line by `say`.
+    `options`: `topics`, `control` and the other fields of `ClientOptions`. `say` prints one line, by default to stderr.
     """
-    tell = to_stderr if say is None else say
-    runner = Runner(cut, address, {"name": name, **options}, wait_s, reconnect_s, tell)
+    say = to_stderr if say is None else say
+    runner = Runner(cut, address, {"name": name, **options}, wait_s, reconnect_s, say)
     try:
         runner.run()
         status = END_STATUS
     except KeyboardInterrupt:
-        tell(f"{name}: stopped after {runner.frames} frames")
+        say(f"{name}: stopped after {runner.frames} frames")
         status = END_STATUS
     except OptionError as error:
-        tell(f"error: {error}")
+        say(f"error: {error}")
         status = OPTION_STATUS
     except CompanionError as error:
-        tell(f"error: {error}")
+        say(f"error: {error}")
         status = ERROR_STATUS
     try:
         getattr(cut, "stop", _nothing)()
-    except Exception as error:  # noqa: BLE001 (the CUT is somebody else's code; its fault is told and counted)
-        tell(f"error: the CUT failed when told to stop: {type(error).__name__}: {error}")
+    except Exception as error:  # noqa: BLE001 (the CUT is the user's code and may raise anything)
+        say(f"error: the CUT failed in stop(): {type(error).__name__}: {error}")
         status = status or ERROR_STATUS
     return status
 
 
 @dataclass
 class Runner:
-    """One CUT, one bench, as many connections as it takes. `options`: of `Client.connect`."""
+    """Serves one CUT over successive connections to one bench. `options`: of `Client.connect`."""
 
     _cut: Cut
     _address: str
@@ -79,7 +80,7 @@ class Runner:
     _schema: str | None = None
 
     def run(self) -> None:
-        """Until the bench ends. CompanionError."""
+        """Serve until the bench ends. Raises CompanionError."""
         client = Client.connect(self._address, wait_s=self._wait_s, **self._options)
         back_off_s = BACK_OFF_S
         while True:
@@ -93,9 +94,9 @@ class Runner:
                     raise
                 self._say(f"{error}; connecting again")
             back_off_s = BACK_OFF_S if self.frames > before else min(2 * back_off_s, BACK_OFF_MAX_S)
-            client = self._again(back_off_s)
+            client = self._reconnect(back_off_s)
 
-    def _again(self, back_off_s: float) -> Client:
+    def _reconnect(self, back_off_s: float) -> Client:
         deadline_s = time.monotonic() + self._reconnect_s
         while True:
             time.sleep(back_off_s)
@@ -103,7 +104,7 @@ class Runner:
             try:
                 return Client.connect(self._address, schema=self._schema, wait_s=max(left_s, 0.1), **self._options)
             except Refused as error:
-                if error.code not in _PASSING or left_s <= 0:
+                if error.code not in _TEMPORARY or left_s <= 0:
                     raise
             except NoBench as error:
                 raise ConnectionLost(f"the connection was lost and did not come back: {error}") from error
@@ -116,7 +117,7 @@ class Runner:
         self._session, self._schema = welcome.session, welcome.schema
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
-        before: dict[str, Any] | None = None  # a report is sent where it differs
+        sent: dict[str, Any] | None = None  # the last report; a new one is sent only if it differs
         show = getattr(self._cut, "view", None) if welcome.views_every_ns > 0 else None
         shown_ns = -welcome.views_every_ns
         for frame in client.frames():
@@ -124,15 +125,15 @@ class Runner:
             desired = self._call(self._cut, frame)
             t2_ns = time.monotonic_ns() - began_ns
             finished, report = bool(getattr(self._cut, "finished", False)), getattr(self._cut, "report", None)
-            told = dict(report) if isinstance(report, Mapping) else None
-            news = told if told != before else None
-            seen = getattr(self._cut, "detections", None)
-            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=news, detections=seen)
-            before = told
+            entries = dict(report) if isinstance(report, Mapping) else None
+            changed = entries if entries != sent else None
+            detections = getattr(self._cut, "detections", None)
+            client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=changed, detections=detections)
+            sent = entries
             self.frames += 1
             if show is not None and frame.t_ns - shown_ns >= welcome.views_every_ns:
                 shown_ns = frame.t_ns
-                view = self._call(show)  # the answer has gone: nobody waits for this
+                view = self._call(show)  # after the answer was sent, so the bench does not wait for it
                 if view is not None:
                     client.show(frame, view)
         if client.end is not None and client.end.status == DROPPED:
@@ -143,7 +144,7 @@ class Runner:
 
     @staticmethod
     def _call(function: Any, *arguments: Any) -> Any:
-        """Call into the CUT. Its own faults become CutError, after their traceback."""
+        """Call into the CUT. Any error of its own is printed with its traceback and raised as CutError."""
         try:
             return function(*arguments)
         except CompanionError:
@@ -154,7 +155,7 @@ class Runner:
 
 
 def _nothing(*_: Any) -> None:
-    """What a CUT without `start` or `stop` does there."""
+    """Stand in for a `start` or `stop` that the CUT does not have."""
 
 
 def to_stderr(text: str) -> None:
@@ -162,4 +163,4 @@ def to_stderr(text: str) -> None:
         sys.stderr.write(text + "\n")
         sys.stderr.flush()
     except (OSError, ValueError):
-        pass  # nobody may be there to read it; the status tells
+        pass  # stderr may be closed; the exit status still reports the error

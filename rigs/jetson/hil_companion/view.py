@@ -1,7 +1,7 @@
-"""What a CUT shows of itself to people who look on: where it believes that it is, its map, its plan, its particles.
+"""The view of a CUT for display: its estimated position, map, plan and particles.
 
-A CUT that has a method `view()` is asked for one after an answer is on its way, as often as the bench wants (its
-welcome says so). The bench shows it and keeps it for replays; it decides nothing.
+The runner calls a CUT's method `view()` after an answer was sent, at the period in the bench's welcome. The bench shows
+the view and records it for replays; it has no effect on the flight.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 
 from hil_companion.errors import CutError
 
-UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too near to something to fly there
-MAX_SIDE, MAX_POINTS = 256, 256  # what the bench takes
+UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too near to an obstacle to fly there
+MAX_SIDE, MAX_POINTS = 256, 256  # the bench's limits
 LARGEST_M = 1e7
-_LEVEL = 6  # of zlib
+_LEVEL = 6  # zlib's compression level
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A map: one of `CELLS` by cell. Rows go north (y), columns east (x)."""
+    """A map with one of `CELLS` per cell. Rows go north (y), columns east (x)."""
 
     cells: np.ndarray  # (rows, columns) uint8
     origin_W: Sequence[float]  # x, y of the corner of cell (0, 0) [m]
@@ -31,7 +31,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class View:
-    """What is shown. What there is too much of is thinned: cells to blocks of them, points to every other one."""
+    """One view. Too large a map is pooled to blocks of cells, too many points are thinned."""
 
     p_W: Sequence[float]  # [m]
     yaw_rad: float
@@ -41,7 +41,7 @@ class View:
     grid: Grid | None = None
 
     def as_map(self) -> dict[str, Any]:
-        """For the wire. CutError where a number is not finite or a shape is wrong."""
+        """Return the entries of the message. Raises CutError for a number that is not finite or a wrong shape."""
         return {
             "p_W": _numbers("p_W", self.p_W, 3),
             "yaw_rad": _numbers("yaw_rad", [self.yaw_rad], 1)[0],
@@ -59,14 +59,14 @@ def _map(grid: Grid) -> dict[str, Any] | None:
     cell_m, origin_W = _numbers("cell_m", [grid.cell_m], 1)[0], _numbers("origin_W", grid.origin_W, 2)
     blocks = -(-max(cells.shape) // MAX_SIDE)
     shown = _pooled(cells, blocks)
-    packed = zlib.compress(shown.tobytes(), _LEVEL)  # two bits a cell at most: 16 KiB
+    packed = zlib.compress(shown.tobytes(), _LEVEL)  # at most two bits a cell: 16 KiB
     rows, columns = shown.shape
     size = {"rows": int(rows), "columns": int(columns), "cell_m": cell_m * blocks}
     return {**size, "origin_W": origin_W, "cells": packed}
 
 
 def _pooled(cells: np.ndarray, blocks: int) -> np.ndarray:
-    """Of each block the greatest value: a thin wall stays a wall."""
+    """Return the greatest value of each block, so that a thin wall stays visible."""
     if blocks == 1:
         return cells
     rows, columns = (-(-n // blocks) for n in cells.shape)

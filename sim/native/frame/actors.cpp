@@ -23,7 +23,7 @@ void Actors::add(std::shared_ptr<const Actor> actor, std::vector<BodyGeom> geoms
     members_.push_back({std::move(actor), std::move(geoms), std::nullopt});
 }
 
-int Actors::bring(std::int64_t t_ns, const Reach *reach) {
+int Actors::pose_within(std::int64_t t_ns, const Reach *reach) {
     int posed = 0;
     for (Member &member : members_) {
         if (member.posed_ns == t_ns) {

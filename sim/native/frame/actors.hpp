@@ -31,7 +31,7 @@ public:
 
     // Poses those that are not yet where they are at `t_ns`; returns how many. Those that `reach` misses are hidden
     // instead, until they are brought.
-    int bring(std::int64_t t_ns, const Reach *reach);
+    int pose_within(std::int64_t t_ns, const Reach *reach);
 
     // How many are not where they are at `t_ns`.
     int absent(std::int64_t t_ns) const;

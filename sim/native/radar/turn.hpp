@@ -14,7 +14,7 @@ constexpr double kNearest = 6755399441055744.0;
 HIL_INLINE D nearest(const D &x) { return (x + kNearest) - kNearest; }
 
 // Error below 2e-16 + |x| 2^-53 * 2 pi. The cycles are taken off in whole quarters, which is exact, so it holds for any
-// |x| < 2^49. Polynomials on [-pi/4, pi/4]: coefficients of fdlibm 5.3, as in hil/signals/native/detmath.hpp.
+// |x| < 2^49. Polynomials on [-pi/4, pi/4]: coefficients of fdlibm 5.3, as in signals/native/detmath.hpp.
 HIL_INLINE void turn(const D &x, D &cosine, D &sine) {
     const D shifted = x * 4.0 + kNearest;
     const L quarter = as<L>(shifted);

@@ -1,1 +1,1 @@
-"""From the raw samples of an FMCW radar to maps, points and tracks; live in a sensor, or over a recording."""
+"""Processing of an FMCW radar's raw samples to maps, points and tracks, in a sensor or over a recording."""

@@ -1,18 +1,18 @@
-"""Constant false-alarm rate: which cells of a map stand out of the noise round them.
+"""Constant false-alarm rate (CFAR) detection of cells of a map above the noise round them.
 
-Noise alone. A cell is the mean of K receivers' powers: Gamma with shape K and mean s. The noise about a cell under test
-is estimated from its training cells, those within guard + train of it in rows and in columns but not within guard in
-both. Rows wrap round (Doppler is periodic), columns end (range is not): there are fewer at the edges.
+With noise alone, a cell is the mean of K receivers' powers: Gamma with shape K and mean s. The noise at a cell under
+test is estimated from its training cells: those within guard + train in rows and in columns, but not within guard in
+both. Rows wrap round (Doppler is periodic), columns do not, so there are fewer training cells at the edges.
 
     CA  mean of n cells: Gamma with shape a = K n. A cell exceeds alpha times that with probability
           P(G_K > t G_a) = P(Beta(a, K) < 1 / (1 + t)),   t = alpha K / a
-        which for K = 1 is (1 + alpha / n)^-n, so alpha = n (P^(-1/n) - 1).
+        for K = 1 this is (1 + alpha / n)^-n, so alpha = n (P^(-1/n) - 1).
     OS  the k-th smallest of n: its distribution is Beta(k, n - k + 1) of the gamma's distribution function, and
           P = integral of p(y) Q_K(alpha K y) dy,     for K = 1:  P = product over i < k of (n - i) / (n - i + alpha)
-        The estimate is divided by the quantile k / n of the unit gamma, so that it too means the mean power.
+        The estimate is divided by the quantile k / n of the unit gamma, which makes it the mean power too.
 
-A window and zero-padding make neighbouring cells alike: n is divided by `likeness`, the mean number of cells that a
-cell counts for (the sum of the squared correlations), and k keeps its share of n.
+A window and zero-padding correlate neighbouring cells: n is divided by `likeness`, the mean number of cells per
+independent cell (the sum of the squared correlations), and k keeps its share of n.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
 from sim.radar.processing.windows import likeness
 
-# Integration of OS: steps of equal ratio, since wanted probabilities that are small are made by values far below the
-# mean as much as by those about it.
+# Integration of OS in steps of equal ratio: values far below the mean contribute to small probabilities as much as
+# values near it.
 _PANELS = 4000
 _LOG_NEAREST = -25.0
 _LOG_MOST_FACTOR = 28.0
@@ -41,7 +41,7 @@ class Cfar:
     """CFAR detector of one radar's maps."""
 
     def __init__(self, maps: RangeDoppler, receivers: int, processing: Processing) -> None:
-        """Raises ValueError for a map too small."""
+        """Raises ValueError for a map that is too small."""
         p = self._p = processing.cfar
         problem = p.problem_with(maps.rows, maps.columns)
         if problem:
@@ -51,7 +51,7 @@ class Cfar:
         doppler, ranges = np.ogrid[-half_rows : half_rows + 1, -half_columns : half_columns + 1]
         self._trains = (abs(doppler) > p.guard_doppler) | (abs(ranges) > p.guard_range)
         self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, self._trains)
-        # Rows that hold less noise than the others (what clutter removal took), and the first columns, train nothing.
+        # Rows with less noise than the others, by clutter removal, and the first columns are not training cells.
         self._quiet = np.zeros(self._shape, dtype=bool)
         self._quiet[maps.quiet_rows] = True
         self._quiet[:, : maps.quiet_columns] = True
@@ -66,11 +66,11 @@ class Cfar:
                 factor = self._quantile * order_statistic_factor(alike, p.rank, receivers, p.false_alarm)
             else:
                 factor = cell_averaging_factor(alike, receivers, p.false_alarm)
-            # Rounded: the last bits of the C library's exp and log depend on the CPU.
+            # Rounded, because the last bits of the C library's exp and log depend on the CPU.
             self._factor[self._count == n] = float(f"{factor:.10g}")
 
     def _windows(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What lies about each cell, (rows, columns, 2 half rows + 1, 2 half columns + 1); NaN trains nothing."""
+        """Return the training cells of each cell, (rows, columns, 2 half rows + 1, 2 half columns + 1); NaN: none."""
         half_rows, half_columns = self._half
         known = np.where(self._quiet, np.float32(np.nan), power)
         wrapped = np.pad(known, ((half_rows, half_rows), (0, 0)), mode="wrap")
@@ -78,7 +78,7 @@ class Cfar:
         return sliding_window_view(ended, self._trains.shape)
 
     def noise(self, power: NDArray[np.float32], rows: Places, columns: Places) -> Float64:
-        """Estimated mean power about some cells; NaN where nothing trains."""
+        """Return the estimated mean power at some cells; NaN without training cells."""
         cells = self._windows(power)[rows, columns][:, self._trains]
         count = self._count[rows, columns]
         with np.errstate(invalid="ignore"):
@@ -91,11 +91,11 @@ class Cfar:
             return found
 
     def threshold(self, rows: Places, columns: Places) -> Float64:
-        """How many times the noise a cell must exceed."""
+        """Return the threshold of cells as a factor of the noise."""
         return self._factor[rows, columns]
 
     def detect(self, power: NDArray[np.float32]) -> tuple[NDArray[np.bool_], Float64]:
-        """Every cell above its threshold, and the noise power about each (NaN where nothing trains)."""
+        """Return True for cells above their threshold, and the noise power at each (NaN without training cells)."""
         if power.shape != self._shape:
             raise ValueError("the map is {} x {}, not {} x {}".format(*power.shape, *self._shape))
         rows, columns = (places.ravel() for places in np.indices(self._shape))
@@ -104,7 +104,7 @@ class Cfar:
 
 
 def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> float:
-    """alpha of CA for the mean of `cells`."""
+    """Return alpha of CA for the mean of `cells`."""
     from scipy.special import betaincinv
 
     a = receivers * cells
@@ -112,7 +112,7 @@ def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> f
 
 
 def order_statistic_factor(cells: float, rank: float, receivers: int, false_alarm: float) -> float:
-    """alpha of OS, times the ordered value itself, for the `rank` of `cells`."""
+    """Return alpha of OS as a factor of the ordered value, for the `rank` of `cells`."""
     from scipy.optimize import brentq
     from scipy.special import gammainc, gammaincc
 
@@ -129,7 +129,7 @@ def order_statistic_factor(cells: float, rank: float, receivers: int, false_alar
 
 
 def _gamma_quantile(shape: int, probability: float) -> float:
-    """Of Gamma(shape) / shape, whose mean is 1."""
+    """Return the quantile of Gamma(shape) / shape, whose mean is 1."""
     from scipy.special import gammaincinv
 
     return float(f"{gammaincinv(shape, probability) / shape:.10g}")

@@ -1,13 +1,12 @@
 """Direction of an echo from the phases of the receivers.
 
-Receiver i at r_i (frame of the radar: x forward, y left, z up) sees the phase -2 pi r_i . d / lambda, d the unit
+Receiver i at r_i (frame R: x forward, y left, z up) measures the phase -2 pi r_i . d / lambda, with d the unit
 direction to the echo. A pair (i, j) with the base b = r_i - r_j therefore gives
 
     b . d = -arg(X_i conj X_j) lambda / (2 pi)   modulo lambda
 
-and d follows from the pairs by least squares, with |d| = 1 and d_x >= 0. Pairs are taken from the shortest base up:
-what is known so far says which multiple of lambda belongs to the next. Where the bases span a line alone, the other
-component of d is zero.
+and d follows from the pairs by least squares, with |d| = 1 and d_x >= 0. Pairs are used in order of their base: the
+shorter ones determine the multiple of lambda of the next. If all bases lie on a line, the other component of d is zero.
 """
 
 from __future__ import annotations
@@ -18,21 +17,21 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_atan2
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_atan2
+from signals.units import TURN_RAD
 
-_DEEP_ROUNDS = 16  # where some base has an x: the equations need d_x, so they are solved again with the last one
+_DEEP_ROUNDS = 16  # iterations for bases with an x component: the equations need d_x, taken from the last solution
 
 Float64 = NDArray[np.float64]
 
 
 class Directions:
-    """The array of one radar."""
+    """Receiver array of one radar."""
 
     def __init__(self, positions_m: Sequence[Sequence[float]], wavelength_m: float) -> None:
         """`positions_m`: x, y, z of each receiver."""
         if not positions_m:
-            raise ValueError("an array needs a receiver")
+            raise ValueError("an array needs at least one receiver")
         self._receivers = len(positions_m)
         self._wavelength_m = wavelength_m
         places = np.array(positions_m, dtype=np.float64)
@@ -41,9 +40,9 @@ class Directions:
         self._pairs = sorted((pair for pair in bases if pair[2][1:].any()), key=lambda pair: float(pair[2] @ pair[2]))
 
     def find(self, cells: NDArray[np.complex128]) -> Float64:
-        """Unit directions (n, 3) of what the receivers have in n cells: (receivers, n)."""
+        """Return unit directions (n, 3) of n cells from the receivers' values (receivers, n)."""
         if len(cells) != self._receivers:
-            raise ValueError(f"one value a receiver: {self._receivers}, not {len(cells)}")
+            raise ValueError(f"needs one value per receiver: {self._receivers}, not {len(cells)}")
         n = cells.shape[1]
         along = [self._along(cells[i], cells[j]) for i, j, _ in self._pairs]
         found = np.tile([1.0, 0.0, 0.0], (n, 1))
@@ -52,20 +51,20 @@ class Directions:
             for (_, _, base), target in zip(self._pairs, along, strict=True):
                 b = base[1:]
                 rest = target - base[0] * found[:, 0]
-                # Within what is spanned so far the multiple of lambda can be foreseen.
+                # The shorter bases predict the multiple of lambda.
                 foreseen = known[:, 0] * b[0] + known[:, 1] * b[1] if _spans(normal, b) else 0.0
                 rest = rest + self._wavelength_m * np.floor((foreseen - rest) / self._wavelength_m + 0.5)
                 normal = normal + np.outer(b, b)
                 right = right + rest[:, None] * b
                 known = _solved(normal, right)
             across = np.sqrt(known[:, 0] * known[:, 0] + known[:, 1] * known[:, 1])
-            known = known / np.maximum(across, 1.0)[:, None]  # noise: the nearest direction there is
+            known = known / np.maximum(across, 1.0)[:, None]  # noise may exceed 1: use the nearest direction
             found[:, 1:] = known
             found[:, 0] = np.sqrt(np.maximum(1.0 - known[:, 0] * known[:, 0] - known[:, 1] * known[:, 1], 0.0))
         return found
 
     def _along(self, one: NDArray[np.complex128], other: NDArray[np.complex128]) -> Float64:
-        """b . d of a pair, modulo lambda. In real numbers: how numpy multiplies complex ones depends on the CPU."""
+        """Return b . d of a pair, modulo lambda; in real numbers, since numpy's complex product depends on the CPU."""
         re = one.real * other.real + one.imag * other.imag
         im = one.imag * other.real - one.real * other.imag
         turns = np.array([det_atan2(y, x) for y, x in zip(im.tolist(), re.tolist(), strict=True)]) / TURN_RAD
@@ -73,7 +72,7 @@ class Directions:
 
 
 def _plane(normal: Float64) -> bool:
-    """Whether the bases span a plane."""
+    """Return True if the bases span a plane."""
     size = normal[0, 0] + normal[1, 1]
     return bool(normal[0, 0] * normal[1, 1] - normal[0, 1] * normal[0, 1] > 1e-6 * size * size)
 
@@ -87,7 +86,7 @@ def _spans(normal: Float64, b: Float64) -> bool:
 
 
 def _solved(normal: Float64, right: Float64) -> Float64:
-    """Least squares for (y, z); along a line the shortest solution."""
+    """Return (y, z) by least squares; for bases on a line, the shortest solution."""
     (yy, yz), (_, zz) = normal
     if not _plane(normal):
         return right / (yy + zz)

@@ -1,4 +1,4 @@
-"""Settings of the processing chain. Defaults suit a person at some metres and the chirps of a small 60 GHz radar."""
+"""Settings of the processing chain. The defaults suit a person at a few metres and a small 60 GHz radar."""
 
 from __future__ import annotations
 
@@ -6,20 +6,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 from sim.radar.chirp import Chirp
 
 WindowName = Literal["none", "hann", "hamming", "blackman", "taylor"]
 Clutter = Literal["none", "mean", "mti2", "mti3", "background"]
 Cells = Annotated[int, Field(ge=0, le=64)]
 Padding = Literal[1, 2, 4, 8]
-_LOST = {"mti2": 1, "mti3": 2}  # chirps that differences take
+_LOST = {"mti2": 1, "mti3": 2}  # chirps lost by differences
 _Positive = Annotated[float, Field(gt=0.0, le=1e6)]
 
 
 class CfarParameters(StrictModel):
-    """Guard and training cells to each side of the cell under test, in Doppler and in range; zero both for one
-    dimension alone. `rank` is which of the training cells, in order, OS takes for the noise, as a share of them."""
+    """Guard and training cells on each side of the cell under test, in Doppler and in range.
+
+    Zero for both in one dimension: the detector uses the other dimension only. `rank`: position, among the sorted
+    training cells, of the one that OS uses as the noise, as a share of their number.
+    """
 
     kind: Literal["ca", "os"] = "os"
     false_alarm: Annotated[float, Field(ge=1e-12, le=0.1)] = 1e-5
@@ -32,24 +35,25 @@ class CfarParameters(StrictModel):
     @model_validator(mode="after")
     def _something_to_train(self) -> CfarParameters:
         if self.train_doppler == 0 and self.train_range == 0:
-            raise ValueError("train_doppler and train_range are both 0: nothing says what the noise is")
+            raise ValueError("train_doppler and train_range are both 0: no cell to estimate the noise from")
         return self
 
     def problem_with(self, rows: int, columns: int) -> str:
-        """Why this cannot search a map of so many rows and columns; "" if it can."""
+        """Return why these settings do not fit a map of `rows` by `columns`; "" if they do."""
         if 2 * (self.guard_doppler + self.train_doppler) + 1 > rows:
             return (
-                f"cfar: {self.guard_doppler} guard and {self.train_doppler} training cells to each side are more than "
+                f"cfar: {self.guard_doppler} guard and {self.train_doppler} training cells on each side are more than "
                 f"the {rows} Doppler rows of the map"
             )
         if self.train_doppler == 0 and columns < 2 * (self.guard_range + 1):
-            return f"cfar: {self.guard_range} guard cells to each side leave nothing of {columns} range cells"
+            return f"cfar: {self.guard_range} guard cells on each side leave none of {columns} range cells"
         return ""
 
 
 class TrackerParameters(StrictModel):
-    """Distances are deviations that make one: points within `cluster_*` of one another are one thing, points within
-    `gate_*` of a track belong to it. Angles as direction sines."""
+    """Limits of distances: points within `cluster_*` of one another form one cluster, points within `gate_*` of a track
+    belong to it. Angles are direction sines.
+    """
 
     cluster_range_m: _Positive = 0.8
     cluster_speed_mps: _Positive = 0.8
@@ -72,12 +76,12 @@ class TrackerParameters(StrictModel):
     @model_validator(mode="after")
     def _can_be_confirmed(self) -> TrackerParameters:
         if self.confirm_hits > self.confirm_frames:
-            raise ValueError(f"confirm_hits {self.confirm_hits} within confirm_frames {self.confirm_frames} cannot be")
+            raise ValueError(f"confirm_hits {self.confirm_hits} cannot be above confirm_frames {self.confirm_frames}")
         return self
 
 
 class Processing(StrictModel):
-    """The whole chain. `background_s` is the time constant of a learned background, of use to clutter: background."""
+    """Settings of the whole chain. `background_s`: time constant of the background of `clutter: background`."""
 
     range_window: WindowName = "hann"
     doppler_window: WindowName = "hann"
@@ -93,18 +97,18 @@ class Processing(StrictModel):
     tracker: TrackerParameters = TrackerParameters()
 
     def pulses(self, chirp: Chirp) -> int:
-        """Chirps that are left of a frame after clutter removal."""
+        """Return the number of chirps of a frame after clutter removal."""
         return chirp.chirps - _LOST.get(self.clutter, 0)
 
     def problem_with(self, chirp: Chirp) -> str:
-        """Why frames of `chirp` cannot be processed so; "" if they can."""
+        """Return why frames of `chirp` cannot be processed with these settings; "" if they can."""
         if self.pulses(chirp) < 2:
-            return f"clutter {self.clutter!r} leaves less than two of {chirp.chirps} chirps"
+            return f"clutter {self.clutter!r} leaves fewer than two of {chirp.chirps} chirps"
         rows = power_of_two_from(chirp.chirps) * self.doppler_padding
         columns = power_of_two_from(chirp.samples) * self.range_padding // 2
         return self.cfar.problem_with(rows, columns)
 
 
 def power_of_two_from(n: int) -> int:
-    """The smallest that is not below n."""
+    """Return the smallest power of two that is not below n."""
     return 1 << (n - 1).bit_length()

@@ -1,21 +1,21 @@
-"""Points of a map: peaks that stand out, between bins, with direction.
+"""Points of a map: its peaks, interpolated between bins, with their directions.
 
-A peak is a cell above its CFAR threshold and above its eight neighbours. Between bins: with the amplitudes a-, a0, a+
-of the cells beside it and W the spectrum of the window, an echo d bins off the cell has
+A peak is a cell above its CFAR threshold and above its eight neighbours. With the amplitudes a-, a0, a+ of a cell and
+its neighbours, and W the spectrum of the window, an echo d bins off the cell has
 
     (a+ - a-) / (a- + a0 + a+) = (|W(1 - d)| - |W(1 + d)|) / (|W(1 + d)| + |W(d)| + |W(1 - d)|)
 
-which grows with d: a table of it, read backwards, gives d without bias for any window and padding. An echo that moves
-shifts its beat by its Doppler frequency at the middle of the sweep, so with the slope S
+which grows with d: the inverse of its table gives d without bias for any window and padding. The beat frequency of a
+moving echo is shifted by its Doppler frequency at the middle of the sweep, so with the slope S
 
     R = range_step (k + d_range) - v f_c / S.
 
-A peak that is no higher than the side lobes of a stronger one may be there is left out: lobes in range and in Doppler
-are the two windows', so those of a peak form a cross about it, and another about its mirror image: samples are real, so
-an echo is at minus its range and minus its speed as well.
+A peak that may be a side lobe of a stronger one is dropped. The lobes of a peak form a cross about it, by the two
+windows, and another cross about its mirror image: samples are real, so an echo also appears at minus its range and
+speed.
 
-`speed_mps` is what the radar sees, modulo 2 v_max; an echo faster than v_max is shifted in range by the coupling of the
-speed that it seems to have, (v - v_seen) f_c / S short.
+`speed_mps` is the apparent speed, modulo 2 v_max; the range of an echo faster than v_max is corrected with its apparent
+speed, and is short by (v - v_apparent) f_c / S.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_asin, det_atan2, det_log
+from signals._kernel import det_asin, det_atan2, det_log
 from sim.radar.chirp import Chirp
 from sim.radar.processing.cfar import Cfar, Places
 from sim.radar.processing.directions import Directions
@@ -47,10 +47,10 @@ POINT_DTYPE = np.dtype(
 )
 
 _DECIBELS_PER_NEPER = 4.34294481903251827651  # 10 / ln 10
-# counts^2. Rounding to counts alone leaves 1e-4 in a map of 64 x 64; less is what doubles leave of nothing.
+# counts^2. Rounding to counts leaves 1e-4 in a map of 64 x 64; anything less is rounding of doubles.
 _LEAST_POWER = np.float32(1e-12)
-_LOBE_MARGIN = 4.0  # a peak between cells loses up to 3 dB and its lobes do not; lobes of two may add
-_MOST_DECIBELS = 200.0  # of a peak in a map without noise
+_LOBE_MARGIN = 4.0  # a peak between cells loses up to 3 dB, its lobes do not; lobes of two peaks may add
+_MOST_DECIBELS = 200.0  # signal-to-noise ratio of a peak without noise
 _BESIDE = [(d, e) for d in (-1, 0, 1) for e in (-1, 0, 1) if (d, e) != (0, 0)]
 
 Float32 = NDArray[np.float32]
@@ -58,7 +58,7 @@ Float64 = NDArray[np.float64]
 
 
 class PointFinder:
-    """Points of one radar's maps, strongest first."""
+    """Finds the points of one radar's maps, strongest first."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class PointFinder:
         self._cfar = Cfar(maps, len(rx_positions_m), processing)
         self._directions = Directions(rx_positions_m, chirp.wavelength_m)
         self._first_column = max(1, maps.quiet_columns, int(processing.min_range_m / maps.range_step_m + 0.999))
-        # Of the sweep at the middle of the samples, half a sample before the centre of the sweep.
+        # Frequency at the middle of the samples, half a sample before the centre of the sweep.
         middle_hz = chirp.center_frequency_hz - 0.5 * chirp.slope_hz_per_s / chirp.sample_rate_hz
         self._speed_step_mps = maps.speed_step_mps * chirp.center_frequency_hz / middle_hz
         self._coupling_s = middle_hz / chirp.slope_hz_per_s
@@ -83,7 +83,7 @@ class PointFinder:
         self._range_lobes, self._speed_lobes = np.array(range_lobes), np.array(speed_lobes)
 
     def find(self, power: Float32) -> NDArray[np.void]:
-        """Points of the map that was computed last; a new array of POINT_DTYPE."""
+        """Return the points of the map that was computed last: a new array of POINT_DTYPE."""
         rows, columns = self._peaks(power)
         noise = self._cfar.noise(power, rows, columns)
         height = power[rows, columns].astype(np.float64)
@@ -93,7 +93,7 @@ class PointFinder:
         return self._points(power, rows[kept], columns[kept], noise[kept])
 
     def _peaks(self, power: Float32) -> tuple[Places, Places]:
-        """Cells above their eight neighbours, by rows and columns. Of equal cells the first is the peak."""
+        """Return rows and columns of cells above their eight neighbours. Of equal cells the first is the peak."""
         inner = power[:, 1:-1]
         peak = inner > _LEAST_POWER
         for d, e in _BESIDE:
@@ -104,7 +104,7 @@ class PointFinder:
         return rows, columns + 1
 
     def _without_lobes(self, height: Float64, rows: Places, columns: Places) -> list[int]:
-        """Which of the peaks, strongest first, are echoes: at most as many as there is room for."""
+        """Return the peaks, strongest first, that are no side lobes, up to the limit of points."""
         kept: list[int] = []
         for i in range(len(height)):
             row, column = rows[kept], columns[kept]
@@ -118,7 +118,7 @@ class PointFinder:
         return kept
 
     def _lobes(self, rows: Places, columns: Places) -> Float64:
-        """Power that the windows may leave that many cells off a peak, relative to it; 0 within its main lobe."""
+        """Return the greatest power of side lobes so many cells off a peak, relative to it; 0 within its main lobe."""
         rows, columns = np.abs(rows) % self._maps.rows, np.abs(columns)
         rows = np.minimum(rows, self._maps.rows - rows)
         columns = np.minimum(columns, 2 * self._maps.columns - columns)
@@ -149,7 +149,7 @@ class PointFinder:
 
 
 def _bins_off(table: Sequence[float], before: Float64, here: Float64, after: Float64) -> Float64:
-    """How far from the middle of its cell a peak is, -0.5 to 0.5; `table` at d = 0 ... 0.5 in equal steps."""
+    """Return the offset of a peak from its cell, -0.5 to 0.5 bins; `table`: at d = 0 ... 0.5 in equal steps."""
     ratio = (after - before) / (before + here + after)
     found: Float64 = np.copysign(np.interp(np.abs(ratio), table, np.linspace(0.0, 0.5, len(table))), ratio)
     return found

@@ -1,4 +1,4 @@
-"""The chain in one piece: raw samples of a frame to map, points and tracks."""
+"""Processing chain: raw samples of a frame to map, points and tracks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, Problem
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.points import POINT_DTYPE, PointFinder
@@ -21,18 +21,18 @@ Step = Literal["range_doppler", "points", "tracks"]
 
 @dataclass(frozen=True)
 class Processed:
-    """What became of one frame; arrays are new each time."""
+    """Results of one frame, in new arrays."""
 
     range_doppler: NDArray[np.float32]  # (M', N'/2) counts^2, mean over receivers; rows from -v_max to v_max
     points: NDArray[np.void]  # POINT_DTYPE, strongest first
-    tracks: NDArray[np.void]  # TRACK_DTYPE, by rising age of birth
+    tracks: NDArray[np.void]  # TRACK_DTYPE, oldest first
 
 
 class Processor:
-    """Frames of one radar, in the order of time. Equal frames give equal bytes."""
+    """Processes frames of one radar in order of time. Equal frames give equal bytes."""
 
     def __init__(self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing) -> None:
-        """Raises ValueError for a chirp that cannot be processed so."""
+        """Raises ValueError for a chirp that does not fit the settings."""
         problem = processing.problem_with(chirp)
         if problem:
             raise ValueError(problem)
@@ -45,7 +45,7 @@ class Processor:
         self._last_ns = 0
 
     def process(self, raw: NDArray[np.uint16], t_ns: int, *, until: Step = "tracks") -> Processed:
-        """One frame of (receivers, chirps, samples), its middle at `t_ns`. Steps after `until` are left out: empty."""
+        """Process a frame (receivers, chirps, samples) with middle `t_ns`. Results after step `until` are empty."""
         gain = self._background_gain(t_ns)
         power = self.maps.compute(raw, gain)
         points = np.empty(0, POINT_DTYPE) if until == "range_doppler" else self._points.find(power)
@@ -55,13 +55,13 @@ class Processor:
         return Processed(power, points, tracks)
 
     def reset(self) -> None:
-        """As constructed."""
+        """Reset to the state after construction."""
         self._frames = 0
         self.maps.reset()
         self._tracker.reset()
 
     def _background_gain(self, t_ns: int) -> float:
-        """Plain mean of the first frames, exponential afterwards."""
+        """Return the weight of a frame in the background: that of a plain mean at first, exponential later."""
         if self._frames == 0:
             return 0.0
         dt_s = (t_ns - self._last_ns) * 1e-9
@@ -76,22 +76,22 @@ def process_recording(
     *,
     period_ns: int,
 ) -> Iterator[Processed]:
-    """Frame after frame of (frames, receivers, chirps, samples), taken every `period_ns`."""
+    """Process a recording (frames, receivers, chirps, samples) with a frame every `period_ns`."""
     wanted = (len(rx_positions_m), chirp.chirps, chirp.samples)
     if adc.ndim != 4 or adc.shape[1:] != wanted:
         raise ConfigError(
             [
                 Problem(
                     "recording",
-                    f"its frames have shape {adc.shape[1:]}, the chirp and the array ask for {wanted} "
+                    f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {wanted} "
                     "(receivers, chirps, samples)",
-                    "process it with the settings it was recorded with",
+                    "process it with the settings of the recording",
                 )
             ]
         )
     if adc.dtype != np.uint16:
         raise ConfigError(
-            [Problem("recording", f"its samples are {adc.dtype}, not uint16", "store what the ADC puts out")]
+            [Problem("recording", f"its samples are {adc.dtype}, not uint16", "store the codes of the ADC")]
         )
     if period_ns <= 0:
         raise ConfigError([Problem("recording", f"period_ns {period_ns} is not positive")])

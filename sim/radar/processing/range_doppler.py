@@ -1,15 +1,15 @@
 """Range-Doppler maps: raw samples in, power in counts^2 out.
 
-    x[m, n]  raw less each chirp's mean (optional) and less the static clutter
+    x[m, n]  raw minus each chirp's mean (optional) and minus the static clutter
     X[l, k] = sum over m, n of w_slow[m] w_fast[n] x[m, n] exp(-j 2 pi (k n / N' + l m / M'))
     P[row, k] = mean over receivers of (2 / (sum w_fast sum w_slow))^2 |X|^2,   row = (l + M' / 2) mod M'
 
-so an echo of amplitude A counts, well within the map, gives A^2 at its peak. Transforms have the length of the next
-power of two, times the padding asked for: 64 x 64 samples make a map of 64 rows of 32 cells. Row M'/2 is zero speed;
-rows rise with speed from -v_max; columns are ranges from 0.
+so an echo of amplitude A counts, away from the edges of the map, has A^2 at its peak. Transforms have the length of the
+next power of two, times the padding: 64 x 64 samples make a map of 64 rows of 32 cells. Row M'/2 is zero speed; speed
+rises with the row from -v_max; columns are ranges from 0.
 
-Means are weighed by the window of their dimension: a plain mean holds what the side lobes of a rectangle catch of a
-moving target, and would put it at zero speed when it is taken away.
+Means are weighted by the window of their dimension. A plain mean contains side lobes of moving targets, and subtracting
+it would put them at zero speed.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from sim.radar.processing.windows import window
 
 Float64 = NDArray[np.float64]
 
-_MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  # half of it, in bins, about
+_MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  # half width in bins, approximately
 
 
 class RangeDoppler:
-    """Maps of one radar's frames. Holds the learned background, where there is one, and the last frame's spectra."""
+    """Computes the maps of one radar's frames; holds the learned background and the spectra of the last frame."""
 
     def __init__(self, chirp: Chirp, receivers: int, processing: Processing) -> None:
         self._clutter = processing.clutter
@@ -43,26 +43,26 @@ class RangeDoppler:
         self.columns = power_of_two_from(chirp.samples) * processing.range_padding // 2
         self._background: Float64 | None = None
         self._spectrum = np.zeros((receivers, self.rows, self.columns), np.complex128)
-        # Rows about zero speed, where clutter removal takes noise and all, and columns about zero range, where the mean
-        # is or was.
+        # Rows near zero speed, where clutter removal also removes noise, and columns near zero range, where the mean is
+        # or was.
         slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
         fast_null = -(-2 * self.columns * _MAIN_LOBE[processing.range_window] // chirp.samples)
         still = processing.clutter in ("mean", "mti2", "mti3")
         self.quiet_rows = [still and abs(row - self.rows // 2) < slow_null for row in range(self.rows)]
         self.quiet_columns = fast_null
-        # Of one cell.
+        # Scale of the power of a cell.
         self.range_step_m = SPEED_OF_LIGHT_MPS * chirp.sample_rate_hz / (4.0 * chirp.slope_hz_per_s * self.columns)
         self.speed_step_mps = 2.0 * chirp.max_speed_mps / self.rows
 
     def compute(self, raw: NDArray[np.uint16], background_gain: float = 0.0) -> NDArray[np.float32]:
-        """A new map of (receivers, chirps, samples).
+        """Return a new map of samples (receivers, chirps, samples).
 
-        `background_gain` (0 to 1) is of use to clutter: background; the first frame is the background as it is.
+        `background_gain` (0 to 1): for `clutter: background`; the first frame initialises the background.
         """
         if raw.dtype != np.uint16:
             raise TypeError(f"raw samples are {raw.dtype}, not uint16")
         if raw.shape != self._shape:
-            raise ValueError(f"raw samples have another shape than {self._shape} (receivers, chirps, samples)")
+            raise ValueError(f"raw samples do not have the shape {self._shape} (receivers, chirps, samples)")
         x = raw.astype(np.float64)
         if self._remove_chirp_mean:
             x -= np.sum(x * self._fast, axis=2, keepdims=True) / self._fast.sum()
@@ -73,7 +73,7 @@ class RangeDoppler:
         return (self._scale * power).astype(np.float32)
 
     def _moving(self, x: Float64, background_gain: float) -> Float64:
-        """The samples less the static clutter. Differences are scaled so that white noise keeps its power."""
+        """Return the samples without static clutter. Differences are scaled to keep the power of white noise."""
         if self._clutter == "none":
             return x
         if self._clutter == "mti2":
@@ -88,13 +88,13 @@ class RangeDoppler:
         return x - still
 
     def spectra(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.complex128]:
-        """X of the last frame in some cells of the map, unscaled: (receivers, cells)."""
+        """Return X of the last frame in some cells of the map, unscaled: (receivers, cells)."""
         return self._spectrum[:, rows, columns]
 
     def spectrum(self, receiver: int) -> NDArray[np.complex128]:
-        """X of one receiver in the last frame, unscaled, rows as in the map."""
+        """Return X of one receiver in the last frame, unscaled, with the rows of the map."""
         return self._spectrum[receiver]
 
     def reset(self) -> None:
-        """Forget the background."""
+        """Discard the background."""
         self._background = None

@@ -1,4 +1,4 @@
-"""Tracks of what moves, from the points of successive frames.
+"""Tracks of moving objects from the points of successive frames.
 
 State of a track: range and radial speed (r, v), and the direction sines d_y, d_z with their rates, each pair a Kalman
 filter with white acceleration q:
@@ -6,14 +6,18 @@ filter with white acceleration q:
     F = | 1 dt |     Q = q^2 | dt^3/3  dt^2/2 |
         | 0  1 |             | dt^2/2  dt     |
 
-A frame: predict; put points together that lie near one another in range, speed and direction (a chain of neighbours is
-one cluster); each cluster goes to the nearest track within the gate; a track takes, of all its points, the mean range
-and direction weighed by amplitude and the median speed weighed by power, less so the farther from the speed it is
-expected to have (the trunk of a walker is the strongest ridge, limbs lie to both sides of it); clusters that no track
-takes begin tracks where they move. A track counts once it was seen in `confirm_hits` of its first `confirm_frames`
-frames, keeps its identity from then on, and ends when it was not seen for `coast_s`. Meanwhile its speed falls to zero
-with `pause_s`: what vanishes from the map has most likely stopped. Speeds are compared modulo 2 v_max, as the radar
-measures them.
+Steps of a frame:
+
+1. Predict all tracks.
+2. Cluster points that are near one another in range, speed and direction (a chain of neighbours is one cluster).
+3. Assign each cluster to the nearest track within the gate. The track is updated with the mean range and direction of
+   its points, weighted by amplitude, and with their median speed, weighted by power and by the distance from the
+   expected speed (the trunk of a walker is the strongest ridge, with limbs on both sides).
+4. Start tracks from moving clusters that are left.
+
+A track is confirmed once it was seen in `confirm_hits` of its first `confirm_frames` frames. It then has an identity,
+and ends when it was not seen for `coast_s`. Meanwhile its speed decays with `pause_s`: an object that vanishes from the
+map has most likely stopped. Speeds are compared modulo 2 v_max, as the radar measures them.
 """
 
 from __future__ import annotations
@@ -25,14 +29,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_sin
+from signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_sin
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
 
 TRACK_DTYPE = np.dtype(
     [
         ("id", "<u2"),
-        ("age_frames", "<u2"),  # since the first point; stays at its greatest value
+        ("age_frames", "<u2"),  # since the first point; saturates
         ("p_R_m", "<f4", (3,)),
         ("v_R_mps", "<f4", (3,)),
         ("range_m", "<f4"),
@@ -43,20 +47,20 @@ TRACK_DTYPE = np.dtype(
         ("speed_std_mps", "<f4"),
         ("azimuth_std_rad", "<f4"),
         ("elevation_std_rad", "<f4"),
-        ("unseen_s", "<f4"),  # since the last frame with a point of it
+        ("unseen_s", "<f4"),  # since the last frame with one of its points
     ]
 )
 
 _NEPERS_PER_DECIBEL = 0.230258509299404568402  # ln 10 / 10
 _FIRST_RATE_SIGMA = 0.3  # of a direction sine, 1/s
-_ROUNDING_S = 1e-6  # of times that were added up
-_NEAREST_SINE = 0.05  # of d_x, in deviations of angles
-_MOST = 65535  # of identities and ages
+_ROUNDING_S = 1e-6  # rounding error of summed times
+_NEAREST_SINE = 0.05  # lower limit of d_x in the deviations of angles
+_MOST = 65535  # limit of identities and ages
 
-# A limb swings past the trunk's speed in a few frames, the trunk changes its own slowly: points this far from the
-# speed that a track is expected to have count a quarter of what they would.
+# A limb passes the trunk's speed within a few frames, while the trunk changes its speed slowly: points this far from
+# the expected speed of a track have a quarter of the weight.
 _TRUNK_MPS = 0.6
-# Of the points within this of the median speed the mean is taken: a median alone jumps from point to point.
+# The speed is the mean of points within this of the median, which alone would jump from point to point.
 _RIDGE_MPS = 0.25
 
 Float64 = NDArray[np.float64]
@@ -64,7 +68,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass
 class _Filter:
-    """A value, its rate, and their covariance."""
+    """Kalman filter of a value and its rate."""
 
     value: float
     rate: float
@@ -109,8 +113,11 @@ class _Track:
 
 
 class _Points:
-    """Points of a frame as arrays. Weight is amplitude over noise: of a body that is spread out, its strongest point
-    must not stand for all of it in range. In speed it must: power is over noise too."""
+    """Points of a frame as arrays.
+
+    Range is weighted by amplitude over noise, so that the strongest point of an extended body does not dominate. Speed
+    is weighted by power over noise, so that it does.
+    """
 
     def __init__(self, points: NDArray[np.void]) -> None:
         self.range = points["range_m"].astype(np.float64)
@@ -135,7 +142,7 @@ class _Cluster:
 
 
 class Tracker:
-    """Tracks over the frames of one radar; identities count up from 1."""
+    """Tracks objects over the frames of one radar; identities count up from 1."""
 
     def __init__(self, chirp: Chirp, processing: Processing) -> None:
         self._p = processing.tracker
@@ -144,13 +151,13 @@ class Tracker:
         self.reset()
 
     def reset(self) -> None:
-        """As constructed."""
+        """Reset to the state after construction."""
         self._last_ns: int | None = None
         self._tracks: list[_Track] = []
         self._next_id = 1
 
     def step(self, points: NDArray[np.void], t_ns: int) -> NDArray[np.void]:
-        """Confirmed tracks after the points of a frame at `t_ns`, which must rise; a new array of TRACK_DTYPE."""
+        """Return the confirmed tracks after a frame's points at `t_ns`, which must rise: a new array of TRACK_DTYPE."""
         if self._last_ns is not None and t_ns <= self._last_ns:
             raise ValueError(f"a frame at {t_ns} ns after one at {self._last_ns} ns: frames come in the order of time")
         dt_s = 0.0 if self._last_ns is None else (t_ns - self._last_ns) * 1e-9
@@ -165,7 +172,7 @@ class Tracker:
             own = [cluster.members for cluster in clusters if cluster.track is track]
             if own:
                 self._update(track, seen, np.any(own, axis=0))
-        self._bury()
+        self._remove_ended()
         for cluster in clusters:
             self._give_birth(cluster)
         for track in self._tracks:
@@ -176,15 +183,15 @@ class Tracker:
         return np.array(confirmed[: self._room], TRACK_DTYPE)
 
     def _fold(self, speed: Any) -> Any:
-        """A speed, or an array of them, as the radar sees it."""
+        """Return speeds modulo 2 v_max, as the radar measures them."""
         return speed - self._whole_speed_mps * np.floor(speed / self._whole_speed_mps + 0.5)
 
     def _speed_gate(self, track: _Track) -> float:
-        """Of a track that was not seen for a while the speed may be any."""
+        """Return the gate in speed; a track that was not seen for a while accepts any speed."""
         return self._p.gate_speed_mps + 2.0 * max(0.0, math.sqrt(track.range.p11) - self._p.speed_sigma_mps)
 
     def _apart(self, one: _Cluster, track: _Track) -> float:
-        """Squared distance in place, 1 at the gate."""
+        """Return the squared distance in position, 1 at the gate."""
         dr = (one.range - track.range.value) / self._p.gate_range_m
         dy = (one.y - track.y.value) / self._p.gate_sine
         return dr * dr + dy * dy
@@ -233,7 +240,7 @@ class Tracker:
             place = self._apart(cluster, track)
             if place > 1.0:
                 continue
-            # Within the place of a track a cluster of any speed belongs to it: a limb is no new person.
+            # A cluster of any speed at the position of a track belongs to it: a limb is not another person.
             dv = float(self._fold(cluster.speed - track.range.rate)) / self._speed_gate(track)
             distance = 0.5 * place + min(0.5, 0.5 * dv * dv)
             if distance < nearest:
@@ -260,8 +267,8 @@ class Tracker:
         track.unseen_s = 0.0
         track.hits += 1
 
-    def _bury(self) -> None:
-        """Without tracks that ended; of two that came to the same place with the same speed the older remains."""
+    def _remove_ended(self) -> None:
+        """Remove tracks that ended, and the younger of two with the same position and speed."""
         kept: list[_Track] = []
         for track in self._tracks:
             if not self._ended(track) and not any(self._same(track, older) for older in kept):
@@ -286,7 +293,7 @@ class Tracker:
         p = self._p
         if cluster.track is not None or cluster.snr_db < p.birth_snr_db or abs(cluster.speed) < p.birth_speed_mps:
             return
-        # Not beside a track that began in this frame either.
+        # Nor next to a track that began in this frame.
         if any(self._apart(cluster, track) <= 1.0 for track in self._tracks):
             return
         sine2, rate2 = p.sine_sigma * p.sine_sigma, _FIRST_RATE_SIGMA * _FIRST_RATE_SIGMA
@@ -300,7 +307,7 @@ class Tracker:
 
 
 def _row(t: _Track) -> tuple[Any, ...]:
-    """A track as TRACK_DTYPE has it."""
+    """Return a track as a record of TRACK_DTYPE."""
     fit = 1.0 / max(1.0, math.sqrt(t.y.value * t.y.value + t.z.value * t.z.value))
     dy, dz = fit * t.y.value, fit * t.z.value
     dx = math.sqrt(max(0.0, 1.0 - dy * dy - dz * dz))

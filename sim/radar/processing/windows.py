@@ -1,12 +1,12 @@
-"""Windows, sampled between the ends of their period so that they are symmetric about the middle of N samples.
+"""Window functions, symmetric about the middle of N samples.
 
     hann      1/2 - 1/2 cos x               hamming   0.54 - 0.46 cos x             x = 2 pi (n + 1/2) / N
     blackman  0.42 - 0.5 cos x + 0.08 cos 2x
     taylor    1 + 2 sum over m of F_m cos(m (x - pi)), the first side lobe at -40 dB, 5 nearly equal ones
               (Carrara, Goodman, Majewski, Spotlight Synthetic Aperture Radar, 1995, app. D.2)
 
-Symmetric about the middle: the phase of an echo is then that of the middle of the frame, and what drifts within a
-frame is seen where it is at its middle. Elementary functions are those that give the same bits everywhere.
+By the symmetry the phase of an echo is that at the middle of the frame, and an object that moves during a frame appears
+where it is at its middle. The elementary functions are those of `signals._kernel`: the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals._kernel import det_cos, det_log
+from signals._kernel import det_cos, det_log
 from sim.radar.processing.parameters import WindowName
 
 _TAYLOR_DB, _TAYLOR_LOBES = 40.0, 5
-_STEPS = 64  # of the table between bins
-_CORRELATED = 8  # bins beyond which cells of any window have nothing in common
+_STEPS = 64  # steps of the table between bins
+_CORRELATED = 8  # bins beyond which cells are uncorrelated for any window
 
 
 def window(name: WindowName, n: int) -> list[float]:
-    """n weights; their scale is of no matter."""
+    """Return n weights; their scale is arbitrary."""
     if name == "none":
         return [1.0] * n
     if name == "taylor":
@@ -45,7 +45,7 @@ def window(name: WindowName, n: int) -> list[float]:
 
 
 def _taylor_terms() -> list[float]:
-    """F_1 ... F_(lobes - 1)."""
+    """Return F_1 ... F_(lobes - 1)."""
     ratio = 1.0
     for _ in range(int(_TAYLOR_DB / 20.0)):
         ratio *= 10.0
@@ -64,7 +64,7 @@ def _taylor_terms() -> list[float]:
 
 
 def response(weights: list[float], bins: float, padded: int) -> float:
-    """W at `bins` of a transform over `padded`: sum of w cos(2 pi bins (n - middle) / padded), real by symmetry."""
+    """Return W at `bins` of a transform over `padded`: sum of w cos(2 pi bins (n - middle) / padded), a real number."""
     middle = 0.5 * (len(weights) - 1)
     total = 0.0
     for i, w in enumerate(weights):
@@ -73,20 +73,22 @@ def response(weights: list[float], bins: float, padded: int) -> float:
 
 
 def ratio_table(weights: list[float], padded: int) -> list[float]:
-    """(a+ - a-) / (a- + a0 + a+) of an echo d = 0 ... 0.5 bins above its cell; what the native detector reads back."""
+    """Return (a+ - a-) / (a- + a0 + a+) of an echo d = 0 ... 0.5 bins above its cell, which the detector inverts."""
     table: list[float] = []
     for step in range(_STEPS + 1):
         d = 0.5 * step / _STEPS
         before, here, after = (abs(response(weights, b, padded)) for b in (1.0 + d, d, 1.0 - d))
         ratio = (after - before) / (before + here + after)
-        # Rounding at d = 0, where some windows are flat: the table has to grow.
+        # At d = 0 some windows are flat, but rounding must not make the table fall.
         table.append(max(ratio, table[-1] + 1e-12) if table else 0.0)
     return table
 
 
 def side_lobes(weights: list[float], padded: int, cells: int) -> tuple[list[float], int]:
-    """Greatest power, relative to the peak, `d - 1/2` cells away or farther for d = 0 ... cells, and the cell in which
-    the first side lobe begins. Beyond the main lobe's edge that lobe no longer counts."""
+    """Return the greatest relative power beyond each distance from a peak, and the cell of the first side lobe.
+
+    Element d = 0 ... cells holds the power `d - 1/2` or more cells off. The main lobe does not count beyond its edge.
+    """
     step = 0.25
     peak = response(weights, 0.0, padded)
     power = []
@@ -107,7 +109,7 @@ def side_lobes(weights: list[float], padded: int, cells: int) -> tuple[list[floa
 
 
 def correlation(weights: list[float], lag: int, padded: int) -> float:
-    """Squared correlation of noise between cells `lag` apart: that of their powers."""
+    """Return the squared correlation of noise between cells `lag` apart, which is that of their powers."""
     squares = [w * w for w in weights]
     share = response(squares, float(lag), padded) / response(squares, 0.0, padded)
     return share * share
@@ -116,8 +118,9 @@ def correlation(weights: list[float], lag: int, padded: int) -> float:
 def likeness(
     fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, trains: NDArray[np.bool_]
 ) -> float:
-    """How many of the training cells (`trains`, doppler by range) are one independent cell: the mean sum of squared
-    correlations."""
+    """Return the number of training cells (`trains`, doppler by range) per independent cell: the mean sum of squared
+    correlations.
+    """
     rho = []
     for weights, padded, size in ((slow, slow_padded, trains.shape[0]), (fast, fast_padded, trains.shape[1])):
         reach = _CORRELATED * max(1, padded // len(weights))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from hil.signals._kernel import det_atan2
-from hil.signals.rotation import product
+from signals._kernel import det_atan2
+from signals.rotation import product
 from sim.scene.maps import surfaces, textures
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz, gabled
+from sim.scene.random_generator import RandomGenerator
 
-BAY_M = 3.0  # one window wide, one storey high: the tile of every facade
+BAY_M = 3.0  # width of a window, height of a storey: the tile of every facade
 _FACADES = ("facade_sand", "facade_red", "facade_white", "facade_office")
 
 
@@ -20,7 +20,7 @@ def building_materials(builder: MapBuilder) -> None:
         builder.texture(name, textures.png(name))
     for name in _FACADES:
         builder.material(name, surfaces.CONCRETE, texture=name, specular=0.2)
-    # Sheets of these meshes carry their own texture coordinates, so no tile here.
+    # These meshes have texture coordinates of their own, so no tile.
     builder.material("brick_mesh", surfaces.BRICK, texture="brick", specular=0.0)
     builder.material("plaster_white", surfaces.PLASTER, texture="plaster", specular=0.0)
     builder.material("plaster_ochre", surfaces.PLASTER, rgb=(0.90, 0.76, 0.52), texture="plaster", specular=0.0)
@@ -40,15 +40,22 @@ def building_materials(builder: MapBuilder) -> None:
 
 
 def add_block(
-    builder: MapBuilder, dice: Dice, x: float, y: float, heading_rad: float, bays: int, deep: int, storeys: int
+    builder: MapBuilder,
+    rng: RandomGenerator,
+    x: float,
+    y: float,
+    heading_rad: float,
+    bays: int,
+    deep: int,
+    storeys: int,
 ) -> None:
-    """A block of flats of `bays` x `deep` x `storeys` bays of 3 m, with a flat or a tiled roof. 2 geoms."""
+    """Add a block of flats of `bays` x `deep` x `storeys` bays of 3 m, with a flat or a tiled roof: 2 geoms."""
     body = builder.body("building", (x, y, 0.0), yaw_quat(heading_rad))
     half = (0.5 * BAY_M * bays, 0.5 * BAY_M * deep, 0.5 * BAY_M * storeys)
     mesh = builder.mesh(f"block_{bays}_{deep}_{storeys}", box_with_tiles(half, (BAY_M, BAY_M)))
-    body.geom("mesh", mesh=mesh, material=dice.pick(_FACADES), pos=(0.0, 0.0, half[2]), part="walls")
+    body.geom("mesh", asset=mesh, material=rng.pick(_FACADES), pos=(0.0, 0.0, half[2]), part="walls")
     top = 2.0 * half[2]
-    if dice.chance(0.5):
+    if rng.chance(0.5):
         body.geom(
             "box", (half[0] + 0.3, half[1] + 0.3, 0.25), material="roof_felt", pos=(0.0, 0.0, top + 0.25), part="roof"
         )
@@ -60,43 +67,50 @@ def add_block(
         extrude_xz([(-hx, 0.0), (hx, 0.0), (hx, 0.15), (0.0, rise), (-hx, 0.15)], hy, tile_m=2.4),
     )
     ridge_along_x = yaw_quat(1.5707963267948966)
-    body.geom("mesh", mesh=roof, material="roof_tiles_mesh", pos=(0.0, 0.0, top), quat=ridge_along_x, part="roof")
+    body.geom("mesh", asset=roof, material="roof_tiles_mesh", pos=(0.0, 0.0, top), quat=ridge_along_x, part="roof")
 
 
 def add_house(
-    builder: MapBuilder, dice: Dice, x: float, y: float, heading_rad: float, *, half_x_m: float, half_y_m: float
+    builder: MapBuilder,
+    rng: RandomGenerator,
+    x: float,
+    y: float,
+    heading_rad: float,
+    *,
+    half_x_m: float,
+    half_y_m: float,
 ) -> None:
-    """A family house, its door towards +x of its heading; the ridge runs along y. About 20 geoms."""
-    wall = dice.pick((2.9, 2.9, 5.4))
-    rise = half_x_m * dice.between(0.62, 0.85)
+    """Add a family house with the door towards +x of its heading and the ridge along y: about 20 geoms."""
+    wall = rng.pick((2.9, 2.9, 5.4))
+    rise = half_x_m * rng.between(0.62, 0.85)
     hx, hy = half_x_m, half_y_m
-    material = dice.pick(("brick_mesh", "brick_mesh", "plaster_white", "plaster_ochre", "plaster_blue"))
+    material = rng.pick(("brick_mesh", "brick_mesh", "plaster_white", "plaster_ochre", "plaster_blue"))
     tile = 1.0 if material == "brick_mesh" else 3.0
     name = f"house_{round(hx * 100)}_{round(hy * 100)}_{round(wall * 10)}_{round(rise * 100)}_{round(tile)}"
     body = builder.body("house", (x, y, 0.0), yaw_quat(heading_rad))
     mesh = builder.mesh(name, gabled(hx, hy, wall, rise, tile_m=tile))
-    body.geom("mesh", mesh=mesh, material=material, part="walls")
+    body.geom("mesh", asset=mesh, material=material, part="walls")
     # Two slabs of roof, turned about y by the pitch; 0.35 m of eaves.
     pitch = det_atan2(rise, hx)
     slope = sqrt(hx * hx + rise * rise)
     eaves = 0.35
     reach = 0.5 * (slope + eaves)
-    roof = dice.pick(("roof_tiles", "roof_tiles", "roof_slate"))
+    roof = rng.pick(("roof_tiles", "roof_tiles", "roof_slate"))
     for part, side in (("roof_front", 1.0), ("roof_back", -1.0)):
-        # The slab's local x runs down the slope, so that tiles lie the right way: local y of the texture is up.
+        # The slab's local x points down the slope; local y of the texture is then up.
         cx = side * 0.5 * (hx + eaves * hx / slope)
         cz = wall + 0.5 * (rise - eaves * rise / slope) + 0.08
         tilt = pitch_quat(pitch)
         quat = tilt if side > 0 else product(yaw_quat(pi), tilt)
-        # Quarter turn about the slab's own z: texture rows run along the eaves.
+        # A quarter turn about the slab's own z lays texture rows along the eaves.
         quat = product(quat, yaw_quat(1.5707963267948966))
         body.geom("box", (hy + 0.3, reach, 0.07), pos=(cx, 0.0, cz), quat=quat, material=roof, part=part)
-    stack_y = hy * dice.between(-0.5, 0.5)
+    stack_y = hy * rng.between(-0.5, 0.5)
     body.geom(
         "box", (0.3, 0.3, 0.9), pos=(-0.35 * hx, stack_y, wall + rise), material="step_stone", part="chimney"
     )  # fmt: skip
-    door_y = hy * dice.between(-0.35, 0.35)
-    door = dice.pick(("door_green", "door_red", "door_blue"))
+    door_y = hy * rng.between(-0.35, 0.35)
+    door = rng.pick(("door_green", "door_red", "door_blue"))
     body.geom("box", (0.04, 0.5, 1.05), pos=(hx + 0.02, door_y, 1.15), material=door, part="door", solid=False)
     body.geom("box", (0.5, 0.75, 0.08), pos=(hx + 0.5, door_y, 0.08), material="step_stone", part="step")
     storeys = 1 if wall < 4.0 else 2

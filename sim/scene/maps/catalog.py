@@ -1,4 +1,4 @@
-"""The generators that a scene file may name: one file and one line here for each."""
+"""Map generators that a scene file may name: one file and one line here for each."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hil.signals.documents.validate import StrictModel
+from signals.documents.validate import StrictModel
 from sim.scene.maps import city_park, radar_range, training_village, urban_delivery
 from sim.scene.maps.scene_map import SceneMap
 
 
 @dataclass(frozen=True)
 class Generator:
-    """`generate(parameters, seed)` is a pure function: same arguments, same bytes."""
+    """Map generator. `generate(parameters, seed)` is a pure function: same arguments, same bytes."""
 
     parameters: type[StrictModel]
     generate: Callable[[Any, int], SceneMap]

@@ -1,8 +1,8 @@
 """City park: 92 x 92 m of lawn between streets and blocks of flats.
 
-A round walk and four winding paths that meet at a paved place, which is where the vehicle starts; in the quarters
-between them, shuffled by the seed, a pond, a playground, a grove and an open lawn; benches, lamps, hedges, a hill,
-people.
+A round walk and four winding paths meet at a paved place, where the vehicle starts. The quarters between them hold, in
+an order drawn from the seed, a pond, a playground, a grove and an open lawn. There are benches, lamps, hedges, a hill
+and people.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals._kernel import det_atan2, det_cos, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_atan2, det_cos, det_sin
+from signals.documents.validate import StrictModel
+from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, building_materials
 from sim.scene.maps.cars import add_car
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
@@ -36,6 +35,7 @@ from sim.scene.maps.street_furniture import (
     furniture_materials,
 )
 from sim.scene.maps.walk_path import WalkPath
+from sim.scene.random_generator import RandomGenerator
 
 _HALF_M = 46.0  # lawn
 _PLACE_M = 6.0  # radius of the paved place at the origin
@@ -48,7 +48,7 @@ Point3 = tuple[float, float, float]
 
 
 class CityParkParameters(StrictModel):
-    """How much of what."""
+    """Numbers of trees, bushes, people and furniture."""
 
     trees: Annotated[int, Field(ge=0, le=400)] = 30
     bushes: Annotated[int, Field(ge=0, le=100)] = 8
@@ -66,11 +66,11 @@ class _Park:
         self.seed = seed
         self.builder = MapBuilder("city_park")
         self.layout = Layout()
-        # Nothing over knee height within 7 m of the origin.
+        # Keeps 7 m round the origin free of anything above knee height.
         self.layout.take_disc(0.0, 0.0, 7.0)
 
-    def dice(self, name: str) -> Dice:
-        return Dice(self.seed, f"city_park.{name}")
+    def rng(self, name: str) -> RandomGenerator:
+        return RandomGenerator(self.seed, f"city_park.{name}")
 
     def materials(self) -> None:
         b = self.builder
@@ -80,7 +80,7 @@ class _Park:
         for name in ("grass", "gravel", "asphalt", "paving", "water", "concrete"):
             b.texture(name, textures.png(name))
         b.material("grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
-        # Meshes in W carry texture coordinates in metres.
+        # Meshes in W have texture coordinates in metres.
         b.material("gravel", surfaces.GRAVEL, texture="gravel", specular=0.0)
         b.material("asphalt", surfaces.ASPHALT, texture="asphalt", specular=0.0)
         b.material("paving", surfaces.CONCRETE, texture="paving", specular=0.0)
@@ -90,9 +90,9 @@ class _Park:
         b.material("road_paint", surfaces.ROAD_PAINT, rgb=(0.92, 0.92, 0.90), specular=0.0)
 
     def paths(self) -> None:
-        b, dice = self.builder, self.dice("paths")
+        b, rng = self.builder, self.rng("paths")
         b.ground("plane", (0.0, 0.0, 1.0), material="grass")
-        a, c = dice.between(0.0, TURN_RAD), dice.between(0.0, TURN_RAD)
+        a, c = rng.between(0.0, TURN_RAD), rng.between(0.0, TURN_RAD)
         self.round_walk: list[Point] = []
         for i in range(72):
             angle = TURN_RAD * i / 72
@@ -102,19 +102,19 @@ class _Park:
         self.layout.take_band(self.round_walk, _PATH_HALF_M + 0.4, closed=True)
         self.spokes: list[list[Point]] = []
         for i, (c_x, s_y) in enumerate(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))):
-            sway = dice.between(1.2, 2.6) * (1.0 if dice.chance(0.5) else -1.0)
+            sway = rng.between(1.2, 2.6) * (1.0 if rng.chance(0.5) else -1.0)
             points = []
             for k in range(25):
                 out = _PLACE_M - 0.3 + (_HALF_M + 0.4 - _PLACE_M) * k / 24
                 side = sway * det_sin(TURN_RAD * k / 24)
                 points.append((out * c_x - side * s_y, out * s_y + side * c_x))
             self.spokes.append(points)
-            # A little above the round walk, so that crossings have one surface.
+            # Slightly above the round walk, so that crossings show one surface.
             self.path_mesh(f"spoke_{i}", points, _PATH_HALF_M, "gravel", 3.0, closed=False, top_m=0.026)
             self.layout.take_band(points, _PATH_HALF_M + 0.4)
         body = b.body("path")
         place = b.mesh("place", slab(ellipse(_PLACE_M, _PLACE_M, 40), -0.05, 0.012, tile_m=2.4))
-        body.geom("mesh", mesh=place, material="paving", solid=False, part="place")
+        body.geom("mesh", asset=place, material="paving", solid=False, part="place")
 
     def path_mesh(
         self,
@@ -128,15 +128,15 @@ class _Park:
         top_m: float = 0.02,
     ) -> None:
         mesh = self.builder.mesh(name, ribbon(points, half_m, -0.05, top_m, tile_m=tile_m, closed=closed))
-        self.builder.body("path").geom("mesh", mesh=mesh, material=material, solid=False)
+        self.builder.body("path").geom("mesh", asset=mesh, material=material, solid=False)
 
     def street(self) -> None:
-        b, dice = self.builder, self.dice("street")
+        b, rng = self.builder, self.rng("street")
         s = _STREET_M
         square = [(-s, -s), (s, -s), (s, s), (-s, s)]
         road = b.body("road")
         mesh = b.mesh("street", ribbon(_square(s), 3.5 * sqrt(2.0), -0.05, 0.015, tile_m=4.0, closed=True))
-        road.geom("mesh", mesh=mesh, material="asphalt", solid=False, part="lanes")
+        road.geom("mesh", asset=mesh, material="asphalt", solid=False, part="lanes")
         for i, ((x0, y0), (x1, y1)) in enumerate(zip(square, [*square[1:], square[0]], strict=True)):
             along_x = y0 == y1
             half = (s - 4.0, 0.06, 0.01) if along_x else (0.06, s - 4.0, 0.01)
@@ -148,7 +148,7 @@ class _Park:
                 solid=False,
                 part=f"line_{i}",
             )
-        # Boxes, for a solid mesh collides as its convex hull, and a ring's hull is the whole park.
+        # Boxes: a solid mesh collides as its convex hull, and the hull of a ring is the whole park.
         for middle in (_HALF_M + 1.7, _STREET_M + 4.8):
             body = b.body("pavement")
             for i, (x, y, hx, hy) in enumerate(
@@ -160,16 +160,16 @@ class _Park:
             c, n = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter]
             along = -54.0
             while along < 44.0:
-                bays = 6 + dice.index(4)
+                bays = 6 + rng.index(4)
                 width = 3.0 * bays
                 deep = 4
                 out = _STREET_M + 6.6 + 1.5 * deep
                 middle = along + width / 2
                 x, y = out * c - middle * n, out * n + middle * c
-                # The long side faces the park: x of the block lies along the street.
-                add_block(b, dice, x, y, _QUARTER_RAD * (quarter + 1), bays, deep, 3 + dice.index(4))
-                along += width + dice.between(3.0, 9.0)
-        cars = self.dice("cars")
+                # The long side, x of the block, faces the park.
+                add_block(b, rng, x, y, _QUARTER_RAD * (quarter + 1), bays, deep, 3 + rng.index(4))
+                along += width + rng.between(3.0, 9.0)
+        cars = self.rng("cars")
         for i in range(self.parameters.cars):
             quarter, slot = i % 4, i // 4
             c, n = ((0, -1), (1, 0), (0, 1), (-1, 0))[quarter]
@@ -190,11 +190,11 @@ class _Park:
                 x, y = 45.4 * c - along * n, 45.4 * n + along * c
                 heading = _QUARTER_RAD * (quarter + 1)
                 body = b.body("hedge", (x, y, 0.0), yaw_quat(heading))
-                body.geom("mesh", mesh=mesh, material="crown_oak", pos=(0.0, 0.0, 0.5))
+                body.geom("mesh", asset=mesh, material="crown_oak", pos=(0.0, 0.0, 0.5))
 
     def quarters(self) -> None:
-        dice = self.dice("quarters")
-        order = dice.shuffled(("pond", "playground", "grove", "lawn"))
+        rng = self.rng("quarters")
+        order = rng.shuffled(("pond", "playground", "grove", "lawn"))
         for i, kind in enumerate(order):
             angle = TURN_RAD * (i + 0.5) / 4
             x, y = 17.0 * det_cos(angle), 17.0 * det_sin(angle)
@@ -205,12 +205,12 @@ class _Park:
             elif kind == "grove":
                 self.grove = (x, y)
         if self.parameters.hill_m > 0.0:
-            angle = TURN_RAD * (dice.index(4) + 0.5) / 4
+            angle = TURN_RAD * (rng.index(4) + 0.5) / 4
             self.hill(49.0 * det_cos(angle), 49.0 * det_sin(angle))
 
     def pond(self, x: float, y: float) -> None:
-        b, dice = self.builder, self.dice("pond")
-        lumps = [dice.between(-1.0, 1.0) for _ in range(6)]
+        b, rng = self.builder, self.rng("pond")
+        lumps = [rng.between(-1.0, 1.0) for _ in range(6)]
 
         def wobble(side: int) -> float:
             angle = TURN_RAD * side / 40
@@ -221,10 +221,10 @@ class _Park:
             )
 
         shore = ellipse(6.2, 4.9, 40, wobble=wobble)
-        body = b.body("water", (x, y, 0.0), yaw_quat(dice.between(0.0, TURN_RAD)))
-        body.geom("mesh", mesh=b.mesh("pond", slab(shore, -0.05, 0.03, tile_m=5.0)), material="water", part="pond")
+        body = b.body("water", (x, y, 0.0), yaw_quat(rng.between(0.0, TURN_RAD)))
+        body.geom("mesh", asset=b.mesh("pond", slab(shore, -0.05, 0.03, tile_m=5.0)), material="water", part="pond")
         rim = b.mesh("pond_rim", ribbon(shore, 0.28, -0.05, 0.14, tile_m=1.0, closed=True))
-        body.geom("mesh", mesh=rim, material="kerb", solid=False, part="rim")
+        body.geom("mesh", asset=rim, material="kerb", solid=False, part="rim")
         body.geom("cylinder", (0.5, 0.35), pos=(0.0, 0.0, 0.35), material="kerb", part="fountain")
         body.geom("sphere", (0.22,), pos=(0.0, 0.0, 0.85), material="kerb", part="ball")
         self.layout.take_disc(x, y, 7.2)
@@ -237,7 +237,7 @@ class _Park:
         self.layout.take_disc(x, y, 6.3)
 
     def hill(self, x: float, y: float) -> None:
-        """A hill of cosine shape in a corner of the lawn, as a height field."""
+        """Add a hill of cosine shape in a corner of the lawn, as a height field."""
         n, half = 33, 9.5
         scale = (_HALF_M - 1.2 - half) / max(abs(x), abs(y))
         x, y = x * scale, y * scale
@@ -253,8 +253,8 @@ class _Park:
         b = self.builder
         b.hfield("hill", rows, (half, half, self.parameters.hill_m, 0.1))
         b.material("hill_grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
-        # Its rim sinks a little into the lawn, so that no edge shows.
-        b.body("hill", (x, y, -0.02)).geom("hfield", hfield="hill", material="hill_grass")
+        # Its rim lies slightly below the lawn, so that no edge shows.
+        b.body("hill", (x, y, -0.02)).geom("hfield", asset="hill", material="hill_grass")
         self.layout.take_disc(x, y, half)
 
     def furniture(self) -> None:
@@ -278,7 +278,7 @@ class _Park:
                 self.layout.take_disc(x, y, 0.4)
 
     def beside_walk(self, share: float, outward_m: float) -> Point3:
-        """A point beside the round walk, and the heading from there to the walk."""
+        """Return a point beside the round walk, and the heading from there to the walk."""
         x, y = self.round_walk[round(share * 72) % 72]
         r = sqrt(x * x + y * y)
         scale = (r + outward_m) / r
@@ -286,40 +286,40 @@ class _Park:
         return x * scale, y * scale, heading
 
     def plants(self) -> None:
-        b, p, dice = self.builder, self.parameters, self.dice("plants")
+        b, p, rng = self.builder, self.parameters, self.rng("plants")
         h = _HALF_M - 2.6
         gx, gy = self.grove
         grove = p.trees // 4
         placed = self.layout.scatter(
-            dice, grove, 2.3, (gx - 7, gy - 7, gx + 7, gy + 7), lambda x, y: add_tree(b, dice, x, y), tries=20
+            rng, grove, 2.3, (gx - 7, gy - 7, gx + 7, gy + 7), lambda x, y: add_tree(b, rng, x, y), tries=20
         )
-        self.layout.scatter(dice, p.trees - placed, 2.6, (-h, -h, h, h), lambda x, y: add_tree(b, dice, x, y))
-        self.layout.scatter(dice, p.bushes, 0.9, (-h, -h, h, h), lambda x, y: add_bush(b, dice, x, y))
+        self.layout.scatter(rng, p.trees - placed, 2.6, (-h, -h, h, h), lambda x, y: add_tree(b, rng, x, y))
+        self.layout.scatter(rng, p.bushes, 0.9, (-h, -h, h, h), lambda x, y: add_bush(b, rng, x, y))
 
     def people(self) -> None:
-        b, p, dice = self.builder, self.parameters, self.dice("people")
+        b, p, rng = self.builder, self.parameters, self.rng("people")
         for i in range(p.walkers):
-            speed = dice.between(0.9, 1.5)
-            lap = dice.unit()
+            speed = rng.between(0.9, 1.5)
+            lap = rng.unit()
             if i % 2 == 0:
-                # Round the park, each on a lane of its own, either way.
-                lane = dice.between(-0.7, 0.7)
+                # Round the park in either direction, each on a lane of its own.
+                lane = rng.between(-0.7, 0.7)
                 points = [self._in_lane(point, lane) for point in self.round_walk[::3]]
-                if dice.chance(0.5):
+                if rng.chance(0.5):
                     points.reverse()
                 path = WalkPath(points, speed, corner_m=1.2, start_lap=lap)
             else:
                 spoke = self.spokes[(i // 2) % 4]
-                path = _along_spoke(spoke, speed, lap, dice)
-            add_walker(b, dice, path)
+                path = _along_spoke(spoke, speed, lap, rng)
+            add_walker(b, rng, path)
         for i in range(p.resting_people):
             if i % 3 != 2 and self.seats:
-                x, y, heading = self.seats.pop(dice.index(len(self.seats)))
-                add_still_person(b, dice, x, y, heading, seat_m=SEAT_M)
+                x, y, heading = self.seats.pop(rng.index(len(self.seats)))
+                add_still_person(b, rng, (x, y, 0.0), heading, seat_m=SEAT_M)
                 continue
             self.layout.scatter(
-                dice, 1, 0.5, (-25.0, -25.0, 25.0, 25.0),
-                lambda x, y: add_still_person(b, dice, x, y, dice.between(0.0, TURN_RAD)),
+                rng, 1, 0.5, (-25.0, -25.0, 25.0, 25.0),
+                lambda x, y: add_still_person(b, rng, (x, y, 0.0), rng.between(0.0, TURN_RAD)),
             )  # fmt: skip
 
     @staticmethod
@@ -330,14 +330,14 @@ class _Park:
 
 
 def _square(half_m: float) -> list[Point]:
-    """Corners of a square whose ribbon is mitred: counter-clockwise."""
+    """Return the corners of a square, counter-clockwise."""
     return [(-half_m, -half_m), (half_m, -half_m), (half_m, half_m), (-half_m, half_m)]
 
 
-def _along_spoke(spoke: list[Point], speed_mps: float, lap: float, dice: Dice) -> WalkPath:
-    """Out along a spoke on its right, back on its left."""
+def _along_spoke(spoke: list[Point], speed_mps: float, lap: float, rng: RandomGenerator) -> WalkPath:
+    """Return a path out along a spoke on its right and back on its left."""
     out = [spoke[k] for k in range(3, 24, 4)]
-    half = 0.45 + 0.25 * dice.unit()
+    half = 0.45 + 0.25 * rng.unit()
     right, left = [], []
     for k, (x, y) in enumerate(out):
         ax, ay = out[max(k - 1, 0)]

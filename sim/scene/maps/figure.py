@@ -1,14 +1,14 @@
-"""A human figure: lengths from body height, and the shape of each limb.
+"""Human figure: lengths as shares of body height, and the shapes of the limbs.
 
 Segment lengths as shares of body height: Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. 2009,
-figure 4.1 (after Drillis & Contini 1966). Girths are drawn, not measured.
+figure 4.1 (after Drillis & Contini 1966). Girths are chosen by eye.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hil.signals.samples import Vec3
+from signals.samples import Vec3
 
 LIMBS = (
     "pelvis", "torso", "head",
@@ -27,21 +27,21 @@ class LimbShape:
     size: tuple[float, ...]
     material: str  # shirt, trousers, skin, hair or shoe
     pos: Vec3 = (0.0, 0.0, 0.0)
-    lateral: bool = False  # its axis lies along y instead of z
-    forward: bool = False  # its axis lies along x instead of z
+    lateral: bool = False  # axis along y instead of z
+    forward: bool = False  # axis along x instead of z
 
 
 class Figure:
-    """Lengths [m] of a person of `height_m`, and the geoms of the limbs."""
+    """Lengths [m] and geoms of a person of `height_m`."""
 
     def __init__(self, height_m: float) -> None:
         h = self.height_m = height_m
         self.thigh_m = 0.245 * h
         self.shank_m = 0.246 * h
         self.ankle_m = 0.039 * h  # above the sole
-        self.heel_m = 0.030 * h  # point of the sole that lands first, behind the ankle
-        self.ball_m = 0.085 * h  # point of the sole that leaves last, before the ankle
-        self.hip_half_m = 0.052 * h  # hip joints, half their distance
+        self.heel_m = 0.030 * h  # point of the sole that touches first, behind the ankle
+        self.ball_m = 0.085 * h  # point of the sole that lifts off last, ahead of the ankle
+        self.hip_half_m = 0.052 * h  # half the distance of the hip joints
         self.shoulder_half_m = 0.112 * h
         self.shoulder_above_hip_m = 0.288 * h
         self.head_above_hip_m = 0.408 * h
@@ -53,7 +53,7 @@ class Figure:
 
     @property
     def lengths_m(self) -> tuple[float, ...]:
-        """What `sim._kernels` knows of a figure (sim/native/gait.hpp, FigureLengths)."""
+        """Lengths for `sim._kernels`, in the order of FigureLengths (sim/native/gait.hpp)."""
         legs = (self.thigh_m, self.shank_m, self.ankle_m, self.heel_m, self.ball_m, self.hip_half_m)
         above = (self.shoulder_half_m, self.shoulder_above_hip_m, self.head_above_hip_m, self.torso_above_hip_m)
         return (*legs, *above, self.upper_arm_m, self.forearm_m, self.hand_m, self.height_m)
@@ -79,7 +79,7 @@ class Figure:
                 LimbShape(f"hand_{side}", "hand", "ellipsoid", (0.024 * h, 0.014 * h, 0.045 * h), "skin"),
                 LimbShape(f"thigh_{side}", "leg", "capsule", (0.044 * h, self.thigh_m / 2), "trousers"),
                 LimbShape(f"shank_{side}", "leg", "capsule", (0.030 * h, self.shank_m / 2), "trousers"),
-                # The foot's frame sits in the ankle. Its capsule rests on the sole: radius 0.022 h.
+                # The origin of the foot is the ankle. Its capsule, of radius 0.022 h, touches the ground at the sole.
                 LimbShape(
                     f"foot_{side}", "shoe", "capsule", (0.022 * h, 0.052 * h), "shoe",
                     (0.035 * h, 0.0, 0.022 * h - self.ankle_m), forward=True,

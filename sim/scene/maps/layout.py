@@ -1,17 +1,17 @@
-"""Where things may stand: a record of ground already taken, as discs and as bands along paths."""
+"""Record of ground that is already taken, as discs and as bands along paths."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import sqrt
 
-from sim.scene.maps.dice import Dice
+from sim.scene.random_generator import RandomGenerator
 
 Point = tuple[float, float]
 
 
 def segment_distance(p: Point, a: Point, b: Point) -> float:
-    """From a point to a line segment [m]."""
+    """Return the distance of a point from a line segment [m]."""
     ax, ay = b[0] - a[0], b[1] - a[1]
     px, py = p[0] - a[0], p[1] - a[1]
     length2 = ax * ax + ay * ay
@@ -39,7 +39,7 @@ class Layout:
         self._boxes.append((min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)))
 
     def free(self, x: float, y: float, radius_m: float) -> bool:
-        """Whether a disc touches nothing taken."""
+        """Return True if a disc touches no ground that is taken."""
         for cx, cy, r in self._discs:
             if (x - cx) * (x - cx) + (y - cy) * (y - cy) < (r + radius_m) * (r + radius_m):
                 return False
@@ -52,7 +52,7 @@ class Layout:
 
     def scatter(
         self,
-        dice: Dice,
+        rng: RandomGenerator,
         count: int,
         radius_m: float,
         area: tuple[float, float, float, float],
@@ -60,11 +60,11 @@ class Layout:
         *,
         tries: int = 40,
     ) -> int:
-        """Up to `count` discs at random free spots of `area` (x0, y0, x1, y1); says how many found one."""
+        """Place up to `count` discs at random free spots of `area` (x0, y0, x1, y1); return how many found one."""
         placed = 0
         for _ in range(count):
             for _ in range(tries):
-                x, y = dice.between(area[0], area[2]), dice.between(area[1], area[3])
+                x, y = rng.between(area[0], area[2]), rng.between(area[1], area[3])
                 if self.free(x, y, radius_m):
                     self.take_disc(x, y, radius_m)
                     place(x, y)

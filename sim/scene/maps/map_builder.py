@@ -1,13 +1,13 @@
 """Collects the parts of a map and writes them as MJCF.
 
-Conventions that every map keeps:
+Conventions of every map:
 
-* Each thing (a tree, a bench, a house) is one child body of the world named `<class>_<number>[_...]`; each limb of an
+* Each object (a tree, a bench, a house) is one child body of the world named `<class>_<number>[_...]`; each limb of an
   actor is one mocap body `<actor>_<limb>`. Names of bodies and of geoms are unique.
 * Solid geoms have contype = conaffinity = 1, all others 0. Collision-only shapes go to group 3.
 * `texuniform` materials repeat every `tile_m` metres. MuJoCo lays a 2D texture on primitives along their local z, one
   image per 2 m at texrepeat 1, from the corner of least x and greatest y.
-* Orientations are quaternions and numbers are written in full, so that compiling uses no angle functions.
+* Orientations are quaternions, and numbers are written in full, so that compiling calls no angle functions.
 """
 
 from __future__ import annotations
@@ -16,38 +16,40 @@ import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.rotation import NO_TURN
-from hil.signals.samples import Quat, Vec3
+from signals._kernel import det_cos, det_sin
+from signals.rotation import NO_TURN
+from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 
 # Edge of the view that the lights and MuJoCo's clip planes refer to [m]; near 0.05 m and far 1200 m follow from it.
 _EXTENT_M = 50.0
-# MuJoCo's own defaults, and those that this builder sets; exactly this grey means the colour of the material.
+# Defaults of MuJoCo and of this builder. Exactly this grey means: the colour of the material.
 _PLAIN_GEOM = {"contype": "1", "conaffinity": "1", "condim": "3", "group": "0", "rgba": "0.5 0.5 0.5 1"}
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Shortest text that reads back to the same doubles."""
+    """Return the shortest text that reads back to the same doubles."""
     return " ".join(repr(float(v)) for v in values)
 
 
 def yaw_quat(angle_rad: float) -> Quat:
+    """Return a rotation about z: a positive angle turns x towards y."""
     return (det_cos(0.5 * angle_rad), 0.0, 0.0, det_sin(0.5 * angle_rad))
 
 
 def pitch_quat(angle_rad: float) -> Quat:
-    """About y: positive turns z towards x."""
+    """Return a rotation about y: a positive angle turns z towards x."""
     return (det_cos(0.5 * angle_rad), 0.0, det_sin(0.5 * angle_rad), 0.0)
 
 
 def roll_quat(angle_rad: float) -> Quat:
+    """Return a rotation about x: a positive angle turns y towards z."""
     return (det_cos(0.5 * angle_rad), det_sin(0.5 * angle_rad), 0.0, 0.0)
 
 
 class Body:
-    """A body under construction: geoms are added to it in its own frame."""
+    """Body under construction; its geoms are in its own frame."""
 
     def __init__(self, builder: MapBuilder, element: ET.Element, name: str) -> None:
         self._builder = builder
@@ -64,37 +66,45 @@ class Body:
         pos: Vec3 = (0.0, 0.0, 0.0),
         quat: Quat = NO_TURN,
         solid: bool = True,
-        mesh: str = "",
+        asset: str = "",
         part: str = "",
-        fromto: tuple[float, ...] = (),
-        hfield: str = "",
     ) -> None:
-        """One geom, named after the body. `size` as in MJCF: radii and half lengths."""
+        """Add a geom, named after the body; its `pos` and `quat` are in the body's frame.
+
+        `size` as in MJCF: radii and half lengths. `asset`: name of the mesh or height field of a geom of that kind.
+        """
+        more = {}
+        if asset:
+            more[kind] = asset
+        if pos != (0.0, 0.0, 0.0):
+            more["pos"] = numbers(pos)
+        if quat != NO_TURN:
+            more["quat"] = numbers(quat)
+        self._add(kind, tuple(size), material, part, more, solid=solid)
+
+    def rod(
+        self, radius_m: float, ends_m: tuple[float, ...], *, material: str, solid: bool = True, part: str = ""
+    ) -> None:
+        """Add a capsule between two points; `ends_m`: x, y, z of both."""
+        self._add("capsule", (radius_m,), material, part, {"fromto": numbers(ends_m)}, solid=solid)
+
+    def _add(
+        self, kind: str, size: tuple[float, ...], material: str, part: str, more: dict[str, str], *, solid: bool
+    ) -> None:
         name = f"{self.name}_{part or self._count}"
         self._count += 1
         self._builder.claim_geom(name)
         attributes = {"name": name, "type": kind, "material": self._builder.known_material(material)}
-        size = tuple(size)
         if size:
             attributes["size"] = numbers(size)
-        if mesh:
-            attributes["mesh"] = mesh
-        if hfield:
-            attributes["hfield"] = hfield
-        if fromto:
-            attributes["fromto"] = numbers(fromto)
-        else:
-            if pos != (0.0, 0.0, 0.0):
-                attributes["pos"] = numbers(pos)
-            if quat != NO_TURN:
-                attributes["quat"] = numbers(quat)
+        attributes |= more
         if not solid:
             attributes |= {"contype": "0", "conaffinity": "0"}
         ET.SubElement(self._element, "geom", attributes)
 
 
 class MapBuilder:
-    """Materials, textures, meshes, bodies and actors of one map, in the order of their making."""
+    """Materials, textures, meshes, bodies and actors of one map, in the order in which they are added."""
 
     def __init__(self, name: str) -> None:
         self._root = ET.Element("mujoco", model=name)
@@ -128,7 +138,7 @@ class MapBuilder:
         self._numbers: dict[str, int] = {}
 
     def texture(self, name: str, png: bytes, *, cube: bool = False) -> str:
-        """A texture from a PNG; `cube` wraps it round all six sides (for balls), else it is a flat sheet."""
+        """Add a texture from a PNG, unless the name exists. `cube`: on all six sides (for balls), else a flat sheet."""
         if name not in self._textures:
             self._textures.add(name)
             self._assets[f"{name}.png"] = png
@@ -147,7 +157,7 @@ class MapBuilder:
         specular: float = 0.1,
         shininess: float = 0.2,
     ) -> str:
-        """A material. With `tile_m` its texture repeats in metres; without, it fills each geom once."""
+        """Add a material, unless the name exists. `tile_m`: period of its texture; 0: it fills each geom once."""
         if name in self._materials:
             return name
         self._materials[name] = surface
@@ -168,7 +178,7 @@ class MapBuilder:
         return name
 
     def mesh(self, name: str, mesh: Mesh) -> str:
-        """A mesh asset; the first of a name counts, so shared ones may be asked for again."""
+        """Add a mesh asset, unless the name exists: shared meshes may be added repeatedly."""
         if name not in self._meshes:
             self._meshes.add(name)
             self._assets[f"{name}.obj"] = mesh.obj()
@@ -179,7 +189,7 @@ class MapBuilder:
         return name in self._meshes
 
     def hfield(self, name: str, rows: list[list[float]], size: tuple[float, float, float, float]) -> str:
-        """A height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
+        """Add a height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
         flat = numbers(value for row in rows for value in row)
         ET.SubElement(
             self._asset, "hfield", name=name, nrow=str(len(rows)), ncol=str(len(rows[0])), size=numbers(size),
@@ -188,28 +198,29 @@ class MapBuilder:
         return name
 
     def ground(self, kind: str, size: Iterable[float], *, material: str, name: str = "ground", **more: Vec3) -> None:
-        """A geom on the worldbody: an instance of its own, classed by its own name."""
+        """Add a geom to the worldbody: an instance of its own, whose class follows from its own name."""
         self.claim_geom(name)
         attributes = {"name": name, "type": kind, "size": numbers(size), "material": self.known_material(material)}
         attributes |= {key: numbers(value) for key, value in more.items()}
         ET.SubElement(self._world, "geom", attributes)
 
     def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN) -> Body:
-        """A thing of class `kind`, numbered in the order of making."""
+        """Add an object of class `kind`, numbered in the order of adding."""
         self.classify(kind, f"{kind}_*")
         return self._add_body(self.next_name(kind), pos, quat)
 
     def next_name(self, kind: str, *, digits: int = 3) -> str:
+        """Return `<kind>_<number>`, a number higher with each call."""
         number = self._numbers.get(kind, 0)
         self._numbers[kind] = number + 1
         return f"{kind}_{number:0{digits}d}"
 
     def named_body(self, name: str, pos: Vec3, quat: Quat) -> Body:
-        """A static body under a name from `next_name`; its class is the caller's business."""
+        """Add a static body under a name from `next_name`; the caller assigns its class."""
         return self._add_body(name, pos, quat)
 
     def limb(self, name: str, pos: Vec3, quat: Quat) -> Body:
-        """A mocap body of an actor."""
+        """Add a mocap body of an actor."""
         return self._add_body(name, pos, quat, mocap=True)
 
     def _add_body(self, name: str, pos: Vec3, quat: Quat, *, mocap: bool = False) -> Body:
@@ -226,33 +237,37 @@ class MapBuilder:
         return Body(self, ET.SubElement(self._world, "body", attributes), name)
 
     def actor(self, actor: Actor) -> None:
+        """Register an actor; its bodies must exist."""
         missing = [name for name in actor.bodies if name not in self._bodies]
         if missing:
             raise ValueError(f"actor {actor.name}: no body {missing[0]}")
         self._actors.append(actor)
 
     def corner(self, corner: CornerReflector) -> None:
-        """What three plates do together; the plates are geoms of their own."""
+        """Register the triple bounce of a corner reflector; its plates are geoms of their own."""
         self._corners.append(corner)
 
     def classify(self, name: str, *globs: str) -> None:
+        """Give the class `name` to all names that match the patterns."""
         known = self._classes.get(name, ())
         self._classes[name] = known + tuple(glob for glob in globs if glob not in known)
 
     def claim_geom(self, name: str) -> None:
+        """Reserve the name of a geom. Raises ValueError if it exists."""
         if name in self._geoms:
             raise ValueError(f"two geoms named {name}")
         self._geoms.add(name)
 
     def known_material(self, name: str) -> str:
+        """Return the name of a material. Raises ValueError if it does not exist."""
         if name not in self._materials:
             raise ValueError(f"no material {name}; make it with material() first")
         return name
 
     def sections(self) -> str:
-        """Materials and bodies as MJCF sections that may follow those of another map.
+        """Return materials and bodies as MJCF sections that may follow those of another map.
 
-        Geoms say in full what a default of that map could change.
+        Geoms state every attribute that a default of that map could change.
         """
         asset, world = ET.Element("asset"), ET.Element("worldbody")
         asset.extend(self._asset.findall("material"))

@@ -1,7 +1,7 @@
 """Closed triangle meshes as OBJ text: roofs, paths, crowns, cars, corner reflectors.
 
-Faces turn counter-clockwise seen from outside. Vertices shared by two faces are shaded smoothly, so edges that
-should look sharp have a vertex per face.
+Faces are counter-clockwise seen from outside. Vertices shared by faces are shaded smoothly; sharp edges have a vertex
+per face.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.samples import Vec3
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_cos, det_sin
+from signals.samples import Vec3
+from signals.units import TURN_RAD
 
 Vec2 = tuple[float, float]
 
@@ -36,7 +36,7 @@ class Mesh:
         return ("\n".join(lines) + "\n").encode()
 
     def add_polygon(self, points: Sequence[Vec3], uvs: Sequence[Vec2]) -> None:
-        """A convex flat polygon with vertices of its own."""
+        """Add a convex flat polygon with vertices of its own."""
         first = len(self.vertices)
         self.vertices += [(float(x), float(y), float(z)) for x, y, z in points]
         self.uvs += [(float(u), float(v)) for u, v in uvs]
@@ -44,7 +44,7 @@ class Mesh:
 
 
 def extrude_xz(profile: Sequence[Vec2], half_width_m: float, *, tile_m: float = 1.0) -> Mesh:
-    """A convex profile (x, z), counter-clockwise seen from -y, drawn out along y from -half_width to +half_width."""
+    """Return a convex profile (x, z), counter-clockwise seen from -y, extruded along y by `half_width_m` both ways."""
     mesh = Mesh.empty()
     w = half_width_m
     mesh.add_polygon([(x, -w, z) for x, z in profile], [(x / tile_m, z / tile_m) for x, z in profile])
@@ -59,14 +59,14 @@ def extrude_xz(profile: Sequence[Vec2], half_width_m: float, *, tile_m: float = 
 
 
 def gabled(half_x_m: float, half_y_m: float, wall_m: float, rise_m: float, *, tile_m: float) -> Mesh:
-    """Walls of a house with gables at its -y and +y ends: eaves at z = `wall`, ridge at `wall + rise`."""
+    """Return walls with gables at the -y and +y ends: eaves at z = `wall_m`, ridge at `wall_m + rise_m`."""
     x = half_x_m
     profile = [(-x, 0.0), (x, 0.0), (x, wall_m), (0.0, wall_m + rise_m), (-x, wall_m)]
     return extrude_xz(profile, half_y_m, tile_m=tile_m)
 
 
 def box_with_tiles(half: Vec3, tile_m: Vec2) -> Mesh:
-    """A box whose texture repeats every `tile_m` across each side, starting at its lower left corner."""
+    """Return a box whose texture repeats every `tile_m` on each side, from its lower left corner."""
     x, y, z = half
     mesh = Mesh.empty()
     corners: list[tuple[list[Vec3], float, float]] = [
@@ -86,7 +86,7 @@ def box_with_tiles(half: Vec3, tile_m: Vec2) -> Mesh:
 def ribbon(
     points: Sequence[Vec2], half_width_m: float, z_bottom_m: float, z_top_m: float, *, tile_m: float, closed: bool
 ) -> Mesh:
-    """A flat band of constant width along a polyline: a path. Texture coordinates are metres in W."""
+    """Return a flat band of constant width along a polyline: a path. Texture coordinates are metres in W."""
     n = len(points)
     mesh = Mesh.empty()
     rims: list[tuple[Vec2, Vec2]] = []
@@ -112,9 +112,9 @@ def ribbon(
 
 
 def revolve(profile: Sequence[Vec2], sides: int, *, wobble: Callable[[int, int], float] | None = None) -> Mesh:
-    """A profile (radius, z) from bottom to top, turned about z; both ends close in a point on the axis.
+    """Return a profile (radius, z), from bottom to top, revolved about z; both ends close in a point on the axis.
 
-    `wobble(ring, side)` scales the radius there, for what grew rather than was made.
+    `wobble(ring, side)` scales the radius there, for natural shapes.
     """
     mesh = Mesh.empty()
     rings = len(profile)
@@ -139,7 +139,7 @@ def revolve(profile: Sequence[Vec2], sides: int, *, wobble: Callable[[int, int],
 
 
 def blob(bumps: Callable[[int, int], float], *, rings: int = 9, sides: int = 16) -> Mesh:
-    """A lumpy ball of about unit radius, centre at the origin."""
+    """Return a lumpy ball of about unit radius, centre at the origin."""
     profile = []
     for i in range(rings):
         angle = TURN_RAD / 2 * (i + 0.5) / rings
@@ -150,7 +150,7 @@ def blob(bumps: Callable[[int, int], float], *, rings: int = 9, sides: int = 16)
 def slab(
     outline: Sequence[Vec2], z_bottom_m: float, z_top_m: float, *, tile_m: float, center: Vec2 = (0.0, 0.0)
 ) -> Mesh:
-    """A flat plate with a star-shaped outline (counter-clockwise, as seen from `center`); texture in metres."""
+    """Return a flat plate with a star-shaped outline (counter-clockwise about `center`); texture in metres."""
     mesh = Mesh.empty()
     n = len(outline)
     for z in (z_top_m, z_bottom_m):
@@ -168,7 +168,7 @@ def slab(
 def ellipse(
     half_x_m: float, half_y_m: float, sides: int, *, wobble: Callable[[int], float] | None = None
 ) -> list[Vec2]:
-    """Outline of an ellipse round the origin, its radius scaled by `wobble(side)`."""
+    """Return the outline of an ellipse round the origin, its radius scaled by `wobble(side)`."""
     points = []
     for i in range(sides):
         angle = TURN_RAD * i / sides

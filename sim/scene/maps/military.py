@@ -1,21 +1,21 @@
-"""What stands in a training village: concrete shells of houses, towers and halls, containers, sandbags, barrels."""
+"""Objects of a training village: concrete shells of houses, towers and halls, containers, sandbags, barrels."""
 
 from __future__ import annotations
 
-from hil.signals.rotation import product
-from hil.signals.units import TURN_RAD
+from signals.rotation import product
+from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz
-from sim.scene.maps.walls import Openings, add_shell
+from sim.scene.maps.walls import Openings, Shell, add_shell
+from sim.scene.random_generator import RandomGenerator
 
 STOREY_M = 3.2
 _QUARTER_RAD = 1.5707963267948966
 _UPRIGHT = roll_quat(_QUARTER_RAD)
 _WALL_M = 0.25
 _WALLS = ("blockwork", "concrete_wall", "render_sand", "render_grey")
-_CONTAINER = (3.03, 1.22, 1.295)  # half of a 20 foot container
+_CONTAINER = (3.03, 1.22, 1.295)  # half edges of a 20 foot container
 _CONTAINER_RGB = {
     "rust": (0.52, 0.24, 0.15), "blue": (0.16, 0.30, 0.48), "olive": (0.30, 0.33, 0.19), "grey": (0.52, 0.54, 0.55),
 }  # fmt: skip
@@ -50,59 +50,49 @@ def _rows(storeys: int, *, sill_m: float = 1.0, head_m: float = 2.2) -> tuple[tu
 
 
 def _sides(
-    dice: Dice, rows: tuple[tuple[float, float], ...], counts: tuple[int, int], width_m: float
+    rng: RandomGenerator, rows: tuple[tuple[float, float], ...], counts: tuple[int, int], width_m: float
 ) -> list[Openings]:
-    """Windows on all four sides and a door in one of them."""
-    door_side = dice.index(4)
+    """Return windows for all four sides, and a door in one of them."""
+    door_side = rng.index(4)
     sides = []
     for side in range(4):
         count = counts[side % 2]
-        sides.append(Openings(rows, count, width_m, dice.index(max(count, 1)) if side == door_side else -1))
+        sides.append(Openings(rows, count, width_m, rng.index(max(count, 1)) if side == door_side else -1))
     return sides
 
 
 def add_shell_house(
-    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
+    builder: MapBuilder, rng: RandomGenerator, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
 ) -> None:
-    """A house of `storeys` storeys, open windows, flat roof with a low parapet at its front."""
+    """Add a house of `storeys` storeys with open windows and a flat roof with a low parapet at its front."""
     body = builder.body("house", (x, y, 0.0))
     height = STOREY_M * storeys
     counts = (max(1, int(half_x_m / 2.2)), max(1, int(half_y_m / 2.2)))
-    sides = _sides(dice, _rows(storeys), counts, 1.1)
+    sides = _sides(rng, _rows(storeys), counts, 1.1)
     floors = [STOREY_M * i for i in range(1, storeys)]
-    add_shell(
-        body,
-        half_x_m,
-        half_y_m,
-        height,
-        _WALL_M,
-        sides,
-        material=dice.pick(_WALLS),
-        slab_material="slab",
-        floors_m=floors,
-    )
+    shell = Shell(half_x_m, half_y_m, height, _WALL_M, floors)
+    add_shell(body, shell, sides, material=rng.pick(_WALLS), slab_material="slab")
 
 
 def add_tall_block(
-    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
+    builder: MapBuilder, rng: RandomGenerator, x: float, y: float, half_x_m: float, half_y_m: float, storeys: int
 ) -> None:
-    """A block of 4 storeys (12.8 m and a roof): reaches a flight at 10 m."""
+    """Add a block of 4 storeys (12.8 m and a roof), an obstacle for a flight at 10 m."""
     body = builder.body("tower", (x, y, 0.0))
     counts = (2 if half_x_m > 4.0 else 1, 2 if half_y_m > 4.0 else 1)
-    sides = _sides(dice, _rows(storeys), counts, 1.3)
+    sides = _sides(rng, _rows(storeys), counts, 1.3)
     height = STOREY_M * storeys
     floors = [STOREY_M * i for i in range(1, storeys)]
-    add_shell(
-        body, half_x_m, half_y_m, height, 0.3, sides, material=dice.pick(_WALLS), slab_material="slab", floors_m=floors
-    )
-    # Housing of the stairs on the roof.
+    shell = Shell(half_x_m, half_y_m, height, 0.3, floors)
+    add_shell(body, shell, sides, material=rng.pick(_WALLS), slab_material="slab")
+    # Stairwell on the roof.
     body.geom("box", (1.2, 1.0, 0.9), pos=(0.3 * half_x_m, 0.0, height + 1.1), material="concrete_dark", part="stairs")
 
 
 def add_hall(
-    builder: MapBuilder, dice: Dice, x: float, y: float, half_x_m: float, half_y_m: float, height_m: float
+    builder: MapBuilder, rng: RandomGenerator, x: float, y: float, half_x_m: float, half_y_m: float, height_m: float
 ) -> None:
-    """A hall with one high row of windows and a gate of 3.6 x 5 m in each long side."""
+    """Add a hall with one high row of windows and a gate of 3.6 x 5 m in each long side."""
     body = builder.body("hall", (x, y, 0.0))
     row = ((5.0, 7.4),)
     counts = (max(1, int(half_x_m / 2.6)), max(1, int(half_y_m / 2.6)))
@@ -111,18 +101,17 @@ def add_hall(
     for side in range(4):
         count = counts[side % 2]
         gate = (side % 2 == 0) == long_x
-        sides.append(Openings(row, count, 3.0, dice.index(count) if gate else -1))
-    add_shell(
-        body, half_x_m, half_y_m, height_m, 0.35, sides, material="concrete_wall", slab_material="steel_dark"
-    )  # fmt: skip
+        sides.append(Openings(row, count, 3.0, rng.index(count) if gate else -1))
+    shell = Shell(half_x_m, half_y_m, height_m, 0.35)
+    add_shell(body, shell, sides, material="concrete_wall", slab_material="steel_dark")
 
 
 def add_water_tower(builder: MapBuilder, x: float, y: float) -> None:
-    """A tank of 3.6 m across between 8.5 and 13.5 m, on four legs."""
+    """Add a tank 3.6 m wide, between 8.5 and 13.5 m, on four legs."""
     body = builder.body("tower", (x, y, 0.0), yaw_quat(0.3))
     for i, (px, py) in enumerate(((-1.2, -1.2), (1.2, -1.2), (1.2, 1.2), (-1.2, 1.2))):
         leg = (1.25 * px, 1.25 * py, 0.0, px, py, 8.6)
-        body.geom("capsule", (0.14,), fromto=leg, material="steel_dark", part=f"leg_{i}")
+        body.rod(0.14, leg, material="steel_dark", part=f"leg_{i}")
     body.geom("cylinder", (1.8, 2.3), pos=(0.0, 0.0, 10.9), material="rust", part="tank")
     body.geom("ellipsoid", (1.8, 1.8, 0.7), pos=(0.0, 0.0, 13.2), material="rust", part="lid")
 
@@ -133,53 +122,55 @@ def add_chimney(builder: MapBuilder, x: float, y: float, height_m: float) -> Non
     body.geom("cylinder", (1.0, 0.3), pos=(0.0, 0.0, height_m - 0.3), material="steel_dark", part="rim")
 
 
-def add_container(builder: MapBuilder, dice: Dice, x: float, y: float, heading_rad: float, *, stacked: bool) -> None:
-    """One 20 foot container, or two on top of each other."""
+def add_container(
+    builder: MapBuilder, rng: RandomGenerator, x: float, y: float, heading_rad: float, *, stacked: bool
+) -> None:
+    """Add a 20 foot container, or two on top of each other."""
     mesh = builder.mesh("container", box_with_tiles(_CONTAINER, (1.8, 2.59)))
     body = builder.body("container", (x, y, 0.0), yaw_quat(heading_rad))
     for i in range(2 if stacked else 1):
-        colour = dice.pick(tuple(_CONTAINER_RGB))
+        colour = rng.pick(tuple(_CONTAINER_RGB))
         z = _CONTAINER[2] * (2 * i + 1)
-        body.geom("mesh", mesh=mesh, material=f"container_{colour}", pos=(0.0, 0.0, z), part=f"box_{i}")
+        body.geom("mesh", asset=mesh, material=f"container_{colour}", pos=(0.0, 0.0, z), part=f"box_{i}")
 
 
-def add_barrels(builder: MapBuilder, dice: Dice, x: float, y: float) -> None:
-    """Three to five drums standing together."""
-    body = builder.body("barrel", (x, y, 0.0), yaw_quat(dice.between(0.0, TURN_RAD)))
+def add_barrels(builder: MapBuilder, rng: RandomGenerator, x: float, y: float) -> None:
+    """Add a group of three to five drums."""
+    body = builder.body("barrel", (x, y, 0.0), yaw_quat(rng.between(0.0, TURN_RAD)))
     spots = ((0.0, 0.0), (0.64, 0.05), (0.3, 0.6), (-0.4, 0.55), (0.95, 0.6))
-    for i, (px, py) in enumerate(spots[: 3 + dice.index(3)]):
-        colour = dice.pick(tuple(_CONTAINER_RGB))
+    for i, (px, py) in enumerate(spots[: 3 + rng.index(3)]):
+        colour = rng.pick(tuple(_CONTAINER_RGB))
         body.geom("cylinder", (0.29, 0.44), pos=(px, py, 0.44), material=f"barrel_{colour}", part=f"drum_{i}")
 
 
 def add_sandbags(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """A breastwork of 4 m, with two short wings."""
+    """Add a breastwork of 4 m with two short wings."""
     front = builder.mesh("sandbags_4", box_with_tiles((2.0, 0.3, 0.5), (1.0, 1.0)))
     wing = builder.mesh("sandbags_1", box_with_tiles((0.3, 0.7, 0.5), (1.0, 1.0)))
     body = builder.body("sandbags", (x, y, 0.0), yaw_quat(heading_rad))
-    body.geom("mesh", mesh=front, material="sandbags", pos=(0.0, 0.0, 0.5), part="front")
+    body.geom("mesh", asset=front, material="sandbags", pos=(0.0, 0.0, 0.5), part="front")
     for name, px in (("left", -1.7), ("right", 1.7)):
-        body.geom("mesh", mesh=wing, material="sandbags", pos=(px, -0.95, 0.5), part=name)
+        body.geom("mesh", asset=wing, material="sandbags", pos=(px, -0.95, 0.5), part=name)
 
 
-def add_crates(builder: MapBuilder, dice: Dice, x: float, y: float) -> None:
-    body = builder.body("crate", (x, y, 0.0), yaw_quat(dice.between(0.0, TURN_RAD)))
-    for i, (px, py, pz) in enumerate(((0.0, 0.0, 0.45), (1.0, 0.1, 0.45), (0.45, 0.05, 1.35))[: 2 + dice.index(2)]):
+def add_crates(builder: MapBuilder, rng: RandomGenerator, x: float, y: float) -> None:
+    body = builder.body("crate", (x, y, 0.0), yaw_quat(rng.between(0.0, TURN_RAD)))
+    for i, (px, py, pz) in enumerate(((0.0, 0.0, 0.45), (1.0, 0.1, 0.45), (0.45, 0.05, 1.35))[: 2 + rng.index(2)]):
         body.geom("box", (0.45, 0.45, 0.45), pos=(px, py, pz), material="crate", part=f"box_{i}")
 
 
 def add_barrier(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """A concrete road barrier of 3 m, 0.8 m high."""
+    """Add a concrete road barrier, 3 m long and 0.8 m high."""
     profile = [(-0.3, 0.0), (0.3, 0.0), (0.3, 0.1), (0.1, 0.8), (-0.1, 0.8), (-0.3, 0.1)]
     mesh = builder.mesh("barrier", extrude_xz(profile, 1.5))
     body = builder.body("barrier", (x, y, 0.0), yaw_quat(heading_rad))
-    body.geom("mesh", mesh=mesh, material="slab")
+    body.geom("mesh", asset=mesh, material="slab")
 
 
 def add_yard_wall(
     builder: MapBuilder, x: float, y: float, half_length_m: float, heading_rad: float, height_m: float
 ) -> None:
-    """A free-standing wall."""
+    """Add a free-standing wall."""
     body = builder.body("wall", (x, y, 0.0), yaw_quat(heading_rad))
     size = (half_length_m, height_m / 2, 0.1)
     body.geom(

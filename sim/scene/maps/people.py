@@ -1,23 +1,24 @@
-"""People on a map: walking, standing, sitting. Height, hair and clothes come from the dice."""
+"""People on a map: walking, standing, sitting. Height, hair and clothes come from the random generator."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from hil.signals.rotation import NO_TURN, product
-from hil.signals.samples import Quat, Vec3
+from signals.rotation import NO_TURN, product
+from signals.samples import Quat, Vec3
 from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.figure import LIMBS, Figure, LimbShape
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Walker
+from sim.scene.random_generator import RandomGenerator
 
-Row = list[float]  # of a limb: x, y, z, cos and sin of half its pitch, and more (sim/native/gait.hpp)
+Row = list[float]  # one limb: x, y, z, cos and sin of half its pitch, ... (sim/native/gait.hpp)
 
 _QUARTER_RAD = 1.5707963267948966
 _ALONG_Y = roll_quat(_QUARTER_RAD)
@@ -42,11 +43,21 @@ _HAIRS = {
 }
 
 
-def _look(builder: MapBuilder, dice: Dice, *, soldier: bool) -> dict[str, str]:
-    """Material of each part of a person."""
+@dataclass(frozen=True)
+class PersonTraits:
+    """Traits of a person; height and materials are drawn unless they are given."""
+
+    soldier: bool = False  # in uniform
+    height_m: float | None = None
+    name: str | None = None  # None: numbered in the order of adding
+    materials: Mapping[str, str] | None = None  # of each part of the body
+
+
+def _draw_materials(builder: MapBuilder, rng: RandomGenerator, *, soldier: bool) -> dict[str, str]:
+    """Return the material of each part of a person."""
 
     def one(prefix: str, options: dict[str, Vec3], surface: surfaces.Surface) -> str:
-        colour = dice.pick(tuple(options))
+        colour = rng.pick(tuple(options))
         return builder.material(f"{prefix}_{colour}", surface, rgb=options[colour])
 
     return {
@@ -69,19 +80,16 @@ def _next_name(builder: MapBuilder) -> str:
 
 def add_walker(
     builder: MapBuilder,
-    dice: Dice,
+    rng: RandomGenerator,
     path: WalkPath,
     *,
-    soldier: bool = False,
-    height_m: float | None = None,
     ground_m: float = 0.0,
-    name: str | None = None,
-    look: Mapping[str, str] | None = None,
+    traits: PersonTraits = PersonTraits(),
 ) -> Walker:
-    """A walking person on `path`: an actor of the map. `look`: the material of each part of it, if not diced."""
-    figure = Figure(height_m or dice.between(1.55, 1.93))
-    look = look or _look(builder, dice, soldier=soldier)
-    walker = Walker(name or _next_name(builder), figure, path, ground_m=ground_m)
+    """Add a person who walks on `path`, an actor of the map; the ground under the path is at height `ground_m`."""
+    figure = Figure(traits.height_m or rng.between(1.55, 1.93))
+    materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
+    walker = Walker(traits.name or _next_name(builder), figure, path, ground_m=ground_m)
     n = len(LIMBS)
     p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     walker.pose(0, p, q, v, w)
@@ -89,7 +97,7 @@ def add_walker(
         body = builder.limb(walker.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
         for shape in figure.shapes():
             if shape.limb == limb:
-                _shape_geom(body, shape, look[shape.material], shape.pos, NO_TURN, shape.part)
+                _shape_geom(body, shape, materials[shape.material], shape.pos, NO_TURN, shape.part)
     builder.classify("person", "person_*")
     builder.actor(walker)
     return walker
@@ -104,15 +112,15 @@ def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
     return [[0.0, 0.0, hip_z + up, 1.0, 0.0] for up in heights]
 
 
-def _standing(figure: Figure, dice: Dice) -> list[Row]:
+def _standing(figure: Figure, rng: RandomGenerator) -> list[Row]:
     hip_z = figure.ankle_m + 0.992 * figure.leg_m
     rows = _trunk_rows(figure, hip_z)
     up = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
-        bend = dice.between(0.1, 0.4) if dice.chance(0.6) else 1.6  # arms down, or one hand up as on a telephone
+        bend = rng.between(0.1, 0.4) if rng.chance(0.6) else 1.6  # arms down, or one hand at the ear
         rows += resting_arm(figure.lengths_m, side, up, -0.1, -0.1 - bend)
     for side in (figure.hip_half_m, -figure.hip_half_m):
-        ahead = dice.between(-0.03, 0.05)
+        ahead = rng.between(-0.03, 0.05)
         rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
     return rows
 
@@ -131,31 +139,26 @@ def _sitting(figure: Figure, seat_m: float) -> list[Row]:
 
 def add_still_person(
     builder: MapBuilder,
-    dice: Dice,
-    x: float,
-    y: float,
+    rng: RandomGenerator,
+    at_m: Vec3,
     heading_rad: float,
     *,
     seat_m: float = 0.0,
-    soldier: bool = False,
-    height_m: float | None = None,
-    ground_m: float = 0.0,
-    name: str | None = None,
-    look: Mapping[str, str] | None = None,
+    traits: PersonTraits = PersonTraits(),
 ) -> None:
-    """One who stands at (x, y), or with `seat_m` sits there at that height: one static body."""
-    figure = Figure(height_m or dice.between(1.55, 1.93))
-    look = look or _look(builder, dice, soldier=soldier)
-    rows = _sitting(figure, seat_m) if seat_m else _standing(figure, dice)
+    """Add a person who stands on the ground at `at_m`, or sits there on a seat of height `seat_m`: one static body."""
+    figure = Figure(traits.height_m or rng.between(1.55, 1.93))
+    materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
+    rows = _sitting(figure, seat_m) if seat_m else _standing(figure, rng)
     builder.classify("person", "person_*")
-    body = builder.named_body(name or _next_name(builder), (x, y, ground_m), yaw_quat(heading_rad))
+    body = builder.named_body(traits.name or _next_name(builder), at_m, yaw_quat(heading_rad))
     for limb, row in zip(LIMBS, rows, strict=True):
         pitch: Quat = (row[3], 0.0, row[4], 0.0)
         for shape in figure.shapes():
             if shape.limb != limb:
                 continue
-            # Rotation about y by the limb's pitch: x' = x cos + z sin, z' = z cos - x sin.
+            # Rotates about y by the limb's pitch: x' = x cos + z sin, z' = z cos - x sin.
             c, s = row[3] * row[3] - row[4] * row[4], 2.0 * row[3] * row[4]
             px, py, pz = shape.pos
             pos = (row[0] + px * c + pz * s, row[1] + py, row[2] + pz * c - px * s)
-            _shape_geom(body, shape, look[shape.material], pos, pitch, f"{limb}_{shape.part}")
+            _shape_geom(body, shape, materials[shape.material], pos, pitch, f"{limb}_{shape.part}")

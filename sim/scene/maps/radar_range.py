@@ -1,8 +1,8 @@
 """Radar range: flat asphalt, one person who walks away from the origin and back, and corner reflectors.
 
-The person turns with its outermost point of the way `near_m` and `far_m` from the origin, along `direction_deg`.
-A reflector is three square plates at right angles, its axis (1, 1, 1) turned to `aim_m` above the origin; with edge a
-its radar cross-section on the axis is 12 pi a^4 / lambda^2.
+The person walks along `direction_deg` and turns `near_m` and `far_m` from the origin. A reflector is three square
+plates at right angles, with its axis (1, 1, 1) towards the point `aim_m` above the origin; with edge a its radar
+cross-section on the axis is 12 pi a^4 / lambda^2.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.samples import Quat
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_cos, det_sin
+from signals.documents.validate import StrictModel
+from signals.samples import Quat
+from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.people import add_walker
+from sim.scene.maps.people import PersonTraits, add_walker
 from sim.scene.maps.scene_map import CornerReflector, SceneMap
 from sim.scene.maps.walk_path import there_and_back
+from sim.scene.random_generator import RandomGenerator
 
 Distance = Annotated[float, Field(gt=0.0, le=200.0)]
 
 
 class Reflector(StrictModel):
-    """A corner reflector: where its corner is (height above ground), and its edge."""
+    """Corner reflector: position of its corner, with the height above ground, and edge of its plates."""
 
     range_m: Annotated[float, Field(ge=4.5, le=200.0)]
     azimuth_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
@@ -36,7 +36,7 @@ class Reflector(StrictModel):
 
 
 class RadarRangeParameters(StrictModel):
-    """The walk and the reflectors."""
+    """Parameters of the walk and the reflectors."""
 
     near_m: Distance = 1.0
     far_m: Distance = 7.0
@@ -56,12 +56,12 @@ class RadarRangeParameters(StrictModel):
     @model_validator(mode="after")
     def _in_order(self) -> RadarRangeParameters:
         if self.far_m < self.near_m + 2.0 * self.lane_m:
-            raise ValueError("far_m must exceed near_m by two lanes or more, or there is no room to walk")
+            raise ValueError("far_m must exceed near_m by at least two lanes, for the walk to fit")
         return self
 
 
 def _turn_diagonal_to(direction: tuple[float, float, float]) -> Quat:
-    """Shortest rotation from (1, 1, 1) / sqrt 3 to a unit vector: q = (1 + a.b, a x b) normalised."""
+    """Return the shortest rotation from (1, 1, 1) / sqrt 3 to a unit vector: q = (1 + a.b, a x b) normalised."""
     third = sqrt(1.0 / 3.0)
     x, y, z = direction
     w = 1.0 + third * (x + y + z)
@@ -79,12 +79,12 @@ def _add_reflector(builder: MapBuilder, reflector: Reflector, aim_m: float) -> N
     body = builder.body("reflector", (x, y, z), q_WK)
     builder.corner(CornerReflector((x, y, z), q_WK, reflector.edge_m, "reflector"))
     half, t = 0.5 * reflector.edge_m, 0.001
-    # Inner faces meet in the body's origin.
+    # The inner faces meet at the body's origin.
     body.geom("box", (t, half, half), pos=(-t, half, half), material="steel", part="plate_x")
     body.geom("box", (half, t, half), pos=(half, -t, half), material="steel", part="plate_y")
     body.geom("box", (half, half, t), pos=(half, half, -t), material="steel", part="plate_z")
     stand = builder.body("stand", (x, y, 0.0))
-    # A plastic mast behind the corner, almost without echo.
+    # A plastic mast behind the corner has almost no echo.
     top = max(reflector.height_m - 0.05, 0.05)
     stand.geom("cylinder", (0.02, top / 2), pos=(0.0, 0.0, top / 2), material="plastic", part="mast")
     stand.geom("cylinder", (0.22, 0.02), pos=(0.0, 0.0, 0.02), material="plastic", part="foot")
@@ -117,6 +117,11 @@ def generate(parameters: RadarRangeParameters, seed: int) -> SceneMap:
             lane_m=parameters.lane_m,
             start_lap=parameters.start_lap,
         )
-        add_walker(builder, Dice(seed, "radar_range.person"), path, height_m=parameters.height_m)
+        add_walker(
+            builder,
+            RandomGenerator(seed, "radar_range.person"),
+            path,
+            traits=PersonTraits(height_m=parameters.height_m),
+        )
     builder.classify("ground", "ground")
     return builder.build()

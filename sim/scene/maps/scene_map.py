@@ -1,6 +1,6 @@
-"""What a map is: an MJCF text with its files, the meaning of its parts, and what moves in it.
+"""Types of a map: an MJCF text with its files, the classes and surfaces of its parts, and its actors.
 
-A generator makes one from parameters and a seed; any MJCF file with a few globs makes one too.
+A generator makes a map from parameters and a seed; the user's own MJCF file with patterns for its classes is one too.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.samples import Quat, Vec3
+from signals.samples import Quat, Vec3
 
 Float64 = NDArray[np.float64]
 
@@ -29,9 +29,9 @@ class Surface:
 
 @dataclass(frozen=True)
 class CornerReflector:
-    """Three square plates at right angles that stand still. Their inner faces span the axes of frame K from its origin.
+    """Three static square plates at right angles. Their inner faces span the axes of frame K from its origin.
 
-    A radar's pictures know single bounces only; what comes back after three follows from this
+    A radar's pictures hold single bounces only; the echo of three bounces follows from this
     (sim/radar/corner_echoes.py).
     """
 
@@ -42,7 +42,7 @@ class CornerReflector:
 
 
 class Actor(Protocol):
-    """Something that moves by itself: a pure function of time.
+    """Moving object, a pure function of time.
 
     Its mocap bodies are named `<name>_<limb>`. Velocities are the exact time derivatives of the poses: `v_WB_W` of the
     body's origin, `w_WB_W` the angular velocity, both in W.
@@ -56,25 +56,25 @@ class Actor(Protocol):
 
     @property
     def max_speed_mps(self) -> float:
-        """Greatest speed that the centre of `bound` ever has."""
+        """Greatest speed of the centre of `bound` at any time."""
         ...
 
     def bound(self, t_ns: int) -> tuple[Vec3, float]:
-        """Centre [m, W] and radius [m] of a sphere that holds all of it at `t_ns`."""
+        """Return centre [m, W] and radius [m] of a sphere that encloses the actor at `t_ns`."""
         ...
 
     def pose(self, t_ns: int, p_WB: Float64, q_WB: Float64, v_WB_W: Float64, w_WB_W: Float64) -> None:
-        """Fills (n, 3), (n, 4) w-x-y-z, (n, 3) and (n, 3), in the order of `bodies`."""
+        """Fill poses and velocities in the order of `bodies`: (n, 3), (n, 4) w-x-y-z, (n, 3), (n, 3)."""
         ...
 
 
 @dataclass(frozen=True)
 class SceneMap:
-    """A map as data. Solid geoms have contype = conaffinity = 1; geoms that are only looked at have 0."""
+    """Map as data. Solid geoms have contype = conaffinity = 1; geoms that are only visible have 0."""
 
     mjcf: str  # static geoms and actors (mocap bodies, one per limb); no vehicle; world ENU, ground around z = 0
     assets: Mapping[str, bytes]  # files that the MJCF names
-    classes: Mapping[str, tuple[str, ...]]  # class -> globs over bodies of the world and geoms on the worldbody
+    classes: Mapping[str, tuple[str, ...]]  # class -> patterns of names of bodies, and of geoms of the worldbody
     surfaces: Mapping[str, Surface]  # MJCF material name -> Surface
     actors: tuple[Actor, ...]
-    corners: tuple[CornerReflector, ...] = ()  # among what the MJCF holds
+    corners: tuple[CornerReflector, ...] = ()  # of plates in the MJCF

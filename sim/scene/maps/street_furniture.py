@@ -1,8 +1,8 @@
-"""Benches, lamps, bins, fences and playground things. Frames: x along the thing, y to its front, ground at z = 0."""
+"""Benches, lamps, bins, fences and playgrounds. Frame of an object: x along it, y to its front, ground at z = 0."""
 
 from __future__ import annotations
 
-from hil.signals.rotation import product
+from signals.rotation import product
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
 
@@ -23,7 +23,7 @@ def furniture_materials(builder: MapBuilder) -> None:
 
 
 def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """1.6 m wide; who sits on it looks along `heading`. 4 geoms."""
+    """Add a bench 1.6 m wide; a person on it faces along `heading_rad`. 4 geoms."""
     body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - _QUARTER_RAD))
     body.geom("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", part="seat")
     back = roll_quat(_QUARTER_RAD + 0.17)
@@ -34,7 +34,7 @@ def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> No
 
 
 def add_lamp(builder: MapBuilder, x: float, y: float, *, height_m: float = 3.6) -> None:
-    """A park lamp: post, bowl, hat."""
+    """Add a park lamp: post, bowl, hat."""
     body = builder.body("lamp", (x, y, 0.0))
     body.geom("cylinder", (0.055, height_m / 2), pos=(0.0, 0.0, height_m / 2), material="iron", part="post")
     body.geom("sphere", (0.19,), pos=(0.0, 0.0, height_m + 0.12), material="lamp_glass", part="bowl")
@@ -42,10 +42,10 @@ def add_lamp(builder: MapBuilder, x: float, y: float, *, height_m: float = 3.6) 
 
 
 def add_street_lamp(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """6.5 m, with an arm over the street that lies along `heading`."""
+    """Add a lamp of 6.5 m with an arm along `heading_rad`, over the street."""
     body = builder.body("lamp", (x, y, 0.0), yaw_quat(heading_rad))
     body.geom("cylinder", (0.08, 3.25), pos=(0.0, 0.0, 3.25), material="steel", part="post")
-    body.geom("capsule", (0.05,), fromto=(0, 0, 6.45, 1.5, 0, 6.7), material="steel", part="arm")
+    body.rod(0.05, (0, 0, 6.45, 1.5, 0, 6.7), material="steel", part="arm")
     body.geom("box", (0.35, 0.12, 0.06), pos=(1.6, 0.0, 6.68), material="lamp_glass", part="head")
 
 
@@ -56,23 +56,23 @@ def add_bin(builder: MapBuilder, x: float, y: float) -> None:
 
 
 def add_swing(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """Two A-frames, a bar and two seats."""
+    """Add two A-frames, a bar and two seats."""
     body = builder.body("playground", (x, y, 0.0), yaw_quat(heading_rad))
     for side in (-1.7, 1.7):
         for foot in (-0.8, 0.8):
             part = f"leg_{'l' if side < 0 else 'r'}{'f' if foot > 0 else 'b'}"
-            body.geom("capsule", (0.05,), fromto=(side, foot, 0, side, 0, 2.3), material="paint_red", part=part)
-    body.geom("capsule", (0.05,), fromto=(-1.8, 0, 2.3, 1.8, 0, 2.3), material="paint_red", part="bar")
+            body.rod(0.05, (side, foot, 0, side, 0, 2.3), material="paint_red", part=part)
+    body.rod(0.05, (-1.8, 0, 2.3, 1.8, 0, 2.3), material="paint_red", part="bar")
     for i, seat in enumerate((-0.75, 0.75)):
         body.geom("box", (0.24, 0.11, 0.02), pos=(seat, 0.0, 0.5), material="wood", part=f"seat_{i}")
         for end in (-0.22, 0.22):
             part = f"rope_{i}{'l' if end < 0 else 'r'}"
             rope = (seat + end, 0.0, 0.5, seat + end, 0.0, 2.3)
-            body.geom("capsule", (0.012,), fromto=rope, material="steel", part=part, solid=False)
+            body.rod(0.012, rope, material="steel", part=part, solid=False)
 
 
 def add_slide(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
-    """A tower with a chute towards +x."""
+    """Add a tower with a chute towards +x."""
     body = builder.body("playground", (x, y, 0.0), yaw_quat(heading_rad))
     for i, (px, py) in enumerate(((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5))):
         body.geom("cylinder", (0.06, 1.25), pos=(px, py, 1.25), material="wood", part=f"post_{i}")

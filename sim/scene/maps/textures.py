@@ -1,6 +1,6 @@
-"""Procedural textures, as PNG bytes. All tile without a seam; sRGB; 256 pixels square unless said otherwise.
+"""Procedural textures, as PNG bytes: sRGB, without seams, 256 pixels square unless stated otherwise.
 
-Only + - * / and comparisons make the pixels, so they are the same on every machine. Made once per process.
+Only + - * / and comparisons make the pixels: the same bits on every machine. Each is made once per process.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.signals.noise import NoiseStream
+from signals.noise import NoiseStream
 
 SIDE_PX = 256
 Image = NDArray[np.float64]
@@ -26,7 +26,7 @@ def _uniform(name: str, count: int) -> NDArray[np.float64]:
 
 
 def _clouds(name: str, cells_x: int, cells_y: int | None = None) -> Image:
-    """Smooth noise on (0, 1): random values on a torus of cells, blended by the smoothstep 3u^2 - 2u^3."""
+    """Return smooth noise on (0, 1): random values on a torus of cells, blended by the smoothstep 3u^2 - 2u^3."""
     cells_y = cells_y or cells_x
     lattice = _uniform(f"{name}.{cells_x}.{cells_y}", cells_x * cells_y).reshape(cells_y, cells_x)
 
@@ -47,7 +47,7 @@ def _grain(name: str) -> Image:
 
 
 def _mix(a: Rgb, b: Rgb, t: Image) -> Image:
-    """a where t = 0, b where t = 1; (H, W, 3)."""
+    """Return a where t = 0 and b where t = 1; (H, W, 3)."""
     t = np.clip(t, 0.0, 1.0)[:, :, None]
     return np.asarray(a) * (1.0 - t) + np.asarray(b) * t
 
@@ -58,7 +58,7 @@ def _png(image: Image) -> bytes:
 
 
 def _grid() -> tuple[Image, Image]:
-    """u to the right and v downwards, on [0, 1)."""
+    """Return u, to the right, and v, downwards, on [0, 1)."""
     line = (np.arange(SIDE_PX) + 0.5) / SIDE_PX
     return np.broadcast_to(line, (SIDE_PX, SIDE_PX)), np.broadcast_to(line[:, None], (SIDE_PX, SIDE_PX))
 
@@ -84,7 +84,7 @@ def _asphalt() -> Image:
 
 
 def _paving() -> Image:
-    """4 x 4 slabs."""
+    """Return 4 x 4 slabs."""
     u, v = _grid()
     tone = 0.6 * _uniform("paving.slab", 16).reshape(4, 4).repeat(SIDE_PX // 4, 0).repeat(SIDE_PX // 4, 1)
     image = _mix((0.52, 0.51, 0.48), (0.72, 0.70, 0.66), tone + 0.4 * _grain("paving"))
@@ -97,17 +97,17 @@ def _concrete() -> Image:
     t = 0.2 * _clouds("concrete", 5) + 0.25 * _clouds("concrete", 32, 6) + 0.55 * _grain("concrete")
     image = _mix((0.52, 0.51, 0.48), (0.70, 0.69, 0.66), t)
     _, v = _grid()
-    image[(v * 2) % 1.0 < 0.012] *= 0.75  # marks of the shuttering
+    image[(v * 2) % 1.0 < 0.012] *= 0.75  # marks of the formwork
     return image
 
 
 def _blockwork() -> Image:
-    """Concrete blocks: 4 courses of 2 blocks."""
+    """Return concrete blocks: 4 courses of 2 blocks."""
     return _courses("block", 4, 2, (0.55, 0.54, 0.50), (0.70, 0.68, 0.63), (0.45, 0.44, 0.42), joint=0.05)
 
 
 def _courses(name: str, courses: int, stones: int, dark: Rgb, light: Rgb, mortar: Rgb, *, joint: float) -> Image:
-    """Stones in running bond: every other course is shifted by half a stone."""
+    """Return stones in running bond: every other course is shifted by half a stone."""
     u, v = _grid()
     course = (v * courses).astype(np.int64)
     along = u * stones + 0.5 * (course % 2)
@@ -121,7 +121,7 @@ def _courses(name: str, courses: int, stones: int, dark: Rgb, light: Rgb, mortar
 
 
 def _brick() -> Image:
-    """16 courses of 4 bricks: 1 m of wall is 1 m of texture."""
+    """Return 16 courses of 4 bricks, 1 m of wall."""
     return _courses("brick", 16, 4, (0.47, 0.20, 0.14), (0.67, 0.34, 0.25), (0.72, 0.69, 0.64), joint=0.14)
 
 
@@ -131,7 +131,7 @@ def _plaster() -> Image:
 
 
 def _roof_tiles() -> Image:
-    """8 rows of 8 tiles; darker where one lies over the next."""
+    """Return 8 rows of 8 tiles, darker at the overlaps."""
     u, v = _grid()
     row = (v * 8).astype(np.int64)
     along = u * 8 + 0.5 * (row % 2)
@@ -144,7 +144,7 @@ def _roof_tiles() -> Image:
 
 
 def _sheet_metal() -> Image:
-    """Ribbed, as the side of a container: 8 ribs."""
+    """Return ribbed sheet metal, as on a container: 8 ribs."""
     u, _ = _grid()
     phase = (u * 8) % 1.0
     rib = np.clip(np.minimum(phase, 1.0 - phase) * 6.0 - 0.6, 0.0, 1.0)
@@ -157,13 +157,13 @@ def _bark() -> Image:
 
 
 def _leaves() -> Image:
-    """Grey-white: the material gives the colour."""
+    """Return leaves in grey-white; the material gives the colour."""
     t = 0.35 * _clouds("leaves", 10) + 0.4 * _clouds("leaves", 40) + 0.25 * _grain("leaves")
     return _mix((0.38, 0.40, 0.34), (1.0, 1.0, 0.92), 1.6 * t - 0.3)
 
 
 def _wood() -> Image:
-    """4 boards along u."""
+    """Return 4 boards along u."""
     _, v = _grid()
     t = 0.6 * _clouds("wood", 3, 32) + 0.2 * _clouds("wood", 8, 64) + 0.2 * _grain("wood")
     image = _mix((0.42, 0.27, 0.15), (0.68, 0.49, 0.30), t)
@@ -177,7 +177,7 @@ def _water() -> Image:
 
 
 def _sandbags() -> Image:
-    """4 courses of 2 bags, rounded towards their seams."""
+    """Return 4 courses of 2 bags, rounded towards their seams."""
     image = _courses("sandbag", 4, 2, (0.56, 0.49, 0.36), (0.72, 0.64, 0.48), (0.24, 0.20, 0.15), joint=0.10)
     _, v = _grid()
     h = (v * 4) % 1.0
@@ -185,7 +185,7 @@ def _sandbags() -> Image:
 
 
 def _windows(wall: Rgb, *, width: float, top: float, bottom: float, band: bool) -> Image:
-    """One bay of one storey: a window with frame and sill in a wall; with `band`, a floor slab below."""
+    """Return one bay of one storey: a window with frame and sill in a wall; with `band`, a floor slab below."""
     u, v = _grid()
     image = np.asarray(wall) * (0.90 + 0.10 * _clouds("facade", 6) + 0.06 * _grain("facade"))[:, :, None]
     left, right = 0.5 - width / 2, 0.5 + width / 2
@@ -193,7 +193,7 @@ def _windows(wall: Rgb, *, width: float, top: float, bottom: float, band: bool) 
     outer = (u > left - frame) & (u < right + frame) & (v > top - frame) & (v < bottom + frame)
     inner = (u > left) & (u < right) & (v > top) & (v < bottom)
     image[outer] = (0.88, 0.87, 0.84)
-    # Glass mirrors a sky that pales towards the horizon, over a dark room.
+    # The glass reflects a sky that is paler towards the horizon.
     shade = np.clip((v - top) / (bottom - top), 0.0, 1.0)
     glass = _mix((0.44, 0.55, 0.66), (0.13, 0.17, 0.21), shade + 0.25 * (_clouds("glass", 5) - 0.5))
     image[inner] = glass[inner]
@@ -234,5 +234,5 @@ NAMES = tuple(_MAKERS)
 
 @cache
 def png(name: str) -> bytes:
-    """The texture `name` of NAMES."""
+    """Return the texture `name` of NAMES as PNG."""
     return _png(_MAKERS[name]())

@@ -1,10 +1,9 @@
-"""Military training village, about 90 x 90 m (x and y from -10 to 80): concrete shells with open windows, streets,
-courtyards, containers, sandbags, soldiers.
+"""Military training village, about 90 x 90 m: concrete shells with open windows, streets, courtyards, soldiers.
 
-Streets run on a grid that the seed shifts. Buildings stay on the plots between them, so every street is at least
-`street_m` wide at every height. Halls, blocks and towers of 12 to 15 m stand in the way of a flight at 10 m, some of
-them on the straight line from start (0, 0) to goal (70, 60); around both, `clear_m` is free of anything. Under the
-default mission nothing is higher than a house.
+The village spans x and y from -10 to 80. Streets run on a grid that the seed shifts. Buildings stay on the plots
+between them, so every street is at least `street_m` wide at every height. Halls, blocks and towers of 12 to 15 m are
+obstacles for a flight at 10 m, some of them on the straight line from start (0, 0) to goal (70, 60); the ground within
+`clear_m` of both is free. Below the default mission nothing is higher than a house.
 """
 
 from __future__ import annotations
@@ -17,22 +16,22 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals.documents.validate import StrictModel
-from hil.signals.units import TURN_RAD
+from signals.documents.validate import StrictModel
+from signals.units import TURN_RAD
 from sim.scene.maps import military, surfaces, textures
 from sim.scene.maps.cars import add_car
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.people import add_still_person, add_walker
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import furniture_materials
 from sim.scene.maps.walk_path import there_and_back
+from sim.scene.random_generator import RandomGenerator
 
 START: Point = (0.0, 0.0)
 GOAL: Point = (70.0, 60.0)
-# Ground under the default mission (rigs/missions/rectangle.plan, flown at 10 m): what stands there stays low.
+# Route of the default mission (rigs/missions/rectangle.plan, flown at 10 m): only low buildings stand below it.
 _LOW_ROUTE: tuple[Point, ...] = ((-20.0, 10.0), (20.0, 10.0), (20.0, 35.0), (-20.0, 35.0), (-20.0, 10.0))
 _ROUTE_CLEAR_M = 3.0
 _LOW_M, _HIGH_M = -10.0, 80.0
@@ -41,7 +40,7 @@ _QUARTER_RAD = 1.5707963267948966
 
 
 class TrainingVillageParameters(StrictModel):
-    """How dense and how busy."""
+    """Density of buildings, clutter and people."""
 
     tall_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.45
     street_m: Annotated[float, Field(ge=5.0, le=10.0)] = 6.0
@@ -53,7 +52,7 @@ class TrainingVillageParameters(StrictModel):
 
 @dataclass(frozen=True)
 class Plot:
-    """An axis-aligned rectangle to build on."""
+    """Axis-aligned rectangle to build on."""
 
     x0: float
     y0: float
@@ -83,8 +82,8 @@ class _Village:
         for x, y in (START, GOAL):
             self.layout.take_disc(x, y, parameters.clear_m)
 
-    def dice(self, name: str) -> Dice:
-        return Dice(self.seed, f"training_village.{name}")
+    def rng(self, name: str) -> RandomGenerator:
+        return RandomGenerator(self.seed, f"training_village.{name}")
 
     def materials(self) -> None:
         b = self.builder
@@ -98,12 +97,12 @@ class _Village:
         b.material("rut", surfaces.SOIL, rgb=(0.42, 0.37, 0.29), specular=0.0)
 
     def streets(self) -> None:
-        """Grid lines between the cells, the outer ones included."""
-        dice, b = self.dice("streets"), self.builder
+        """Add streets along the grid lines between the cells, the outer ones included."""
+        rng, b = self.rng("streets"), self.builder
         pitch = (_HIGH_M - _LOW_M) / _CELLS
         self.lines: list[list[float]] = []
         for _ in range(2):
-            inner = [_LOW_M + pitch * i + dice.between(-2.2, 2.2) for i in range(1, _CELLS)]
+            inner = [_LOW_M + pitch * i + rng.between(-2.2, 2.2) for i in range(1, _CELLS)]
             self.lines.append([_LOW_M, *inner, _HIGH_M])
         b.ground("plane", (0.0, 0.0, 1.0), material="earth")
         half = self.parameters.street_m / 2 - 0.4
@@ -118,12 +117,12 @@ class _Village:
             body.geom("box", (reach, half, 0.02), pos=(0.0, 0.0, -0.003), material="track", solid=False, part="lane")
 
     def plots(self) -> None:
-        """Builds on every cell; some pairs of neighbours become one long plot for a hall."""
-        dice, p = self.dice("plots"), self.parameters
+        """Build on every cell; some pairs of neighbours become one long plot for a hall."""
+        rng, p = self.rng("plots"), self.parameters
         xs, ys = self.lines
         edge = p.street_m / 2
         taken: set[tuple[int, int]] = set()
-        # One hall at least bars the straight way.
+        # At least one hall blocks the straight line.
         barred = [
             (i, j)
             for i in range(_CELLS)
@@ -132,34 +131,34 @@ class _Village:
             and min(plot.distance(START), plot.distance(GOAL)) >= p.clear_m
             and not _meets_low_route(plot)
         ]
-        self.bar = dice.pick(barred) if barred and p.tall_share > 0.0 else None
+        self.bar = rng.pick(barred) if barred and p.tall_share > 0.0 else None
         for j in range(_CELLS):
             for i in range(_CELLS):
                 if (i, j) in taken:
                     continue
                 plot = Plot(xs[i] + edge, ys[j] + edge, xs[i + 1] - edge, ys[j + 1] - edge)
                 if (i, j) == self.bar:
-                    self.hall(dice, plot)
+                    self.hall(rng, plot)
                     continue
                 on_line = _meets_flight_line(plot)
-                tall = dice.unit() < (0.5 + 0.5 * p.tall_share if on_line else p.tall_share) and p.tall_share > 0.0
-                if tall and dice.chance(0.3):
-                    wide = self._with_neighbour(dice, i, j, taken)
+                tall = rng.unit() < (0.5 + 0.5 * p.tall_share if on_line else p.tall_share) and p.tall_share > 0.0
+                if tall and rng.chance(0.3):
+                    wide = self._with_neighbour(rng, i, j, taken)
                     if wide is not None:
                         plot = wide
                 tall = tall and not _meets_low_route(plot)
                 if min(plot.distance(START), plot.distance(GOAL)) < p.clear_m:
-                    self.open_ground(dice, plot)
+                    self.open_ground(rng, plot)
                 elif tall:
-                    self.tall(dice, plot)
+                    self.tall(rng, plot)
                 else:
-                    self.low(dice, plot)
+                    self.low(rng, plot)
 
-    def _with_neighbour(self, dice: Dice, i: int, j: int, taken: set[tuple[int, int]]) -> Plot | None:
-        """The cell together with the one east or north of it, if that is free and neither lies at start or goal."""
+    def _with_neighbour(self, rng: RandomGenerator, i: int, j: int, taken: set[tuple[int, int]]) -> Plot | None:
+        """Return the cell joined with its neighbour east or north, if that is free and neither is at start or goal."""
         edge = self.parameters.street_m / 2
         xs, ys = self.lines
-        di, dj = (1, 0) if dice.chance(0.5) else (0, 1)
+        di, dj = (1, 0) if rng.chance(0.5) else (0, 1)
         if i + di >= _CELLS or j + dj >= _CELLS or (i + di, j + dj) in (*taken, self.bar):
             return None
         plot = Plot(xs[i] + edge, ys[j] + edge, xs[i + 1 + di] - edge, ys[j + 1 + dj] - edge)
@@ -168,61 +167,61 @@ class _Village:
         taken.add((i + di, j + dj))
         return plot
 
-    def tall(self, dice: Dice, plot: Plot) -> None:
+    def tall(self, rng: RandomGenerator, plot: Plot) -> None:
         b = self.builder
         (x, y), (hx, hy) = plot.middle, plot.half
-        if max(hx, hy) > 10.0 or dice.chance(0.35):
-            self.hall(dice, plot)
+        if max(hx, hy) > 10.0 or rng.chance(0.35):
+            self.hall(rng, plot)
             return
-        if dice.chance(0.6):
-            bx, by = min(hx - 0.5, dice.between(3.6, 5.4)), min(hy - 0.5, dice.between(3.6, 5.4))
-            ox, oy = dice.between(-1, 1) * (hx - bx), dice.between(-1, 1) * (hy - by)
-            military.add_tall_block(b, dice, x + ox, y + oy, bx, by, 4)
+        if rng.chance(0.6):
+            bx, by = min(hx - 0.5, rng.between(3.6, 5.4)), min(hy - 0.5, rng.between(3.6, 5.4))
+            ox, oy = rng.between(-1, 1) * (hx - bx), rng.between(-1, 1) * (hy - by)
+            military.add_tall_block(b, rng, x + ox, y + oy, bx, by, 4)
             self.layout.take_box(x + ox - bx, y + oy - by, x + ox + bx, y + oy + by)
         else:
-            side = 1.0 if dice.chance(0.5) else -1.0
+            side = 1.0 if rng.chance(0.5) else -1.0
             military.add_water_tower(b, x - side * 0.45 * hx, y)
             self.layout.take_disc(x - side * 0.45 * hx, y, 2.6)
-            cx, cy = x + side * (hx - 1.2), y + dice.between(-0.4, 0.4) * hy
-            # Room to fly between the two, or no chimney.
+            cx, cy = x + side * (hx - 1.2), y + rng.between(-0.4, 0.4) * hy
+            # A chimney only where a vehicle can fly between the two.
             if 1.45 * hx - 1.2 - 1.8 - 1.0 > 4.5:
-                military.add_chimney(b, cx, cy, dice.between(12.5, 15.0))
+                military.add_chimney(b, cx, cy, rng.between(12.5, 15.0))
                 self.layout.take_disc(cx, cy, 1.2)
-        self.clutter(dice, plot, 2)
+        self.clutter(rng, plot, 2)
 
-    def hall(self, dice: Dice, plot: Plot) -> None:
-        """Fills the plot."""
+    def hall(self, rng: RandomGenerator, plot: Plot) -> None:
+        """Add a hall that fills the plot."""
         (x, y), (hx, hy) = plot.middle, plot.half
-        military.add_hall(self.builder, dice, x, y, hx - 0.4, hy - 0.4, dice.between(12.0, 13.5))
+        military.add_hall(self.builder, rng, x, y, hx - 0.4, hy - 0.4, rng.between(12.0, 13.5))
         self.layout.take_box(plot.x0, plot.y0, plot.x1, plot.y1)
 
-    def low(self, dice: Dice, plot: Plot) -> None:
-        """A house with a walled courtyard, two small houses, or a container yard."""
+    def low(self, rng: RandomGenerator, plot: Plot) -> None:
+        """Add a house with a walled courtyard, two small houses, or a container yard."""
         b = self.builder
         (x, y), (hx, hy) = plot.middle, plot.half
-        kind = dice.unit()
+        kind = rng.unit()
         if kind < 0.45:
-            bx, by = hx * dice.between(0.48, 0.6), hy * dice.between(0.55, 0.85)
+            bx, by = hx * rng.between(0.48, 0.6), hy * rng.between(0.55, 0.85)
             cx, cy = plot.x0 + bx + 0.2, plot.y0 + by + 0.2
-            military.add_shell_house(b, dice, cx, cy, bx, by, 1 + dice.index(2))
+            military.add_shell_house(b, rng, cx, cy, bx, by, 1 + rng.index(2))
             self.layout.take_box(cx - bx - 0.3, cy - by - 0.3, cx + bx + 1.4, cy + by + 1.4)
-            self.courtyard(dice, plot, cx + bx)
+            self.courtyard(rng, plot, cx + bx)
         elif kind < 0.7:
             for side in (-1.0, 1.0):
-                bx, by = hx * dice.between(0.34, 0.42), hy * dice.between(0.5, 0.8)
-                cx, cy = x + side * (hx - bx - 0.2), y + dice.between(-1, 1) * (hy - by - 0.2)
-                military.add_shell_house(b, dice, cx, cy, bx, by, 1 + dice.index(2))
+                bx, by = hx * rng.between(0.34, 0.42), hy * rng.between(0.5, 0.8)
+                cx, cy = x + side * (hx - bx - 0.2), y + rng.between(-1, 1) * (hy - by - 0.2)
+                military.add_shell_house(b, rng, cx, cy, bx, by, 1 + rng.index(2))
                 self.layout.take_box(cx - bx - 0.8, cy - by - 0.8, cx + bx + 0.8, cy + by + 0.8)
         else:
             for row in (-0.55, 0.1, 0.7):
                 cy = y + row * hy
-                cx = x + dice.between(-1, 1) * max(hx - 3.3, 0.0)
-                military.add_container(b, dice, cx, cy, 0.0, stacked=dice.chance(0.5))
+                cx = x + rng.between(-1, 1) * max(hx - 3.3, 0.0)
+                military.add_container(b, rng, cx, cy, 0.0, stacked=rng.chance(0.5))
                 self.layout.take_box(cx - 3.2, cy - 1.4, cx + 3.2, cy + 1.4)
-        self.clutter(dice, plot, 3)
+        self.clutter(rng, plot, 3)
 
-    def courtyard(self, dice: Dice, plot: Plot, house_x1: float) -> None:
-        """Walls of 2.1 m round the rest of the plot, with a gap to walk in."""
+    def courtyard(self, rng: RandomGenerator, plot: Plot, house_x1: float) -> None:
+        """Add walls of 2.1 m round the rest of the plot, with a gap to walk in."""
         b = self.builder
         gap = 1.6
         for y in (plot.y0 + 0.15, plot.y1 - 0.15):
@@ -230,74 +229,74 @@ class _Village:
             if half > 0.4:
                 military.add_yard_wall(b, plot.x1 - half, y, half, 0.0, 2.1)
                 self.layout.take_box(plot.x1 - 2 * half, y - 0.2, plot.x1, y + 0.2)
-        split = dice.between(0.3, 0.7) * (plot.y1 - plot.y0)
+        split = rng.between(0.3, 0.7) * (plot.y1 - plot.y0)
         for y0, y1 in ((plot.y0 + 0.3, plot.y0 + split - gap / 2), (plot.y0 + split + gap / 2, plot.y1 - 0.3)):
             if y1 - y0 > 0.6:
                 x = plot.x1 - 0.12
                 military.add_yard_wall(b, x, 0.5 * (y0 + y1), 0.5 * (y1 - y0), _QUARTER_RAD, 2.1)
                 self.layout.take_box(x - 0.2, y0, x + 0.2, y1)
 
-    def open_ground(self, dice: Dice, plot: Plot) -> None:
-        """A square round start or goal: only low things, away from it."""
-        self.clutter(dice, plot, 5)
+    def open_ground(self, rng: RandomGenerator, plot: Plot) -> None:
+        """Add only low objects round start or goal, at a distance."""
+        self.clutter(rng, plot, 5)
 
-    def clutter(self, dice: Dice, plot: Plot, count: int) -> None:
-        """Small things on what is left of a plot."""
+    def clutter(self, rng: RandomGenerator, plot: Plot, count: int) -> None:
+        """Add small objects on the free part of a plot."""
         area = (plot.x0 + 1.0, plot.y0 + 1.0, plot.x1 - 1.0, plot.y1 - 1.0)
         for _ in range(count):
-            self.thing(dice, area)
+            self.clutter_object(rng, area)
 
-    def thing(self, dice: Dice, area: tuple[float, float, float, float]) -> None:
+    def clutter_object(self, rng: RandomGenerator, area: tuple[float, float, float, float]) -> None:
         b = self.builder
-        heading = _QUARTER_RAD * dice.index(4)
+        heading = _QUARTER_RAD * rng.index(4)
 
         def car(x: float, y: float) -> None:
-            add_car(b, dice, x, y, heading, van=dice.chance(0.4), paint="olive")
+            add_car(b, rng, x, y, heading, van=rng.chance(0.4), paint="olive")
 
         kinds: tuple[tuple[float, Callable[[float, float], None]], ...] = (
-            (1.2, lambda x, y: military.add_barrels(b, dice, x, y)),
+            (1.2, lambda x, y: military.add_barrels(b, rng, x, y)),
             (2.4, lambda x, y: military.add_sandbags(b, x, y, heading)),
-            (1.5, lambda x, y: military.add_crates(b, dice, x, y)),
+            (1.5, lambda x, y: military.add_crates(b, rng, x, y)),
             (1.6, lambda x, y: military.add_barrier(b, x, y, heading)),
-            (2.4, lambda x, y: add_tree(b, dice, x, y, size=0.75)),
-            (0.9, lambda x, y: add_bush(b, dice, x, y)),
+            (2.4, lambda x, y: add_tree(b, rng, x, y, size=0.75)),
+            (0.9, lambda x, y: add_bush(b, rng, x, y)),
             (2.7, car),
         )
-        radius, place = dice.pick(kinds)
-        self.layout.scatter(dice, 1, radius, area, place)
+        radius, place = rng.pick(kinds)
+        self.layout.scatter(rng, 1, radius, area, place)
 
     def surroundings(self) -> None:
-        """Trees outside, so that the village does not end in nothing."""
-        dice, b = self.dice("surroundings"), self.builder
+        """Add trees round the village."""
+        rng, b = self.rng("surroundings"), self.builder
         far = _HIGH_M + 22.0
         near = _LOW_M - 22.0
         for area in (
             (near, near, far, _LOW_M - 6.0), (near, _HIGH_M + 6.0, far, far),
             (near, _LOW_M, _LOW_M - 6.0, _HIGH_M), (_HIGH_M + 6.0, _LOW_M, far, _HIGH_M),
         ):  # fmt: skip
-            self.layout.scatter(dice, self.parameters.outer_trees // 4, 2.5, area, lambda x, y: add_tree(b, dice, x, y))
+            self.layout.scatter(rng, self.parameters.outer_trees // 4, 2.5, area, lambda x, y: add_tree(b, rng, x, y))
 
     def people(self) -> None:
-        """Patrols along the streets, sentries at corners."""
-        b, p, dice = self.builder, self.parameters, self.dice("people")
+        """Add soldiers: patrols along the streets, guards at corners."""
+        b, p, rng = self.builder, self.parameters, self.rng("people")
         for _ in range(p.walkers):
             for _ in range(40):
-                axis = dice.index(2)
-                line = self.lines[axis][1 + dice.index(_CELLS - 1)] + dice.between(-1.2, 1.2)
-                begin = dice.between(_LOW_M + 2.0, 50.0)
-                end = begin + dice.between(12.0, 30.0)
+                axis = rng.index(2)
+                line = self.lines[axis][1 + rng.index(_CELLS - 1)] + rng.between(-1.2, 1.2)
+                begin = rng.between(_LOW_M + 2.0, 50.0)
+                end = begin + rng.between(12.0, 30.0)
                 a, c = ((line, begin), (line, end)) if axis == 0 else ((begin, line), (end, line))
-                # A hall over two cells closes the street between them.
+                # A hall over two cells blocks the street between them.
                 if all(self.layout.free(*_between(a, c, k / 24), 0.8) for k in range(25)):
-                    path = there_and_back(a, c, dice.between(0.9, 1.5), start_lap=dice.unit())
-                    add_walker(b, dice, path, soldier=dice.chance(0.8))
+                    path = there_and_back(a, c, rng.between(0.9, 1.5), start_lap=rng.unit())
+                    add_walker(b, rng, path, traits=PersonTraits(soldier=rng.chance(0.8)))
                     break
         for _ in range(p.standing_people):
-            x = self.lines[0][1 + dice.index(_CELLS - 1)] + dice.pick((-2.3, 2.3))
-            y = self.lines[1][1 + dice.index(_CELLS - 1)] + dice.pick((-2.3, 2.3))
+            x = self.lines[0][1 + rng.index(_CELLS - 1)] + rng.pick((-2.3, 2.3))
+            y = self.lines[1][1 + rng.index(_CELLS - 1)] + rng.pick((-2.3, 2.3))
             if self.layout.free(x, y, 0.4):
                 self.layout.take_disc(x, y, 0.6)
-                add_still_person(b, dice, x, y, dice.between(0.0, TURN_RAD), soldier=True)
+                add_still_person(b, rng, (x, y, 0.0), rng.between(0.0, TURN_RAD), traits=PersonTraits(soldier=True))
 
 
 def _between(a: Point, b: Point, share: float) -> Point:
@@ -305,13 +304,13 @@ def _between(a: Point, b: Point, share: float) -> Point:
 
 
 def _meets_flight_line(plot: Plot) -> bool:
-    """Whether the straight line from start to goal passes over the plot."""
+    """Return True if the straight line from start to goal passes over the plot."""
     r = min(plot.half)
     return segment_distance(plot.middle, START, GOAL) < r
 
 
 def _meets_low_route(plot: Plot) -> bool:
-    """Whether a leg of the low route passes over the plot, or nearly."""
+    """Return True if a leg of the low route passes over the plot, or close to it."""
     # The legs run along the axes.
     for (ax, ay), (bx, by) in pairwise(_LOW_ROUTE):
         outside_x = max(plot.x0 - max(ax, bx), min(ax, bx) - plot.x1)

@@ -1,6 +1,6 @@
-"""A suburb for last-mile delivery, 120 x 120 m: two streets each way, eight blocks of family houses, and a depot lot in
-the middle, where the vehicle starts.
+"""Suburb for last-mile delivery, 120 x 120 m: two streets each way, eight blocks of family houses, and a depot.
 
+The vehicle starts on the depot's lot in the middle.
 Streets have kerbs, lane dashes and zebra crossings; houses have doors, windows, pitched roofs, fences and gardens.
 Drop zones (class `drop_zone`) are marked squares of `zone_m` in gardens: flat, under open sky.
 """
@@ -13,13 +13,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.documents.validate import StrictModel
-from hil.signals.units import TURN_RAD
+from signals._kernel import det_cos, det_sin
+from signals.documents.validate import StrictModel
+from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, add_house, building_materials
 from sim.scene.maps.cars import add_car
-from sim.scene.maps.dice import Dice
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
@@ -28,9 +27,10 @@ from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
 from sim.scene.maps.walk_path import WalkPath, there_and_back
+from sim.scene.random_generator import RandomGenerator
 
-_STREET_M = 21.0  # middles of the streets at +- this
-_LANE_M = 3.5  # half of a street
+_STREET_M = 21.0  # distance of the middle of a street from the axes
+_LANE_M = 3.5  # width of a lane, half a street
 _EDGE_M = 60.0
 _INNER_M, _OUTER_M = _STREET_M - _LANE_M, _STREET_M + _LANE_M
 _KERB_M = 0.12  # top of the pavement
@@ -40,7 +40,7 @@ _QUARTER_RAD = 1.5707963267948966
 
 
 class UrbanDeliveryParameters(StrictModel):
-    """How much of what."""
+    """Numbers of drop zones, vehicles, plants and people."""
 
     drop_zones: Annotated[int, Field(ge=0, le=24)] = 8
     zone_m: Annotated[float, Field(ge=0.5, le=3.0)] = 1.6
@@ -52,7 +52,7 @@ class UrbanDeliveryParameters(StrictModel):
 
 @dataclass(frozen=True)
 class Lot:
-    """A house's ground: (x, y) is the middle of its front at the pavement, `heading` looks from there to the street."""
+    """Ground of a house: (x, y) is the middle of its front at the pavement, `heading` points to the street."""
 
     x: float
     y: float
@@ -61,7 +61,7 @@ class Lot:
     depth_m: float
 
     def at(self, back_m: float, left_m: float) -> Point:
-        """Point `back_m` behind the front and `left_m` to the left of one who looks to the street."""
+        """Return the point `back_m` behind the front and `left_m` to the left, seen when facing the street."""
         c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
         return self.x - back_m * c - left_m * s, self.y - back_m * s + left_m * c
 
@@ -74,8 +74,8 @@ class _Suburb:
         self.layout = Layout()
         self.layout.take_disc(0.0, 0.0, 6.0)
 
-    def dice(self, name: str) -> Dice:
-        return Dice(self.seed, f"urban_delivery.{name}")
+    def rng(self, name: str) -> RandomGenerator:
+        return RandomGenerator(self.seed, f"urban_delivery.{name}")
 
     def materials(self) -> None:
         b = self.builder
@@ -144,8 +144,8 @@ class _Suburb:
                     )
 
     def depot(self) -> None:
-        """Middle block: a lot at ground level with a start pad, a kerb round it, the depot and its vans."""
-        b, dice = self.builder, self.dice("depot")
+        """Add the middle block: a lot at ground level with a start pad, a kerb round it, the depot and its vans."""
+        b, rng = self.builder, self.rng("depot")
         lot = b.body("road")
         lot.geom(
             "box", (_INNER_M - 2.4, _INNER_M - 2.4, 0.02), pos=(0.0, 0.0, -0.012), material="lot_asphalt", solid=False
@@ -164,14 +164,14 @@ class _Suburb:
             )
         pad = b.body("pad")
         ring = b.mesh("pad_ring", ribbon(ellipse(1.6, 1.6, 32), 0.1, -0.03, 0.014, tile_m=1.0, closed=True))
-        pad.geom("mesh", mesh=ring, material="zone_white", solid=False, part="ring")
+        pad.geom("mesh", asset=ring, material="zone_white", solid=False, part="ring")
         for part, size, pos in (
             ("left", (0.09, 0.55, 0.01), (-0.4, 0.0, 0.004)),
             ("right", (0.09, 0.55, 0.01), (0.4, 0.0, 0.004)),
             ("bar", (0.31, 0.09, 0.01), (0.0, 0.0, 0.004)),
         ):
             pad.geom("box", size, pos=pos, material="zone_white", solid=False, part=part)
-        add_block(b, dice, -1.0, 11.2, 0.0, 6, 2, 2)
+        add_block(b, rng, -1.0, 11.2, 0.0, 6, 2, 2)
         for x in (-8.5, -2.5, 3.5):
             gate = b.body("gate", (x, 8.17, 0.0))
             gate.geom("box", (1.3, 0.06, 1.3), pos=(0.0, 0.0, 1.3), material="gate", solid=False)
@@ -179,13 +179,13 @@ class _Suburb:
         for i in range(4):
             x, y = 12.2, -11.0 + 3.4 * i
             if i < 3:
-                add_car(b, dice, x - 1.0, y, 0.0, van=True, paint="white")
+                add_car(b, rng, x - 1.0, y, 0.0, van=True, paint="white")
             self.layout.take_box(x - 4.0, y - 1.3, x + 2.0, y + 1.3)
             mark = b.body("marking", (11.2, y + 1.7, 0.0))
             mark.geom("box", (2.6, 0.05, 0.01), pos=(0.0, 0.0, 0.005), material="road_paint", solid=False)
 
     def blocks(self) -> None:
-        b, dice = self.builder, self.dice("blocks")
+        b, rng = self.builder, self.rng("blocks")
         self.lots: list[Lot] = []
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
@@ -204,7 +204,7 @@ class _Suburb:
                 lawn.geom(
                     "box", (hx - _FRONT_M, hy - _FRONT_M, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.1), material="lawn"
                 )  # fmt: skip
-                # Houses look to the street on the side of the middle block; corner blocks to the one along x.
+                # Houses face the street next to the middle block; those of corner blocks face the street along x.
                 toward_y = j != 0
                 heading = (-_QUARTER_RAD if j > 0 else _QUARTER_RAD) if toward_y else (pi if i > 0 else 0.0)
                 length = (x1 - x0) if toward_y else (y1 - y0)
@@ -217,30 +217,30 @@ class _Suburb:
                         x, y = (x0 + _FRONT_M if i > 0 else x1 - _FRONT_M), cy + k * width
                     self.lots.append(Lot(x, y, heading, width, depth))
         for number, lot in enumerate(self.lots):
-            self.lot(dice, lot, number)
+            self.lot(rng, lot, number)
 
-    def lot(self, dice: Dice, lot: Lot, number: int) -> None:
+    def lot(self, rng: RandomGenerator, lot: Lot, number: int) -> None:
         b = self.builder
-        half_y = min(lot.width_m / 2 - 1.6, dice.between(3.4, 4.2))
-        half_x = dice.between(3.0, 3.8)
-        setback = dice.between(5.0, 6.5)
-        shift = dice.between(-0.5, 0.5)
+        half_y = min(lot.width_m / 2 - 1.6, rng.between(3.4, 4.2))
+        half_x = rng.between(3.0, 3.8)
+        setback = rng.between(5.0, 6.5)
+        shift = rng.between(-0.5, 0.5)
         x, y = lot.at(setback + half_x, shift)
-        add_house(b, dice, x, y, lot.heading_rad, half_x_m=half_x, half_y_m=half_y)
+        add_house(b, rng, x, y, lot.heading_rad, half_x_m=half_x, half_y_m=half_y)
         self.layout.take_disc(x, y, sqrt(half_x * half_x + half_y * half_y) + 0.4)
         path = b.body("path", (*lot.at(setback / 2, shift), 0.0), yaw_quat(lot.heading_rad))
         path.geom("box", (setback / 2, 0.6, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.095), material="drive", solid=False)
         a, c = lot.at(0.0, shift), lot.at(setback, shift)
         self.layout.take_band((a, c), 0.9)
-        # Fence towards the neighbour on the left, and hedged front for some.
+        # A fence towards the left neighbour; some fronts have a hedge.
         if number % 3 != 2:
-            self.fence(lot.at(0.4, lot.width_m / 2), lot.at(lot.depth_m - 0.4, lot.width_m / 2), dice)
+            self.fence(lot.at(0.4, lot.width_m / 2), lot.at(lot.depth_m - 0.4, lot.width_m / 2), rng)
 
-    def fence(self, start: Point, end: Point, dice: Dice) -> None:
+    def fence(self, start: Point, end: Point, rng: RandomGenerator) -> None:
         b = self.builder
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = sqrt(dx * dx + dy * dy)
-        material = dice.pick(("fence", "fence_brown"))
+        material = rng.pick(("fence", "fence_brown"))
         heading = 0.0 if abs(dx) > abs(dy) else _QUARTER_RAD
         body = b.body("fence", (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), _LAWN_M), yaw_quat(heading))
         for k, z in enumerate((0.3, 0.62, 0.94)):
@@ -257,16 +257,16 @@ class _Suburb:
         self.layout.take_band((start, end), 0.3)
 
     def drop_zones(self) -> None:
-        b, p, dice = self.builder, self.parameters, self.dice("drop_zones")
+        b, p, rng = self.builder, self.parameters, self.rng("drop_zones")
         half = p.zone_m / 2
         placed = 0
-        for lot in dice.shuffled(self.lots):
+        for lot in rng.shuffled(self.lots):
             if placed == p.drop_zones:
                 break
             for _ in range(30):
-                # In the front garden beside the path, or behind the house.
-                back = dice.between(1.6, 3.6) if dice.chance(0.4) else dice.between(16.0, lot.depth_m - 3.0)
-                left = dice.between(-1.0, 1.0) * (lot.width_m / 2 - 2.4)
+                # Zones are in the front garden beside the path, or behind the house.
+                back = rng.between(1.6, 3.6) if rng.chance(0.4) else rng.between(16.0, lot.depth_m - 3.0)
+                left = rng.between(-1.0, 1.0) * (lot.width_m / 2 - 2.4)
                 x, y = lot.at(back, left)
                 if not self.layout.free(x, y, half + 1.0):
                     continue
@@ -298,81 +298,81 @@ class _Suburb:
                     heading = _to_street(axis, side)
                     add_street_lamp(b, x, y, heading)
                     self.layout.take_disc(x, y, 0.3)
-        dice = self.dice("bins")
+        rng = self.rng("bins")
         for lot in self.lots:
-            if dice.chance(0.4):
+            if rng.chance(0.4):
                 x, y = lot.at(0.6, lot.width_m / 2 - 1.2)
                 if self.layout.free(x, y, 0.3):
                     add_bin(b, x, y)
                     self.layout.take_disc(x, y, 0.4)
 
     def vehicles(self) -> None:
-        """Along the kerbs, clear of crossings."""
-        b, dice = self.builder, self.dice("vehicles")
+        """Add cars along the kerbs, clear of crossings."""
+        b, rng = self.builder, self.rng("vehicles")
         spots = []
         for axis in range(2):
             for side in (-1.0, 1.0):
                 for along in (-54.0, -47.0, -40.0, -33.0, -9.0, -2.0, 5.0, 33.0, 40.0, 47.0, 54.0):
                     for lane in (-1.0, 1.0):
                         spots.append((axis, side, along, lane))
-        for axis, side, along, lane in dice.shuffled(spots)[: self.parameters.parked_vehicles]:
-            x, y, _ = _turned(axis, along + dice.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
+        for axis, side, along, lane in rng.shuffled(spots)[: self.parameters.parked_vehicles]:
+            x, y, _ = _turned(axis, along + rng.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
             heading = axis * _QUARTER_RAD + (0.0 if lane < 0 else pi)
-            add_car(b, dice, x, y, heading, van=dice.chance(0.25))
+            add_car(b, rng, x, y, heading, van=rng.chance(0.25))
 
     def plants(self) -> None:
-        b, p, dice = self.builder, self.parameters, self.dice("plants")
+        b, p, rng = self.builder, self.parameters, self.rng("plants")
         for _ in range(p.trees):
-            lot = dice.pick(self.lots)
+            lot = rng.pick(self.lots)
             for _ in range(20):
-                x, y = lot.at(dice.between(3.0, lot.depth_m - 2.0), dice.between(-0.5, 0.5) * (lot.width_m - 4.0))
+                x, y = lot.at(rng.between(3.0, lot.depth_m - 2.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
                 if self.layout.free(x, y, 2.2):
                     self.layout.take_disc(x, y, 2.2)
-                    add_tree(b, dice, x, y, size=0.85)
+                    add_tree(b, rng, x, y, size=0.85)
                     break
         for lot in self.lots:
-            x, y = lot.at(dice.between(1.2, 3.8), dice.between(-0.5, 0.5) * (lot.width_m - 2.5))
+            x, y = lot.at(rng.between(1.2, 3.8), rng.between(-0.5, 0.5) * (lot.width_m - 2.5))
             if self.layout.free(x, y, 0.8):
                 self.layout.take_disc(x, y, 0.8)
-                add_bush(b, dice, x, y)
+                add_bush(b, rng, x, y)
 
     def people(self) -> None:
-        """On the pavements: round a block, or to and fro along one side."""
-        b, p, dice = self.builder, self.parameters, self.dice("people")
+        """Add people on the pavements: round a block, or to and fro along one side."""
+        b, p, rng = self.builder, self.parameters, self.rng("people")
         blocks = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
         for k in range(p.walkers):
-            i, j = blocks[dice.index(len(blocks))]
-            inset = 1.1 + dice.between(-0.2, 0.3)
+            i, j = blocks[rng.index(len(blocks))]
+            inset = 1.1 + rng.between(-0.2, 0.3)
             (x0, x1), (y0, y1) = _span(i), _span(j)
             x0, x1, y0, y1 = x0 + inset, x1 - inset, y0 + inset, y1 - inset
-            speed, lap = dice.between(0.9, 1.5), dice.unit()
+            speed, lap = rng.between(0.9, 1.5), rng.unit()
             if k % 2 == 0:
                 corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-                path = WalkPath(corners[:: 1 if dice.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
+                path = WalkPath(corners[:: 1 if rng.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
             else:
                 path = there_and_back((x0 + 1.0, y0), (x1 - 1.0, y0), speed, lane_m=0.5, start_lap=lap)
-            add_walker(b, dice, path, ground_m=_KERB_M)
+            add_walker(b, rng, path, ground_m=_KERB_M)
         for _ in range(p.standing_people):
-            lot = dice.pick(self.lots)
-            x, y = lot.at(dice.between(1.0, 4.0), dice.between(-3.0, 3.0))
+            lot = rng.pick(self.lots)
+            x, y = lot.at(rng.between(1.0, 4.0), rng.between(-3.0, 3.0))
             if self.layout.free(x, y, 0.4):
                 self.layout.take_disc(x, y, 0.5)
-                add_still_person(b, dice, x, y, dice.between(0.0, TURN_RAD), ground_m=_LAWN_M)
+                add_still_person(b, rng, (x, y, _LAWN_M), rng.between(0.0, TURN_RAD))
 
 
 def _turned(axis: int, along: float, across: float) -> tuple[float, float, float]:
-    """A point of a street along x (axis 0) or, turned a quarter to the left, along y (axis 1)."""
+    """Return a point of a street along x (axis 0) or, turned a quarter to the left, along y (axis 1)."""
     return (along, across, 0.0) if axis == 0 else (-across, along, 0.0)
 
 
 def _to_street(axis: int, side: float) -> float:
-    """Heading from the outer kerb of a street to its middle."""
+    """Return the heading from the outer kerb of a street to its middle."""
     across = -side
     return axis * _QUARTER_RAD + (_QUARTER_RAD if across > 0 else -_QUARTER_RAD)
 
 
 def _span(index: int) -> tuple[float, float]:
-    """Extent of a column or row of blocks."""
+    """Return the extent of a column or row of blocks."""
     return {-1: (-_EDGE_M, -_OUTER_M), 0: (-_INNER_M, _INNER_M), 1: (_OUTER_M, _EDGE_M)}[index]
 
 

@@ -1,11 +1,11 @@
-"""A closed way on foot: straight legs, rounded corners, slower round the corners; a pure function of time.
+"""Closed walking path, a pure function of time: straight legs, rounded corners, lower speed in corners.
 
-Along a corner of length l the heading turns by psi(u) = psi_0 + d_psi S(u), u = s/l, with the smoothstep
-S = 10 u^3 - 15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are continuous. The position is its integral,
-tabulated at knots and carried between them by quintic Hermite polynomials; the polynomial is the position, and its
-derivative the velocity, exactly. Speed changes between cruise and corner by the same smoothstep in time.
+Along a corner of length l the heading turns by psi(u) = psi_0 + d_psi S(u), u = s/l, with the smoothstep S = 10 u^3 -
+15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are continuous. Its integral is tabulated at knots and
+interpolated by quintic Hermite polynomials, which define the position; the velocity is their exact derivative. Speed
+changes between cruise and corner by the same smoothstep in time.
 
-Here the tables are made; `sim._kernels.WalkPath` evaluates them (in Python: tests/reference/walker_reference.py).
+This file makes the tables; `sim._kernels.WalkPath` evaluates them (in Python: tests/reference/walker_reference.py).
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from math import pi, sqrt
 
 import numpy as np
 
-from hil.signals._kernel import det_atan2, det_cos, det_sin
+from signals._kernel import det_atan2, det_cos, det_sin
 from sim import _kernels
 
-_KNOTS = 16  # pieces of a corner; position off the true integral by < 1e-7 of the corner's length
+_KNOTS = 16  # pieces of a corner; error of the position < 1e-7 of the corner's length
 _SUBSTEPS = 8  # Simpson panels within a piece
 _PEAK_OF_SLOPE = 1.875  # largest S'(u)
 _MAX_YAW_RATE_RADPS = 2.6
@@ -26,7 +26,7 @@ _BRAKING_MPS2 = 1.2
 
 Piece = tuple[float, float, float, float, float]  # start time, duration, start s, speed before, speed after
 Straight = tuple[float, float, float, float, float]  # start s, x, y, cos and sin of the heading
-# Start s, length, heading, turn; then of each knot x, y, x', y', x'', y'' by s.
+# Start s, length, heading, turn; then for each knot x, y and their first and second derivatives by s.
 Corner = tuple[float, float, float, float, *tuple[float, ...]]
 
 
@@ -45,7 +45,7 @@ def _wrap(angle_rad: float) -> float:
 
 
 def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
-    """Positions at the knots of a corner of length 1 that starts at the origin along x (Simpson's rule)."""
+    """Return the positions at the knots of a corner of length 1 from the origin along x (Simpson's rule)."""
     points = [(0.0, 0.0)]
     x = y = 0.0
     step = 1.0 / (_KNOTS * _SUBSTEPS)
@@ -60,7 +60,7 @@ def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
 
 
 class WalkPath(_kernels.WalkPath):
-    """Round and round a polygon. At t = 0 the walker is `start_lap` laps on from the first straight's beginning."""
+    """Path round a polygon, lap after lap; it begins `start_lap` laps past the start of the first straight."""
 
     def __init__(
         self,
@@ -70,9 +70,9 @@ class WalkPath(_kernels.WalkPath):
         corner_m: float = 1.5,
         start_lap: float = 0.0,
     ) -> None:
-        """`corner_m`: how far before a vertex its corner begins (less where edges are short)."""
+        """`corner_m`: distance before a vertex at which its corner begins; less if edges are short."""
         if len(vertices) < 3:
-            raise ValueError("a closed way needs at least three vertices; for there and back see `there_and_back`")
+            raise ValueError("a closed path needs at least three vertices; for one along a line see `there_and_back`")
         self.speed_mps = speed_mps
         n = len(vertices)
         edges = [(vertices[(i + 1) % n][0] - x, vertices[(i + 1) % n][1] - y) for i, (x, y) in enumerate(vertices)]
@@ -114,7 +114,7 @@ class WalkPath(_kernels.WalkPath):
         )
 
     def _time_pieces(self, spans: list[tuple[str, float]], corner_speed: float) -> tuple[list[Piece], float]:
-        """Pieces of the lap, and how long it takes."""
+        """Return the pieces of the lap, and its duration [s]."""
         pieces: list[Piece] = []
         t = s = 0.0
 
@@ -129,7 +129,7 @@ class WalkPath(_kernels.WalkPath):
             if kind == "corner":
                 add(length_m / corner_speed, corner_speed, corner_speed)
                 continue
-            # Both changes of speed take (v^2 - v_c^2) / (2 a) metres; a short leg is walked slower.
+            # Each change of speed takes (v^2 - v_c^2) / (2 a) metres, so short legs have a lower top speed.
             reach = sqrt(corner_speed * corner_speed + length_m * _BRAKING_MPS2)
             top = min(self.speed_mps, reach)
             change_s = (top - corner_speed) / _BRAKING_MPS2
@@ -145,10 +145,10 @@ def _make_corner(
     unit = _unit_corner(turn_rad)
     end_x, end_y = unit[-1]
     chord = sqrt(end_x * end_x + end_y * end_y)
-    # The corner leaves one edge and joins the next `cut` from their vertex: chord = 2 cut cos(turn/2).
+    # A corner begins and ends `cut` from its vertex: chord = 2 cut cos(turn/2).
     length = 2.0 * cut_m * det_cos(0.5 * turn_rad) / chord
     if not length > 1e-6 * next_edge_m:
-        raise ValueError("a walking path that turns back on itself: give it a corner in between")
+        raise ValueError("a walking path that turns back on itself; add a vertex in between")
     c, s = det_cos(heading_rad), det_sin(heading_rad)
     knots: list[float] = []
     for i, (px, py) in enumerate(unit):
@@ -169,13 +169,13 @@ def there_and_back(
     lane_m: float = 0.6,
     start_lap: float = 0.0,
 ) -> WalkPath:
-    """From start to end and back beside it: two lanes `lane_m` apart, midway between them the line start-end.
+    """Return a path from start to end and back: two lanes `lane_m` apart, on both sides of the line start-end.
 
-    The walker keeps to the right: both turns, at start and at end, are to the left, and reach just to those points.
+    The walker keeps to the right: both turns are to the left and end exactly at `start` and `end`.
     """
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = sqrt(dx * dx + dy * dy)
-    nx, ny = 0.5 * lane_m * dy / length, -0.5 * lane_m * dx / length  # to the right of the way out
+    nx, ny = 0.5 * lane_m * dy / length, -0.5 * lane_m * dx / length  # offset to the right of the way out
     vertices = [
         (start[0] + nx, start[1] + ny),
         (end[0] + nx, end[1] + ny),

@@ -1,9 +1,9 @@
-"""A walking person: the step cycle of sim/native/gait.hpp carried along a `walk_path`.
+"""Walking person: the step cycle of sim/native/gait.hpp along a `WalkPath`.
 
     p = p_WH + R_WH p_H,   v = v_WH + w x (p - p_WH) + R_WH p_H',   ' = d/dphi * ds/dt / L
 
-On straights the standing foot does not slip at all. Round a corner it turns with the walker, at most at the yaw rate
-times its distance from the pelvis.
+On straights the standing foot does not slip. In a corner it slips, at most at the yaw rate times its distance from the
+pelvis.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from sim.scene.maps.walk_path import WalkPath
 
 
 class Walker(_kernels.Walker):
-    """An `Actor` with one mocap body per limb."""
+    """`Actor` with one mocap body per limb."""
 
     def __init__(self, name: str, figure: Figure, path: WalkPath, *, ground_m: float = 0.0) -> None:
         self.name = name
         self.figure = figure
         self.path = path
         self.ground_m = ground_m  # height of the ground it walks on
-        # A whole number of cycles a lap, or the feet would jump where it closes.
+        # A lap has a whole number of cycles, so that the feet do not jump where it closes.
         natural_cycle_m = 1.346 * sqrt(path.speed_mps * figure.leg_m)  # two steps
         cycles = max(1, round(path.lap_m / natural_cycle_m))
         self.gait = _kernels.fit_gait(figure.lengths_m, path.speed_mps, path.lap_m / cycles)
@@ -40,7 +40,7 @@ class Walker(_kernels.Walker):
 
     @property
     def max_speed_mps(self) -> float:
-        # Corners are interpolated: their metres are not exactly metres.
+        # Corners are interpolated, so the speed differs slightly from the nominal one.
         return 1.05 * self.path.speed_mps
 
     def _bound_radius(self) -> float:

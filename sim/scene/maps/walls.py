@@ -1,8 +1,8 @@
-"""Walls with real openings, put together from boxes.
+"""Walls with real openings, made of boxes.
 
 A wall is horizontal bands (below, between and above the rows of windows) and, in each row, the piers between its
-windows: storeys + 1 bands and storeys * (windows + 1) piers. Each box lies with its local x along the wall, y up and z
-across, so that a flat texture stands upright on it.
+windows: storeys + 1 bands and storeys * (windows + 1) piers. Each box has its local x along the wall, y up and z
+across, which puts a flat texture upright.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hil.signals._kernel import det_cos, det_sin
-from hil.signals.rotation import product
+from signals._kernel import det_cos, det_sin
+from signals.rotation import product
 from sim.scene.maps.map_builder import Body, roll_quat, yaw_quat
 
 _UPRIGHT = roll_quat(1.5707963267948966)
@@ -19,7 +19,7 @@ _UPRIGHT = roll_quat(1.5707963267948966)
 
 @dataclass(frozen=True)
 class Openings:
-    """Rows of windows and perhaps a door, for one wall."""
+    """Rows of windows in one wall, with an optional door."""
 
     rows: tuple[tuple[float, float], ...]  # sill and head of each row, upwards [m]
     count: int  # windows in a row
@@ -27,19 +27,38 @@ class Openings:
     door: int = -1  # this window of the lowest row reaches down to the ground; -1: none
 
 
+@dataclass(frozen=True)
+class WallSize:
+    """Size of a wall [m]."""
+
+    length_m: float
+    height_m: float
+    thickness_m: float
+
+
+@dataclass(frozen=True)
+class Shell:
+    """A building's outer walls, floor slabs and roof, about the origin of its body."""
+
+    half_x_m: float
+    half_y_m: float
+    height_m: float
+    thickness_m: float
+    floors_m: Sequence[float] = ()  # heights of the slabs inside
+
+
 def add_wall(
     body: Body,
     start: tuple[float, float],
     heading_rad: float,
-    length_m: float,
-    height_m: float,
-    thickness_m: float,
+    size: WallSize,
     openings: Openings,
     *,
     material: str,
     part: str,
 ) -> None:
-    """A wall from `start` along `heading`, its middle plane on that line."""
+    """Add a wall from `start` along `heading_rad`, its middle plane on that line."""
+    length_m, height_m, thickness_m = size.length_m, size.height_m, size.thickness_m
     quat = product(yaw_quat(heading_rad), _UPRIGHT)
     c, s = det_cos(heading_rad), det_sin(heading_rad)
     serial = 0
@@ -73,7 +92,7 @@ def add_wall(
 
 
 def _holes(length_m: float, openings: Openings) -> list[tuple[float, float]]:
-    """Begin and end of each window of a row, evenly spread, at least 0.6 m of pier between them."""
+    """Return begin and end of each window of a row, evenly spaced, with piers of at least 0.6 m."""
     count = min(openings.count, int((length_m - 0.6) / (openings.width_m + 0.6)))
     if count <= 0:
         return []
@@ -81,26 +100,16 @@ def _holes(length_m: float, openings: Openings) -> list[tuple[float, float]]:
     return [(pitch * (i + 0.5) - openings.width_m / 2, pitch * (i + 0.5) + openings.width_m / 2) for i in range(count)]
 
 
-def add_shell(
-    body: Body,
-    half_x_m: float,
-    half_y_m: float,
-    height_m: float,
-    thickness_m: float,
-    sides: Sequence[Openings],
-    *,
-    material: str,
-    slab_material: str,
-    floors_m: Sequence[float] = (),
-) -> None:
-    """Four walls about the body's origin (sides: -y, +x, +y, -x), floor slabs inside at `floors_m`, and a roof."""
-    x, y, t = half_x_m, half_y_m, thickness_m
+def add_shell(body: Body, shell: Shell, sides: Sequence[Openings], *, material: str, slab_material: str) -> None:
+    """Add four walls (`sides`: -y, +x, +y, -x), the floor slabs inside, and a roof."""
+    x, y, t, height_m = shell.half_x_m, shell.half_y_m, shell.thickness_m, shell.height_m
     quarter = 1.5707963267948966
     # Walls along x take the corners.
-    add_wall(body, (-x, -y + t / 2), 0.0, 2 * x, height_m, t, sides[0], material=material, part="south")
-    add_wall(body, (x - t / 2, -y + t), quarter, 2 * (y - t), height_m, t, sides[1], material=material, part="east")
-    add_wall(body, (-x, y - t / 2), 0.0, 2 * x, height_m, t, sides[2], material=material, part="north")
-    add_wall(body, (-x + t / 2, -y + t), quarter, 2 * (y - t), height_m, t, sides[3], material=material, part="west")
-    for i, level in enumerate(floors_m):
+    along_x, along_y = WallSize(2 * x, height_m, t), WallSize(2 * (y - t), height_m, t)
+    add_wall(body, (-x, -y + t / 2), 0.0, along_x, sides[0], material=material, part="south")
+    add_wall(body, (x - t / 2, -y + t), quarter, along_y, sides[1], material=material, part="east")
+    add_wall(body, (-x, y - t / 2), 0.0, along_x, sides[2], material=material, part="north")
+    add_wall(body, (-x + t / 2, -y + t), quarter, along_y, sides[3], material=material, part="west")
+    for i, level in enumerate(shell.floors_m):
         body.geom("box", (x - t, y - t, 0.1), pos=(0.0, 0.0, level), material=slab_material, part=f"floor_{i}")
     body.geom("box", (x + 0.15, y + 0.15, 0.12), pos=(0.0, 0.0, height_m + 0.12), material=slab_material, part="roof")

@@ -1,1 +1,1 @@
-"""The CUTs that come with the client: `catalog` finds them by name."""
+"""The shipped CUTs; `catalog` finds them by name."""

@@ -1,4 +1,4 @@
-"""Answers every frame at once and commands nothing: what the link itself costs."""
+"""Answers every frame at once and commands nothing, to measure the latency of the link alone."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from hil_companion.frame import Frame
 
 
 class Echo:
-    """Says nothing but done."""
+    """The CUT `echo`."""
 
     topics = ("*",)
     control = False
 
     def __call__(self, frame: Frame) -> None:
-        """Nothing is desired."""
+        """Return None: no desired state."""

@@ -1,13 +1,13 @@
-"""Least snap through waypoints, within a corridor of a radius round the straight legs, as fast as limits allow.
+"""Minimum-snap path through waypoints, within a corridor about the straight legs, as fast as the limits allow.
 
 Mellinger and Kumar, "Minimum snap trajectory generation and control for quadrotors", ICRA 2011, minimise the integral
 of the squared 4th derivative of piecewise polynomials through waypoints. The polynomials are written here by position,
-velocity, acceleration and jerk at both ends of each segment, which fixes 7th order, makes derivatives up to the 3rd
-continuous of itself, and has the optimum in closed form (Richter, Bry and Roy, "Polynomial trajectory planning for
-aggressive quadrotor flight", ISRR 2013). As there, a segment that leaves the corridor is given one more waypoint in its
-middle, until none does.
+velocity, acceleration and jerk at both ends of each segment. That makes them of 7th order, keeps derivatives up to the
+3rd continuous, and gives the optimum in closed form (Richter, Bry and Roy, "Polynomial trajectory planning for
+aggressive quadrotor flight", ISRR 2013). As in that paper, a segment that leaves the corridor gets one more waypoint in
+its middle, until none does.
 
-    minimise 1/2 x' H x + g' x     x: what is free at the nodes, one column an axis; time counted in mean durations
+    minimise 1/2 x' H x + g' x     x: free values at the nodes, a column per axis; time in mean durations
 """
 
 from __future__ import annotations
@@ -20,22 +20,24 @@ import numpy as np
 from hil_companion.cuts.snap_path import SnapPath, derivative_row, snap_weights
 
 SAME_PLACE_M = 0.05
-MAX_LEGS = 12  # flown in one; the equations are dense, and their time grows with the cube
-MAX_ROUNDS = 10  # of more waypoints; a segment is then a thousandth of its leg
-MARGIN = 1.001  # peaks lie between the samples
+MAX_LEGS = 12  # planned together; the equations are dense, and their solution takes cubic time
+MAX_ROUNDS = 10  # of added waypoints; a segment is then a thousandth of its leg
+MARGIN = 1.001  # because peaks may lie between the samples
 AT_NODE = 4  # position, velocity, acceleration, jerk
-STRAIGHT_ON = 1e-6  # of 1 / cos - 1 of half a turn
+STRAIGHT_ON = 1e-6  # lower bound of 1 / cos(turn / 2) - 1
 
 
 @dataclass(frozen=True)
 class Limits:
+    """Limits of a path. `corridor_m`: largest distance from the straight legs."""
+
     speed_mps: float
     accel_mps2: float
     corridor_m: float
 
 
 def without_repeats(waypoints_W: np.ndarray) -> np.ndarray:
-    """The waypoints without those that lie where the one before does."""
+    """Return the waypoints (n, 3) without those at the same place as the one before."""
     kept: list[np.ndarray] = []
     for p_W in np.asarray(waypoints_W, float).reshape(-1, 3):
         if not kept or float(np.linalg.norm(p_W - kept[-1])) > SAME_PLACE_M:
@@ -44,7 +46,7 @@ def without_repeats(waypoints_W: np.ndarray) -> np.ndarray:
 
 
 def plan(waypoints_W: np.ndarray, limits: Limits) -> SnapPath:
-    """A path from rest at the first to rest at the last waypoint. At least two different waypoints are needed."""
+    """Plan a path from rest at the first to rest at the last waypoint. Raises ValueError for fewer than two."""
     points = without_repeats(waypoints_W)
     if len(points) < 2:
         raise ValueError("a path needs at least two waypoints that are not at the same place")
@@ -64,7 +66,7 @@ def _within_corridor(points_W: np.ndarray, limits: Limits) -> SnapPath:
         if not len(left):
             return _timed(path, limits)
         nodes_W = np.insert(nodes_W, left + 1, 0.5 * (nodes_W[left] + nodes_W[left + 1]), axis=0)
-    # So narrow a corridor that it is flown from rest to rest, along the straight legs.
+    # The corridor is too narrow for curves: fly the straight legs one by one, each from rest to rest.
     legs = [least_snap(points_W[i : i + 2], np.ones(1)) for i in range(len(points_W) - 1)]
     whole = _timed(legs[0], limits)
     for leg in legs[1:]:
@@ -73,7 +75,7 @@ def _within_corridor(points_W: np.ndarray, limits: Limits) -> SnapPath:
 
 
 def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
-    """Through all nodes, a segment between two, from rest to rest."""
+    """Return the minimum-snap path through all nodes from rest to rest, with one segment between two nodes."""
     unit_s = float(np.mean(times_s))
     times = times_s / unit_s
     known = np.full((AT_NODE * len(nodes_W), 3), np.nan)
@@ -92,14 +94,14 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
 
 
 def _to_coefficients(time: float) -> np.ndarray:
-    """From the values at both ends of a segment."""
+    """Return the matrix from the values at both ends of a segment to its coefficients."""
     at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(AT_NODE)])
     inverse: np.ndarray = np.linalg.inv(at_ends)
     return inverse
 
 
 def distances_m(path: SnapPath, nodes_W: np.ndarray) -> np.ndarray:
-    """How far the path is from the straight leg, at the samples of each segment."""
+    """Return the distance of the path from the straight leg at each sample, (segments, samples)."""
     p_W = path.sampled(0)
     a, leg = nodes_W[:-1, None], np.diff(nodes_W, axis=0)[:, None]
     offset = p_W - a
@@ -108,7 +110,7 @@ def distances_m(path: SnapPath, nodes_W: np.ndarray) -> np.ndarray:
 
 
 def leg_times_s(nodes_W: np.ndarray, limits: Limits) -> np.ndarray:
-    """A first guess: with half of the acceleration from corner to corner, each of them as fast as an arc allows
+    """Estimate the duration of each leg: half of the acceleration between corners, each as fast as an arc allows.
 
     v = sqrt(a R)     R (1 / cos(turn / 2) - 1) = the corridor's radius
     """
@@ -128,7 +130,7 @@ def leg_times_s(nodes_W: np.ndarray, limits: Limits) -> np.ndarray:
 
 
 def _timed(path: SnapPath, limits: Limits) -> SnapPath:
-    """As fast as the limits allow."""
+    """Scale the time of a path so that it reaches its speed or acceleration limit."""
     speed = float(np.linalg.norm(path.sampled(1), axis=2).max())
     accel = float(np.linalg.norm(path.sampled(2), axis=2).max())
     return path.stretched(MARGIN * max(speed / limits.speed_mps, (accel / limits.accel_mps2) ** 0.5))

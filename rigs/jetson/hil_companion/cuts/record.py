@@ -1,6 +1,6 @@
-"""Writes frames to a folder: one .npy file per array, and `frames.jsonl`, one line per frame with all else.
+"""Writes frames to a folder: one .npy file per array, and `frames.jsonl` with the rest of each frame on a line.
 
-It keeps the first frames, up to the number and the size that it is told, and writes nothing past that.
+It keeps the first frames up to a number and a total size, and writes nothing after that.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame, Sample
-from hil_companion.protocol import Welcome
+from hil_companion.link.protocol import Welcome
 
 INDEX_NAME, WELCOME_NAME, ARRAYS_NAME = "frames.jsonl", "welcome.json", "arrays"
-NPY_HEADER_BYTES = 128  # of an array of few dimensions
+NPY_HEADER_BYTES = 128  # for an array of few dimensions
 
 
 class Record:
-    """Keeps at most `keep_frames` frames and `keep_mb` megabytes (10^6) in the folder `out`."""
+    """The CUT `record`: keeps at most `keep_frames` frames and `keep_mb` megabytes (10^6 bytes) in the folder `out`."""
 
     topics = ("*",)
     control = False
@@ -45,7 +45,7 @@ class Record:
         return self._finish and self.full
 
     def start(self, welcome: Welcome) -> None:
-        """Make the folder. What an earlier recording left there is never mixed with this one's: CutError."""
+        """Make the folder. Raises CutError if it holds an earlier recording."""
         if self._index is not None:
             raise CutError(f"{self._out}: the bench began another session; each is recorded in a folder of its own")
         about = {
@@ -81,7 +81,7 @@ class Record:
         try:
             for name, array in arrays.items():
                 np.save(self._out / ARRAYS_NAME / name, array, allow_pickle=False)
-            self._index.write(line)  # last: a line means that its arrays are whole
+            self._index.write(line)  # after the arrays, so that a line implies complete arrays
             self._index.flush()
         except OSError as error:
             raise CutError(f"{self._out}: cannot be written ({error.strerror or error})") from error
@@ -95,7 +95,7 @@ class Record:
 
 
 def _file(frame: Frame, sample: Sample, array: str) -> str:
-    # Topics come from the bench: nothing in them may lead out of the folder.
+    # A topic comes from the bench and must not name a path outside the folder.
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", f"{frame.frame:08d}_{sample.topic}_{array}")[:200] + ".npy"
 
 

@@ -1,13 +1,13 @@
-"""Flies through the bench's waypoints on a path of least snap, and lands at the last.
+"""Flies through the bench's waypoints on a path of least snap, and lands at the last one.
 
-    take-off   straight up to the first waypoint's height, and across to it where it is not above
-    path       through the waypoints, at simulated time; planned before the first frame comes
-    descent    straight down from the last waypoint, until it stands on the ground: the path leads below it
-    land       asked for there, until the vehicle is down or `land_s` have passed
+    take-off   straight up to the first waypoint's height, then across to it if it is not straight above
+    path       through the waypoints, in simulated time; planned before the first frame comes
+    descent    straight down from the last waypoint until the vehicle stands on the ground; the path ends below it
+    land       the landing command, until the vehicle is down or `land_s` have passed
 
-Where the vehicle is is read from `truth` if that is among the topics; else it is taken to be below the first waypoint,
-and on time, and the descent is left to the landing. What is commanded depends on the frames only, so the same frames
-give the same flight.
+The vehicle's position is read from `truth` if the bench sends that topic. Otherwise the vehicle is assumed to start
+below the first waypoint and to keep to the schedule, and the landing command does the descent. The commands depend on
+the frames only, so the same frames give the same flight.
 """
 
 from __future__ import annotations
@@ -20,66 +20,68 @@ from typing import Any
 import numpy as np
 
 from hil_companion.cuts.planning import SAME_PLACE_M, Limits, plan, without_repeats
+from hil_companion.cuts.settings import number
 from hil_companion.cuts.snap_path import PathPoint, SnapPath
 from hil_companion.desired import Desired
-from hil_companion.errors import CutError, OptionError
-from hil_companion.explore.rotation import matrix_of, roll_pitch_yaw
+from hil_companion.errors import CutError
 from hil_companion.frame import Frame
-from hil_companion.protocol import Welcome
+from hil_companion.link.protocol import Welcome
+from hil_companion.navigation.rotation import matrix_of, roll_pitch_yaw
 
 ARRIVED_M = 0.3
-AHEAD_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # what a slow computer needs to keep to its path
-BELOW_M = 0.5  # the place of the start: how far the descent aims, so that it ends at the ground and not above it
-SINK_MPS, SINK_MPS2 = 0.7, 0.5  # the descent: gentle, since it meets the ground
-DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: as low as it started, this slow, for this long
-TURN_FROM_MPS = 0.3  # horizontal speed below which the path says nothing of where to look
+AHEAD_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # times of the path sent ahead, enough for a slow computer to keep to it
+BELOW_M = 0.5  # the descent ends this far below the start, so that the vehicle reaches the ground
+SINK_MPS, SINK_MPS2 = 0.7, 0.5  # limits of the descent, gentle because it ends on the ground
+DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: this near the start's height, this slow, for this long
+TURN_FROM_MPS = 0.3  # below this horizontal speed the path defines no heading
 TRUTH = "truth"
-HALVINGS = 30  # of the stretch between two frames, where a time within it is looked for
+HALVINGS = 30  # bisection steps for a time between two frames
+
+
+@dataclass(frozen=True)
+class WaypointsSettings:
+    """Settings of `waypoints`. Raises OptionError."""
+
+    speed_mps: float = 4.0
+    accel_mps2: float = 3.0
+    corridor_m: float = 0.25  # radius about the straight legs that the path stays within
+    takeoff_speed_mps: float = 1.0
+    yaw: float | str = "forward"  # radians from east, or "forward"
+    yaw_rate_radps: float = 1.0
+    # Command the path's point this much later than the frame. "measured": by the measured latency of the frame before;
+    # the bench then does not extrapolate, and the flight depends on the speed of this machine.
+    lookahead_s: float | str = 0.0
+    wait_s: float = 30.0  # timeout for reaching the end of a phase
+    land_s: float = 60.0  # timeout for the landing
+    busy_s: float = 0.0  # shortest computing time of an answer, to fly as with a slower computer
+
+    def __post_init__(self) -> None:
+        for name in ("speed_mps", "accel_mps2", "corridor_m", "takeoff_speed_mps", "yaw_rate_radps"):
+            number("waypoints", name, getattr(self, name), above=0.0)
+        for name in ("wait_s", "land_s", "busy_s"):
+            number("waypoints", name, getattr(self, name))
+        if self.yaw != "forward":
+            number("waypoints", "yaw", self.yaw)
+        if self.lookahead_s != "measured":
+            number("waypoints", "lookahead_s", self.lookahead_s)
 
 
 class Waypoints:
-    """`lookahead_s`: how far ahead of the vehicle to command. From the frame's time on the bench carries on what is
-    desired; with "measured" it does not, and the latency of the frame before is made up for here (then the flight
-    depends on how fast this machine was). `yaw`: radians from east, or "forward". `busy_s`: every answer takes at
-    least so long, computing: what a slower computer would fly like."""
+    """The CUT `waypoints`. Keyword arguments: the fields of `WaypointsSettings`."""
 
     topics = (TRUTH,)
     control = True
+    settings_type = WaypointsSettings
 
-    def __init__(
-        self,
-        *,
-        speed_mps: float = 4.0,
-        accel_mps2: float = 3.0,
-        corridor_m: float = 0.25,
-        takeoff_speed_mps: float = 1.0,
-        yaw: float | str = "forward",
-        yaw_rate_radps: float = 1.0,
-        lookahead_s: float | str = 0.0,
-        wait_s: float = 30.0,
-        land_s: float = 60.0,
-        busy_s: float = 0.0,
-    ) -> None:
-        limits = {"speed_mps": speed_mps, "accel_mps2": accel_mps2, "corridor_m": corridor_m}
-        limits.update(takeoff_speed_mps=takeoff_speed_mps, yaw_rate_radps=yaw_rate_radps)
-        for name, value in limits.items():
-            _number(name, value, above=0.0)
-        for name, value in (("wait_s", wait_s), ("land_s", land_s), ("busy_s", busy_s)):
-            _number(name, value)
-        if yaw != "forward":
-            _number("yaw", yaw)
-        if lookahead_s != "measured":
-            _number("lookahead_s", lookahead_s)
+    def __init__(self, **settings: Any) -> None:
+        s = self._settings = WaypointsSettings(**settings)
         self.finished = False
-        self.hold = lookahead_s == "measured"
-        self._limits = Limits(speed_mps, accel_mps2, corridor_m)
-        self._climb = Limits(takeoff_speed_mps, accel_mps2, corridor_m)
-        self._sink = Limits(min(takeoff_speed_mps, SINK_MPS), min(accel_mps2, SINK_MPS2), corridor_m)
-        self._yaw, self._yaw_rate_radps, self._lookahead_s = yaw, yaw_rate_radps, lookahead_s
-        self._wait_s, self._land_s = wait_s, land_s
-        self._busy_s = float(busy_s)
+        self.hold = s.lookahead_s == "measured"
+        self._limits = Limits(s.speed_mps, s.accel_mps2, s.corridor_m)
+        self._climb = Limits(s.takeoff_speed_mps, s.accel_mps2, s.corridor_m)
+        self._sink = Limits(min(s.takeoff_speed_mps, SINK_MPS), min(s.accel_mps2, SINK_MPS2), s.corridor_m)
         self._waypoints_W = np.zeros((0, 3))
-        self._path: SnapPath | None = None  # through the waypoints
+        self._path: SnapPath | None = None  # through the waypoints; None for a single one
         self._phases: list[SnapPath] = []
         self._reset()
 
@@ -88,16 +90,17 @@ class Waypoints:
         self._phases = []
         self._begun = False
         self._phase = 0
-        self._descent = -1  # which of the phases, if any
-        self._phase_t_ns = 0  # when it began
-        self._t_ns: int | None = None  # of the frame before
-        self._before: Seen | None = None  # by it
-        self._now: Seen | None = None
+        self._descent = -1  # index of the descent among the phases, -1 if there is none
+        self._phase_t_ns = 0  # start time of the present phase
+        self._t_ns: int | None = None  # time of the frame before
+        self._before: State | None = None  # in the frame before
+        self._now: State | None = None
         self._yaw_rad = 0.0
         self._start_W = np.zeros(3)
         self._down_since_ns: int | None = None
 
     def start(self, welcome: Welcome) -> None:
+        """Begin a session: plan the path through the bench's waypoints. Raises CutError if it has none."""
         if not welcome.waypoints_W:
             raise CutError("waypoints: the bench has none to fly; give it a mission with waypoints")
         self._reset()
@@ -107,23 +110,23 @@ class Waypoints:
     def __call__(self, frame: Frame) -> Desired | None:
         begun_s = time.perf_counter()
         desired = self._desire(frame)
-        while time.perf_counter() - begun_s < self._busy_s:
+        while time.perf_counter() - begun_s < self._settings.busy_s:
             pass
         return desired
 
     def _desire(self, frame: Frame) -> Desired | None:
-        p_W, v_W = _where(frame)
+        p_W, v_W = _true_state(frame)
         if not self._begun:
             self._begin(frame, p_W)
         dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
         self._t_ns = frame.t_ns
         t_s = (frame.t_ns - self._phase_t_ns) * 1e-9
-        self._before, self._now = self._now, None if p_W is None else Seen(frame.t_ns, p_W, v_W)
+        self._before, self._now = self._now, None if p_W is None else State(frame.t_ns, p_W, v_W)
         while self._phase < len(self._phases):
             over_s = self._over_since(t_s, p_W, v_W)
             if over_s is None:
                 break
-            # Not when a frame shows it: which frames there are should not move the flight.
+            # The next phase begins at the computed time, not at this frame's: the frame rate must not move the flight.
             self._phase += 1
             self._phase_t_ns += round((t_s - over_s) * 1e9)
             t_s = over_s
@@ -137,13 +140,16 @@ class Waypoints:
             v_W=point.v_W.tolist(),
             a_W=point.a_W.tolist(),
             yaw_rad=self._yaw_rad,
-            ahead=[] if self.hold else self._ahead(t_s, p_W),
+            ahead=[] if self.hold else self._path_ahead(t_s, p_W),
         )
 
-    def _ahead(self, t_s: float, p_W: np.ndarray | None) -> list[Any]:
-        """The path from here on. Over the end of a phase only where the vehicle keeps up: else the next one waits."""
-        here = self._phases[self._phase].at(t_s).p_W
-        keeps_up = p_W is None or float(np.linalg.norm(p_W - here)) < ARRIVED_M
+    def _path_ahead(self, t_s: float, p_W: np.ndarray | None) -> list[Any]:
+        """Return knots (seconds later, position, velocity) of the path from `t_s` of the present phase on.
+
+        The knots continue into the next phase only if the vehicle keeps up with the path; else that phase has to wait.
+        """
+        commanded_W = self._phases[self._phase].at(t_s).p_W
+        keeps_up = p_W is None or float(np.linalg.norm(p_W - commanded_W)) < ARRIVED_M
         knots = []
         for dt_s in AHEAD_S:
             phase, at_s = self._phase, t_s + dt_s
@@ -155,6 +161,7 @@ class Waypoints:
         return knots
 
     def _begin(self, frame: Frame, p_W: np.ndarray | None) -> None:
+        """Plan the phases from the first frame's position on."""
         first = self._waypoints_W[0]
         self._start_W = np.array([first[0], first[1], 0.0]) if p_W is None else p_W
         above = np.array([self._start_W[0], self._start_W[1], first[2]])
@@ -172,26 +179,30 @@ class Waypoints:
         self._begun = True
         self._phase_t_ns = frame.t_ns
         q_WB = frame[TRUTH]["q_WB"] if TRUTH in frame and "q_WB" in frame[TRUTH] else None
-        if self._yaw != "forward":
-            self._yaw_rad = float(self._yaw)
+        if self._settings.yaw != "forward":
+            self._yaw_rad = float(self._settings.yaw)
         elif q_WB is not None:
             self._yaw_rad = roll_pitch_yaw(matrix_of(np.asarray(q_WB, float).reshape(-1, 4)[-1]))[2]
 
     def _over_since(self, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> float | None:
-        """For how long its time has passed and the vehicle has been at its end, which is not waited for for ever."""
+        """Return for how many seconds the present phase has been over; None while it is not.
+
+        A phase is over once its time has passed and the vehicle has reached its end, or `wait_s` later at the latest.
+        """
         path = self._phases[self._phase]
         past_s = t_s - path.duration_s
         if self._phase == self._descent and p_W is not None and v_W is not None:
             above_m = float(p_W[2] - path.at(t_s).p_W[2])
             if above_m > ARRIVED_M and float(np.linalg.norm(v_W)) < DOWN_MPS:
-                return 0.0  # it stands
+                return 0.0  # it stands on something above the path's end
         if past_s < 0.0:
             return None
         if p_W is None:
             return past_s
         end_W = path.at(t_s).p_W
         if float(np.linalg.norm(p_W - end_W)) >= ARRIVED_M:
-            return past_s - self._wait_s if past_s > self._wait_s else None
+            wait_s = self._settings.wait_s
+            return past_s - wait_s if past_s > wait_s else None
         before, now = self._before, self._now
         if before is None or now is None or float(np.linalg.norm(before.p_W - end_W)) < ARRIVED_M:
             return past_s
@@ -204,48 +215,45 @@ class Waypoints:
         elif self._down_since_ns is None:
             self._down_since_ns = frame.t_ns
         still_s = 0.0 if self._down_since_ns is None else (frame.t_ns - self._down_since_ns) * 1e-9
-        self.finished = self.finished or still_s >= DOWN_S or t_s >= self._land_s
+        self.finished = self.finished or still_s >= DOWN_S or t_s >= self._settings.land_s
         return Desired(yaw_rad=self._yaw_rad, land=True)
 
     def _ahead_s(self, frame: Frame) -> float:
-        return frame.latency_ns * 1e-9 if self._lookahead_s == "measured" else float(self._lookahead_s)
+        lookahead_s = self._settings.lookahead_s
+        return frame.latency_ns * 1e-9 if lookahead_s == "measured" else float(lookahead_s)
 
     def _turn(self, point: PathPoint, dt_s: float) -> None:
-        """Towards where the path goes, no faster than allowed, the short way round."""
+        """Turn the commanded yaw towards the path's direction, the short way round, at the allowed rate at most."""
         east, north = float(point.v_W[0]), float(point.v_W[1])
-        if self._yaw != "forward" or math.hypot(east, north) < TURN_FROM_MPS:
+        if self._settings.yaw != "forward" or math.hypot(east, north) < TURN_FROM_MPS:
             return
         off = math.remainder(math.atan2(north, east) - self._yaw_rad, 2.0 * math.pi)
-        most = self._yaw_rate_radps * dt_s
+        most = self._settings.yaw_rate_radps * dt_s
         self._yaw_rad = math.remainder(self._yaw_rad + min(max(off, -most), most), 2.0 * math.pi)
 
 
-def _where(frame: Frame) -> Any:
-    """Position and velocity out of the truth, or None and None."""
+def _true_state(frame: Frame) -> Any:
+    """Return position and velocity from the topic truth; None and None without it."""
     if TRUTH not in frame:
         return None, None
     truth = frame[TRUTH]
     return tuple(np.asarray(truth[name], float).reshape(-1, 3)[-1] for name in ("p_WB", "v_WB_W"))
 
 
-def _number(name: str, value: Any, above: float = -math.inf) -> None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
-        raise OptionError(f"waypoints: {name} {value!r}: a number{'' if above < 0 else ' above 0'} is needed")
-
-
 @dataclass(frozen=True)
-class Seen:
-    """Where a frame shows the vehicle."""
+class State:
+    """Position and velocity of the vehicle in one frame."""
 
     t_ns: int
     p_W: np.ndarray
     v_W: np.ndarray
 
 
-def came_within_s(before: Seen, now: Seen, place_W: np.ndarray, radius_m: float) -> float:
-    """How long ago it came so near: on the cubic through positions and velocities of both (Hermite's).
+def came_within_s(before: State, now: State, place_W: np.ndarray, radius_m: float) -> float:
+    """Return for how many seconds before `now` the vehicle has been within the radius of a place.
 
-    It was farther away before, and is not now. However far the frames lie apart, the answer is nearly the same.
+    The vehicle was outside at `before` and is inside at `now`. Between them it is interpolated by the cubic through
+    both positions and velocities (Hermite), so the result hardly depends on the frame rate.
     """
     h_s = (now.t_ns - before.t_ns) * 1e-9
     d, b0, b1 = now.p_W - before.p_W, h_s * before.v_W, h_s * now.v_W

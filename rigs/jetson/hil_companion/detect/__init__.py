@@ -1,1 +1,1 @@
-"""Finding things in pictures: the shipped model, what is made of its outputs, and the libraries that can run it."""
+"""Object detection in pictures: the shipped model, the decoding of its outputs, and back ends to run it."""

@@ -1,10 +1,10 @@
-"""From a network's numbers to detections: scores, boxes, and one detection where many anchors saw the same thing.
+"""Decoding of a network's outputs: scores, boxes, and non-maximum suppression.
 
 With anchor (x, y, w, h) and offsets (a, b, c, d), after Liu et al. (2016), SSD, with the usual variances:
 
     centre = (x + 0.1 a w, y + 0.1 b h)      size = (w exp(0.2 c), h exp(0.2 d))      score = 1 / (1 + exp(-logit))
 
-The order is fixed: by score, equal ones by class and then by anchor, so that equal numbers give equal lists.
+Detections are ordered by score, equal scores by class and then by anchor, so that equal outputs give equal lists.
 """
 
 from __future__ import annotations
@@ -16,47 +16,47 @@ import numpy as np
 
 from hil_companion.detect.model_file import ModelFile
 
-_FILL = 114  # of 255: about the mean of what cameras see
+_FILL = 114  # of 255: about the mean of camera pictures
 CENTRE_VARIANCE, SIZE_VARIANCE = 0.1, 0.2
-_MOST_GROWTH = 4.0  # exp of it: an offset beyond is not a box any more, but must not overflow
-_MOST_CANDIDATES = 400  # of one class, before overlapping ones go
-MOST_DETECTIONS = 100  # in one picture
+_MOST_GROWTH = 4.0  # largest exponent of the size; larger offsets are no boxes, but must not overflow
+_MOST_CANDIDATES = 400  # per class, before suppression
+MOST_DETECTIONS = 100  # per picture
 
 
 @dataclass(frozen=True)
 class Detection:
-    """What and where. `box_px`: x0, y0, x1, y1 in pixels of the picture given; x1 - x0 is the width."""
+    """One box of a picture. `box_px`: x0, y0, x1, y1 in pixels; x1 - x0 is the width."""
 
     label: str
     box_px: tuple[float, float, float, float]
     score: float  # 0 to 1
-    range_m: float | None = None  # from depth, where there is any
-    radial_speed_mps: float | None = None  # from a radar; positive: going away
-    p_W: tuple[float, float, float] | None = None  # where it stands, once somebody has worked that out
+    range_m: float | None = None  # from depth or the ground
+    radial_speed_mps: float | None = None  # from a radar; positive: receding
+    p_W: tuple[float, float, float] | None = None  # by geolocation
 
 
 @dataclass(frozen=True)
 class Letterbox:
-    """How a picture of any size is put into a network's input: input pixel = picture pixel * scale + shift.
+    """Mapping of a picture of any size into a network's input: input pixel = picture pixel * scale + shift.
 
-    One scale for both directions, so that nothing is stretched; what is left over is filled on both sides.
+    Both directions have the same scale, so that nothing is stretched; the remaining margins are filled with grey.
     """
 
     scale: float
     shift_x_px: int
     shift_y_px: int
-    placed_px: tuple[int, int]  # width, height that the picture takes in the input
+    placed_px: tuple[int, int]  # width, height of the picture within the input
 
     @classmethod
     def of(cls, picture_px: tuple[int, int], input_px: tuple[int, int]) -> Letterbox:
-        """Both are width, height."""
+        """Make the mapping for a picture and an input of these widths and heights."""
         scale = min(input_px[0] / picture_px[0], input_px[1] / picture_px[1])
         width = max(1, min(input_px[0], round(picture_px[0] * scale)))
         height = max(1, min(input_px[1], round(picture_px[1] * scale)))
         return cls(scale, (input_px[0] - width) // 2, (input_px[1] - height) // 2, (width, height))
 
     def place(self, rgb: np.ndarray, out: np.ndarray) -> None:
-        """The picture into `out` (height, width, 3) uint8."""
+        """Write the scaled picture into `out` (height, width, 3) uint8."""
         width, height = self.placed_px
         if (width, height) != (out.shape[1], out.shape[0]):
             out[:] = _FILL
@@ -68,20 +68,20 @@ class Letterbox:
             part[:] = cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
 
     def back(self, boxes_px: np.ndarray) -> np.ndarray:
-        """Boxes (N, 4) of the input as boxes of the picture."""
+        """Convert boxes (N, 4) from pixels of the input to pixels of the picture."""
         shift = np.array([self.shift_x_px, self.shift_y_px, self.shift_x_px, self.shift_y_px], np.float64)
         return (boxes_px - shift) / self.scale
 
 
 def boxes_px(anchors_px: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """(N, 4): x0, y0, x1, y1 in pixels of the input, from anchors and offsets (N, 4)."""
+    """Return boxes (N, 4) as x0, y0, x1, y1 in pixels of the input, from anchors and offsets (N, 4)."""
     centre = anchors_px[:, :2] + CENTRE_VARIANCE * offsets[:, :2] * anchors_px[:, 2:]
     half = 0.5 * anchors_px[:, 2:] * np.exp(np.clip(SIZE_VARIANCE * offsets[:, 2:], -_MOST_GROWTH, _MOST_GROWTH))
     return np.concatenate([centre - half, centre + half], axis=1)
 
 
 def overlaps(box: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Intersection over union of a box with each of (N, 4)."""
+    """Return the intersection over union of a box (4,) with each of (N, 4)."""
     width = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
     height = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
     common = np.maximum(width, 0.0) * np.maximum(height, 0.0)
@@ -91,7 +91,7 @@ def overlaps(box: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def suppressed(boxes: np.ndarray, scores: np.ndarray, iou: float) -> list[int]:
-    """Which stay, best first: each takes with it those that overlap it by more than `iou`."""
+    """Return the indices that remain, best first, after each box removed those that overlap it by more than `iou`."""
     left = np.argsort(-scores, kind="stable")[:_MOST_CANDIDATES]
     kept: list[int] = []
     while left.size:
@@ -108,9 +108,10 @@ def decode(
     picture_size_px: tuple[int, int],
     threshold: float | None = None,
 ) -> list[Detection]:
-    """Detections of a picture (width, height) from logits (N, classes) and offsets (N, 4), best first.
+    """Return the detections of a picture (width, height) from logits (N, classes) and offsets (N, 4), best first.
 
-    `threshold`: the least score, default the model's. Boxes are cut off at the picture's edges.
+    `threshold`: the lowest score, default the model's. Boxes are clipped at the picture's edges. Raises ValueError for
+    outputs of another network.
     """
     anchors, classes = model.anchors_px, len(model.classes)
     if logits.shape != (len(anchors), classes) or offsets.shape != (len(anchors), 4):
@@ -118,7 +119,7 @@ def decode(
             f"logits {logits.shape} and offsets {offsets.shape} for {len(anchors)} anchors and {classes} classes"
         )
     least = model.score_threshold if threshold is None else threshold
-    # Compared as logits: the exponential is only worth it for the few that stay. Not a number is never a detection.
+    # Logits are compared, to compute the exponential only for the few that remain. A NaN is never a detection.
     least_logit = -np.inf if least <= 0.0 else np.inf if least >= 1.0 else float(np.log(least / (1.0 - least)))
     candidates = logits >= least_logit
     width, height = picture_size_px

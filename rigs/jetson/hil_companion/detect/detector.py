@@ -1,4 +1,4 @@
-"""Pictures in, detections out: what a client under test uses."""
+"""The detector: pictures in, detections out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WARM_UP = 3  # pictures: the first allocates, the second may still choose kerne
 
 
 class Detector:
-    """One model in one back end, for pictures of any size. Not for two threads at once."""
+    """One model in one back end, for pictures of any size; not thread-safe."""
 
     def __init__(
         self,
@@ -22,7 +22,7 @@ class Detector:
         threads: int | None = None,
         threshold: float | None = None,
     ) -> None:
-        """`threshold`: the least score, default the model's. OptionError."""
+        """Load the model into the back end. `threshold`: the lowest score, default the model's. Raises OptionError."""
         if threshold is not None and not 0.0 <= threshold <= 1.0:
             raise OptionError(f"detect: threshold {threshold!r}: a number from 0 to 1 is needed")
         self.model = model
@@ -36,12 +36,12 @@ class Detector:
         self._shift = (np.array(model.mean, np.float32) / std).reshape(3, 1, 1)
 
     def warm_up(self) -> None:
-        """The first pictures take several times as long as those after: done before a flight. CutError."""
+        """Detect in black pictures, since the first ones take several times as long. Raises CutError."""
         for _ in range(_WARM_UP):
             self.detect(np.zeros_like(self._input))
 
     def blob(self, rgb: np.ndarray) -> np.ndarray:
-        """The network's input (1, 3, H, W) float32 for a picture; overwritten by the next. CutError."""
+        """Return the network's input (1, 3, H, W) float32; overwritten by the next call. Raises CutError."""
         check_picture(rgb)
         Letterbox.of((rgb.shape[1], rgb.shape[0]), self.model.input_px).place(rgb, self._input)
         np.multiply(self._input.transpose(2, 0, 1), self._scale, out=self._blob[0])
@@ -49,13 +49,13 @@ class Detector:
         return self._blob
 
     def detect(self, rgb: np.ndarray) -> list[Detection]:
-        """What is in the picture, best first, in its own pixels. CutError."""
+        """Return the detections in a picture, best first, in its own pixels. Raises CutError."""
         logits, offsets = self.backend.forward(self.blob(rgb))
         return decode(self.model, logits, offsets, (rgb.shape[1], rgb.shape[0]), self.threshold)
 
 
 def check_picture(rgb: np.ndarray) -> None:
-    """CutError unless it is a colour picture of 8 bits."""
+    """Raise CutError unless this is a colour picture of 8 bits."""
     shape, dtype = getattr(rgb, "shape", None), getattr(rgb, "dtype", None)
     if shape is None or len(shape) != 3 or shape[2] != 3 or dtype != np.uint8:
         raise CutError(f"detect: a picture (height, width, 3) of uint8 is needed, not {shape} of {dtype}")

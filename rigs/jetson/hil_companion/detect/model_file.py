@@ -1,7 +1,7 @@
-"""A trained model on disk: NAME.onnx, and NAME.json beside it that says what goes in and what comes out.
+"""A trained model on disk: NAME.onnx, and beside it NAME.json with the description of its input and outputs.
 
-The description is a file of its own because OpenCV shows nothing of what an ONNX file says about itself. It names the
-digest of the model it belongs to, so that the two cannot be mixed up.
+The description is a separate file because OpenCV gives no access to the metadata of an ONNX file. It holds the digest
+of its model, so that the two cannot be mixed up.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Level:
-    """One map of outputs: a place every `stride_px`, at each boxes (anchors) of these areas (size squared) and ratios.
+    """One output map: a cell every `stride_px`, with an anchor box for each size (area = size^2) and aspect ratio.
 
-    Numbering, which weights are trained for: levels in order, in each row by row, in a row from left to right, at a
-    place one box per shape; shapes size by size, in each ratio by ratio.
+    The weights are trained for this order of anchors: level by level, row by row, from left to right, then size by
+    size, then ratio by ratio.
     """
 
     stride_px: int
@@ -38,11 +38,11 @@ class Level:
         return len(self.sizes_px) * len(self.aspect_ratios)
 
     def places(self, input_px: tuple[int, int]) -> tuple[int, int]:
-        """Columns and rows of the map, for an input of this width and height."""
+        """Return columns and rows of the map for an input of this width and height."""
         return -(-input_px[0] // self.stride_px), -(-input_px[1] // self.stride_px)
 
     def anchors_px(self, input_px: tuple[int, int]) -> np.ndarray:
-        """(N, 4) float32: centre x, centre y, width, height."""
+        """Return the anchors (N, 4) float32: centre x, centre y, width, height."""
         columns, rows = self.places(input_px)
         shapes = [(s * math.sqrt(r), s / math.sqrt(r)) for s in self.sizes_px for r in self.aspect_ratios]
         out = np.empty((rows, columns, self.per_place, 4), np.float32)
@@ -53,17 +53,17 @@ class Level:
 
 
 def all_anchors_px(levels: Sequence[Level], input_px: tuple[int, int]) -> np.ndarray:
-    """Of all levels, (N, 4)."""
+    """Return the anchors of all levels, (N, 4)."""
     return np.concatenate([level.anchors_px(input_px) for level in levels])
 
 
 def by_anchor(
     levels: Sequence[Level], input_px: tuple[int, int], maps: Sequence[np.ndarray], classes: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A network's maps (1, per_place * (classes + 4), rows, columns) as logits (N, classes) and offsets (N, 4).
+    """Convert a network's maps (1, per_place * (classes + 4), rows, columns) to logits (N, classes), offsets (N, 4).
 
-    Channels of a map: the classes of the first shape at the place, its four offsets, then the next shape.
-    ValueError for maps of another network.
+    Channels of a map: the classes of the first anchor shape, its four offsets, then the next shape. Raises ValueError
+    for maps of another network.
     """
     if len(maps) != len(levels):
         raise ValueError(f"{len(maps)} maps come out of the network, but {len(levels)} levels are described")
@@ -80,7 +80,7 @@ def by_anchor(
 
 @dataclass(frozen=True)
 class ModelFile:
-    """What a back end and the decoding need to know. Blob = (rgb / 255 - mean) / std, planes of red, green, blue."""
+    """Description of a model for back ends and decoding. Input = (rgb / 255 - mean) / std, in planes."""
 
     path: Path  # of the .onnx
     sha256: str
@@ -95,7 +95,7 @@ class ModelFile:
 
     @classmethod
     def load(cls, path: str | Path | None = None) -> ModelFile:
-        """None: the shipped one. OptionError."""
+        """Read a model's description and check its digest; None: the shipped model. Raises OptionError."""
         onnx = SHIPPED if path is None else Path(path)
         if onnx.suffix != ".onnx":
             raise OptionError(f"{onnx}: weights are a .onnx file with its .json beside it")
@@ -122,11 +122,11 @@ class ModelFile:
 
     @property
     def torch_path(self) -> Path:
-        """The same model for PyTorch."""
+        """Return the path of the same model for PyTorch."""
         return self.path.with_suffix(".pt")
 
     def description(self) -> dict[str, Any]:
-        """What NAME.json says; `load` reads it."""
+        """Return the entries of NAME.json, which `load` reads."""
         return {
             "format": FORMAT,
             "sha256": self.sha256,
@@ -144,7 +144,7 @@ class ModelFile:
 
 
 def _described(file: Path, data: Any, onnx: Path, digest: str) -> ModelFile:
-    """OptionError that names the key which is missing or cannot be."""
+    """Make the model from its description. Raises OptionError that names the missing or invalid key."""
     try:
         if data["format"] != FORMAT:
             raise OptionError(f"{file}: format {data['format']!r}; this program reads {FORMAT}")

@@ -1,4 +1,1 @@
-"""Flight through unknown places: where the vehicle is and what stands there (SLAM), where to go, how to get there.
-
-Needs OpenCV beside numpy.
-"""
+"""Flight to a goal through unmapped places: mapping, path planning, steering. Needs OpenCV and numpy."""

@@ -1,19 +1,19 @@
-"""Flies to a goal through a place that nobody has mapped: climb, find a way, follow it, say how it ended.
+"""The explorer: flies to a goal through an unmapped place and reports the outcome.
 
-    climb     straight up to the flight's height, over where it started
-    fly       every frame: where am I, what is near, which way, how fast
-    outcome   goal: it is there, and the bench may land it. Anything else: brake, hover over bare ground, say so, be
+    climb     straight up above the start to the flight's height
+    fly       every frame: localise, sense obstacles, plan a route, command a velocity
+    outcome   goal: the bench may land the vehicle. Any other outcome: brake, hover over bare ground, report it, and be
               finished `hover_s` later (ground.py)
 
     goal               within goal_radius_m of it by its own estimate, and slow
-    goal_in_obstacle   the goal lies in something, or in something closed
-    no_path            no way is left: the vehicle is shut in
-    stuck              it has not got on for stuck_s, its position is not known, or time_limit_s are over
-    lidar_lost         no usable sweep for lidar_lost_s. It brakes after a third of a second without, and does not climb
-    imu_lost           roll and pitch not known for imu_lost_s. It brakes at once
+    goal_in_obstacle   the goal lies in an obstacle or in a closed area
+    no_path            no path is left: the vehicle is enclosed
+    stuck              no progress for stuck_s, position unknown, or time_limit_s exceeded
+    lidar_lost         no usable sweep for lidar_lost_s; it brakes after a third of a second and does not climb
+    imu_lost           roll and pitch unknown for imu_lost_s; it brakes at once
 
-Only sensors' data count here, never what the autopilot takes its position for: velocities are commanded, and closed
-over the estimate. What is commanded depends on the frames alone.
+Only sensor data are used, never the autopilot's own position: velocity commands close the loop over the estimate. The
+commands depend on the frames only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 
 from hil_companion.desired import Desired
 from hil_companion.explore.ground import GROUND, UNKNOWN, Ground, Landing
-from hil_companion.explore.moving import Moving
+from hil_companion.explore.mapping.slam import Slam, SlamEstimate
 from hil_companion.explore.outcome import (
     FLYING,
     GOAL,
@@ -35,11 +35,11 @@ from hil_companion.explore.outcome import (
     STUCK,
     FlightReport,
 )
-from hil_companion.explore.plan_map import Berth, PlanMap, TooFar, berth, make_map, sigma_m
-from hil_companion.explore.route import NO_WAY, Route, Router
+from hil_companion.explore.planning.flight_settings import FlightSettings
+from hil_companion.explore.planning.moving import MovingObstacles
+from hil_companion.explore.planning.plan_map import Clearances, PlanMap, TooFar, clearances_for, make_map, sigma_m
+from hil_companion.explore.planning.route import NO_ROUTE, Route, Router
 from hil_companion.explore.senses import Nearby, Senses
-from hil_companion.explore.settings import FlightSettings
-from hil_companion.explore.slam import Slam, SlamEstimate
 from hil_companion.explore.steering import RetreatRule, Steering
 from hil_companion.frame import Frame
 
@@ -47,15 +47,15 @@ _AT_HEIGHT_M = 0.5
 _HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
 _HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
 _SLOW_MPS = 0.5
-_WIDE = 3.0  # so much farther it has to have got in so much longer
-_GROUND_M = 128.0  # to each side of the start, that what lies below is remembered, where nobody says how far maps go
-_NEAR_M = 6.0  # of the newest sweep, what is drawn into the map at once
-_FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # of the set speed, and wind: nobody flies faster, an estimate that does is off
-_UNSURE_M, _LOST_M = 0.3, 3.0  # sigma above which it flies slower; above which the position is not known
+_WIDE = 3.0  # factor on distance and time of the second check of progress, against flying to and fro
+_GROUND_M = 128.0  # half side of the ground's height map if the mapped area is not given
+_NEAR_M = 6.0  # obstacles of the newest sweep within this distance enter the planning map at once
+_FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # an estimate faster than twice the set speed plus wind is wrong
+_UNSURE_M, _LOST_M = 0.3, 3.0  # position sigma above which it flies slower, and above which its position is unknown
 
 
 class Explorer:
-    """`step` takes every frame, in order."""
+    """One flight to a goal; call `step` for every frame, in order."""
 
     def __init__(
         self,
@@ -69,49 +69,50 @@ class Explorer:
         imu: str = "imu",
         clock_s: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """`mapped_W`: x and y of two corners of all that the localiser will ever map."""
+        """Prepare a flight. `mapped_W`: x and y of two corners of the area that the localiser maps."""
         self.settings, self.goal_W = settings, goal_W
         self.report = FlightReport()
         self.finished = False
         self.estimate: SlamEstimate | None = None
         self.map: PlanMap | None = None
-        self.route: Route = NO_WAY
+        self.route: Route = NO_ROUTE
         self._localiser = localiser
         self._mapped_W = mapped_W
         self._ground: Ground | None = None
         self._landing: Landing | None = None
         x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
-        self._beyond = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
+        self._goal_off_map = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
         self._clock_s = clock_s
         self._senses = Senses(settings, calibration, lidar=lidar, imu=imu)
-        self._moving = Moving()
+        self._obstacles = MovingObstacles()
         self._router = Router(settings.move_goal_m)
         self._steering = Steering(settings)
         self._retreat = RetreatRule()
         self._retreating = False
         self._begun_ns: int | None = None
         self._before_ns: int | None = None
-        self._planned_ns: int | None = None  # sweep that the route was planned with
+        self._planned_ns: int | None = None  # time of the sweep that the route was planned with
         self._shut_since_ns: int | None = None
-        self._anchor: tuple[int, np.ndarray] | None = None  # when and where it last had got on
-        self._wide_anchor: tuple[int, np.ndarray] | None = None  # the same, for whoever flies to and fro
+        self._anchor: tuple[int, np.ndarray] | None = None  # time and place of the last progress
+        self._wide_anchor: tuple[int, np.ndarray] | None = None  # the same for the second check of progress
         self._outcome_ns = 0
         self._hold_W: np.ndarray | None = None
         self._start_W: np.ndarray | None = None
-        self._height_m = settings.height_m  # that it climbs to, or keeps
-        self._up_m = 0.0  # where it was when that was last known
+        self._height_m = settings.height_m  # commanded height
+        self._up_m = 0.0  # last known height
         self._command: Desired | None = None
 
     @property
     def near(self) -> Nearby | None:
-        """What the newest sweep shows."""
+        """Return the obstacles of the newest sweep."""
         return self._senses.near
 
     # --- one frame ---
 
     def step(self, frame: Frame) -> Desired:
+        """Return the command for a frame; a frame that is not newer gets the previous command."""
         if self._command is None or self._before_ns is None or frame.t_ns > self._before_ns:
-            self._command = self._step(frame)  # a frame that is no newer says nothing new
+            self._command = self._step(frame)
         return self._command
 
     def _step(self, frame: Frame) -> Desired:
@@ -124,12 +125,12 @@ class Explorer:
         self.report.update_ms.append(1e3 * (self._clock_s() - began_s))
         sigma = self.report.sigma_m = sigma_m(np.asarray(estimate.covariance_xy))
         if not self._usable(estimate) or sigma > _LOST_M:
-            return self._blind(frame, dt_s)
+            return self._brake_without_position(frame, dt_s)
         p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
         self._up_m = float(p_W[2])
         if self._start_W is None:
             self._start_W = p_W[:2].copy()
-        self._look(frame, estimate, p_W)
+        self._sense(frame, estimate, p_W)
         if not self.finished:
             self.report.goal_distance_m = float(np.hypot(*(p_W[:2] - self.goal_W)))
         if self.report.phase == "climb":
@@ -140,9 +141,9 @@ class Explorer:
             v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
         return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
 
-    def _look(self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray) -> None:
+    def _sense(self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray) -> None:
         before = self._senses.near
-        self._senses.look(frame, estimate)
+        self._senses.update(frame, estimate)
         near = self._senses.near
         if self._ground is None:
             x, y, s = float(p_W[0]), float(p_W[1]), self.settings
@@ -180,13 +181,13 @@ class Explorer:
         near = self._senses.near
         if near is None or not self._senses.ready(frame.t_ns):
             return self._steering.stop(dt_s)
-        berth_ = berth(s, sigma, float(estimate.grid.cell_m))
-        if self._planned_ns != near.t_ns:  # nothing new to plan with between two sweeps
+        clearances = clearances_for(s, sigma, float(estimate.grid.cell_m))
+        if self._planned_ns != near.t_ns:  # one plan per sweep
             began_s = self._clock_s()
             try:
-                if self._beyond:
+                if self._goal_off_map:
                     raise TooFar("the goal lies beyond the area that is mapped")
-                self.route = self._plan(frame, estimate, near, p_W, berth_, self.goal_W)
+                self.route = self._plan(frame, estimate, near, p_W, clearances, self.goal_W)
             except TooFar as error:
                 self._end(frame, NO_PATH, str(error))
                 return self._steering.stop(dt_s)
@@ -197,17 +198,17 @@ class Explorer:
         assert self.map is not None
         nearest_m, dx, dy = near.nearest(*p_W)
         self.report.nearest_m = min(self.report.nearest_m, nearest_m)
-        giving_way = self._give_way(berth_, near, p_W, v_W, nearest_m, dx, dy)
+        retreat_W = self._retreat_velocity(clearances, near, p_W, v_W, nearest_m, dx, dy)
         if self._ended(frame, route, p_W, v_W):
             return self._steering.stop(dt_s)
-        if giving_way is not None:
-            return self._steering.slew(giving_way, dt_s, hard=True)
+        if retreat_W is not None:
+            return self._steering.slew(retreat_W, dt_s, hard=True)
         if not route.found:
             return self._steering.stop(dt_s)
-        # Sweeps that fit nothing in the map leave the position to GPS and IMU.
+        # Without sweeps that fit the map the position comes from GPS and IMU only, so it flies slowly.
         most = s.speed_mps * min(1.0, _UNSURE_M / max(sigma, 1e-6)) if estimate.lidar_ok else s.slow_mps
         most = max(s.slow_mps, most)
-        return self._steering.follow(self.map, berth_, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
+        return self._steering.follow(self.map, clearances, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
 
     def _plan(
         self,
@@ -215,24 +216,31 @@ class Explorer:
         estimate: SlamEstimate,
         near: Nearby,
         p_W: np.ndarray,
-        around: Berth,
+        clearances: Clearances,
         goal_W: tuple[float, float],
     ) -> Route:
         s = self.settings
-        gone = self._moving.gone(estimate.grid, near.level_W, frame.t_ns * 1e-9)
+        gone = self._obstacles.vacated(estimate.grid, near.level_W, frame.t_ns * 1e-9)
         d = near.level_W - p_W
         close = near.level_W[(d * d).sum(axis=1) < _NEAR_M * _NEAR_M]
         ends = ((float(p_W[0]), float(p_W[1])), goal_W)
-        self.map = make_map(estimate.grid, gone, close, ends, around, s.unknown_price)
-        return self._router.route(self.map, around, p_W, goal_W)
+        self.map = make_map(estimate.grid, gone, close, ends, clearances, s.unknown_price)
+        return self._router.route(self.map, clearances, p_W, goal_W)
 
-    def _give_way(
-        self, around: Berth, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, nearest_m: float, dx: float, dy: float
+    def _retreat_velocity(
+        self,
+        clearances: Clearances,
+        near: Nearby,
+        p_W: np.ndarray,
+        v_W: np.ndarray,
+        nearest_m: float,
+        dx: float,
+        dy: float,
     ) -> np.ndarray | None:
         length = math.hypot(dx, dy)
         towards = (dx / length, dy / length) if length > 1e-6 else (1.0, 0.0)
         room_m = _room_m(near, p_W, np.array([-towards[0], -towards[1]]))
-        retreat = self._retreat.apply(around, nearest_m, towards, (float(v_W[0]), float(v_W[1])), room_m)
+        retreat = self._retreat.apply(clearances, nearest_m, towards, (float(v_W[0]), float(v_W[1])), room_m)
         if retreat.band != "clear" and not self._retreating:
             self.report.retreats += 1
         self._retreating = retreat.band != "clear"
@@ -267,14 +275,14 @@ class Explorer:
 
     def _end(self, frame: Frame, outcome: str, why: str) -> None:
         if self.report.phase == "climb":
-            self._height_m = self._up_m  # no higher, and not down on what it came from
+            self._height_m = self._up_m  # stop climbing and keep this height
         self.report.outcome, self.report.why, self.report.t_s = outcome, why, frame.t_ns * 1e-9
         self.report.phase = "hover"
         self._outcome_ns = frame.t_ns
         self._hold_W = None
 
     def _hover(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float) -> np.ndarray:
-        """Where it is, as long as something tells where that is; away from what comes near."""
+        """Return the velocity command after an outcome: hold the position, and retreat from near obstacles."""
         assert self._ground is not None
         assert self._landing is not None
         self.report.below = self._ground.below(float(p_W[0]), float(p_W[1]))
@@ -286,13 +294,13 @@ class Explorer:
             return self._steering.stop(dt_s)
         estimate = self.estimate
         assert estimate is not None
-        around = berth(self.settings, sigma, float(estimate.grid.cell_m))
-        away = self._give_way(around, near, p_W, v_W, *near.nearest(*p_W))
+        clearances = clearances_for(self.settings, sigma, float(estimate.grid.cell_m))
+        away = self._retreat_velocity(clearances, near, p_W, v_W, *near.nearest(*p_W))
         if away is not None:
             self._hold_W = None
             return self._steering.slew(away, dt_s, hard=True)
         if self.report.below != GROUND and not self.finished and self._senses.ready(frame.t_ns):
-            v_xy = self._to_bare_ground(frame, near, p_W, v_W, around, dt_s)
+            v_xy = self._to_bare_ground(frame, near, p_W, v_W, clearances, dt_s)
             if v_xy is not None:
                 self._hold_W = None
                 return v_xy
@@ -303,26 +311,26 @@ class Explorer:
         return self._steering.slew(_limited(_HOLD_GAIN_PER_S * (self._hold_W - p_W), _HOLD_MPS), dt_s)
 
     def _to_bare_ground(
-        self, frame: Frame, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, around: Berth, dt_s: float
+        self, frame: Frame, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, clearances: Clearances, dt_s: float
     ) -> np.ndarray | None:
-        """Towards where it can be landed; None where there is no such place, or no way."""
+        """Return the velocity command towards bare ground; None if there is none, or no path."""
         assert self._landing is not None
         assert self.estimate is not None
         if self._planned_ns != near.t_ns and self.map is not None:
-            spot = self._landing.spot(p_W, self.map, around)
+            spot = self._landing.spot(p_W, self.map, clearances)
             try:
-                self.route = NO_WAY if spot is None else self._plan(frame, self.estimate, near, p_W, around, spot)
+                self.route = NO_ROUTE if spot is None else self._plan(frame, self.estimate, near, p_W, clearances, spot)
             except TooFar:
-                self.route = NO_WAY
+                self.route = NO_ROUTE
             self._planned_ns = near.t_ns
         if self.map is None or not self.route.found:
             return None
         return self._steering.follow(
-            self.map, around, near, self.route.points_W, p_W, v_W, dt_s, most_mps=self.settings.slow_mps
+            self.map, clearances, near, self.route.points_W, p_W, v_W, dt_s, most_mps=self.settings.slow_mps
         )
 
-    def _blind(self, frame: Frame, dt_s: float) -> Desired:
-        """Its position is not known: brake, and wait for it to come back."""
+    def _brake_without_position(self, frame: Frame, dt_s: float) -> Desired:
+        """Return the command while the position is unknown: brake."""
         if self._anchor is None:
             self._anchor = (frame.t_ns, np.zeros(2))
         if self.report.outcome == FLYING:
@@ -343,7 +351,7 @@ class Explorer:
         return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), climb), yaw_rad=yaw)
 
     def _usable(self, estimate: SlamEstimate) -> bool:
-        """Whether the estimate can be that of this vehicle."""
+        """Return True if the estimate is finite and its speed plausible."""
         p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
         values = (*p_W, *v_W, estimate.yaw_rad, estimate.roll, estimate.pitch)
         fastest = _FASTEST_SHARE * self.settings.speed_mps + _FASTEST_MPS
@@ -359,7 +367,7 @@ def _limited(v: np.ndarray, most: float) -> np.ndarray:
 
 
 def _room_m(near: Nearby, p_W: np.ndarray, away: np.ndarray) -> float:
-    """To the nearest point within 45 degrees of a direction."""
+    """Return the distance to the nearest obstacle within 45 degrees of a direction."""
     d = near.level_W - p_W
     far = np.hypot(d[:, 0], d[:, 1])
     behind = d @ away > 0.7071 * far

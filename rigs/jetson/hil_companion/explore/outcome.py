@@ -1,4 +1,4 @@
-"""How a flight ended, and what of it the bench is told with every frame."""
+"""Outcome of a flight, and the report that goes to the bench with every frame."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ LIDAR_LOST, IMU_LOST = "lidar_lost", "imu_lost"
 
 
 class FlightReport:
-    """Grows with the flight; `as_map` is flat: texts, numbers, booleans."""
+    """Report of one flight, updated with every frame."""
 
     def __init__(self) -> None:
         self.phase = "climb"
         self.outcome = FLYING
         self.why = ""
-        self.below = ""  # what it would land on, after an outcome: ground, obstacle, unknown
-        self.t_s = 0.0  # of the outcome, simulated
+        self.below = ""  # after an outcome, the surface below: ground, obstacle or unknown
+        self.t_s = 0.0  # simulated time of the outcome
         self.goal_distance_m = math.inf  # by its own estimate
         self.sigma_m = 0.0
         self.replans = 0
         self.retreats = 0
-        self.nearest_m = math.inf  # of all sweeps, from the vehicle's middle
-        self.plan_ms: list[float] = []  # wall clock: told, never acted on
+        self.nearest_m = math.inf  # nearest obstacle of all sweeps, from the vehicle's centre
+        self.plan_ms: list[float] = []  # wall-clock times are only reported, no decision depends on them
         self.update_ms: list[float] = []
 
     def as_map(self) -> dict[str, Any]:
-        told: dict[str, Any] = {
+        """Return the report as a flat map of texts and finite numbers."""
+        entries: dict[str, Any] = {
             "phase": self.phase,
             "outcome": self.outcome,
             "why": self.why[:200],
@@ -41,9 +42,9 @@ class FlightReport:
             "nearest_m": self.nearest_m,
         }
         if self.outcome != FLYING:
-            told.update(_quantiles("plan_ms", self.plan_ms))
-            told.update(_quantiles("update_ms", self.update_ms))
-        return {key: value for key, value in told.items() if not isinstance(value, float) or math.isfinite(value)}
+            entries.update(_quantiles("plan_ms", self.plan_ms))
+            entries.update(_quantiles("update_ms", self.update_ms))
+        return {key: value for key, value in entries.items() if not isinstance(value, float) or math.isfinite(value)}
 
 
 def _quantiles(name: str, values: list[float]) -> dict[str, float]:

@@ -1,9 +1,9 @@
-"""What the explorer knows and wants, as pictures: a sequence of PNGs, a film, and a strip of them all.
+"""Pictures of the explorer's map and plan: a sequence of PNGs, a film, and a contact sheet of the flight.
 
-Left the map about the vehicle: occupied dark, free light, unknown grey, what is too near to something reddish, the
-walls found as lines blue; the plan green, the way flown black, particles orange, the goal a cross, what the newest
-sweep shows at the flight's height red. Right what the camera saw, where there is one, and below it what the colours
-mean. In the corner the particles about their mean, a metre across, with the axes of the world.
+The left half shows the map about the vehicle: occupied cells dark, free cells light, unknown cells grey, cells too near
+to an obstacle reddish, walls found as lines blue, the plan green, the flown path black, particles orange, the goal as a
+cross, the newest sweep at the flight's height red. The right half shows the camera's picture, if there is one, and the
+legend. The corner shows the particles about their mean, a metre across, with the world's axes.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from hil_companion.errors import CutError
 from hil_companion.explore.explorer import Explorer
 from hil_companion.frame import Frame
 
-STRIP_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the first on its page
+STRIP_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the first on its report page
 SIDE_PX, _SPREAD_PX = 480, 110
 _STRIP_MOST, _STRIP_ACROSS = 9, 3
 _FILM_HZ = 5.0
-# Colours, blue first.
+# Colours in BGR order.
 _OCCUPIED, _FREE, _UNKNOWN, _TOO_NEAR = (40, 40, 40), (250, 250, 250), (190, 190, 190), (190, 200, 255)
 _PLAN, _FLOWN, _PARTICLE, _SWEEP = (60, 160, 0), (0, 0, 0), (0, 140, 255), (40, 40, 220)
 _GOAL, _WALL = (200, 0, 160), (200, 120, 40)
@@ -43,7 +43,7 @@ _LEGEND = (
 
 
 class Pictures:
-    """One every `every_s` of simulated time. CutError where they cannot be written."""
+    """Writes a picture every `every_s` of simulated time. Raises CutError if it cannot be written."""
 
     def __init__(self, folder: Path, *, every_s: float, camera: str | None) -> None:
         self._folder, self._every_ns, self._camera = folder, round(every_s * 1e9), camera
@@ -58,8 +58,8 @@ class Pictures:
         except OSError as error:
             raise CutError(f"explore: {folder} cannot be made ({error.strerror or error})") from error
 
-    def look(self, explorer: Explorer, frame: Frame) -> None:
-        """After every step."""
+    def add(self, explorer: Explorer, frame: Frame) -> None:
+        """Draw and write a picture if the period has passed; call after every step."""
         estimate = explorer.estimate
         if estimate is None:
             return
@@ -67,13 +67,13 @@ class Pictures:
         if math.isfinite(x) and math.isfinite(y):
             self._flown.append((x, y))
         if self._camera is not None and self._camera in frame:
-            self._seen = np.array(frame[self._camera].array[..., ::-1])  # OpenCV has blue first
+            self._seen = np.array(frame[self._camera].array[..., ::-1])  # as BGR, for OpenCV
         if frame.t_ns >= self._next_ns and explorer.map is not None:
             self._next_ns = frame.t_ns + self._every_ns
             self._keep(self._draw(explorer, frame))
 
     def close(self) -> None:
-        """The strip: pictures evenly spread over the flight."""
+        """Write the contact sheet: pictures evenly spread over the flight."""
         if self._film is not None:
             self._film.release()
             self._film = None
@@ -93,7 +93,7 @@ class Pictures:
         self._write(f"{self._count:04d}.png", picture)
         if self._film is None:
             size = (picture.shape[1], picture.shape[0])
-            fourcc = cv2.VideoWriter_fourcc(*"MJPG")  # which every OpenCV can write
+            fourcc = cv2.VideoWriter_fourcc(*"MJPG")  # every build of OpenCV can write it
             self._film = cv2.VideoWriter(str(self._folder / FILM_NAME), fourcc, _FILM_HZ, size)
         with contextlib.suppress(cv2.error):
             self._film.write(picture)
@@ -108,24 +108,24 @@ class Pictures:
             raise CutError(f"explore: {self._folder / name} cannot be written ({error.strerror or error})") from error
 
     def _draw(self, explorer: Explorer, frame: Frame) -> np.ndarray:
-        around, estimate = explorer.map, explorer.estimate
-        assert around is not None
+        plan_map, estimate = explorer.map, explorer.estimate
+        assert plan_map is not None
         assert estimate is not None
-        height, width = around.distance_m.shape
+        height, width = plan_map.distance_m.shape
         picture = np.empty((height, width, 3), np.uint8)
         picture[...] = _FREE
-        picture[around.distance_m < explorer.settings.vehicle_radius_m + explorer.settings.clearance_m] = _TOO_NEAR
-        picture[around.unknown] = _UNKNOWN
-        picture[around.distance_m <= 0.0] = _OCCUPIED
+        picture[plan_map.distance_m < explorer.settings.vehicle_radius_m + explorer.settings.clearance_m] = _TOO_NEAR
+        picture[plan_map.unknown] = _UNKNOWN
+        picture[plan_map.distance_m <= 0.0] = _OCCUPIED
         scale = SIDE_PX / max(height, width)
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_NEAREST)
 
         def at(points: Any) -> np.ndarray:
-            cells = (np.asarray(points, float).reshape(-1, 2) - np.asarray(around.origin_W)) / around.cell_m
+            cells = (np.asarray(points, float).reshape(-1, 2) - np.asarray(plan_map.origin_W)) / plan_map.cell_m
             return np.round(cells * scale).astype(np.int32)
 
-        for x0, y0, x1, y1 in around.segments_W.tolist():
+        for x0, y0, x1, y1 in plan_map.segments_W.tolist():
             a, b = at([(x0, y0), (x1, y1)]).tolist()
             cv2.line(picture, tuple(a), tuple(b), _WALL, 1)
         if explorer.near is not None:
@@ -145,7 +145,7 @@ class Pictures:
         page = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
         page[: picture.shape[0], : picture.shape[1]] = picture
         page = page[::-1].copy()  # north is up
-        _draw_scale(page, scale / around.cell_m)
+        _draw_scale(page, scale / plan_map.cell_m)
         if self._seen is not None:
             seen = self._seen
             shown = cv2.resize(seen, (SIDE_PX, round(SIDE_PX * seen.shape[0] / seen.shape[1])))
@@ -163,7 +163,7 @@ class Pictures:
 
 
 def _draw_spread(page: np.ndarray, estimate: Any) -> None:
-    """The particles, magnified, in the lower right corner."""
+    """Draw the particles, magnified, in the lower right corner."""
     side = _SPREAD_PX
     corner = page[-side:, -side:]
     corner[...] = 255
@@ -172,7 +172,7 @@ def _draw_spread(page: np.ndarray, estimate: Any) -> None:
     cv2.line(corner, (0, middle), (side, middle), _UNKNOWN, 1)
     cv2.line(corner, (middle, 0), (middle, side), _UNKNOWN, 1)
     xy = estimate.particles_xy
-    off = (xy - xy.mean(axis=0)) * side  # the estimate is a frame ahead of them
+    off = (xy - xy.mean(axis=0)) * side  # about their own mean, because the estimate is one frame newer
     for x, y in off[np.isfinite(off).all(axis=1)].tolist():
         if max(abs(x), abs(y)) < middle:
             cv2.circle(corner, (round(middle + x), round(middle - y)), 2, _PARTICLE, -1)
@@ -180,7 +180,7 @@ def _draw_spread(page: np.ndarray, estimate: Any) -> None:
 
 
 def _draw_scale(page: np.ndarray, px_per_m: float) -> None:
-    """A bar of a round length, in the lower right corner of the map."""
+    """Draw a bar of a round length in the lower right corner of the map."""
     length_m = next((m for m in (100, 50, 20, 10, 5) if m * px_per_m < 0.3 * SIDE_PX), 2)
     right, y = SIDE_PX - _SPREAD_PX - 12, SIDE_PX - 30
     left = right - round(length_m * px_per_m)
@@ -191,7 +191,7 @@ def _draw_scale(page: np.ndarray, px_per_m: float) -> None:
 
 
 def _draw_legend(page: np.ndarray, top: int) -> None:
-    """What the colours mean, below `top` and left of the particles."""
+    """Draw the legend of the colours, below `top` and left of the particles."""
     for i, (colour, name) in enumerate(_LEGEND):
         x, y = 12 + (i % 2) * 170, top + 22 + (i // 2) * 19
         if y > SIDE_PX - 6:

@@ -1,18 +1,18 @@
-"""What is near, and whether LiDAR and IMU can be flown by: age of the newest sweep, time without roll and pitch.
+"""Obstacles near the vehicle, and the health of LiDAR and IMU: age of the newest sweep, time without roll and pitch.
 
-Without a fresh sweep, or not knowing what is level, the vehicle brakes; without for long the flight is over.
+Without a fresh sweep, or with roll and pitch unknown, the vehicle brakes; after longer loss the flight ends.
 
-What the newest sweep shows at the height of the flight, straightened: nothing between the LiDAR and a stop but this.
-
-A point fired `time_offset_ns` before the capture lay at its place as seen from where the vehicle was then:
+Obstacles are the points of the newest sweep at the height of the flight, corrected for the vehicle's motion without the
+map, so that braking depends on the LiDAR directly. A point fired `time_offset_ns` before the capture was measured from
+the vehicle's pose at that time:
 
     p_W = p_now - v (t_now - t_fired) + R(yaw - r (t_now - t_fired), pitch, roll) p_B
 
-Points that are not finite, lie in the LiDAR itself (a range of zero) or beside where their ring looks (a negative one)
-are left out. A sweep without any others is no sweep.
+Points that are not finite, have a range near zero or lie beside their ring's cone (corrupted ranges) are left out. A
+sweep with too few valid points counts as missing.
 
-What came too near to be seen any more (the lowest ring passes over people's heads) is remembered for `_KEPT_S` where it
-was; what the newest sweep could see is forgotten, since it tells.
+Obstacles that came too near to be seen any more (the lowest ring passes over people's heads) are remembered for
+`_KEPT_S` at their last position. Whatever the newest sweep could see is not remembered.
 """
 
 from __future__ import annotations
@@ -24,32 +24,34 @@ from typing import Any, Mapping
 
 import numpy as np
 
+from hil_companion.explore.mapping.slam import SlamEstimate
+from hil_companion.explore.mapping.sweep import FreshSweeps, on_ring
 from hil_companion.explore.outcome import IMU_LOST, LIDAR_LOST
-from hil_companion.explore.rotation import matrix_of, quaternion_of
-from hil_companion.explore.settings import FlightSettings
-from hil_companion.explore.slam import SlamEstimate
-from hil_companion.explore.sweep import FreshSweeps, on_ring
+from hil_companion.explore.planning.flight_settings import FlightSettings
 from hil_companion.frame import Frame, Sample
+from hil_companion.navigation.rotation import matrix_of, quaternion_of
 
 _LEAST_M = 0.1  # of a range
 _KEPT_S = 2.0
 _NEAR_M = 4.0
 _CELL_M = 0.1
 _SPARE = 0.02  # of slope
-_LOWEST_SHARE = 1.0  # per cent of the returns that may lie lower than the lowest ring
-_FEWEST_POINTS = 20  # of a sweep that shows anything
+_LOWEST_SHARE = 1.0  # per cent of outliers among the returns below the lowest ring
+_FEWEST_POINTS = 20  # of a usable sweep
 _STALE_SWEEP_S = 0.35
 
 
 class BlindSpot:
-    """What a LiDAR saw and cannot see any more. `unseen` once for each sweep, in order."""
+    """Memory of obstacles that the LiDAR saw and cannot see any more. Call `remembered` for each sweep, in order."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, np.ndarray]] = deque()
 
-    def unseen(self, t_ns: int, eye_W: np.ndarray, points_W: np.ndarray, level_W: np.ndarray) -> np.ndarray:
-        """x and y (n, 2) of what is remembered. `eye_W`: the LiDAR; `points_W` (n, 3): the sweep; `level_W` (n, 3):
-        those at the height of the flight."""
+    def remembered(self, t_ns: int, eye_W: np.ndarray, points_W: np.ndarray, level_W: np.ndarray) -> np.ndarray:
+        """Return positions (n, 2) of remembered obstacles in the blind spot, and remember this sweep's near points.
+
+        `eye_W`: the LiDAR; `points_W` (n, 3): the sweep; `level_W` (n, 3): its points at the height of the flight.
+        """
         while self._kept and (t_ns - self._kept[0][0]) * 1e-9 > _KEPT_S:
             self._kept.popleft()
         lowest = float(np.percentile(_slope(points_W, eye_W)[0], _LOWEST_SHARE)) if len(points_W) else 0.0
@@ -65,7 +67,7 @@ class BlindSpot:
 
 
 def _slope(points_W: np.ndarray, eye_W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Up over level, and level distance."""
+    """Return slope (rise over horizontal distance) and horizontal distance of each point."""
     d = points_W - eye_W
     away_m = np.hypot(d[:, 0], d[:, 1])
     return d[:, 2] / np.maximum(away_m, 0.05), away_m
@@ -73,16 +75,15 @@ def _slope(points_W: np.ndarray, eye_W: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 @dataclass(frozen=True, eq=False)
 class Nearby:
-    """`level_W` (n, 2): what stands at the height of the vehicle, in the world as the estimate has it, and what it is
-    too near to see any more."""
+    """Points of one sweep in W, by the vehicle's estimated pose."""
 
     t_ns: int  # of the capture
-    level_W: np.ndarray
-    usable: int  # points of the sweep, at any height
-    points_W: np.ndarray  # (n, 3) all of them
+    level_W: np.ndarray  # (n, 2) obstacles at the height of the vehicle, with the remembered ones in the blind spot
+    usable: int  # number of valid points at any height
+    points_W: np.ndarray  # (n, 3) all valid points
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Distance of the nearest point, and where it is from there; infinite where there is none."""
+        """Return distance and offset (dx, dy) of the nearest obstacle; infinite distance without any."""
         if not len(self.level_W):
             return math.inf, 0.0, 0.0
         dx, dy = self.level_W[:, 0] - x_m, self.level_W[:, 1] - y_m
@@ -91,19 +92,19 @@ class Nearby:
         return math.sqrt(float(squared[i])), float(dx[i]), float(dy[i])
 
 
-class Sweeps:
-    """Reads sweeps of one LiDAR, placed on the vehicle as the bench says (`calibration`)."""
+class SweepReader:
+    """Converts sweeps of one LiDAR to obstacles. `calibration`: the bench's; `slab_m`: half height of the band used."""
 
     def __init__(self, calibration: Mapping[str, Any] | None, slab_m: float) -> None:
-        told = calibration or {}
-        self._p_BL = np.asarray(told.get("p_BC", (0.0, 0.0, 0.0)), float)
-        self._R_BL = matrix_of(told.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
-        self._elevation_deg = tuple(float(e) for e in told.get("elevation_deg", ()))
+        entries = calibration or {}
+        self._p_BL = np.asarray(entries.get("p_BC", (0.0, 0.0, 0.0)), float)
+        self._R_BL = matrix_of(entries.get("q_BC", (1.0, 0.0, 0.0, 0.0)))
+        self._elevation_deg = tuple(float(e) for e in entries.get("elevation_deg", ()))
         self._slab_m = slab_m
         self._blind_spot = BlindSpot()
 
     def read(self, sample: Sample, at: SlamEstimate, yaw_rate_radps: float, height_m: float) -> Nearby:
-        """`height_m`: of the flight. What is looked at lies round the vehicle's own height and round this one."""
+        """Convert a sweep. Obstacles count about the vehicle's height and, if it is near, about the flight's height."""
         points_L = np.asarray(sample["points_L"], float).reshape(-1, 3)
         offset_ns = np.asarray(sample["time_offset_ns"], float).reshape(-1)
         ring = np.asarray(sample["ring"]).reshape(-1).astype(np.int64) if "ring" in sample else None
@@ -133,52 +134,52 @@ class Sweeps:
         y = p_W[1] - v_W[1] * ago_s + s * level[:, 0] + c * level[:, 1]
         points_W = np.stack([x, y, up], axis=1)
         eye_W = p_W + np.array([0.0, 0.0, self._p_BL[2]])
-        hidden = self._blind_spot.unseen(sample.t_capture_ns, eye_W, points_W, points_W[kept])
+        hidden = self._blind_spot.remembered(sample.t_capture_ns, eye_W, points_W, points_W[kept])
         level_W = np.concatenate([points_W[kept, :2], hidden])
         return Nearby(sample.t_capture_ns, level_W, len(points_L), points_W)
 
 
 class Senses:
-    """`look` at every frame whose position is known."""
+    """Health of LiDAR and IMU and the newest sweep; call `update` for every frame with a known position."""
 
     def __init__(
         self, settings: FlightSettings, calibration: Mapping[str, Any] | None, *, lidar: str, imu: str
     ) -> None:
         self.near: Nearby | None = None  # the newest usable sweep
         self._settings, self._lidar, self._imu = settings, lidar, imu
-        self._sweeps = Sweeps(calibration, settings.slab_m)
+        self._reader = SweepReader(calibration, settings.slab_m)
         self._fresh = FreshSweeps()
         self._begun_ns: int | None = None
         self._level_ns: int | None = None
 
-    def look(self, frame: Frame, estimate: SlamEstimate) -> None:
-        """Take what this frame says."""
+    def update(self, frame: Frame, estimate: SlamEstimate) -> None:
+        """Update with a frame and its estimate."""
         self._begun_ns = frame.t_ns if self._begun_ns is None else self._begun_ns
         if estimate.imu_ok:
             self._level_ns = frame.t_ns
         if self._lidar not in frame:
             return
         sweep = frame[self._lidar]
-        if not self._fresh.take(sweep, now_ns=frame.t_ns, p_W=np.asarray(estimate.p_W, float)):
+        if not self._fresh.is_new(sweep, now_ns=frame.t_ns, p_W=np.asarray(estimate.p_W, float)):
             return
         rate = 0.0
         if self._imu in frame:
             rows = np.asarray(frame[self._imu]["gyro_radps"], float).reshape(-1, 3)
             rate = float(np.mean(rows[:, 2])) if len(rows) and np.isfinite(rows).all() else 0.0
-        near = self._sweeps.read(sweep, estimate, rate, self._settings.height_m)
+        near = self._reader.read(sweep, estimate, rate, self._settings.height_m)
         if near.usable >= _FEWEST_POINTS:
             self.near = near
 
     def ready(self, t_ns: int) -> bool:
-        """Whether it can be flown by them now."""
+        """Return True if both sensors can be relied on now."""
         return self.sees(t_ns) and self._level_ns == t_ns
 
     def sees(self, t_ns: int) -> bool:
-        """Whether the newest sweep tells what is near."""
+        """Return True if the newest sweep is fresh."""
         return self.near is not None and self._blind_s(t_ns) <= _STALE_SWEEP_S
 
     def lost(self, t_ns: int) -> tuple[str, str] | None:
-        """An outcome and why, where they have been away for too long."""
+        """Return outcome and reason if a sensor has been lost for too long, else None."""
         s = self._settings
         blind_s = self._blind_s(t_ns)
         if blind_s > s.lidar_lost_s:

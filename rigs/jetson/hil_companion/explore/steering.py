@@ -1,25 +1,25 @@
-"""From a path to velocities: as fast as can be stopped within what has been seen, and no faster.
+"""Velocity commands along a path, at most as fast as the vehicle can stop within the space that it has seen.
 
     v <= speed_mps
     v <= v_stop(known)          known: along the path to the first cell that is unknown or blocked
-    v <= v_stop(free)           free: along the velocity that is flown, to what the newest sweep shows there
-    v <= v_near(d)              from slow_mps at `hard` from obstacles to speed_mps at `comfort`
-    v <= v_corner(s)            v_i^2 + 2 a s to the corner that is s ahead; v_i^2 = a R, R the arc that fits into it
-                                with a quarter of a metre to its tip
-    v <= v_stop(left)           to the goal
+    v <= v_stop(free)           free: along the present velocity to the first obstacle of the newest sweep
+    v <= v_near(d)              from slow_mps at `hard_m` from obstacles to speed_mps at `comfort_m`
+    v <= v_corner(s)            v^2 = v_i^2 + 2 a s before a corner s ahead; v_i^2 = a R, R the radius of the arc that
+                                passes the corner at a quarter of a metre
+    v <= v_stop(left)           left: to the goal
 
-v_stop is `FlightSettings.speed_that_stops_mps`. The velocity points at the path a little ahead and changes by no more
-than `accel_mps2` allows, braking by twice that where something stands in the way.
+v_stop is `FlightSettings.speed_that_stops_mps`. The velocity points at the path a little ahead. It changes with at most
+`accel_mps2`, and with twice that when it brakes for an obstacle.
 
-The retreat rule: within the orange band of an obstacle move straight away from it until out of the band.
+The retreat rule: within the orange band of an obstacle the vehicle moves straight away from it.
 
-    red      nearer than the clearance leaves: stop, then back off
-    orange   away from the obstacle, perpendicular to its surface at the nearest point, until the band is left
-    clear    the plan is flown
+    red      the clearance is nearly used up: stop, then back off
+    orange   away from the nearest point of the obstacle until the band is left
+    clear    follow the plan
 
-The band is left with some way to spare, so that the rule does not switch on and off at its edge. Where another obstacle
-leaves no room to give way, the vehicle stays between the two and the plan is flown slowly: a passage that was planned
-is wide enough.
+The band is left with some distance to spare, so that the rule does not switch on and off at its edge. If another
+obstacle leaves no room to retreat, the vehicle stays between the two and follows the plan slowly, since a planned
+passage is wide enough.
 """
 
 from __future__ import annotations
@@ -29,63 +29,63 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil_companion.explore.plan_map import Berth, PlanMap
-from hil_companion.explore.route import nearest_on
+from hil_companion.explore.planning.flight_settings import FlightSettings
+from hil_companion.explore.planning.plan_map import Clearances, PlanMap
+from hil_companion.explore.planning.route import nearest_on
 from hil_companion.explore.senses import Nearby
-from hil_companion.explore.settings import FlightSettings
 
 _LOOK_FIRST_M, _LOOK_S, _LOOK_MOST_M = 0.8, 0.5, 2.5
 _CORNER_TIP_M = 0.25
 _SEEN_AHEAD_M = 15.0
 _KNOWN_SPARE_M = 0.3
 _TURN_FROM_MPS = 0.3
-_GOAL_GAIN_PER_S = 0.6  # near the goal: metres left to metres per second
-_CREEP_MPS = 0.3  # where the next unknown cell is nearer than can be stopped for, but the sweep shows nothing there
+_GOAL_GAIN_PER_S = 0.6  # speed per distance left to the goal
+_CREEP_MPS = 0.3  # into unknown cells where the newest sweep shows no obstacle
 _SPARE_M = 0.15
 _RETREAT_MPS = 0.6
-_STOPPED_MPS = 0.4  # slower than this it may back off: braking comes first
+_STOPPED_MPS = 0.4  # it brakes below this closing speed before it backs off
 
 
 @dataclass(frozen=True)
 class Retreat:
-    """What the rule wants: a velocity, or None where the plan may be flown."""
+    """Result of the rule: a velocity, or None to follow the plan."""
 
     band: str  # "clear", "orange", "red"
     v_W: tuple[float, float] | None
 
 
 class RetreatRule:
-    """Remembers whether it is retreating."""
+    """The retreat rule, with the hysteresis of its band."""
 
     def __init__(self) -> None:
         self._retreating = False
 
     def apply(
         self,
-        berth: Berth,
+        clearances: Clearances,
         nearest_m: float,
         towards: tuple[float, float],
         v_W: tuple[float, float],
         room_behind_m: float,
     ) -> Retreat:
-        """`towards`: unit vector to the nearest obstacle; `room_behind_m`: free distance on the side away from it."""
-        limit_m = berth.orange_m + (_SPARE_M if self._retreating else 0.0)
+        """Apply the rule. `towards`: unit vector to the nearest obstacle; `room_behind_m`: free distance behind."""
+        limit_m = clearances.orange_m + (_SPARE_M if self._retreating else 0.0)
         if not nearest_m < limit_m:
             self._retreating = False
             return Retreat("clear", None)
-        band = "red" if nearest_m < berth.red_m else "orange"
+        band = "red" if nearest_m < clearances.red_m else "orange"
         self._retreating = True
         closing_mps = v_W[0] * towards[0] + v_W[1] * towards[1]
         if band == "red" and closing_mps > _STOPPED_MPS:
             return Retreat(band, (0.0, 0.0))
-        if room_behind_m < nearest_m + 0.1:  # as near on the other side: it is in the middle already
+        if room_behind_m < nearest_m + 0.1:  # it is already midway between two obstacles
             return Retreat(band, None)
         speed_mps = _RETREAT_MPS if band == "red" else _RETREAT_MPS * min(1.0, max(0.4, (limit_m - nearest_m) / 0.3))
         return Retreat(band, (-speed_mps * towards[0], -speed_mps * towards[1]))
 
 
 class Steering:
-    """Remembers the last command: it never jumps."""
+    """Velocity and yaw commands that change continuously from one call to the next."""
 
     def __init__(self, settings: FlightSettings) -> None:
         self._settings = settings
@@ -94,8 +94,8 @@ class Steering:
 
     def follow(
         self,
-        around: PlanMap,
-        berth: Berth,
+        plan_map: PlanMap,
+        clearances: Clearances,
         near: Nearby,
         path_W: np.ndarray,
         p_W: np.ndarray,
@@ -104,7 +104,7 @@ class Steering:
         *,
         most_mps: float = math.inf,
     ) -> np.ndarray:
-        """The velocity along a path; `v_W` is the one that is flown."""
+        """Return the velocity command (2,) along a path (n, 2). `p_W`, `v_W`: the vehicle's position and velocity."""
         s = self._settings
         at, place = nearest_on(path_W, p_W)
         speed_mps = float(np.hypot(*v_W))
@@ -116,14 +116,16 @@ class Steering:
         if distance_m < 1e-6:
             return self.slew(np.zeros(2), dt_s)
         direction = towards / distance_m
-        known_m, blocked_m = _ahead_on_map(around, berth, path_W, at, place)
+        known_m, blocked_m = _ahead_on_map(plan_map, clearances, path_W, at, place)
         known_mps = s.speed_that_stops_mps(known_m - _KNOWN_SPARE_M)
         heading = v_W / speed_mps if speed_mps > _TURN_FROM_MPS else direction
-        free_m = min(free_ahead_m(near, p_W, heading, berth.red_m), free_ahead_m(near, p_W, direction, berth.red_m))
+        free_m = min(
+            free_ahead_m(near, p_W, heading, clearances.red_m), free_ahead_m(near, p_W, direction, clearances.red_m)
+        )
         if free_m > _SEEN_AHEAD_M / 3 and blocked_m > 1.0:
             known_mps = max(known_mps, _CREEP_MPS)
-        d = min(around.distance_at(*p_W), around.distance_at(*(p_W + heading * min(1.0, left_m))))
-        share = (d - berth.hard_m) / max(berth.comfort_m - berth.hard_m, 1e-6)
+        d = min(plan_map.distance_at(*p_W), plan_map.distance_at(*(p_W + heading * min(1.0, left_m))))
+        share = (d - clearances.hard_m) / max(clearances.comfort_m - clearances.hard_m, 1e-6)
         near_mps = s.slow_mps + (s.speed_mps - s.slow_mps) * min(max(share, 0.0), 1.0)
         free_mps = s.speed_that_stops_mps(free_m)
         goal_mps = min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1))
@@ -132,7 +134,7 @@ class Steering:
         return self.slew(direction * least_mps, dt_s, hard=free_mps < speed_mps - 0.3)
 
     def slew(self, wanted_W: np.ndarray, dt_s: float, *, hard: bool = False) -> np.ndarray:
-        """Towards a velocity, by what the acceleration allows; `hard` braking allows twice that."""
+        """Change the command towards a velocity with at most `accel_mps2`, or twice that if `hard`."""
         change = wanted_W - self.v_W
         size = float(np.hypot(*change))
         most = self._settings.accel_mps2 * dt_s * (2.0 if hard else 1.0)
@@ -140,11 +142,11 @@ class Steering:
         return self.v_W
 
     def stop(self, dt_s: float) -> np.ndarray:
-        """Brake."""
+        """Change the command towards zero as hard as allowed."""
         return self.slew(np.zeros(2), dt_s, hard=True)
 
     def turn(self, yaw_rad: float, v_W: np.ndarray, dt_s: float) -> float:
-        """Towards where it flies, the short way round; `yaw_rad` is where it looks now, for the first time."""
+        """Turn the commanded yaw towards the velocity, the short way round; it starts at the present `yaw_rad`."""
         if self.yaw_rad is None:
             self.yaw_rad = yaw_rad
         if float(np.hypot(*v_W)) > _TURN_FROM_MPS:
@@ -155,7 +157,7 @@ class Steering:
 
 
 def free_ahead_m(near: Nearby, p_W: np.ndarray, direction: np.ndarray, half_width_m: float) -> float:
-    """How far a disc of this radius can go in this direction before it touches what the sweep shows."""
+    """Return how far a disc of this radius can move in a direction before it touches a point of the sweep."""
     if not len(near.level_W):
         return _SEEN_AHEAD_M
     d = near.level_W - p_W
@@ -169,7 +171,7 @@ def free_ahead_m(near: Nearby, p_W: np.ndarray, direction: np.ndarray, half_widt
 
 
 def _ahead(path_W: np.ndarray, at: int, place: np.ndarray, distance_m: float) -> np.ndarray:
-    """The point of the path so far behind a place on segment `at`."""
+    """Return the point of the path at a distance after a place on segment `at`."""
     here = place
     for point in path_W[at + 1 :]:
         leg_m = float(np.hypot(*(point - here)))
@@ -180,9 +182,9 @@ def _ahead(path_W: np.ndarray, at: int, place: np.ndarray, distance_m: float) ->
     return path_W[-1]
 
 
-def _samples(around: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) -> np.ndarray:
-    """Points of the path from here on, a cell apart."""
-    step_m = around.cell_m
+def _samples(plan_map: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) -> np.ndarray:
+    """Return points of the path after a place, a cell apart."""
+    step_m = plan_map.cell_m
     points, sofar = [], 0.0
     here = place
     for point in path_W[at + 1 :]:
@@ -196,14 +198,16 @@ def _samples(around: PlanMap, path_W: np.ndarray, at: int, place: np.ndarray) ->
     return np.concatenate(points)
 
 
-def _ahead_on_map(around: PlanMap, berth: Berth, path_W: np.ndarray, at: int, place: np.ndarray) -> tuple[float, float]:
-    """Along the path to the first place that is unknown or too near to something, and to the first that is too near."""
-    points, step_m = _samples(around, path_W, at, place), around.cell_m
-    rows, columns = around.fine(points)
-    blocked = around.distance_m[rows, columns] < berth.red_m
-    bad = blocked | around.unknown[rows, columns]
-    bad[: int(0.5 / step_m)] = False  # where it is, it can be
-    known_m = math.inf  # to its end
+def _ahead_on_map(
+    plan_map: PlanMap, clearances: Clearances, path_W: np.ndarray, at: int, place: np.ndarray
+) -> tuple[float, float]:
+    """Return the distances along the path to the first unknown or blocked point, and to the first blocked point."""
+    points, step_m = _samples(plan_map, path_W, at, place), plan_map.cell_m
+    rows, columns = plan_map.fine(points)
+    blocked = plan_map.distance_m[rows, columns] < clearances.red_m
+    bad = blocked | plan_map.unknown[rows, columns]
+    bad[: int(0.5 / step_m)] = False  # the vehicle's own position is passable
+    known_m = math.inf  # known up to its end
     if bad.any():
         known_m = int(np.argmax(bad)) * step_m
     elif len(points) * step_m >= _SEEN_AHEAD_M - 1.0:
@@ -212,7 +216,7 @@ def _ahead_on_map(around: PlanMap, berth: Berth, path_W: np.ndarray, at: int, pl
 
 
 def _corner_mps(s: FlightSettings, path_W: np.ndarray, at: int, place: np.ndarray) -> float:
-    """The speed from which the corners ahead can still be taken."""
+    """Return the largest speed from which the vehicle can brake for the corners ahead."""
     ahead_m = float(np.hypot(*(path_W[at + 1] - place)))
     most = math.inf
     for i in range(at + 1, len(path_W) - 1):

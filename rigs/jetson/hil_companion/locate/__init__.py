@@ -1,1 +1,1 @@
-"""From boxes in a picture to places in the world: own pose, camera, ranges, and what all sightings add up to."""
+"""Geolocation of detected boxes: the vehicle's pose, camera rays, ranges, and tracks of repeated sightings."""

@@ -1,10 +1,10 @@
-"""Boxes to places: range from depth or from the ground, then from the camera's estimated pose into the world.
+"""Geolocation of boxes: range from depth or from the ground, then the place in the world by the camera's pose.
 
-Depth    the box's middle shows the thing and what is behind it. Sought is the nearest heap of depths: from the 25th
-         percentile on, three times the median of what lies within a tenth of the last (0.6 m at least). A twig before
-         it, a few wrong pixels, or noise of metres from pixel to pixel move that little.
-Ground   without depth: where the ray through the middle of the box's lower edge meets the ground, taken for level.
-Radar    points in the direction of the box, and about as far away where that is known; the strongest of them.
+Depth    the middle of a box shows the object and its background. The object's depth is that of the nearest cluster:
+         starting from the 25th percentile, three times the median of all depths within a tenth (0.6 m at least) of the
+         last value. A twig in front, a few wrong pixels or metres of pixel noise change it little.
+Ground   without depth: the intersection of the ray through the middle of the box's lower edge with level ground.
+Radar    the strongest point in the direction of the box and, if the range is known, at about that range.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ import cv2
 import numpy as np
 
 from hil_companion.errors import CutError
-from hil_companion.explore.inertial import Moment
-from hil_companion.explore.rotation import matrix_of
+from hil_companion.navigation.inertial import NavState
+from hil_companion.navigation.rotation import matrix_of
 
-# Of a place, besides the vehicle's own: what box, lens and attitude leave open [m, and share of the range].
+# Standard deviation of a place by box, lens and attitude: a constant [m] and a share of the range.
 _DEPTH_SIGMA, _GROUND_SIGMA = (0.25, 0.025), (0.5, 0.06)
-_MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # of the box: where the thing is, rather than what is beside it
-_NEAR_SHARE, _HEAP_SHARE, _HEAP_M, _ROUNDS = 0.25, 0.1, 0.6, 3
+_MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # part of the box that shows mostly the object
+_NEAR_SHARE, _CLUSTER_SHARE, _CLUSTER_M, _ROUNDS = 0.25, 0.1, 0.6, 3
 _LEAST_PIXELS, _MOST_M = 4, 1000.0
-_EDGE_PX = 1.5  # a box that ends so near to the picture's lower edge shows no feet
-_LEAST_DOWN = 0.05  # of a ray of length 1: flatter ones meet the ground anywhere
-_ANGLE_RAD, _RANGE_M, _RANGE_SHARE = 0.06, 1.0, 0.1  # how far a radar point may be off, besides the box's own half
+_EDGE_PX = 1.5  # a box that ends this near to the picture's lower edge does not show the object's lower end
+_LEAST_DOWN = 0.05  # downward component of a unit ray; with a flatter ray the range is too uncertain
+_ANGLE_RAD, _RANGE_M, _RANGE_SHARE = 0.06, 1.0, 0.1  # tolerances of a radar point, besides half the box's angle
 
 _FISHEYE = "equidistant"
 
@@ -35,43 +35,43 @@ Box = Sequence[float]
 
 
 class Camera:
-    """By its calibration, `welcome.sensors[NAME]`: from pixels to rays, and where it sits. CutError where that is none.
+    """A calibrated camera on the vehicle, from `welcome.sensors[NAME]`. Raises CutError for an incomplete calibration.
 
-    Boxes count pixels from the picture's edge, OpenCV's calibration from the middle of the first pixel: half a pixel
+    Boxes count pixels from the picture's edge, OpenCV's calibration from the middle of the first pixel, half a pixel
     less.
     """
 
     def __init__(self, name: str, calibration: Mapping[str, Any] | None) -> None:
-        told = calibration or {}
+        entries = calibration or {}
         try:
-            self.size_px = (int(told["width"]), int(told["height"]))
-            self._K = np.asarray(told["camera_matrix"], float).reshape(3, 3)
-            self._d = np.asarray(told["coefficients"], float)
-            self._fisheye = told["distortion"] == _FISHEYE
-            self.p_BC = np.asarray(told["p_BC"], float).reshape(3)
-            w, x, y, z = np.asarray(told["q_BC"], float).tolist()
+            self.size_px = (int(entries["width"]), int(entries["height"]))
+            self._K = np.asarray(entries["camera_matrix"], float).reshape(3, 3)
+            self._d = np.asarray(entries["coefficients"], float)
+            self._fisheye = entries["distortion"] == _FISHEYE
+            self.p_BC = np.asarray(entries["p_BC"], float).reshape(3)
+            w, x, y, z = np.asarray(entries["q_BC"], float).tolist()
         except (KeyError, TypeError, ValueError) as error:
             raise CutError(
-                f"detect: the bench says nothing of a camera {name!r} ({error}); name a camera's topic"
+                f"detect: the bench sends no camera calibration of {name!r} ({error}); name a camera's topic"
             ) from None
         self.R_BC = matrix_of((w, x, y, z))
 
     def rays_C(self, points_px: Any) -> np.ndarray:
-        """(n, 3) with z = 1 for (n, 2) places in the picture: times a depth, the point in C."""
+        """Return rays (n, 3) with z = 1 in C for pixels (n, 2); a ray times a planar depth is the point in C."""
         points = np.asarray(points_px, float).reshape(-1, 1, 2) - 0.5
         undistort = cv2.fisheye.undistortPoints if self._fisheye else cv2.undistortPoints
         flat = undistort(points, self._K, self._d).reshape(-1, 2)
         return np.column_stack([flat, np.ones(len(flat))])
 
     def pixels(self, points_C: Any) -> np.ndarray:
-        """(n, 2) places in the picture of points in C, which have to lie before the camera."""
+        """Return the pixels (n, 2) of points (n, 3) in C, which have to lie in front of the camera."""
         points = np.asarray(points_C, float).reshape(-1, 1, 3)
         project = cv2.fisheye.projectPoints if self._fisheye else cv2.projectPoints
         return np.asarray(project(points, np.zeros(3), np.zeros(3), self._K, self._d)[0]).reshape(-1, 2) + 0.5
 
 
 def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
-    """Planar depth of what is in the box [m]; None where too few pixels have one."""
+    """Return the planar depth [m] of the object in the box; None if too few pixels have a depth."""
     height, width = depth_m.shape[:2]
     x0, y0, x1, y1 = box_px
     left, right = (x0 + share * (x1 - x0) for share in _MIDDLE_X)
@@ -82,17 +82,17 @@ def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
     values = values[np.isfinite(values) & (values > 0.0) & (values < _MOST_M)]
     if len(values) < _LEAST_PIXELS:
         return None
-    # Always one of the values themselves: between two heaps there may be nothing near.
+    # The lower median is one of the depths; a mean could fall between two clusters, where no depth lies.
     values.sort()
     depth = float(values[int(_NEAR_SHARE * (len(values) - 1))])
     for _ in range(_ROUNDS):
-        heap = values[np.abs(values - depth) <= max(_HEAP_M, _HEAP_SHARE * depth)]
-        depth = float(heap[(len(heap) - 1) // 2])
+        cluster = values[np.abs(values - depth) <= max(_CLUSTER_M, _CLUSTER_SHARE * depth)]
+        depth = float(cluster[(len(cluster) - 1) // 2])
     return depth
 
 
 def ground_range(p_WC: np.ndarray, R_WC: np.ndarray, ray_C: np.ndarray, ground_z_m: float) -> float | None:
-    """Along the ray to level ground [m]; None where it does not meet it."""
+    """Return the distance along a ray to level ground [m]; None if it does not meet the ground."""
     ray_W = R_WC @ (ray_C / np.linalg.norm(ray_C))
     above_m = float(p_WC[2]) - ground_z_m
     if ray_W[2] > -_LEAST_DOWN or above_m <= 0.0:
@@ -101,7 +101,7 @@ def ground_range(p_WC: np.ndarray, R_WC: np.ndarray, ray_C: np.ndarray, ground_z
 
 
 def shows_feet(box_px: Box, height_px: int) -> bool:
-    """Whether the thing's lower end is in the picture."""
+    """Return True if the object's lower end is in the picture."""
     return box_px[3] < height_px - _EDGE_PX
 
 
@@ -114,9 +114,9 @@ def radar_speed(
     rays_C: np.ndarray,
     range_m: float | None,
 ) -> float | None:
-    """Radial speed of the strongest radar point in the box [m/s, + receding]; None where there is none.
+    """Return the radial speed of the strongest radar point in the box [m/s, + receding]; None without such a point.
 
-    `rays_C`: through the box's middle, and through its corners.
+    `rays_C` (5, 3): through the box's middle and its four corners.
     """
     p_R = np.column_stack([np.asarray(points[name], float) for name in ("x_R", "y_R", "z_R")])
     snr_db, speed = np.asarray(points["snr_db"], float), np.asarray(points["speed_mps"], float)
@@ -139,7 +139,7 @@ def radar_speed(
 
 @dataclass(frozen=True)
 class RadarView:
-    """Points of a radar, and where it sits on the vehicle."""
+    """Points of a radar and its mounting pose on the vehicle."""
 
     points: Any
     p_BR: np.ndarray
@@ -147,24 +147,24 @@ class RadarView:
 
 
 class Geolocation:
-    """For one camera. `ground_z_m`: height of the ground, where there is no depth."""
+    """Places detections of one camera in the world. `ground_z_m`: height of the ground, used without depth."""
 
     def __init__(self, camera: Camera, *, ground_z_m: float) -> None:
         self.camera = camera
         self._ground_z_m = ground_z_m
 
     def place(
-        self, boxes: Sequence[Any], pose: Moment | None, depth_m: np.ndarray | None, radar: RadarView | None
+        self, boxes: Sequence[Any], pose: NavState | None, depth_m: np.ndarray | None, radar: RadarView | None
     ) -> list[Any]:
-        """The same detections with range, speed and place, as far as these can be known."""
+        """Return the same detections with range, speed and place, each None if it is unknown."""
         return [self._placed(box, pose, depth_m, radar) for box in boxes]
 
     def sigma_m(self, range_m: float, own_sigma_m: float, *, by_depth: bool) -> float:
-        """Of a place, horizontally, an axis."""
+        """Return the horizontal standard deviation of a place, per axis [m]."""
         fixed_m, share = _DEPTH_SIGMA if by_depth else _GROUND_SIGMA
         return float(np.hypot(fixed_m + share * range_m, own_sigma_m))
 
-    def _placed(self, box: Any, pose: Moment | None, depth_m: np.ndarray | None, radar: RadarView | None) -> Any:
+    def _placed(self, box: Any, pose: NavState | None, depth_m: np.ndarray | None, radar: RadarView | None) -> Any:
         camera = self.camera
         x0, y0, x1, y1 = box.box_px
         middle, foot = (0.5 * (x0 + x1), 0.5 * (y0 + y1)), (0.5 * (x0 + x1), y1)

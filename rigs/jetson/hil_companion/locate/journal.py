@@ -1,4 +1,4 @@
-"""What was detected, as files: a line for each picture, and at the end everything that was found."""
+"""Detections as files: a JSON line for each picture, and at the end all tracked objects."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LINES_NAME, FOUND_NAME = "detections.jsonl", "found.json"
 
 
 class Journal:
-    """In a folder that is there. CutError where it cannot be written."""
+    """Writes both files into an existing folder. Raises CutError if they cannot be written."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -22,7 +22,8 @@ class Journal:
         except OSError as error:
             raise CutError(f"detect: {folder / LINES_NAME} cannot be written ({error.strerror or error})") from error
 
-    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], looks: Sequence[Any]) -> None:
+    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], colours: Sequence[Any]) -> None:
+        """Append one picture's boxes. `colours`: of each box, six CIE L*a*b* numbers or None."""
         rows = [
             {
                 "label": d.label,
@@ -31,9 +32,9 @@ class Journal:
                 "range_m": d.range_m,
                 "radial_speed_mps": d.radial_speed_mps,
                 "p_W": d.p_W,
-                "look_lab": None if look is None else [round(float(v), 1) for v in look],
+                "look_lab": None if lab is None else [round(float(v), 1) for v in lab],
             }
-            for d, look in zip(boxes, looks)
+            for d, lab in zip(boxes, colours)
         ]
         try:
             self._lines.write(json.dumps({"frame": frame, "t_capture_ns": t_capture_ns, "boxes": rows}) + "\n")

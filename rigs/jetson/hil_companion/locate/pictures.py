@@ -1,4 +1,4 @@
-"""Pictures with boxes in them: a sequence of JPEGs, and a strip of those that show most."""
+"""Pictures with detected boxes: a sequence of JPEGs, and a contact sheet of the pictures with the most boxes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil_companion.errors import CutError
 
 STRIP_NAME = "report.png"  # the bench shows it on its page
 _ACROSS, _STRIP_MOST, _KEPT_MOST = 3, 9, 60
-_SIDE_PX = 426  # width of one in the strip
+_SIDE_PX = 426  # width of a picture in the contact sheet
 _JPEG_QUALITY = 88
 _COLOURS = (
     (40, 220, 255),
@@ -21,11 +21,11 @@ _COLOURS = (
     (220, 110, 255),
     (120, 120, 255),
     (230, 230, 60),
-)  # blue first
+)  # BGR
 
 
 class BoxPictures:
-    """One every `every_s` of simulated time. CutError where they cannot be written."""
+    """Writes a picture every `every_s` of simulated time. Raises CutError if it cannot be written."""
 
     def __init__(self, folder: Path, *, every_s: float) -> None:
         self._folder, self._every_ns = folder, round(every_s * 1e9)
@@ -37,8 +37,8 @@ class BoxPictures:
         except OSError as error:
             raise CutError(f"detect: {folder} cannot be made ({error.strerror or error})") from error
 
-    def look(self, rgb: np.ndarray, found: Sequence[Any], t_ns: int) -> None:
-        """After every picture."""
+    def add(self, rgb: np.ndarray, found: Sequence[Any], t_ns: int) -> None:
+        """Draw and write the picture if the period has passed; call for every picture, in order."""
         if t_ns < self._next_ns:
             return
         self._next_ns = t_ns + self._every_ns
@@ -52,7 +52,7 @@ class BoxPictures:
             self._kept.remove(min(self._kept, key=lambda kept: (kept[0], kept[1])))
 
     def close(self) -> None:
-        """The strip: of those with most boxes, as they came."""
+        """Write the contact sheet: pictures with the most boxes, in the order of time."""
         if not self._kept:
             return
         best = sorted(self._kept, key=lambda kept: (-kept[0], kept[1]))[: 3 * _STRIP_MOST]
@@ -76,7 +76,7 @@ class BoxPictures:
 
 
 def with_boxes(rgb: np.ndarray, found: Sequence[Any], words: str = "") -> np.ndarray:
-    """A copy with boxes, blue first as OpenCV has it; twice as large where it is small, so that words can be read."""
+    """Return a copy in BGR order with boxes and labels; a small picture is doubled so that the labels can be read."""
     scale = 2 if rgb.shape[1] <= 400 else 1
     picture = cv2.resize(rgb[..., ::-1], None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     labels = sorted({d.label for d in found})
@@ -84,14 +84,14 @@ def with_boxes(rgb: np.ndarray, found: Sequence[Any], words: str = "") -> np.nda
         colour = _COLOURS[labels.index(one.label) % len(_COLOURS)] if one.label != "person" else _COLOURS[0]
         x0, y0, x1, y1 = (round(scale * v) for v in one.box_px)
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, 1, cv2.LINE_AA)
-        said = f"{one.label} {one.score:.2f}"
+        label = f"{one.label} {one.score:.2f}"
         if one.range_m is not None:
-            said += f" {one.range_m:.0f} m"
+            label += f" {one.range_m:.0f} m"
         if one.radial_speed_mps is not None:
-            said += f" {one.radial_speed_mps:+.1f} m/s"
+            label += f" {one.radial_speed_mps:+.1f} m/s"
         at = (max(0, x0), max(10, y0 - 3))
-        cv2.putText(picture, said, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, (0, 0, 0), 3, cv2.LINE_AA)
-        cv2.putText(picture, said, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, colour, 1, cv2.LINE_AA)
+        cv2.putText(picture, label, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, (0, 0, 0), 3, cv2.LINE_AA)
+        cv2.putText(picture, label, at, cv2.FONT_HERSHEY_SIMPLEX, 0.38, colour, 1, cv2.LINE_AA)
     if words:
         at = (6, picture.shape[0] - 8)
         cv2.putText(picture, words, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 3, cv2.LINE_AA)

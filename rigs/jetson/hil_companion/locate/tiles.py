@@ -1,7 +1,7 @@
-"""Looking at a picture piece by piece: small things keep their pixels where the network's input is smaller.
+"""Detection in pieces of a picture, so that small objects keep their pixels in the network's smaller input.
 
-Pieces overlap by a quarter, so that what a border cuts is whole in a neighbour. Boxes of one label that lie on one
-another are one thing; so is a box that another one holds nearly all of: the part of a thing that a border left.
+Pieces overlap by a quarter, so that an object cut by a border is whole in the neighbouring piece. Overlapping boxes of
+one label count as one object, as does a box that lies almost wholly in another one: a part cut off by a border.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from hil_companion.detect.decode import overlaps
 
 _OVERLAP = 0.25
-_SEATS = ("bench",)
+_SEATS = ("bench",)  # labels of objects that people sit on
 _SAME_IOU, _HELD_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
 
 
 def pieces(size_px: tuple[int, int], across: int, down: int) -> list[Piece]:
-    """Of a picture of that width and height, row by row."""
+    """Return the pieces of a picture of that width and height, row by row."""
     columns, rows = _spans(size_px[0], across), _spans(size_px[1], down)
     return [(x0, y0, x1, y1) for y0, y1 in rows for x0, x1 in columns]
 
@@ -31,8 +31,8 @@ def _spans(length: int, count: int) -> list[tuple[int, int]]:
     return [(round(start), min(length, round(start + size))) for start in starts]
 
 
-def without_doubles(found: Sequence[Any]) -> list[Any]:
-    """The best of each thing, best first."""
+def without_duplicates(found: Sequence[Any]) -> list[Any]:
+    """Return the highest-scoring box of each object, in falling order of score."""
     kept: list[Any] = []
     for one in sorted(found, key=lambda d: (-d.score, d.box_px)):
         if not any(one.label == other.label and _same(one.box_px, other.box_px) for other in kept):
@@ -40,9 +40,8 @@ def without_doubles(found: Sequence[Any]) -> list[Any]:
     return kept
 
 
-def outdone(one: Any, found: Sequence[Any]) -> bool:
-    """Whether what is in this box is more likely something else: a surer box of another label lies on it. What people
-    sit on says nothing against them."""
+def has_rival(one: Any, found: Sequence[Any]) -> bool:
+    """Return True if a higher-scoring box of another label overlaps this one. Seats are no rivals of people on them."""
     return any(
         other.score > one.score
         and other.label not in (one.label, *_SEATS)

@@ -1,16 +1,16 @@
-"""What all sightings add up to: things of the world, each with a place, a motion and a number of its own.
+"""Tracks of sighted objects in the world, each with a position, a velocity and a number.
 
-A thing that walks moves with a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]; one
-that was seen to stay where it is stays there, give or take `_STROLL` [m / sqrt(s)]. Its state (x, y, vx, vy) is a
-Kalman filter's, the height a mean. Of the ways to give the sightings of one picture to things the cheapest pairs are
-taken first, one each, with
+A moving object has a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]. An object that
+was seen to stand still stays there, with a random walk of `_STROLL` [m / sqrt(s)]. A Kalman filter estimates the state
+(x, y, vx, vy); the height is a mean. The sightings of one picture are assigned to tracks one to one, cheapest pair
+first, with
 
-    cost = d^2 + ln det S + look^2        d: distance in standard deviations of S, at most `_GATE`
+    cost = d^2 + ln det S + colour^2      d: distance in standard deviations of S, at most `_GATE`
 
-`look` compares colours, in units of `_LOOK`. Somebody who was out of sight for a while is known again by them: without
-colours that fit, only near to where he has to be. What fits nothing is a new thing; it counts once `least` of its
-sightings were sure ones: weak ones keep a thing going, and make none. Two things that come to be at one place, and were
-never in one picture, were one all the while.
+`colour` is the colour difference in units of `_COLOUR`. A track that was out of sight for a while is continued by a
+sighting with matching colours, or without them only near its predicted place. A sighting that fits no track starts a
+new one, which is reported after `least` sightings above the detection threshold; weaker sightings only extend a track.
+Two tracks that meet at one place, and were never in one picture, are merged.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ _FIRST_SPEED_MPS, _MOST_SPEED_MPS = 0.9, 2.5
 _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _GATE, _NEAR_M = 3.2, 5.0
 _AWAY_S, _REACH_MPS, _MOST_AWAY_S = 1.6, 2.2, 60.0
-_LOOK, _MOST_LOOK = 5.0, 2.2  # CIE units to one, and how many may be between two looks of one thing
-# After so long away only so many: who is told twice has been found, who is taken for another is lost.
-_LONG_S, _SURE_LOOK = 8.0, 1.0
-_LOOKS_KEPT = 12.0  # sightings that a mean look is worth at most
+_COLOUR, _MOST_COLOUR = 5.0, 2.2  # CIE units per unit of cost, and the largest difference within one track
+# After a long absence colours must fit better: a person reported twice is a smaller error than two taken for one.
+_LONG_S, _SURE_COLOUR = 8.0, 1.0
+_COLOURS_KEPT = 12.0  # largest weight of the mean colours, in sightings
 _ONE_PLACE_M = 1.0
-_UNCONFIRMED_S = 12.0  # what was seen too seldom is forgotten after so long
+_UNCONFIRMED_S = 12.0  # an unreported track is dropped after this time without a sighting
 
-# Of a look, shares of the box.
+# Parts of the box whose colours are compared, as shares of its sides.
 _LEAST_HEIGHT_PX = 14.0
-_ACROSS = (0.36, 0.64)  # of the box
+_ACROSS = (0.36, 0.64)
 _UPPER, _LOWER = (0.2, 0.42), (0.55, 0.82)
 _WEIGHTS = np.array([0.33, 1.0, 1.0] * 2)
 
 
 @dataclass(frozen=True)
 class Sighting:
-    """One box that was given a place."""
+    """One box with a place in the world."""
 
     label: str
     p_W: tuple[float, float, float]
     sigma_m: float
-    look: np.ndarray | None = None  # its colours, where it is large enough to tell
-    sure: bool = True
+    colours: np.ndarray | None = None  # by `box_colours`
+    sure: bool = True  # its score reaches the detection threshold
 
 
 class Track:
-    """One thing."""
+    """One object."""
 
     def __init__(self, number: int, t_ns: int, picture: int, seen: Sighting) -> None:
         self.number, self.label = number, seen.label
@@ -65,17 +65,17 @@ class Track:
         self.z_m = seen.p_W[2]
         self.state = np.array([seen.p_W[0], seen.p_W[1], 0.0, 0.0])
         self.cov = np.diag([seen.sigma_m**2] * 2 + [_FIRST_SPEED_MPS**2] * 2)
-        self.look = seen.look
-        self._looks = 0.0 if seen.look is None else 1.0
+        self.colours = seen.colours
+        self._colours_weight = 0.0 if seen.colours is None else 1.0
 
     @property
     def stands(self) -> bool:
-        """Whether it was watched for a while and stayed where it was."""
+        """Return True if the object was watched for a while and stood still."""
         watched = self.sightings >= _STANDS_SEEN and (self.t_ns - self.first_ns) * 1e-9 >= _STANDS_S
         return watched and float(np.hypot(*self.state[2:])) < _STANDS_MPS
 
     def at(self, t_ns: int) -> tuple[np.ndarray, np.ndarray]:
-        """State and covariance by then."""
+        """Return the predicted state (4,) and covariance (4, 4) at a time."""
         dt = (t_ns - self.t_ns) * 1e-9
         a = abs(dt)
         if self.stands and a > _AWAY_S:
@@ -94,7 +94,7 @@ class Track:
         return F @ self.state, F @ self.cov @ F.T + Q
 
     def cost(self, t_ns: int, seen: Sighting) -> float:
-        """Of taking this sighting; infinite where it cannot be this one."""
+        """Return the cost of assigning a sighting to this track; infinite if it cannot be the same object."""
         if seen.label != self.label:
             return math.inf
         state, cov = self.at(t_ns)
@@ -104,17 +104,20 @@ class Track:
         if squared > _GATE * _GATE:
             return math.inf
         away_s = (t_ns - self.t_ns) * 1e-9
-        look = None if self.look is None or seen.look is None else difference(self.look, seen.look) / _LOOK
+        colour = None
+        if self.colours is not None and seen.colours is not None:
+            colour = colour_difference(self.colours, seen.colours) / _COLOUR
         if away_s > _AWAY_S:
             moved_m = float(np.hypot(*(np.array(seen.p_W[:2]) - self.state[:2])))
-            alike = _MOST_LOOK if away_s < _LONG_S else _SURE_LOOK
-            known = look is not None and look < alike and away_s < _MOST_AWAY_S
-            limit_m = _NEAR_M + _REACH_MPS * away_s if known and not self.stands else _NEAR_M
-            if moved_m > limit_m or (look is not None and look > _MOST_LOOK and not self.stands):
+            most = _MOST_COLOUR if away_s < _LONG_S else _SURE_COLOUR
+            recognised = colour is not None and colour < most and away_s < _MOST_AWAY_S
+            limit_m = _NEAR_M + _REACH_MPS * away_s if recognised and not self.stands else _NEAR_M
+            if moved_m > limit_m or (colour is not None and colour > _MOST_COLOUR and not self.stands):
                 return math.inf
-        return squared + math.log(float(np.linalg.det(S))) + (0.0 if look is None else look * look)
+        return squared + math.log(float(np.linalg.det(S))) + (0.0 if colour is None else colour * colour)
 
-    def take(self, t_ns: int, picture: int, seen: Sighting) -> None:
+    def update(self, t_ns: int, picture: int, seen: Sighting) -> None:
+        """Correct the track by a sighting."""
         state, cov = self.at(t_ns)
         S = cov[:2, :2] + np.eye(2) * seen.sigma_m**2
         K = np.linalg.solve(S, cov[:2]).T
@@ -130,13 +133,13 @@ class Track:
         self.sure += seen.sure
         self.z_m += (seen.p_W[2] - self.z_m) / self.sightings
         self.pictures.add(picture)
-        if seen.look is not None:
-            self._looks = min(self._looks + 1.0, _LOOKS_KEPT)
-            before = seen.look if self.look is None else self.look
-            self.look = before + (seen.look - before) / self._looks
+        if seen.colours is not None:
+            self._colours_weight = min(self._colours_weight + 1.0, _COLOURS_KEPT)
+            before = seen.colours if self.colours is None else self.colours
+            self.colours = before + (seen.colours - before) / self._colours_weight
 
-    def become(self, late: Track) -> None:
-        """The other one was this one: what it knows is newer."""
+    def merge(self, late: Track) -> None:
+        """Continue this track with the newer state of another track of the same object."""
         self.state, self.cov, self.t_ns = late.state, late.cov, late.t_ns
         self.sightings += late.sightings
         self.sure += late.sure
@@ -149,7 +152,7 @@ class Track:
 
 
 class Tracks:
-    """All things so far. `least`: sure sightings from which one counts."""
+    """All tracks. `least`: sightings above the threshold from which a track is reported."""
 
     def __init__(self, least: int = 3) -> None:
         self._least = least
@@ -158,27 +161,27 @@ class Tracks:
         self._pictures = 0
 
     def add(self, t_ns: int, sightings: Sequence[Sighting]) -> None:
-        """Those of one picture; pictures come in the order of time."""
+        """Add the sightings of one picture; pictures come in the order of time."""
         self._pictures += 1
         pairs = [
             (track.cost(t_ns, seen), i, k) for i, track in enumerate(self._tracks) for k, seen in enumerate(sightings)
         ]
-        taken_i: set[int] = set()
-        taken_k: set[int] = set()
+        assigned_tracks: set[int] = set()
+        assigned: set[int] = set()
         for cost, i, k in sorted(pairs):
-            if cost < math.inf and i not in taken_i and k not in taken_k:
-                taken_i.add(i)
-                taken_k.add(k)
-                self._tracks[i].take(t_ns, self._pictures, sightings[k])
+            if cost < math.inf and i not in assigned_tracks and k not in assigned:
+                assigned_tracks.add(i)
+                assigned.add(k)
+                self._tracks[i].update(t_ns, self._pictures, sightings[k])
         for k, seen in enumerate(sightings):
-            if k not in taken_k:
+            if k not in assigned:
                 self._tracks.append(Track(self._numbers, t_ns, self._pictures, seen))
                 self._numbers += 1
-        self._join(t_ns)
+        self._merge(t_ns)
         self._tracks = [t for t in self._tracks if t.sure >= self._least or (t_ns - t.t_ns) * 1e-9 < _UNCONFIRMED_S]
 
-    def _join(self, t_ns: int) -> None:
-        """Of those seen just now, whoever stands where an older one has to be."""
+    def _merge(self, t_ns: int) -> None:
+        """Merge each track seen in this picture into an older one that is predicted at the same place."""
         for late in [t for t in self._tracks if t.t_ns == t_ns]:
             for early in self._tracks:
                 if early is late or early.label != late.label or early.number > late.number:
@@ -187,20 +190,20 @@ class Tracks:
                 near_m = float(np.hypot(*(state[:2] - late.state[:2])))
                 if near_m > _ONE_PLACE_M or cov[0, 0] > 4.0 or early.pictures & late.pictures:
                     continue
-                early.become(late)
+                early.merge(late)
                 self._tracks.remove(late)
                 break
 
     @property
     def found(self) -> list[Found]:
-        """Those that count, by number."""
+        """Return the reported tracks, by number."""
         return [track.found() for track in self._tracks if track.sure >= self._least]
 
 
-def look_of(rgb: np.ndarray, box_px: Sequence[float]) -> np.ndarray | None:
-    """What somebody looks like from afar: the colours of the upper and the lower half of a box's middle.
+def box_colours(rgb: np.ndarray, box_px: Sequence[float]) -> np.ndarray | None:
+    """Return the colours of the upper and lower half of a box's middle: six numbers, two medians in CIE L*a*b*.
 
-    Six numbers in CIE L*a*b*, medians, so that what is behind counts little. None where the box is too small to tell.
+    Medians suppress the background. None if the box is too small.
     """
     x0, y0, x1, y1 = box_px
     if y1 - y0 < _LEAST_HEIGHT_PX:
@@ -217,6 +220,9 @@ def look_of(rgb: np.ndarray, box_px: Sequence[float]) -> np.ndarray | None:
     return np.concatenate(parts).astype(float)
 
 
-def difference(a: np.ndarray, b: np.ndarray) -> float:
-    """0: the same colours; above about 20 other clothes. Lightness counts a third: it changes with shade and sun."""
+def colour_difference(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the difference of two `box_colours` in CIE units; above about 20 for different clothes.
+
+    Lightness counts a third, since it changes between shade and sun.
+    """
     return float(np.sqrt(np.mean((_WEIGHTS * (a - b)) ** 2)))

@@ -1,8 +1,8 @@
-"""Libraries that can run the network, each in a module of its own that is only loaded when it is asked for.
+"""Back ends: libraries that run the network, each in a module that is imported only when it is used.
 
-Each module has `LIBRARY`, its name for people, `ERRORS`, what it may raise, and `load(model, threads)`, which returns a
-function from blob to the network's maps. What is made of these is the same for all, so that they differ by rounding
-alone.
+Each module has `LIBRARY`, its name for messages, `ERRORS`, the exceptions it may raise, and `load(model, threads)`,
+which returns a function from the network's input to its output maps. The decoding of the maps is common to all, so
+that their detections differ by rounding only.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from hil_companion.detect.model_file import ModelFile, by_anchor
 from hil_companion.errors import CutError, OptionError
 
-# Name on the command line: module, and what to install where it is missing.
+# Name on the command line -> module, and the package to install if it is missing.
 BACKENDS = {
     "opencv": ("opencv_dnn", "opencv-python-headless"),
     "onnxruntime": ("onnx_runtime", "onnxruntime, or onnxruntime-gpu"),
@@ -23,7 +23,7 @@ BACKENDS = {
 
 
 class Backend:
-    """A model in one library. `threads`: of processor work, None: as many as the library takes. OptionError."""
+    """A model loaded into one library. `threads`: CPU threads, None: the library's default. Raises OptionError."""
 
     def __init__(self, name: str, model: ModelFile, threads: int | None) -> None:
         self.name, self._model = name, model
@@ -41,7 +41,7 @@ class Backend:
             raise OptionError(f"{self._file}: {self._library.LIBRARY} cannot read it ({_first(error)})") from None
 
     def forward(self, blob: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Logits (N, classes) and offsets (N, 4) for a blob (1, 3, H, W) float32. CutError."""
+        """Return logits (N, classes) and offsets (N, 4) for an input (1, 3, H, W) float32. Raises CutError."""
         model = self._model
         try:
             return by_anchor(model.levels, model.input_px, self._run(blob), len(model.classes))
@@ -50,7 +50,7 @@ class Backend:
 
 
 def open_backend(name: str, model: ModelFile, threads: int | None = None) -> Backend:
-    """OptionError."""
+    """Load a model into the named back end. Raises OptionError."""
     if name not in BACKENDS:
         raise OptionError(f"no back end {name!r}; there are {', '.join(BACKENDS)}")
     if threads is not None and threads < 1:

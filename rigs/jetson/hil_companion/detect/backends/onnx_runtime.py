@@ -1,4 +1,4 @@
-"""The network run by ONNX Runtime: TensorRT or CUDA where its build has them and they start, else the processor."""
+"""Back end ONNX Runtime: TensorRT or CUDA if its build has them and they start, else the CPU."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import onnxruntime
 from hil_companion.detect.model_file import ModelFile
 
 LIBRARY = "ONNX Runtime"
-ERRORS = (Exception,)  # its errors have no common base that is public
+ERRORS = (Exception,)  # its errors have no public common base class
 PROVIDERS = ("TensorrtExecutionProvider", "CUDAExecutionProvider", "CPUExecutionProvider")  # best first
 
 
 def load(model: ModelFile, threads: int | None) -> Callable[[np.ndarray], Any]:
     options: Any = onnxruntime.SessionOptions()
-    options.log_severity_level = 3  # a provider that does not start is no error: the next one runs
+    options.log_severity_level = 3  # hide warnings about a provider that does not start: the next one is used
     if threads is not None:
         options.intra_op_num_threads = threads
         options.inter_op_num_threads = 1

@@ -1,4 +1,4 @@
-"""The network run by OpenCV's DNN module, which needs nothing further."""
+"""Back end OpenCV DNN, which needs no further package."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ ERRORS = (cv2.error,)
 
 def load(model: ModelFile, threads: int | None) -> Callable[[np.ndarray], Any]:
     if threads is not None:
-        cv2.setNumThreads(threads)  # OpenCV has one number for the whole process
+        cv2.setNumThreads(threads)  # applies to the whole process
     net = cv2.dnn.readNetFromONNX(str(model.path))
-    # By name, in the order in which the training numbered them: libraries list outputs in any order.
+    # Outputs are requested by name, in the order of training, because libraries list them in any order.
     outputs = [f"level{i}" for i in range(len(model.levels))]
 
     def run(blob: np.ndarray) -> Any:

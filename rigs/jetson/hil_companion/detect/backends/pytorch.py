@@ -1,4 +1,4 @@
-"""The network run by PyTorch, from the TorchScript file beside the .onnx; on a GPU where PyTorch sees one."""
+"""Back end PyTorch: runs the TorchScript file beside the .onnx, on a GPU if PyTorch finds one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ERRORS = (RuntimeError, ValueError, OSError)
 
 def load(model: ModelFile, threads: int | None) -> Callable[[np.ndarray], Any]:
     if threads is not None:
-        torch.set_num_threads(threads)  # one number for the whole process
+        torch.set_num_threads(threads)  # applies to the whole process
     if not model.torch_path.is_file():
         raise OptionError(f"{model.torch_path}: not there; PyTorch reads this file, `hil detect train` writes it")
     device = "cuda" if torch.cuda.is_available() else "cpu"

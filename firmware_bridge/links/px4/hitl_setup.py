@@ -1,0 +1,206 @@
+"""Checks over MAVLink that a board is set up for PX4's hardware in the loop, and corrects its parameters.
+
+SYS_HITL         1 (HITL enabled); it takes effect at the next boot
+HIL_ACT_FUNCn    100 + n for motor n: the mixer output in slot n of HIL_ACTUATOR_CONTROLS
+data rate        above 5000 bytes/s: below, PX4 ignores all HIL messages and sends no HIL_ACTUATOR_CONTROLS
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.vehicle_link import (
+    GCS_COMPID,
+    GCS_SYSID,
+    param_as_held,
+    param_as_read,
+    param_as_sent,
+)
+from firmware_bridge.transports.transport import Transport
+from signals.errors import HandshakeError
+
+_PARAM_VALUE = MSGID["PARAM_VALUE"]
+_HEARTBEAT = MSGID["HEARTBEAT"]
+_ParamRequestRead = message_class("PARAM_REQUEST_READ")
+_ParamSet = message_class("PARAM_SET")
+_CommandLong = message_class("COMMAND_LONG")
+_Heartbeat = message_class("HEARTBEAT")
+
+_TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
+_REBOOT = 246
+_TRIES, _TRY_S = 5, 1.0
+_TRIES_OF_A_KNOWN = 3  # of a board that has answered for others: it lacks this parameter, or an answer was lost
+_LISTEN_S = 3.0
+_SLICE_S = 0.05
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One parameter that HITL needs otherwise. `found` is None if the board does not have it."""
+
+    name: str
+    found: float | None
+    wanted: float
+
+    def __str__(self) -> str:
+        if self.found is None:
+            return f"{self.name} is unknown to it: this firmware has no HITL outputs (pwm_out_sim); flash one that has"
+        return f"{self.name} is {self.found:g}, must be {self.wanted:g}"
+
+
+def await_autopilot(
+    line: Transport,
+    parser: FrameParser,
+    *,
+    limit_s: float,
+    on_frames: Callable[[list[Frame]], None] = lambda _: None,
+    name: str = "",
+) -> int:
+    """Return the system id of the first autopilot that sends a heartbeat. `on_frames` gets the frames of each read.
+
+    HandshakeError of `name`, or of the line, if none comes within the limit.
+    """
+    deadline = time.monotonic() + limit_s
+    while True:
+        frames = parser.feed(line.read(_SLICE_S))
+        on_frames(frames)
+        for frame in frames:
+            if frame.msgid == _HEARTBEAT and frame.compid == 1:
+                return frame.sysid
+        if time.monotonic() >= deadline:
+            raise HandshakeError(
+                name or line.name,
+                f"no heartbeat within {limit_s:g} s of wall clock; {parser.frames} other messages and "
+                f"{parser.garbage_bytes + parser.pending} bytes that are none came. Is it powered? Are the "
+                "port and the baud rate right? Boards with two USB ports have MAVLink on one of them",
+            )
+
+
+class HitlSetup:
+    """Reads and sets parameters over `transport`, which is open and has carried a heartbeat."""
+
+    def __init__(self, transport: Transport, parser: FrameParser, *, motors: int, sysid: int = 1) -> None:
+        self._transport = transport
+        self._parser = parser
+        self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
+        self._sysid = sysid
+        self.wanted = {"SYS_HITL": 1.0} | {f"HIL_ACT_FUNC{n}": 100.0 + n for n in range(1, motors + 1)}
+        self._types: dict[str, int] = {}
+
+    def read(self, names: Sequence[str]) -> dict[str, float | None]:
+        """Return parameters by name; None for those without an answer. HandshakeError if there is no answer at all."""
+        values: dict[str, float | None] = dict.fromkeys(names)
+        for name in names:
+            values[name] = self._read(name)
+            if not self._types:
+                break  # it answers no requests for parameters: each further one takes seconds
+        if all(value is None for value in values.values()):
+            raise HandshakeError(
+                self._transport.name,
+                f"it answered none of the requests for the parameters {', '.join(names)}: is it PX4, and is its "
+                "MAVLink on this port not in a reduced mode?",
+            )
+        return values
+
+    def problems(self) -> list[Setting]:
+        """Return the parameters that are not as HITL needs them."""
+        found = self.read(list(self.wanted))
+        return [Setting(name, found[name], wanted) for name, wanted in self.wanted.items() if found[name] != wanted]
+
+    def commands_come(self) -> bool:
+        """Return True if HIL_ACTUATOR_CONTROLS come: then HITL is on, and the line is fast enough."""
+        deadline = time.monotonic() + _LISTEN_S
+        while time.monotonic() < deadline:
+            if any(frame.msgid == HIL_ACTUATOR_CONTROLS for frame in self._listen(_SLICE_S)):
+                return True
+        return False
+
+    def set(self, params: Mapping[str, float]) -> None:
+        """Set parameters. HandshakeError names the first one that the board does not have or does not take."""
+        for name, value in params.items():
+            # PX4 takes a value only in the parameter's own type, which is known from reading it.
+            if name not in self._types and self._read(name) is None:
+                raise HandshakeError(
+                    self._transport.name, f"does not answer for the parameter {name}; does this firmware have it?"
+                )
+            if self._set(name, value) != param_as_held(value, self._types[name]):
+                raise HandshakeError(
+                    self._transport.name, f"does not accept {name} = {value:g}; is it within the parameter's range?"
+                )
+
+    def reboot(self) -> None:
+        """Request a reboot of the board. The line may go away meanwhile."""
+        self._send(_CommandLong(self._sysid, 1, _REBOOT, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+    def require(self) -> None:
+        """Check everything. HandshakeError lists each wrong setting and its remedy.
+
+        Commands that come prove that HITL is on, also where the board does not send its parameters.
+        """
+        come = self.commands_come()
+        try:
+            problems = [problem for problem in self.problems() if problem.found is not None or not come]
+        except HandshakeError:
+            if not come:
+                raise
+            return
+        advice = "`hil devices --check PORT --fix` sets what can be set and restarts the board"
+        if problems:
+            raise HandshakeError(
+                self._transport.name,
+                "the board is not set up for hardware in the loop: " + "; ".join(map(str, problems)) + f". {advice}",
+                cause="setup",
+            )
+        if not come:
+            raise HandshakeError(
+                self._transport.name,
+                "its parameters are right, but it sends no HIL_ACTUATOR_CONTROLS: it has not been restarted since "
+                "SYS_HITL was set, or the line's data rate is not above 5000 bytes/s (57600 baud is not; USB and "
+                f"921600 are). {advice}",
+                cause="setup",
+            )
+
+    def _read(self, name: str) -> float | None:
+        for tries in range(1, _TRIES + 1):
+            self._send(_ParamRequestRead(self._sysid, 1, name, -1))
+            value = self._await_value(name)
+            if value is not None:
+                return value
+            if self._types and tries >= _TRIES_OF_A_KNOWN:
+                break
+        return None
+
+    def _set(self, name: str, value: float) -> float | None:
+        kind = self._types[name]
+        carried = param_as_sent(value, kind)
+        for _ in range(_TRIES):
+            self._send(_ParamSet(self._sysid, 1, name, carried, kind))
+            answer = self._await_value(name)
+            if answer is not None:
+                return answer
+        return None
+
+    def _await_value(self, name: str) -> float | None:
+        deadline = time.monotonic() + _TRY_S
+        while time.monotonic() < deadline:
+            for frame in self._listen(_SLICE_S):
+                if frame.msgid == _PARAM_VALUE and frame.sysid == self._sysid:
+                    message = unpack(frame)
+                    if message.param_id == name:
+                        self._types[name] = message.param_type
+                        return param_as_read(message.param_value, message.param_type)
+        return None
+
+    def _listen(self, for_s: float) -> list[Frame]:
+        return self._parser.feed(self._transport.read(for_s))
+
+    def _send(self, message: Any) -> None:
+        beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
+        encoder = self._encoder
+        self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))

@@ -1,0 +1,101 @@
+"""Makes the link to PX4 SITL, and starts a user's own build of it.
+
+PX4's start script reads the airframe from PX4_SIM_MODEL and PX4_SYS_AUTOSTART, and sets a parameter for every variable
+PX4_PARAM_<NAME>. It keeps parameters, missions and logs in its working folder, so that a run in a clean folder starts
+from the airframe's defaults.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.links.autopilot_link import LinkCaps
+from firmware_bridge.links.child_process import ChildProcess, FirmwareBuild
+from firmware_bridge.links.px4.ground_channel import GroundChannel
+from firmware_bridge.links.px4.lockstep import LockstepLink
+from firmware_bridge.transports.tcp import TcpServer
+from firmware_bridge.transports.transport import Transport
+from signals.errors import PortNotFound
+
+# From this tick on PX4 answers one to one only if it integrates the IMU at the tick's rate and writes no log.
+_FAST_TICK_HZ = 400
+# PX4 connects to its simulator at the first, and listens for ground stations on the second; instances count up.
+_SIMULATOR_PORT, _GROUND_PORT = 4560, 18570
+
+
+def px4_sitl_link(
+    instance: int, *, wrap: Callable[[Transport], Transport] = lambda transport: transport, **settings: Any
+) -> LockstepLink:
+    """Return the link to PX4 SITL, which connects to the bench. `wrap` wraps the simulator's transport.
+
+    Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit. Other
+    settings as `LockstepLink`.
+    """
+    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, boot_sensors=None, busy_processors=2)
+    ground = GroundChannel(_GROUND_PORT + instance)
+    return LockstepLink(wrap(TcpServer(_SIMULATOR_PORT + instance)), caps, ground=ground, **settings)
+
+
+def px4_sitl_process(
+    build: FirmwareBuild, *, airframe: str, tick_hz: int, params: Mapping[str, float], instance: int = 0
+) -> ChildProcess:
+    """Return PX4, not yet started. `airframe` is a name ("none_iris") or a number ("10016").
+
+    PortNotFound if there is no such program, no start scripts beside it, or no such airframe among them.
+    """
+    binary = build.binary.expanduser().resolve()
+    if not binary.is_file():
+        raise PortNotFound(str(binary), "does not exist; set autopilot.binary to PX4's program, such as "
+                           "build/px4_sitl_default/bin/px4")  # fmt: skip
+    data = _data_folder(binary)
+    number, name = _airframe(data, airframe)
+    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number}
+    fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
+    for key, value in (fast | dict(params)).items():
+        settings[f"PX4_PARAM_{key}"] = f"{int(value)}" if value == int(value) else repr(value)
+    _clean(build.folder)
+    return ChildProcess(
+        [str(binary), "-i", str(instance), "-d", *build.arguments, str(data)],
+        stderr_path=build.log,
+        cwd=build.folder,
+        env=settings | dict(build.env),
+        log_output=True,
+        own_group=True,
+    )
+
+
+def _clean(folder: Path) -> None:
+    """Remove the files of an earlier run. PortNotFound if the folder holds other files."""
+    ours = (folder / "dataman").exists() or (folder / "etc").is_symlink()
+    if folder.is_dir() and any(folder.iterdir()) and not ours:
+        raise PortNotFound(str(folder), "has files that are not PX4's: choose another --out")
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _data_folder(binary: Path) -> Path:
+    """Return PX4's `etc`, which lies beside the folder of the binary in a build tree."""
+    for data in (binary.parent.parent / "etc", binary.parent / "etc", binary.parent.parent / "share/px4/etc"):
+        if (data / "init.d-posix" / "rcS").is_file():
+            return data
+    raise PortNotFound(
+        str(binary),
+        f"has no start scripts: {binary.parent.parent / 'etc'} is not PX4's etc folder; is it a SITL build?",
+    )
+
+
+def _airframe(data: Path, airframe: str) -> tuple[str, str]:
+    """Return (number, name) of the airframe, found by its number or its name."""
+    known: dict[str, str] = {}
+    for path in sorted((data / "init.d-posix" / "airframes").glob("*")):
+        match = re.fullmatch(r"(\d+)_([A-Za-z0-9_]+)", path.name)
+        if match:
+            known[match[1]] = match[2]
+    for number, name in known.items():
+        if airframe in (number, name):
+            return number, name
+    near = ", ".join(f"{number} {name}" for number, name in known.items() if name.startswith("none_"))
+    raise PortNotFound(str(data), f"PX4 has no airframe {airframe!r}; for external simulators it has: {near or 'none'}")

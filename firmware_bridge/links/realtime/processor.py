@@ -1,0 +1,114 @@
+"""Scheduling of the tick loop by the operating system.
+
+`RealtimeProducer`, for an autopilot that runs by its own clock: real-time priority for the thread that prepares the
+frames. The sender's own priority does not help while the producer waits for a processor: on a busy machine most late
+samples are late before they reach the sender. The producer's priority is below the sender's (80) and the kernel's
+interrupt threads (50). It sleeps between ticks; if it never does, the kernel still leaves 5 % of the time to others.
+
+`SharedProcessor`, for an autopilot in lockstep that the bench started: one processor for both, the autopilot's threads
+first, the bench when all of them are idle. A simulator and its autopilot take turns in lockstep, but an autopilot with
+many threads (PX4) answers a step before all of them have finished with it: the rest happens at another simulated time
+in each run. On one processor, with the bench at the lowest priority (SCHED_IDLE, if the system permits leaving it
+again), the next step is only sent when no thread of the autopilot is ready to run. That also saves waking a second
+processor at every step.
+
+Other programs on that processor run before the bench, too. `watch`, called now and then, ends the arrangement if that
+has made the bench slow.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import time
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+_PRODUCER_PRIORITY = 40
+
+
+class RealtimeProducer:
+    """Context manager: the calling thread runs with SCHED_FIFO inside, where permitted, and as before outside.
+
+    Threads and processes that it starts meanwhile run normally. On a machine with one processor it does nothing: a
+    bench that cannot keep up would leave no time to other programs.
+    """
+
+    _raised = False
+
+    def __enter__(self) -> RealtimeProducer:
+        if hasattr(os, "sched_setscheduler") and len(os.sched_getaffinity(0)) >= 2:
+            with suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_PRODUCER_PRIORITY))
+                self._raised = True
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._raised:
+            # The flag stays: without privileges it cannot be taken back.
+            os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+            self._raised = False
+
+
+def _may_come_back() -> bool:
+    """Return True if this process may leave SCHED_IDLE again: entering is always permitted, leaving by RLIMIT_NICE."""
+    if os.geteuid() == 0:
+        return True
+    limit = resource.getrlimit(resource.RLIMIT_NICE)[0]
+    return limit == resource.RLIM_INFINITY or limit >= 20 - os.getpriority(os.PRIO_PROCESS, 0)
+
+
+class SharedProcessor:
+    """Context manager. Does nothing on systems without this scheduling."""
+
+    def __init__(self, pid: int | None) -> None:
+        self._pid = pid
+        self._before: tuple[set[int], int] | None = None
+        self._watched_ns = 0
+
+    def watch(self, simulated_ns: int) -> str | None:
+        """Check the speed over `simulated_ns` since the last call. Return a text if the arrangement was ended."""
+        now_ns = time.monotonic_ns()
+        took_ns, self._watched_ns = now_ns - self._watched_ns, now_ns
+        if self._before is None or took_ns < simulated_ns:
+            return None
+        self._release()
+        return "other programs use the processor that bench and autopilot shared: they no longer share one"
+
+    def __enter__(self) -> SharedProcessor:
+        if self._pid is None or not hasattr(os, "SCHED_IDLE"):
+            return self
+        allowed = os.sched_getaffinity(0)
+        processor = max(allowed)  # interrupts tend to go to the first
+        try:
+            for task in Path(f"/proc/{self._pid}/task").iterdir():
+                os.sched_setaffinity(int(task.name), {processor})
+            before = (allowed, os.sched_getscheduler(0))
+            os.sched_setaffinity(0, {processor})
+            if _may_come_back():
+                os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        except OSError:
+            return self
+        self._before = before
+        self._watched_ns = time.monotonic_ns()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._before is not None:
+            self._release()
+
+    def _release(self) -> None:
+        assert self._before is not None
+        allowed, policy = self._before
+        self._before = None
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, policy, os.sched_param(0))
+        os.sched_setaffinity(0, allowed)
+        with suppress(OSError):  # the autopilot may have ended
+            for task in Path(f"/proc/{self._pid}/task").iterdir():
+                os.sched_setaffinity(int(task.name), allowed)

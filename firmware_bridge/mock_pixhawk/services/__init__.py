@@ -1,0 +1,1 @@
+"""The mock autopilot's MAVLink services: commands, missions, telemetry."""

@@ -1,0 +1,189 @@
+"""Cases of `hil bench dataset`: data sets with and without radar and storage, their lower bound, and their errors."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from zlib import crc32
+
+import cv2
+import numpy as np
+
+from hil.apps.bench_suite.sensors.radar_cases import synthesizer
+from hil.apps.dataset.drawing import BatchDrawer, BatchWriter
+from hil.apps.dataset.flight import FlightData, fly_for_frames
+from hil.apps.dataset.make import DrawerFactory, cores
+from hil.apps.dataset.moments import Batch
+from hil.apps.dataset.plan import DatasetPlan, make_plan
+from hil.apps.dataset.storage.manifest import saved_bench
+from hil.apps.dataset.storage.tree import JOURNAL, WORK, TreeWriter
+from hil.apps.dataset.workers import Job, JobResult, Workers
+from hil.config.checks.radar_checks import view_of
+from hil.run.sensors.frame_stages import make_frames
+from signals.errors import RecordingError
+from sim.frame.mount import Mount
+from sim.frame.source import channel_array
+from sim.radar.scatterers import Scatterers
+
+RADAR = "radar"  # the radar of the default bench
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Speed at which a data set was made.
+
+    `wall_s` runs from the start of the command (without storage, of the flight) to its end; the steady rate counts from
+    the first finished batch on.
+    """
+
+    frames: int
+    wall_s: float
+    steady_frames_per_s: float
+
+
+@contextmanager
+def plan_of(quality: str, *, frames: int, radar: bool) -> Iterator[DatasetPlan]:
+    """Plan a data set of the default bench, with or without its radar."""
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
+        settings = () if radar else (f"sensors.{RADAR}=null",)
+        yield make_plan(None, frames=frames, quality=quality, seed=None, settings=settings, work=lambda: Path(folder))
+
+
+def stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rate:
+    """Measure `hil dataset` itself, in its own process and with everything written. Raises RecordingError."""
+    arguments = ["--quality", quality, "--frames", str(frames), "--out", str(root), "--quiet"]
+    arguments += [] if radar else ["--set", f"sensors.{RADAR}=null"]
+    began_s = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
+    )
+    wall_s = time.monotonic() - began_s
+    steady = re.search(r"([0-9.]+) a second once under way", done.stdout)
+    if done.returncode != 0 or steady is None:
+        raise RecordingError(f"hil dataset {' '.join(arguments)}: status {done.returncode}\n{done.stderr}")
+    return Rate(frames, wall_s, float(steady[1]))
+
+
+class SampleOnly(BatchDrawer):
+    """Takes all samples of a batch and discards them."""
+
+    def __call__(self, job: Job) -> JobResult:
+        for moment in job.batch.moments:
+            for due in moment.due:
+                self.sample(moment.truth, due)
+        return JobResult(job.batch.index, found=False)
+
+
+def not_stored(plan: DatasetPlan) -> Rate:
+    """Measure flight and samples alone, without encoding and writing."""
+    began_s = time.monotonic()
+    times: list[tuple[float, int]] = []
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
+        tree = TreeWriter(Path(folder))
+        for name, data in saved_bench(plan).items():
+            tree.write(name, data)
+        with Workers(cores(), DrawerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)) as pool:
+
+            def collect(*, block: bool) -> None:
+                for _ in pool.collect(block=block):
+                    times.append((time.monotonic(), len(times) + 1))
+
+            def add(batch: Batch, part: FlightData) -> None:  # noqa: ARG001
+                while not pool.has_capacity:
+                    collect(block=True)
+                pool.submit(Job(batch, None, 0))
+                collect(block=False)
+
+            fly_for_frames(plan, add)
+            while pool.busy:
+                collect(block=True)
+    (first_s, before), (last_s, after) = times[0], times[-1]
+    steady = (after - before) * plan.frames / len(times) / (last_s - first_s) if last_s > first_s else 0.0
+    return Rate(plan.frames, time.monotonic() - began_s, steady)
+
+
+def floor_s(plan: DatasetPlan) -> float:
+    """Return the seconds per frame that one process takes to encode and write the samples of a few batches."""
+    batches: list[Batch] = []
+    fly_for_frames(plan, lambda batch, _part: batches.append(batch))
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
+        (Path(folder) / WORK).mkdir()
+        drawer = BatchDrawer(plan, Path(folder))
+        best = []
+        for batch in batches:
+            pairs = [(moment, due) for moment in batch.moments for due in moment.due]
+            samples = [(due, drawer.sample(moment.truth, due), moment.frame) for moment, due in pairs]
+            writer = BatchWriter(drawer, batch)
+            began = time.perf_counter()
+            for due, sample, frame in samples:
+                writer.store(due.sensor, sample, frame)
+            writer.finish()
+            best.append((time.perf_counter() - began) / batch.frames)
+    return float(np.median(best))
+
+
+def digest(root: Path) -> int:
+    """Return a CRC-32 over the names and contents of all files but the journal; of a picture its pixels count."""
+    crc = 0
+    for folder, folders, names in sorted(os.walk(root)):
+        folders.sort()
+        for name in sorted(set(names) - {JOURNAL}):
+            path = Path(folder) / name
+            crc = crc32(_content(path), crc32(str(path.relative_to(root)).encode(), crc))
+    return crc
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix != ".png":
+        return path.read_bytes()
+    pixels = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))
+    return f"{pixels.dtype} {pixels.shape}".encode() + pixels.tobytes()
+
+
+def box_errors(root: Path) -> tuple[int, int]:
+    """Return the number of annotated boxes and the sum of pixels by which their edges miss the instance pictures."""
+    boxes = wrong = 0
+    for path in sorted((root / "Annotations").iterdir()):
+        tree = ET.parse(path).getroot()  # noqa: S314 (our own file)
+        picture = np.asarray(cv2.imread(str(root / f"mav0/instance0/data/{path.stem}.png"), cv2.IMREAD_UNCHANGED))
+        extents = []
+        for instance in np.unique(picture)[1:]:
+            rows, columns = np.nonzero(picture == instance)
+            extents.append((columns.min() + 1, rows.min() + 1, columns.max() + 1, rows.max() + 1))
+        known = np.array(extents).reshape(-1, 4)
+        for box in tree.iter("bndbox"):
+            edges = [int(box.findtext(key) or 0) for key in ("xmin", "ymin", "xmax", "ymax")]
+            boxes += 1
+            wrong += int(np.abs(known - edges).sum(axis=1).min())
+    return boxes, wrong
+
+
+def radar_error(plan: DatasetPlan) -> tuple[float, float]:
+    """Return the relative error of a radar frame against the exact sum over the same echoes, and the tolerance."""
+    truths = []
+    fly_for_frames(plan, lambda batch, _part: truths.append(batch.moments[0].truth))
+    p = plan.config.sensors[RADAR].parameters
+    view = view_of(plan.config.sensors[p.frame])
+    frames = make_frames(plan.bench)
+    scatterers = Scatterers(view.camera, frames.geometry.world, p.chirp, p.antenna, p.receiver, p.mask)
+    renderer = frames.renderer(view.camera, shadows=False, supersample=1, near_m=view.near_m, far_m=view.far_m)
+    picture = {name: channel_array(name, view.camera) for name in scatterers.channels}
+    truth = truths[-1]
+    pose = Mount(view.mount_m, view.mount_rpy_deg).pose(truth)
+    frames.expect(truth.t_ns)
+    renderer.render(pose, picture)
+    echoes = scatterers.collect(picture, pose)
+    shape = (len(p.antenna.rx_positions_m), p.chirp.chirps, p.chirp.samples)
+    found, exact = np.empty(shape), np.empty(shape)
+    synthesizer(p, p.method, p.tolerance).synthesize(echoes, found)
+    synthesizer(p, "direct", p.tolerance).synthesize(echoes, exact)
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact)), p.tolerance

@@ -1,0 +1,314 @@
+"""`hil bench raster`: time and error of the raster, compared with MuJoCo's renderer in the same process and poses.
+
+    scenes        city_park, urban_delivery, training_village, radar_range, each from random flight-like viewpoints
+    channels      depth | depth + segmentation | colour + depth + segmentation | all | the third with shadows
+    resolutions   160 x 120 to 1280 x 720, 90 degrees across
+    geoms         fields of 100 to 20,000; 20,000 with 200 visible, compared with those 200 alone
+
+The time is that of one picture of a posed scene, on one core with one thread: the best of several turns per viewpoint,
+averaged over viewpoints. The methods take turns, and each picture follows one of another viewpoint and time, so that no
+result can be reused.
+
+MuJoCo's renderer (software OpenGL through EGL if there is no GPU) is used in the usual way: one `update_scene`, then
+one `render()` per channel, because colour, depth and segmentation are separate passes. Multisampling is off, because
+the raster takes one sample per pixel. The thread is pinned before the OpenGL context is made; the driver's threads
+inherit that.
+
+The error of a row is the 99th percentile of the depth error against mj_ray, away from silhouettes and within 60 m
+(hil.apps.bench_suite.sensors.raster_errors). The checks cover all channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, field_case, hidden_case, scene_case
+from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
+from hil.apps.bench_suite.timing import best_times, one_core
+from sim.frame.camera_model import CameraModel
+from sim.frame.channels import CHANNELS
+from sim.frame.geometry import FrameGeometry
+from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_pictures_of
+from sim.frame.renderer import FrameRenderer
+
+Pictures = dict[str, NDArray]
+_FOV_DEG = 90.0
+_SIZES = ((160, 120), (320, 240), (640, 480), (1280, 720))
+_MAIN = (320, 240)
+_COUNTS = (100, 300, 1000, 3000, 10_000, 20_000)
+_COLOUR = ("rgb", "depth", "segmentation")
+_SETS: dict[str, tuple[tuple[str, ...], bool]] = {  # channels, shadows
+    "depth": (("depth",), False),
+    "depth + segmentation": (("depth", "segmentation"), False),
+    "colour + depth + segmentation": (_COLOUR, False),
+    "colour + depth + segmentation, shadows": (_COLOUR, True),
+    "all channels": (tuple(CHANNELS), False),
+}
+_LONG_S = 1.0
+_PIXELS = 20_000  # compared with mj_ray in each scene, away from silhouettes
+
+
+def buffers(camera: CameraModel, channels: Sequence[str]) -> Pictures:
+    """Return empty pictures for a FrameRenderer to fill, by channel."""
+    return {name: CHANNELS[name].empty(camera.height, camera.width) for name in channels}
+
+
+class ThisRaster:
+    """This project's raster on one case."""
+
+    name = "this project"
+
+    def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> None:
+        self._geometry = FrameGeometry(case.world)
+        self._renderer = FrameRenderer(self._geometry, camera, shadows=shadows)
+        self._out = buffers(camera, channels)
+
+    def pose(self, view: View) -> None:
+        """Pose the actors; not timed."""
+        self._geometry.pose(view.t_ns)
+
+    def draw(self, view: View) -> Pictures:
+        """Render the pictures of a posed view."""
+        self._renderer.render(view.pose, self._out)
+        return self._out
+
+    def close(self) -> None:
+        """Do nothing: the raster holds no external resources."""
+
+
+class MujocoRenderer:
+    """mujoco.Renderer on one case, with the channels colour, depth and segmentation (as geom ids)."""
+
+    name = "MuJoCo, a pass a channel"
+
+    def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str] = _COLOUR, *, shadows: bool) -> None:
+        model = with_pictures_of(case.world.model, camera)
+        model.vis.quality.offsamples = 0
+        self._camera, self._channels = camera, channels
+        self._posed = WorldPose(case.world)
+        with egl_context():
+            self._renderer = mujoco.Renderer(model, camera.height, camera.width, max_geom=model.ngeom + 100)
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        shape = (camera.height, camera.width)
+        self._rgb, self._depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
+        self._ids = np.zeros((*shape, 2), np.int32)
+
+    def pose(self, view: View) -> None:
+        """Pose the actors and update MuJoCo's render scene; not timed."""
+        scene = self._renderer.scene
+        self._renderer.update_scene(self._posed.at(view.t_ns))
+        extent, planes = self._renderer.model.stat.extent, self._renderer.model.vis.map
+        for eye in scene.camera:
+            aim(eye, self._camera, view.pose, (planes.znear * extent, planes.zfar * extent))
+
+    def draw(self, _view: View) -> Pictures:
+        """Render the pictures of the posed view."""
+        frame: Pictures = {}
+        renderer = self._renderer
+        if "rgb" in self._channels:
+            frame["rgb"] = renderer.render(out=self._rgb)
+        if "depth" in self._channels:
+            renderer.enable_depth_rendering()
+            frame["depth"] = renderer.render(out=self._depth)
+            renderer.disable_depth_rendering()
+        if "segmentation" in self._channels:
+            renderer.enable_segmentation_rendering()
+            frame["geom"] = renderer.render(out=self._ids)[..., 0]
+            renderer.disable_segmentation_rendering()
+        return frame
+
+    def close(self) -> None:
+        """Release the OpenGL context."""
+        self._renderer.close()
+
+
+Method = ThisRaster | MujocoRenderer
+
+
+def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
+    """Render every scene with every method; `seed` selects viewpoints, random fields and compared pixels."""
+    result = BenchmarkResult(time_label="wall time per picture [s]")
+    problem = egl_problem()
+    if problem:
+        result.left_out.append(f"MuJoCo's renderer: {problem}")
+    if quick:
+        result.left_out.append(
+            f"resolutions but {_MAIN[0]} x {_MAIN[1]}; fields of 300, 3000 and 10,000 geoms; half of the viewpoints; "
+            f"{_PIXELS * 3 // 4} of the {_PIXELS} pixels of each scene; channels other than colour + depth + "
+            "segmentation in all scenes but the first"
+        )
+    bench = _Bench(result, status, quick=quick, seed=seed, with_mujoco=not problem)
+    with one_core():
+        found = {name: bench.scene(name) for name in SCENES}
+        for count in (100, 1000, 20_000) if quick else _COUNTS:
+            bench.field(count)
+        growth = bench.growth()
+    result.checks += bench.speed_checks()
+    result.checks += _error_checks(found)
+    result.checks.append(Check("20,000 geoms of which 200 are seen, over those 200 alone", growth, "<=", 2.0, "x"))
+    return result
+
+
+class _Bench:
+    """One run of the benchmark: options, result so far, and the times that the checks need."""
+
+    def __init__(self, result: BenchmarkResult, status: Status, *, quick: bool, seed: int, with_mujoco: bool) -> None:
+        self.result, self.status, self.quick, self.seed, self.with_mujoco = result, status, quick, seed, with_mujoco
+        self.times: dict[tuple[str, str], dict[str, float]] = {}  # (case, channels) -> method -> s, at 320 x 240
+
+    def scene(self, name: str) -> Errors:
+        """Measure errors and times in one scene; return this project's errors at 320 x 240."""
+        case = scene_case(name, views=6 if self.quick else 12, seed=self.seed)
+        main = name == SCENES[0]
+        found: dict[tuple[int, int], dict[str, Errors]] = {}
+        for size in (_MAIN,) if self.quick else _SIZES:
+            camera = CameraModel.from_fov(*size, _FOV_DEG)
+            pixels = _PIXELS if size == _MAIN else 4000
+            found[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
+            for label, (channels, shadows) in _SETS.items():
+                if not self.quick or main or (channels == _COLOUR and not shadows):
+                    took = self._times(case, camera, channels, shadows=shadows)
+                    if size == _MAIN:
+                        self.times[name, label] = took
+                    self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", took, found[size])
+        return found[_MAIN][ThisRaster.name]
+
+    def field(self, count: int) -> None:
+        """Measure errors and times in a field of random geoms."""
+        case = field_case(count, seed=self.seed, views=2 if self.quick else 4)
+        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
+        found = self._errors(case, camera, 500 if self.quick else 2000)
+        took = self._times(case, camera, _COLOUR, shadows=False)
+        self._rows("field of geoms, colour + depth + segmentation", f"{count} geoms", took, found)
+
+    def growth(self) -> float:
+        """Return the factor by which 19,800 hidden geoms slow down 200 visible ones: out of view or behind a wall."""
+        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
+        worst = 0.0
+        alone = hidden_case(200, 0, where="out of view", seed=self.seed)
+        for where in ("out of view", "behind a wall"):
+            self.status(f"200 geoms, and 19,800 {where}")
+            crowded = hidden_case(200, 19_800, where=where, seed=self.seed)
+            methods = {case.name: ThisRaster(case, camera, _COLOUR, shadows=False) for case in (alone, crowded)}
+            took = _mean_times(methods, alone.views, turns=40)
+            for case in (alone, crowded):
+                found = self._errors(case, camera, 500)
+                self._rows("geoms unseen", case.name, {ThisRaster.name: took[case.name]}, found)
+            worst = max(worst, took[crowded.name] / took[alone.name])
+        return worst
+
+    def speed_checks(self) -> list[Check]:
+        """Return the checks of speed, for the first scene."""
+        park, checks = SCENES[0], []
+        for label, shadows in (("", "shadows off"), (", shadows", "shadows on")):
+            took = self.times[park, f"colour + depth + segmentation{label}"]
+            name = f"{park}, colour + depth + segmentation, {shadows}: times faster than MuJoCo's renderer"
+            if self.with_mujoco:
+                checks.append(Check(name, took[MujocoRenderer.name] / took[ThisRaster.name], ">=", 40.0, "x"))
+            else:
+                self.result.left_out.append(name)
+        took_ms = 1e3 * self.times[park, "all channels"][ThisRaster.name]
+        return [*checks, Check(f"{park}, all channels, no shadows", took_ms, "<=", 2.0, "ms")]
+
+    def _methods(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> list[Method]:
+        methods: list[Method] = [ThisRaster(case, camera, channels, shadows=shadows)]
+        too_slow = self.quick and case.world.model.ngeom > 2000  # a picture takes seconds
+        if self.with_mujoco and not too_slow and set(channels) <= set(_COLOUR):
+            methods.append(MujocoRenderer(case, camera, channels, shadows=shadows))
+        return methods
+
+    def _times(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> dict[str, float]:
+        self.status(f"{case.name}: {', '.join(channels)}, {camera.width} x {camera.height}")
+        methods = {method.name: method for method in self._methods(case, camera, channels, shadows=shadows)}
+        views = case.views[:4] if camera.width > 640 else case.views
+        took = _mean_times(methods, views, turns=4 if self.quick else 10)
+        for method in methods.values():
+            method.close()
+        return took
+
+    def _rows(self, case: str, variant: str, took: Mapping[str, float], found: Mapping[str, Errors]) -> None:
+        for name, seconds in took.items():
+            error = _p99(found[name].depth_m) if name in found else float("nan")
+            details = {"times_slower": seconds / took.get(ThisRaster.name, seconds)}
+            self.result.rows.append(Row(case, f"{name} @ {variant}", error, "m", seconds, details))
+
+    def _errors(self, case: Case, camera: CameraModel, pixels: int) -> dict[str, Errors]:
+        """Return the errors over all views, of this project (without colour) and MuJoCo's renderer (depth, ids)."""
+        self.status(f"{case.name}: errors at {camera.width} x {camera.height}")
+        posed = WorldPose(case.world)
+        ours = ThisRaster(case, camera, [name for name in CHANNELS if name != "rgb"], shadows=False)
+        methods = [ours, *self._methods(case, camera, ("depth", "segmentation"), shadows=False)[1:]]
+        parts: dict[str, list[Errors]] = {method.name: [] for method in methods}
+        each = max(50, -(-pixels // len(case.views)))
+        for i, view in enumerate(case.views):
+            true = truth(case, view, posed, camera, each, self.seed + i)
+            for method in methods:
+                method.pose(view)
+                parts[method.name].append(errors(method.draw(view), true, case.world.model))
+        for method in methods:
+            method.close()
+        return {name: Errors.merged(found) for name, found in parts.items()}
+
+
+def _mean_times(methods: Mapping[str, Method], views: Sequence[View], *, turns: int) -> dict[str, float]:
+    """Return seconds per picture by method: the best of `turns` per view, averaged over the views.
+
+    A picture that takes longer than a second has one turn.
+    """
+    best = {name: np.full(len(views), np.inf) for name in methods}
+
+    def draw_other_view_first(name: str, i: int) -> None:
+        method, other = methods[name], views[i - 1]
+        if isinstance(method, ThisRaster):  # MuJoCo's renderer is too slow for cached data to matter
+            method.pose(other)
+            method.draw(other)
+        method.pose(views[i])
+
+    for turn in range(turns):
+        for i, view in enumerate(views):
+            works = {
+                name: partial(method.draw, view)
+                for name, method in methods.items()
+                if turn == 0 or best[name][i] < _LONG_S
+            }
+            for name, took in best_times(works, before=partial(draw_other_view_first, i=i)).items():
+                best[name][i] = min(best[name][i], took)
+    return {name: float(took.mean()) for name, took in best.items()}
+
+
+def _error_checks(found: Mapping[str, Errors]) -> list[Check]:
+    """Return the checks of errors, of the worst scene each; a scene without compared pixels fails."""
+    scenes = list(found.values())
+
+    def worst(of: Callable[[Errors], float]) -> float:
+        return float(np.max([of(scene) for scene in scenes]))  # NaN if any is, unlike Python's max
+
+    def least(agrees: Callable[[Errors], NDArray[np.bool_]]) -> float:
+        return float(np.min([_percent(agrees(scene)) for scene in scenes]))
+
+    return [
+        Check("depth error, p99", worst(lambda e: _p99(e.depth_m)), "<=", 1e-4, "m"),
+        Check("depth error, max", worst(lambda e: _max(e.depth_m)), "<=", 1e-3, "m"),
+        Check("instance id agrees, away from silhouettes", least(lambda e: e.id_agrees), ">=", 99.9, "%"),
+        Check("instance id agrees, all pixels", least(lambda e: e.id_agrees_anywhere), ">=", 99.5, "%"),
+        Check("normals of primitives, max", worst(lambda e: _max(e.normal_deg)), "<=", 0.1, "deg"),
+        Check("radial velocity, max", worst(lambda e: _max(e.velocity_mps)), "<=", 1e-4, "m/s"),
+    ]
+
+
+def _p99(values: NDArray) -> float:
+    return float(np.quantile(values, 0.99)) if values.size else float("nan")
+
+
+def _max(values: NDArray) -> float:
+    return float(values.max()) if values.size else float("nan")
+
+
+def _percent(agrees: NDArray[np.bool_]) -> float:
+    return 100.0 * float(agrees.mean()) if agrees.size else float("nan")

@@ -1,0 +1,267 @@
+"""`hil bench skip`: time saved by each skipping rule, and proof that the rule changes no output.
+
+A rule leaves out work that cannot affect the outputs. Each rule is switched off alone, and the outputs with and without
+it are compared bit for bit; the table has both times.
+
+    raster    each field of RenderSkips; channels without a consumer; posing of actors out of view
+    LiDAR     geometry beyond the greatest range; geometry that the bounding tree excludes
+    radar     maps, points and tracks if only raw frames are requested
+    physics   contact work while nothing can touch
+
+The raster's rules are measured with colour, depth, segmentation and shadows at 320 x 240, over random viewpoints; each
+picture follows one of another time and place. Times are for one thread: the best of several turns, alternating on and
+off.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.sensors.lidar import pattern_rays
+from hil.apps.bench_suite.sensors.raster import buffers
+from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, scene_case
+from hil.apps.bench_suite.timing import one_core
+from hil.apps.view.points import pose_of
+from signals.samples import RadarSample, TruthState
+from sim._kernels import RayCaster
+from sim.frame.camera_model import CameraModel
+from sim.frame.channels import CHANNELS
+from sim.frame.geometry import FrameGeometry
+from sim.frame.renderer import Execution, FrameRenderer, RenderSkips
+from sim.frame.source import SharedFrames
+from sim.physics.integration import Integration
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.scene import load_scene
+from sim.scene.view_point import ViewPoint
+from sim.sensors.catalog import make_sensor
+from sim.sensors.sensor import Installation
+
+Outputs = dict[str, NDArray[Any]]
+Run = Callable[[bool], Iterator[tuple[float, Outputs]]]
+_COLOUR = ("rgb", "depth", "segmentation")
+_POSED = "unseen_actors"  # the field of RenderSkips that saves posing, whose time includes posing
+_LIDAR_RANGE_M = 50.0
+_RADAR = "bgt60tr13c"
+_TICK_NS = 4_000_000
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One skipping rule. `run(on)` yields the time [s] and the arrays of each output, with the rule on or off."""
+
+    name: str
+    case: str
+    run: Run
+
+
+def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
+    """Measure every rule on and off; `seed` selects the viewpoints."""
+    result = BenchmarkResult(time_label="wall time [s]")
+    scenes = SCENES[:1] if quick else SCENES
+    differing = 0
+    with one_core():
+        rules: list[Rule] = []
+        for name in scenes:
+            status(f"{name}: map and viewpoints")
+            case = scene_case(name, views=4 if quick else 12, seed=seed)
+            rules += [*raster_rules(case), *lidar_rules(case), radar_rule(case)]
+        rules.append(contact_rule(4.0 if quick else 12.0))
+        for rule in rules:
+            status(f"{rule.case}: {rule.name}")
+            took, share = compare(rule, turns=2 if quick else 4)
+            differing += share > 0.0
+            details = {"saved": 1.0 - took[True] / took[False], "outputs_that_differ": share}
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "on", share, "outputs differ", took[True], details))
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "off", 0.0, "outputs differ", took[False]))
+    if quick:
+        result.left_out.append(f"the scenes {', '.join(SCENES[1:])}; two thirds of the viewpoints")
+    result.left_out.append(
+        "sensors without a consumer: left out of the wiring, never built (tests/unit/hil/run/loop/test_stages.py)"
+    )
+    result.checks.append(
+        Check("rules whose outputs differ with and without them", float(differing), "<=", 0.0, "rules")
+    )
+    return result
+
+
+def compare(rule: Rule, *, turns: int) -> tuple[dict[bool, float], float]:
+    """Return the seconds for all outputs with the rule on and off, and the share of outputs that differ."""
+    best: dict[bool, NDArray[np.float64]] = {}
+    share = 0.0
+    for turn in range(turns):
+        outputs: dict[bool, list[Outputs]] = {}
+        for on in (True, False):
+            timed = list(rule.run(on))
+            times = np.array([seconds for seconds, _ in timed])
+            best[on] = np.minimum(best.get(on, times), times)
+            outputs[on] = [output for _, output in timed]
+        if turn == 0:
+            pairs = list(zip(outputs[True], outputs[False], strict=True))
+            share = float(np.mean([not _same(a, b) for a, b in pairs]))
+    return {on: float(times.sum()) for on, times in best.items()}, share
+
+
+def _same(a: Mapping[str, NDArray[Any]], b: Mapping[str, NDArray[Any]]) -> bool:
+    """Return True if all arrays are identical bit for bit."""
+    return a.keys() == b.keys() and all(
+        a[k].shape == b[k].shape and a[k].dtype == b[k].dtype and a[k].tobytes() == b[k].tobytes() for k in a
+    )
+
+
+def raster_rules(case: Case, camera: CameraModel | None = None) -> list[Rule]:
+    """Return the rules of the raster in one scene."""
+    model = camera if camera is not None else CameraModel.from_fov(320, 240, 90.0)
+    rules = []
+    for field in dataclasses.fields(RenderSkips):
+        if field.name != _POSED:
+            pictures = _pictures(case, model, skips=partial(_one_rule, field.name))
+            rules.append(Rule(field.name.replace("_", " "), case.name, pictures))
+    consumed, everything = ("depth", "instance"), tuple(CHANNELS)
+    pictures = _pictures(case, model, channels=lambda on: consumed if on else everything, compared=consumed)
+    rules.append(Rule("channels without a consumer", case.name, pictures))
+    # The rule saves posing, so posing is timed too. Shadows are off, because actors out of view can cast visible ones.
+    pictures = _pictures(
+        case,
+        model,
+        channels=lambda _: everything,
+        compared=everything,
+        skips=lambda on: RenderSkips(unseen_actors=on),
+        shadows=False,
+        posing=True,
+    )
+    rules.append(Rule("actors out of view", case.name, pictures))
+    return rules
+
+
+def _one_rule(name: str, on: bool) -> RenderSkips:
+    return RenderSkips(**{name: on})
+
+
+def _pictures(
+    case: Case,
+    camera: CameraModel,
+    *,
+    channels: Callable[[bool], Sequence[str]] = lambda _: _COLOUR,
+    compared: Sequence[str] = _COLOUR,
+    skips: Callable[[bool], RenderSkips] = lambda _: RenderSkips(),
+    shadows: bool = True,
+    posing: bool = False,
+) -> Run:
+    """Return a run that renders all views; with `posing` the time includes posing.
+
+    `channels` and `skips` give the settings with the rule on or off; `compared` names the compared channels.
+    """
+
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        renderer = FrameRenderer(geometry, camera, shadows=shadows, execution=Execution(skips=skips(on)))
+        for i, view in enumerate((case.views[-1], *case.views)):
+            out = buffers(camera, channels(on))
+            if not posing:
+                geometry.pose(view.t_ns)
+            began = time.perf_counter()
+            if posing:
+                geometry.expect(view.t_ns)
+            renderer.render(view.pose, out)
+            took = time.perf_counter() - began
+            if i > 0:  # the first picture is not measured
+                yield took, {name: out[name] for name in compared}
+
+    return run
+
+
+def lidar_rules(case: Case) -> list[Rule]:
+    """Return the rules of ray casting in one scene."""
+    rays = pattern_rays("16x900").directions_W
+
+    def sweeps(*, max_range: bool = True, tree: bool = True) -> Iterator[tuple[float, Outputs]]:
+        geometry = FrameGeometry(case.world)
+        caster = RayCaster(geometry.native)
+        for view in case.views:
+            geometry.pose(view.t_ns)
+            origins = np.tile(np.array(view.pose.p_WC), (len(rays), 1))
+            range_m, geom, normal = np.empty(len(rays)), np.empty(len(rays), np.int32), np.empty((len(rays), 3))
+            began = time.perf_counter()
+            caster.cast(origins, rays, 0.0, _LIDAR_RANGE_M, range_m, geom, normal, tree=tree, max_range=max_range)
+            yield time.perf_counter() - began, {"range": range_m, "geom": geom, "normal": normal}
+
+    return [
+        Rule("LiDAR: beyond its range", case.name, lambda on: sweeps(max_range=on)),
+        Rule("LiDAR: tree over the geometry", case.name, lambda on: sweeps(tree=on)),
+    ]
+
+
+def radar_rule(case: Case) -> Rule:
+    """Return the rule of the whole sensor, rendering included, with raw frames alone or with all outputs.
+
+    Dropping the weakest echoes is not measured: it changes frames (within the tolerance), and no echo in these scenes
+    is weak enough.
+    """
+    scene = load_scene(case.name)
+    truths = sorted((_truth(view) for view in case.views), key=lambda truth: truth.t_ns)
+
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        overrides = {"outputs": ["raw"]} if on else {}
+        frames = SharedFrames(case.world)
+        radar = make_sensor(
+            Installation("radar", rate_hz=10.0, seed=1, scene=scene, step_ns=_TICK_NS, frames=frames),
+            preset=_RADAR,
+            overrides=overrides,
+        )
+        radar.sample(truths[-1]._replace(t_ns=0), 0)
+        for seq, truth in enumerate(truths, start=1):
+            began = time.perf_counter()
+            sample = radar.sample(truth, seq)
+            took = time.perf_counter() - began
+            assert isinstance(sample, RadarSample)
+            yield took, {"raw": sample.channels["raw"]}
+        frames.close()
+
+    return Rule("radar: outputs without a consumer", case.name, run)
+
+
+def _truth(view: View) -> TruthState:
+    """Return the true state of a vehicle at rest at a view, with its direction but without roll."""
+    x, y, z = view.pose.R_WC[2::3]
+    look_deg = (math.degrees(math.atan2(y, x)), math.degrees(math.atan2(-z, math.hypot(x, y))))
+    return pose_of(ViewPoint(name="view", at_m=view.pose.p_WC, look_deg=look_deg))._replace(t_ns=view.t_ns)
+
+
+def contact_rule(seconds: float) -> Rule:
+    """Return the rule of contact work, on a flight that takes off, hovers and lands; it compares every tick's state."""
+
+    def run(on: bool) -> Iterator[tuple[float, Outputs]]:
+        vehicle = load_vehicle("x500")
+        physics = QuadrotorPhysics(
+            vehicle, load_scene("training_village"), _TICK_NS, integration=Integration(contact_skipping=on)
+        )
+        ticks = round(seconds * 250)
+        flight = []
+        standing_m = float(physics.state[2])
+        top_m = standing_m + 0.2 * seconds
+        height_m, climb_mps = standing_m, 0.0
+        began = time.perf_counter()
+        for tick in range(ticks):
+            part = tick / ticks
+            wanted_m = top_m if part < 0.6 else standing_m - 1.0
+            # Climbs and descends with at most 1 m/s; the rotors stop at the end.
+            thrust = 1.0 + 0.5 * min(max(wanted_m - height_m, -1.0), 1.0) - 0.5 * climb_mps
+            control = vehicle.hover_control * min(max(thrust, 0.6), 1.4) * (part < 0.9)
+            state = physics.advance(tick, (control,) * len(vehicle.rotors))
+            height_m, climb_mps = state.p_WB[2], state.v_WB_W[2]
+            flight.append(state)
+        took = time.perf_counter() - began
+        yield took, {name: np.array([getattr(state, name) for state in flight]) for name in TruthState._fields}
+
+    return Rule("contact work", "flight in training_village", run)

@@ -1,0 +1,75 @@
+"""`hil bench`: the benchmarks by name, and the output of their results as table, JSON and plot."""
+
+from __future__ import annotations
+
+import json as jsonlib
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
+from hil.run.report.run_json import finite
+from signals.errors import ConfigError, Problem, RecordingError
+
+# Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult` and
+# optionally `plot(result, title, path)` in place of the plot of error against time.
+BENCHMARKS: dict[str, tuple[str, str]] = {
+    "dash": ("hil.apps.bench_suite.dash", "Dashboard: what an open page costs the run, and its memory"),
+    "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: frames a second, and what the labels get wrong"),
+    "detect": ("hil.apps.bench_suite.data.detect", "Detector: precision lost against the time of a picture"),
+    "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time of a sweep"),
+    "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
+    "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),
+    "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
+    "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time"),
+    "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error beside MuJoCo's renderer"),
+    "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: what each rule saves"),
+    "slam": ("hil.apps.bench_suite.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
+    "stability": (
+        "hil.apps.bench_suite.physics.stability",
+        "Stability: where each method stays finite and within tolerance",
+    ),
+}
+
+
+def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console) -> bool:
+    """Run one benchmark, print its result and, with `json`, write it and its plot. Returns True if all checks are met.
+
+    Raises ConfigError for an unknown name, RecordingError if a file cannot be written.
+    """
+    if name not in BENCHMARKS:
+        raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", f"there are: {', '.join(BENCHMARKS)}")])
+    module, title = BENCHMARKS[name]
+    benchmark = import_module(module)
+    measure: Callable[..., BenchmarkResult] = benchmark.measure
+    draw: Callable[[BenchmarkResult, str, Path], None] = getattr(benchmark, "plot", work_precision_plot)
+    with console.status(f"hil bench {name}") as line:
+        result = measure(quick=quick, status=lambda text: line.update(f"hil bench {name}: {text}"))
+    _print(result, console)
+    if json is not None:
+        try:
+            json.parent.mkdir(parents=True, exist_ok=True)
+            json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
+        except OSError as error:
+            raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
+        plot = json.with_suffix(".png")
+        draw(result, title, plot)
+        console.print(f"written: {json}, {plot}")
+    return all(check.ok for check in result.checks)
+
+
+def _print(result: BenchmarkResult, console: Console) -> None:
+    rows = Table("case", "method", "error", "unit", result.time_label, box=None, pad_edge=False)
+    for row in result.rows:
+        rows.add_row(row.case, row.method, f"{row.error:.3g}", row.error_unit, f"{row.time_s:.4g}")
+    console.print(rows)
+    checks = Table("check", "value", "", "limit", "unit", "", box=None, pad_edge=False)
+    for check in result.checks:
+        mark = "[green]ok[/]" if check.ok else "[bold red]NOT MET[/]"
+        checks.add_row(check.name, f"{check.value:.4g}", check.sense, f"{check.limit:g}", check.unit, mark)
+    console.print(checks)
+    for name in result.left_out:
+        console.print(f"left out by --quick: {name}")

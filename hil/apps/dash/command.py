@@ -1,0 +1,96 @@
+"""`hil dash`, and the page beside `hil run --dash`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from signals.errors import ConfigError, Problem
+
+if TYPE_CHECKING:
+    from hil.apps.dash.live.live_run import LiveRun
+
+
+def serve_dashboard(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> None:
+    """Serve the page until Ctrl-C. Raises ConfigError, PortBusy or PortNotFound."""
+    from hil.apps.dash.server.app import Dashboard
+    from hil.apps.dash.server.serve import address_of, new_token, open_port, serve
+
+    if config is not None and not config.is_file():
+        raise ConfigError([Problem(str(config), "does not exist", "name a bench file, or leave it out for ./hil.yaml")])
+    token = new_token(host)
+    listening = open_port(host, port)
+    dashboard = Dashboard(config=config, runs=runs)
+    console.print(f"dashboard: {address_of(listening, token)}   (Ctrl-C ends it)", markup=False)
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(serve(dashboard, listening, token))
+
+
+def live_on_fd(fd: int, *, paused: bool, pace: float | None) -> LiveRun:
+    """Return the dashboard's side of a run, over an inherited socket. Raises ConfigError if `fd` is no socket."""
+    from hil.apps.dash.live.live_run import LiveRun
+
+    try:
+        link = socket.socket(fileno=fd)
+    except OSError as error:
+        raise ConfigError([Problem("--dash-fd", f"{fd} is no socket ({error.strerror or error})")]) from error
+    return LiveRun(link, paused=paused, pace=pace)
+
+
+def server_process(
+    listening: socket.socket, run_link: socket.socket, *, config: Path | None, runs: Path, token: str | None
+) -> subprocess.Popen[bytes]:
+    """Start the page's server as a process that inherits both sockets. `run_link`: its end of the link to the run."""
+    command = [sys.executable, "-m", "hil.apps.dash.server.serve", f"--runs={runs}"]
+    command += [f"--listen-fd={listening.fileno()}", f"--run-fd={run_link.fileno()}"]
+    command += [] if config is None else [f"--config={config}"]
+    server = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        pass_fds=(listening.fileno(), run_link.fileno()),
+        start_new_session=True,  # Ctrl-C ends the run only; the page then shows the result
+    )
+    assert server.stdin is not None
+    server.stdin.write(((token or "") + "\n").encode())
+    server.stdin.close()
+    return server
+
+
+@contextlib.contextmanager
+def dashboard_beside(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> Iterator[LiveRun]:
+    """Serve a page for a run of this process. After the run the server stays until the page is closed."""
+    from hil.apps.dash.live.live_run import LiveRun
+    from hil.apps.dash.server.serve import address_of, new_token, open_port
+
+    token = new_token(host)
+    with open_port(host, port) as listening:
+        run_end, server_end = socket.socketpair()
+        with server_end:
+            server = server_process(listening, server_end, config=config, runs=runs, token=token)
+        console.print(f"dashboard: {address_of(listening, token)}", markup=False)
+    live = LiveRun(run_end)
+    try:
+        yield live
+        live.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(4.0)
+        if server.poll() is None:
+            console.print("dashboard: a page is still open; close it or press Ctrl-C to end", markup=False)
+            server.wait()
+    finally:
+        live.close()
+        if server.poll() is None:
+            server.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                server.wait(3.0)
+        if server.poll() is None:
+            server.kill()
+            server.wait()

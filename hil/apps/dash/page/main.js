@@ -1,0 +1,402 @@
+// Entry point of the page: shows the updates from the socket and sends the user's commands.
+
+import { Faults } from "/page/faults.js";
+import { Chart } from "/page/panes/charts.js";
+import { drawHorizon } from "/page/panes/horizon.js";
+import { LiveSocket, parse } from "/page/socket.js";
+import { overlayMap } from "/page/panes/maps.js";
+import { attitude } from "/page/panes/matrices.js";
+import { Panes } from "/page/panes/panes.js";
+import { Replay } from "/page/replay.js";
+import { Runs, json } from "/page/runs.js";
+import { Sticks } from "/page/sticks.js";
+import { base, bytes, number, options, reachedOf, sensorRows, table } from "/page/panes/tables.js";
+import { View3d } from "/page/panes/view3d.js";
+
+const $ = (id) => document.getElementById(id);
+const LOG_LINES = 200, NS = 1e9;
+const LINK_ROWS = [["messages sent", (l) => l.steps], ["late", (l) => l.late ?? "–"], ["lost, damaged", (l) => `${l.lost}, ${l.bad}`],
+  ["round trip, median", (l) => `${number(l.rtt_p50_us, 0)} µs`], ["round trip, worst 1 %", (l) => `${number(l.rtt_p99_us, 0)} µs`],
+  ["out, in", (l) => `${bytes(l.tx_bytes ?? 0)}, ${bytes(l.rx_bytes ?? 0)}`]];
+const charts = {
+  altitude: new Chart($("c-altitude"), { range: [0, 5] }),
+  speed: new Chart($("c-speed"), { range: [0, 2] }),
+  motors: new Chart($("c-motors"), { range: [0, 1] }),
+};
+const view = new View3d($("view"), $("view-note"));
+let replay = null, running = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
+let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; true while the charts still lack it
+let maps = [];  // streams of the companions that publish a map
+
+// -- updates -------------------------------------------------------------------------------------------------------
+
+const live = new LiveSocket(update, () => setStatus("no connection", "bad"));
+
+function update(head, frames) {
+  running = head.going;
+  if (head.about) begin(head);
+  state = head.state;
+  if (head.slow) {
+    slow = head.slow;
+    trail = slow.trail ?? [];
+    if (fresh && trail.length) { fresh = false; if (!replay?.on) fillCharts(); }
+  }
+  // Between two trails from the run, the updates extend it.
+  if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
+  const error = head.result?.error;
+  showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
+  if (!running) stopping = false;
+  buttons();
+  if (replay?.on) return;
+  for (const event of head.events) log(event);
+  showSlow();
+  if (state.p) showState();
+  showStatus(head.result);
+  panes.boxes = state.boxes ?? {};
+  for (const frame of frames) panes.show(frame);
+}
+
+// A page that is opened late draws altitude and speed so far from the trail.
+function fillCharts() {
+  charts.altitude.clear();
+  charts.speed.clear();
+  trail.forEach((point, k) => {
+    const [t0, ...p0] = trail[Math.max(0, k - 1)], [t, ...p] = point, dt = t - t0 || 1;
+    charts.altitude.add(t, [p[2]]);
+    charts.speed.add(t, [Math.hypot(p[0] - p0[0], p[1] - p0[1]) / dt, (p[2] - p0[2]) / dt]);
+  });
+}
+
+function begin(head) {
+  about = head.about;
+  if (head.run === run) return;
+  run = head.run;
+  fresh = true;
+  trail = [];
+  if (!replay.on) showRun();
+}
+
+function showRun() {
+  for (const chart of Object.values(charts)) chart.clear();
+  $("log").replaceChildren();
+  showWorld(about);
+}
+
+function showWorld(of) {
+  if (of.rotor_positions) view.setVehicle(of.rotor_positions);
+  const plan = of.path?.length ? [of.home, ...of.path] : [];
+  view.setLine("plan", plan.flat(), { colour: "--plan" });
+  view.setLine("corners", (of.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
+  view.setLine("trail", [], { colour: "--trail" });
+  if (of.home && !replay.on) view.setPose(of.home, [1, 0, 0, 0]);
+  maps = [];
+  offerPanes();
+  faults.offer(of);
+  loadScene(of.out ?? "");
+}
+
+function offerPanes() {
+  const streams = Object.values(about.sensors ?? {}).flatMap((sensor) => sensor.streams);
+  if (!replay.on) panes.offer([...streams, ...maps]);
+}
+
+async function loadScene(which) {
+  if (sceneOf === which) return;
+  sceneOf = which;
+  const answer = await fetch("/api/scene");
+  if (answer.ok) view.setScene(await answer.arrayBuffer());
+  else $("view-note").textContent = await answer.text();
+}
+
+function showState() {
+  view.setActors(state.actors);
+  view.setPose(state.p, state.q);
+  view.setLine("trail", trail.flatMap((point) => point.slice(1)), { colour: "--trail" });
+  faults.show(state.by_hand);
+  const t = state.t_ns / NS;
+  charts.altitude.add(t, [state.p[2]]);
+  charts.speed.add(t, [Math.hypot(state.v[0], state.v[1]), state.v[2]]);
+  charts.motors.add(t, state.controls);
+  for (const chart of Object.values(charts)) chart.draw();
+  showVehicle(state, t);
+}
+
+function showVehicle(s, t) {
+  const turn = attitude(s.q);
+  drawHorizon($("horizon"), turn);
+  $("clock").textContent = `${t.toFixed(2)} s`;
+  const rows = [["altitude", `${number(s.p[2])} m`], ["east", `${number(s.p[0])} m`], ["north", `${number(s.p[1])} m`],
+    ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`], ["climb", `${number(s.v[2])} m/s`],
+    ["roll", `${number(turn.roll * 57.29578, 1)}°`], ["pitch", `${number(turn.pitch * 57.29578, 1)}°`]];
+  if (s.w) rows.push(["turning", `${number(57.29578 * Math.hypot(...s.w), 0)}°/s`]);
+  if (s.contact) rows.push(["contact", "yes"]);
+  if (s.wind) rows.push(["wind", `${number(Math.hypot(...s.wind), 1)} m/s`]);
+  if (s.armed !== undefined) rows.push(["motors", s.armed ? "armed" : "disarmed"]);
+  if (s.mode !== undefined) rows.push(["mode bits", `0x${s.mode.toString(16).padStart(2, "0")}`]);
+  if (s.battery) rows.push(["battery", `${number(100 * s.battery[0], 0)} %, ${number(s.battery[1], 1)} V, ${number(s.battery[2], 1)} A`]);
+  const list = $("numbers");
+  list.replaceChildren(...rows.flatMap(([name, value]) => {
+    const dt = document.createElement("dt"), dd = document.createElement("dd");
+    dt.textContent = name; dd.textContent = value;
+    return [dt, dd];
+  }));
+  const motors = $("motors");
+  while (motors.children.length > s.controls.length) motors.lastChild.remove();
+  s.controls.forEach((u, k) => {
+    let one = motors.children[k];
+    if (!one) {
+      one = document.createElement("div");
+      one.append(document.createElement("span"), document.createElement("meter"));
+      motors.append(one);
+    }
+    one.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
+    const speed = s.rotors?.[k];
+    one.title = `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
+    one.lastChild.value = u;
+  });
+}
+
+// Reports of the companions, one row each.
+function clientRows(reports) {
+  return Object.entries(reports).flatMap(([client, report]) =>
+    Object.entries(report).filter(([, value]) => value !== "").map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
+}
+
+let slowShown = null;
+function showSlow() {
+  if (slow.battery) state.battery = slow.battery;
+  if (slow.maps && slow.maps.join() !== maps.join()) { maps = slow.maps; offerPanes(); }
+  if (slow.links) faults.offer({ ...about, companions: slow.companions });
+  state.byHand = slow.flying_by_hand === true;  // includes the gamepad at the bench's own machine
+  if (slow === slowShown) return;
+  slowShown = slow;
+  table($("reports"), [], clientRows(slow.told ?? {}));
+  if (slow.links) {
+    table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
+  }
+  table($("sensors"), [], sensorRows(slow.sensors));
+  const notes = [];
+  if (slow.own_us !== undefined) notes.push(`the bench's own part of a tick: ${number(slow.own_us, 0)} µs`);
+  if (slow.late_ticks) notes.push(`${slow.late_ticks} ticks began late`);
+  if (slow.router) notes.push("router: " + Object.entries(slow.router).filter(([, count]) => count).map(([name, count]) => `${name.replaceAll("_", " ")} ${number(count)}`).join(", "));
+  $("pace-note").textContent = notes.join("; ");
+  if (slow.skipped) table($("skipped"), ["what", "why", "saved"], slow.skipped.map((s) => [s.what, s.why, s.saved]));
+}
+
+function showStatus(result) {
+  $("mission").textContent = about.rig === undefined ? "no run yet" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
+  $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
+  const named = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
+  if (running) {
+    const now = stopping ? "stopping" : state.paused ? `paused at tick ${state.tick}` : (state.phase ?? "starting");
+    setStatus(now, state.paused || stopping ? "warn" : "live");
+    const speed = state.paused ? "" : `, ${number(state.speed, 1)} x real time`;
+    $("headline").textContent = named + speed + (state.altered ? ", altered by hand" : "");
+  } else if (result) {
+    setStatus(result.status, { PASS: "good", FAIL: "warn", ERROR: "bad" }[result.status]);
+    $("headline").textContent = `${named}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
+    $("headline").title = result.digest;
+  } else setStatus("no run", "");
+  const chip = $("deadman"), held = running && (state.held || state.byHand);
+  chip.textContent = held ? "flying by hand" : "sticks released";
+  chip.className = `chip ${held ? "good" : ""}`;
+}
+
+function setStatus(text, kind) { $("status").textContent = text; $("status").className = `chip ${kind}`; }
+function showMessage(text) {
+  if ($("message").textContent === text) return;
+  $("message").hidden = !text;
+  $("message").textContent = text;
+}
+
+function log([t_ns, kind, text]) {
+  const line = document.createElement("li"), list = $("log");
+  line.textContent = `${(t_ns / NS).toFixed(2).padStart(7)}  ${kind}: ${text}`;
+  if (kind === "error" || kind === "refused") line.className = "bad";
+  if (kind === "warning" || kind === "fault" || kind === "by_hand") line.className = "warned";
+  list.prepend(line);
+  while (list.children.length > LOG_LINES) list.lastChild.remove();
+}
+
+function buttons() {
+  const paused = state.paused === true;
+  $("start").disabled = running;
+  $("pause").disabled = !running || paused || about.lockstep === false;
+  $("step").disabled = !running || about.lockstep === false;
+  $("resume").disabled = !running || !paused;
+  $("stop").disabled = !running;
+  $("reset").disabled = run < 1;
+  for (const one of document.querySelectorAll("[data-request], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir"))
+    one.disabled = !running;
+}
+
+// -- commands ------------------------------------------------------------------------------------------------------
+
+const panes = new Panes({
+  chips: $("pane-chips"), box: $("panes"),
+  onChange: (streams) => { if (!replay?.on) live.watch(streams); else showMoment(Number($("replay-time").value)); },
+  onCloud: (stream, cloud) => view.setLine(`cloud ${stream}`, cloud?.points ?? [],
+    { colour: "--warn", mode: view.gl?.POINTS, size: 2, at: cloud?.at ?? null }),
+  onMap: (stream, frame) => overlayMap(view, stream, frame),
+  flown: () => (replay?.on ? replay.flown : trail),
+});
+const faults = new Faults((message) => live.send(message));
+
+for (const kind of ["pause", "step", "resume", "stop", "reset"]) $(kind).onclick = () => live.send({ kind });
+$("stop").addEventListener("click", () => { stopping = true; });
+$("start-form").onsubmit = (event) => {
+  event.preventDefault();
+  if (replay.on) $("replay-close").click();
+  const message = { kind: "start", paused: $("f-paused").checked, gamepad: $("f-gamepad").checked };
+  for (const name of ["bench", "rig", "scene", "mission"]) if ($(`f-${name}`).value) message[name] = $(`f-${name}`).value;
+  if ($("f-seed").value !== "") message.seed = Number($("f-seed").value);
+  if ($("f-pace").value !== "") message.pace = Number($("f-pace").value);
+  live.send(message);
+};
+$("f-pace").onchange = () => { if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) }); };
+
+new Sticks({
+  pad: $("hold"), left: $("stick-left"), right: $("stick-right"),
+  send: (message) => live.send(message),
+  mode: () => $("take-mode").value,
+  mayFly: () => running && !replay.on && !$("live").hidden,
+  onTake: () => {
+    // A pilot cannot fly at twenty times real time.
+    if (about.lockstep !== false && state.pace !== 1) { live.send({ kind: "pace", pace: 1 }); $("f-pace").value = "1"; }
+  },
+}).bind($("requests"));
+
+$("v-follow").onclick = () => {
+  view.follow = !view.follow;
+  $("v-follow").setAttribute("aria-pressed", String(view.follow));
+  if (view.follow && view.vehicle) view.setPose(view.vehicle.p, view.vehicle.q);
+};
+$("v-top").onclick = () => view.look(-Math.PI / 2, 1.55, Math.max(view.distance, 40));
+$("v-behind").onclick = () => {
+  const heading = view.vehicle ? attitude(view.vehicle.q).heading : 0;
+  view.look(-Math.PI / 2 - heading, 0.3, 8);
+};
+
+// -- past runs -----------------------------------------------------------------------------------------------------
+
+replay = new Replay({
+  bar: $("replay-bar"), slider: $("replay-time"), text: $("replay-text"), play: $("replay-play"), close: $("replay-close"),
+  show: showReplay,
+  onClose: () => {
+    view.setLine("other", [], { colour: "--other" });
+    $("legend-other").replaceChildren();
+    $("clock").textContent = $("headline").textContent = "";
+    $("sensors-card").hidden = false;
+    showRun();
+  },
+});
+const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare: $("compare"), onReplay: openReplay });
+$("runs-refresh").onclick = () => runs.load();
+
+async function openReplay(name, summary, other = null) {
+  if (!(await replay.open(name, summary, other))) { showMessage(`${name}: its recording holds no flight`); return; }
+  const { track, second } = replay;
+  select("live");
+  setStatus(`replay: ${summary.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[summary.status]);
+  $("headline").textContent = `${name}, digest ${summary.digest.slice(0, 12)}`;
+  $("mission").textContent = reachedOf(summary.mission);
+  $("sensors-card").hidden = true;
+  table($("reports"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, one]) => [name, one.report ?? {}]))));
+  $("progress").value = summary.mission.waypoints ? summary.mission.reached / summary.mission.waypoints : 0;
+  table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
+    summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
+  table($("skipped"), ["what", "why", "saved"], summary.skipped.map((s) => [s.what, s.why, s.saved]));
+  slowShown = null;
+  $("log").replaceChildren();
+  for (const event of track.events) log(event);
+  view.setLine("plan", track.path.length ? [...track.p[0], ...track.path.flat()] : [], { colour: "--plan" });
+  view.setLine("corners", track.path.flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
+  view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
+  if (second) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
+  const rotors = Math.max(1, track.controls.reduce((most, row) => Math.max(most, row.findLastIndex((u) => u > 0) + 1), 4));
+  replay.rotors = rotors;
+  const set = (chart, value) => {
+    chart.clear();
+    chart.set(track.t, track.t.map((_, k) => value(track, k)));
+    if (second) chart.other = { t: second.t, rows: second.t.map((_, k) => value(second, k).slice(0, 1)) };
+  };
+  set(charts.altitude, (t, k) => [t.p[k][2]]);
+  set(charts.speed, (t, k) => [Math.hypot(t.v[k][0], t.v[k][1]), t.v[k][2]]);
+  set(charts.motors, (t, k) => t.controls[k].slice(0, rotors));
+  panes.offer(track.streams, []);
+  if (!track.streams.length) $("pane-chips").textContent = "this run recorded no pictures, sweeps or detections";
+  replay.begin();
+  const scene = await fetch(`/api/runs/${encodeURIComponent(name)}/scene`);
+  if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; showMoment(Number($("replay-time").value)); }
+}
+
+function showReplay(k, t) {
+  const { track, rotors } = replay;
+  const shown = { p: track.p[k], q: track.q[k], v: track.v[k], controls: track.controls[k].slice(0, rotors) };
+  view.setPose(shown.p, shown.q);
+  view.setLine("trail", track.p.slice(0, k + 1).flat(), { colour: "--trail" });
+  for (const chart of Object.values(charts)) { chart.cursor = t; chart.draw(); }
+  showVehicle(shown, t);
+  showMoment(t);
+}
+
+// Requests one moment at a time, then the one where the slider is by then.
+let momentWanted = null, momentBusy = false;
+async function showMoment(t) {
+  momentWanted = t;
+  if (momentBusy) return;
+  momentBusy = true;
+  try {
+    while (momentWanted !== null && replay.on) {
+      const at = momentWanted, streams = [...panes.open.keys()];
+      momentWanted = null;
+      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(at * NS)}&streams=${encodeURIComponent(streams.join())}`);
+      if (!answer.ok || !replay.on) continue;
+      const { head, frames } = parse(await answer.arrayBuffer());
+      view.setActors(head.actors);
+      panes.boxes = head.boxes;
+      for (const frame of frames) await panes.show(frame);
+      for (const stream of streams) if (!frames.some((frame) => frame.stream === stream)) panes.none(stream);
+      view.touch();
+    }
+  } finally { momentBusy = false; }
+}
+
+// -- tabs, theme, start --------------------------------------------------------------------------------------------
+
+function select(name) {
+  for (const one of ["live", "runs"]) {
+    $(one).hidden = one !== name;
+    $(`tab-${one}`).setAttribute("aria-selected", String(one === name));
+  }
+  if (name === "runs") runs.load();
+  live.watch(name === "live" && !replay.on ? [...panes.open.keys()] : []);
+  view.touch();
+}
+$("tab-live").onclick = () => select("live");
+$("tab-runs").onclick = () => select("runs");
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  view.touch();
+  panes.redraw();
+  for (const chart of Object.values(charts)) chart.draw();
+}
+const chosen = localStorage.getItem("theme");
+theme(chosen ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+$("theme").onclick = () => {
+  const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", next);
+  theme(next);
+};
+
+async function start() {
+  buttons();
+  view.setVehicle([[0.17, 0.17, 0.02], [-0.17, 0.17, 0.02], [-0.17, -0.17, 0.02], [0.17, -0.17, 0.02]]);
+  options($("fault-rotor"), ["0", "1", "2", "3"]);
+  const lists = await json("/api/choices");
+  if (lists) for (const name of ["bench", "rig", "scene", "mission"])
+    options($(`f-${name}`), lists[name], { none: name === "bench" ? null : `bench's${lists.defaults[name] ? ` (${base(lists.defaults[name])})` : ""}` });
+  document.documentElement.dataset.ready = "yes";
+}
+start();

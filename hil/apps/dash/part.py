@@ -1,0 +1,77 @@
+"""The dashboard as a part of a run: it follows the flight, injects faults by hand and flies with the page's sticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from firmware_bridge.manual.manual_control import ManualControlSource
+from hil.apps.dash.live.live_run import LiveRun, RunAccess
+from hil.apps.dash.live.page_sticks import page_buttons
+from hil.apps.dash.live.run_facts import run_description, slow_facts
+from hil.run.part import Part, RunContext
+from hil.run.parts.pilots.manual import ManualPart, manual_settings, mission_mode
+from signals.samples import TruthState
+
+
+class DashboardPart(Part):
+    name = "dashboard"
+    injects = True
+
+    def __init__(self, live: LiveRun) -> None:
+        self._live = live
+        self.sticks: ManualPart | None = None
+
+    @property
+    def held_s(self) -> float:  # type: ignore[override]
+        return self._live.held_s
+
+    def tap(self) -> LiveRun:
+        return self._live
+
+    def build(self, run: RunContext) -> None:
+        config = run.bench.config
+
+        def page_source() -> ManualControlSource:
+            settings = manual_settings(config)
+            # The page may hand the vehicle back to the mission that it has taken over from.
+            settings["modes"] = settings["modes"] | {"mission": mission_mode(config)}
+            return ManualControlSource(self._live.sticks, buttons=page_buttons(settings["modes"]), **settings)
+
+        self.sticks = ManualPart(page_source)
+        self.sticks.build(run)
+
+    def command_sources(self) -> list[ManualControlSource]:
+        return [] if self.sticks is None else self.sticks.command_sources()
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [] if self.sticks is None else self.sticks.observers()
+
+    def begin(self, run: RunContext) -> None:
+        physics, companion = run.physics, run.part("companion")
+        self._live.attach(
+            RunAccess(
+                description=run_description(run) | {"wire": run.part("faults").possible},
+                scheduler=run.scheduler,
+                status=run.status,
+                texts=run.texts,
+                wind_W_mps=lambda: physics.wind_W_mps,
+                slow_facts=lambda: slow_facts(run),
+                inject=lambda fault: run.inject(fault, declared=False),
+                event=run.recorder.event,
+                can_wait=run.link.caps.lockstep,
+                views=lambda: {} if companion is None else companion.link.views.newest,
+            )
+        )
+
+    def before_tick(self) -> None:
+        self._live.before_tick()
+
+    def repeatable(self) -> bool:
+        return not self._live.altered and (self.sticks is None or self.sticks.repeatable())
+
+    def run_keys(self) -> dict[str, Any]:
+        return {"by_hand": self._live.commands} if self._live.commands else {}
+
+    def after_run(self, run: Mapping[str, Any]) -> None:
+        self._live.finish(run)

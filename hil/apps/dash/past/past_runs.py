@@ -1,0 +1,190 @@
+"""Past runs on disk: the list, the result of each, and its recording as columns for a replay.
+
+Run folders are only read. A recording that was cut off is shown up to its end.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from hil.apps.dash.past.moments import Moments, stream_of_topic
+from hil.run.recorder.reading import RecordedMessage, Recording
+from hil.run.recorder.recorder import MCAP_NAME
+from signals.errors import HilError, RecordingError
+from signals.time import NS_PER_S
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,120}\Z")
+_MOST_RUNS = 500  # in the list, the newest
+_MOST_POINTS = 3000  # of a replay's track
+_MOST_EVENTS = 500
+_KEPT = 4  # tracks
+_MOTORS = 8  # shown of the sixteen controls
+_SERVED = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
+_LARGEST_FILE = 64 << 20
+_FIELDS = ("status", "digest", "deterministic", "seed", "rig", "scene", "sim_s", "wall_s", "realtime_factor")
+
+
+class PastRuns:
+    """The runs in one folder. Its methods read files: call them in a thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._tracks = lru_cache(_KEPT)(self._track_of)
+        self._lock = threading.Lock()
+        self.moments = Moments(self.folder)
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return the runs, newest first. Folders without a readable run.json are left out."""
+        try:
+            found = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
+        except OSError:
+            return []
+        runs = []
+        for folder in sorted(found, key=lambda p: p.name, reverse=True)[:_MOST_RUNS]:
+            summary = _summary(folder)
+            if summary is not None:
+                row = {name: summary.get(name) for name in _FIELDS}
+                mission = summary.get("mission") or {}
+                error = summary.get("error") or {}
+                runs.append(
+                    {
+                        "name": folder.name,
+                        **row,
+                        "mission": mission.get("file"),
+                        "by_hand": len(summary.get("by_hand") or ()),
+                        "error": error.get("type"),
+                        "recording": (folder / MCAP_NAME).is_file(),
+                        "report": (folder / "report.html").is_file(),
+                    }
+                )
+        return runs
+
+    def summary(self, name: str) -> dict[str, Any] | None:
+        """Return run.json of a run; None if there is no such run."""
+        folder = self.folder(name)
+        return None if folder is None else _summary(folder)
+
+    def folder(self, name: str) -> Path | None:
+        """Return the folder of a run, always inside the folder of runs; None if there is no such run."""
+        if not _NAME.match(name):
+            return None
+        folder = self._folder / name
+        return folder if folder.is_dir() and not folder.is_symlink() else None
+
+    def file(self, name: str, path: str) -> Path | None:
+        """Return a file of the run's report; None for any other file."""
+        folder = self.folder(name)
+        if folder is None:
+            return None
+        try:
+            file = (folder / path).resolve()
+            inside = file.is_relative_to(folder.resolve()) and file.is_file()
+        except (OSError, ValueError, RuntimeError):
+            return None
+        if not inside or file.suffix.lower() not in _SERVED or file.stat().st_size > _LARGEST_FILE:
+            return None
+        return file
+
+    def track(self, name: str) -> dict[str, Any]:
+        """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError."""
+        folder = self.folder(name)
+        if folder is None:
+            raise RecordingError(f"{name}: there is no such run")
+        path = folder / MCAP_NAME
+        if not path.is_file():
+            raise RecordingError(f"{name}: nothing was recorded (record.mcap was off), so there is nothing to replay")
+        with self._lock:
+            return self._tracks(path, path.stat().st_mtime_ns)
+
+    def _track_of(self, path: Path, _written_ns: int) -> dict[str, Any]:
+        track = _read_track(path)
+        home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
+        track["streams"] += self.moments.maps(path.parent.name)
+        return track | {"path": _path_of(path.parent, home_W)}
+
+
+def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
+    """Return the planned path; an empty one if this version cannot load the saved bench."""
+    from hil.config import load_bench
+    from hil.config.missions.path import planned_path
+
+    try:
+        bench = load_bench(folder / "bench.yaml")
+    except HilError:
+        return []
+    if bench.mission is None:
+        return []
+    x, y, z = home_W
+    return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    try:
+        data = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return data if isinstance(data, dict) else None
+
+
+def _read_track(path: Path) -> dict[str, Any]:
+    recording = Recording(path).scan()
+    stride_ns = recording.last_ns // _MOST_POINTS
+    rows = _Rows(stride_ns)
+    for message in recording.messages():
+        rows.add(message)
+    return rows.columns() | {"complete": recording.complete}
+
+
+class _Rows:
+    """Collects thinned columns of a recording."""
+
+    def __init__(self, stride_ns: int) -> None:
+        self._stride_ns = max(stride_ns, NS_PER_S // 25)
+        self._next_ns = 0
+        self._row: dict[str, Any] | None = None
+        self._controls: list[float] = []
+        self._rows: list[dict[str, Any]] = []
+        self._events: list[list[Any]] = []
+        self._streams: set[str] = set()
+
+    def add(self, message: RecordedMessage) -> None:
+        """Add one message; call it in the order of the recording."""
+        topic = message.topic
+        if topic == "/truth/pose":
+            self._row = None
+            if message.log_time_ns >= self._next_ns:
+                self._next_ns = message.log_time_ns + self._stride_ns
+                v = message.decode()
+                self._row = {
+                    "t": message.log_time_ns / NS_PER_S,
+                    "p": [v[f"pose.position.{axis}"] for axis in "xyz"],
+                    "q": [v[f"pose.orientation.{axis}"] for axis in "wxyz"],
+                    "v": [0.0, 0.0, 0.0],
+                    "controls": self._controls,
+                }
+                self._rows.append(self._row)
+        elif topic == "/truth/velocity" and self._row is not None:
+            v = message.decode()
+            self._row["v"] = [v[f"vector.{axis}"] for axis in "xyz"]
+        elif topic == "/actuators" and message.log_time_ns + self._stride_ns >= self._next_ns:
+            v = message.decode()
+            self._controls = [round(float(v[f"controls[{n}]"]), 4) for n in range(_MOTORS)]
+        elif topic == "/events" and len(self._events) < _MOST_EVENTS:
+            v = message.decode()
+            self._events.append([message.log_time_ns, v.get("name", ""), v.get("msg", "")])
+        elif (stream := stream_of_topic(topic, message.type_name)) is not None:
+            self._streams.add(stream)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns by name, with one entry per row."""
+        names = ("t", "p", "q", "v", "controls")
+        return {name: [row[name] for row in self._rows] for name in names} | {
+            "events": sorted(self._events, key=lambda event: event[0]),
+            "streams": sorted(self._streams),
+        }

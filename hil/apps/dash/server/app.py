@@ -1,0 +1,197 @@
+"""The page's server: static files, a web socket for the live run, and an API for past runs."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from hil.apps.dash.server.authenticator import Authenticator
+from hil.apps.dash.server.hub import Hub, Page
+from hil.apps.dash.server.run_process import RunProcess
+from signals.errors import HilError
+
+if TYPE_CHECKING:
+    from hil.apps.dash.past.past_runs import PastRuns
+
+T = TypeVar("T")
+PAGE_FOLDER = Path(__file__).resolve().parents[1] / "page"
+_MAX_MESSAGE_CHARS = 16_384  # of one message of a page
+_MAX_PAGES = 24
+_BYTES = "application/octet-stream"
+# A report contains its style and pictures and no scripts. The sandbox gives it no access to the page.
+_REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+
+
+class Dashboard:
+    """The server of one page: its hub, the run that it started, and the past runs of one folder."""
+
+    def __init__(self, *, config: Path | None, runs: Path) -> None:
+        """`config`: the bench file of new runs; None: the default one."""
+        self.hub = Hub(self._default_bench)
+        self.run = RunProcess(self.hub)
+        self._config = config
+        self._runs_folder = runs.resolve()
+        self._last_arguments: list[str] | None = None  # of the last start
+        self._loading: asyncio.Task[None] | None = None
+
+    @cached_property
+    def _past(self) -> PastRuns:
+        from hil.apps.dash.past.past_runs import PastRuns
+
+        return PastRuns(self._runs_folder)
+
+    def _default_bench(self) -> Path | None:
+        from hil.config.files import default_bench
+
+        return self._config or default_bench()
+
+    def _load_modules(self) -> None:
+        """Import the bench's modules, which takes a second, after the page is loaded and before they are needed."""
+        import cv2
+
+        import hil.apps.dash.server.choices
+        import hil.apps.dash.views.preview_sensors  # noqa: F401
+
+        # More threads for a small picture cost more than they save, and would take processor time from the run.
+        cv2.setNumThreads(1)
+        _ = self._past
+
+    def application(self, token: str | None) -> ASGIApp:
+        """Return the ASGI application with its access control."""
+        routes = [
+            Route("/", self._index),
+            Route("/api/choices", self._choices),
+            Route("/api/scene", self._scene),
+            Route("/api/runs", self._runs),
+            Route("/api/runs/{name}/scene", self._past_scene),
+            Route("/api/runs/{name}/summary", self._summary),
+            Route("/api/runs/{name}/track", self._track),
+            Route("/api/runs/{name}/moment", self._moment),
+            Route("/runs/{name}/{path:path}", self._file),
+            WebSocketRoute("/live", self._live),
+            Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
+        ]
+        return Authenticator(Starlette(routes=routes, exception_handlers={HilError: _unreadable}), token=token)
+
+    async def _index(self, _request: Request) -> Response:
+        if self._loading is None:
+            self._loading = asyncio.create_task(run_in_threadpool(self._load_modules))
+        return FileResponse(PAGE_FOLDER / "index.html", media_type="text/html")
+
+    async def _scene(self, _request: Request) -> Response:
+        return Response(await self.hub.scene(), media_type=_BYTES)
+
+    # These are not asynchronous, so Starlette runs them in threads.
+
+    def _choices(self, _request: Request) -> Response:
+        from hil.apps.dash.server.choices import choices
+
+        return JSONResponse(choices(self._config))
+
+    def _runs(self, _request: Request) -> Response:
+        return JSONResponse(self._past.listed())
+
+    def _past_scene(self, request: Request) -> Response:
+        return Response(_found(self._past.moments.triangles(request.path_params["name"])), media_type=_BYTES)
+
+    def _summary(self, request: Request) -> Response:
+        return JSONResponse(_found(self._past.summary(request.path_params["name"])))
+
+    def _track(self, request: Request) -> Response:
+        return JSONResponse(self._past.track(request.path_params["name"]))
+
+    def _moment(self, request: Request) -> Response:
+        query = request.query_params
+        try:
+            t_ns = int(query.get("t_ns", ""))
+        except ValueError:
+            raise HTTPException(400, "t_ns must be a whole number") from None
+        if not 0 <= t_ns < 1 << 62:
+            raise HTTPException(400, "t_ns must lie within a run")
+        streams = [stream for stream in query.get("streams", "").split(",") if stream]
+        found = self._past.moments.at(request.path_params["name"], t_ns, streams)
+        return Response(_found(found), media_type=_BYTES)
+
+    def _file(self, request: Request) -> Response:
+        path = _found(self._past.file(request.path_params["name"], request.path_params["path"]))
+        return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
+
+    async def _live(self, socket: WebSocket) -> None:
+        if len(self.hub.pages) >= _MAX_PAGES:
+            await socket.close(1013, "too many pages are open")
+            return
+        await socket.accept()
+        page = Page(socket.send_bytes)
+        self.hub.pages.add(page)
+        try:
+            while True:
+                text = await socket.receive_text()
+                message = _message(text)
+                if message is not None:
+                    await self._receive(page, message)
+        except (WebSocketDisconnect, KeyError, RuntimeError, OSError):
+            pass  # closed, or a binary message
+        finally:
+            await self.hub.remove(page)
+            with contextlib.suppress(RuntimeError, OSError):
+                await socket.close()
+
+    async def _receive(self, page: Page, message: dict[str, Any]) -> None:
+        kind = message.get("kind")
+        if kind not in ("start", "reset"):
+            await self.hub.receive(page, message)
+            return
+        # A page shows a run as over when its result has arrived; its process may take a moment longer to exit.
+        if kind == "start" and self.run.running and not await self.run.exited():
+            return
+        from hil.apps.dash.server.choices import run_arguments
+
+        try:
+            arguments = run_arguments(message, self._config) if kind == "start" else self._last_arguments
+        except ValueError as error:
+            self.hub.message = str(error)
+            await self.hub.publish()
+            return
+        if arguments is None:  # no run was started from here, so there is none to reset
+            return
+        if kind == "reset":
+            await self.run.stop()
+            await self.hub.run_ended.wait()
+        self._last_arguments = arguments
+        self.hub.message = ""  # clear the message of the last start
+        self.run.start([*arguments, f"--dash-runs={self._runs_folder}"])
+
+
+def _message(text: str) -> dict[str, Any] | None:
+    """Return the message of a page; None if it is not one."""
+    if len(text) > _MAX_MESSAGE_CHARS:
+        return None
+    try:
+        message = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return message if isinstance(message, dict) else None
+
+
+def _found(value: T | None) -> T:
+    if value is None:
+        raise HTTPException(404, "there is no such run or file")
+    return value
+
+
+def _unreadable(_request: Request, error: Exception) -> Response:
+    return PlainTextResponse(str(error), 422)

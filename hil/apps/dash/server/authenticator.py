@@ -1,0 +1,105 @@
+"""Access control of the page's server: the outermost layer, applied before the body of a request is read.
+
+- Host. A site whose name was made to resolve to this machine (DNS rebinding) sends its own name here. A server on
+  loopback therefore accepts loopback names only.
+- Origin. Browsers name the site that a request comes from. Requests and sockets of other sites are refused.
+- Token. If other machines can reach the port, every request needs the token: once in the address, then as a cookie that
+  no other site can send along (SameSite=Strict) and no script can read (HttpOnly).
+"""
+
+from __future__ import annotations
+
+import hmac
+from urllib.parse import urlencode, urlsplit
+
+from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, RedirectResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+COOKIE = "hil_dash"
+_LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
+# No content of other sites, no frames, no inline scripts. Pictures made in the page are blobs.
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "content-security-policy": _POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+
+
+class Authenticator:
+    """ASGI application that wraps another. `token` None: loopback only, which needs no token."""
+
+    def __init__(self, app: ASGIApp, *, token: str | None) -> None:
+        self._app = app
+        self._token = token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        request = HTTPConnection(scope)
+        refusal = self._refusal(request)
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        reply: ASGIApp = self._app
+        if refusal is not None and scope["type"] == "websocket":
+            # Closed before it is accepted, which the client sees as HTTP 403.
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
+            return
+        if refusal is not None:
+            reply = PlainTextResponse(refusal[1], refusal[0])
+        elif self._token is not None and scope["type"] == "http" and "token" in request.query_params:
+            reply = self._token_to_cookie(request, self._token)
+        await reply(scope, receive, with_headers)
+
+    def _refusal(self, request: HTTPConnection) -> tuple[int, str] | None:
+        hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
+        if len(hosts) != 1 or len(origins) > 1:
+            return 400, "a request needs one Host header and at most one Origin header"
+        host = hosts[0].lower()
+        if self._token is None and _host_name(host) not in _LOOPBACK_NAMES:
+            return 403, "this page is served to this machine only, as localhost or 127.0.0.1"
+        if origins:
+            parts = urlsplit(origins[0].lower())
+            if parts.scheme not in ("http", "https") or parts.netloc != host:
+                return 403, "no requests from pages of other sites"
+        elif request.scope["type"] == "http" and request.scope["method"] not in ("GET", "HEAD"):
+            return 403, "a request that changes something needs an Origin header"
+        fetched = request.headers.get("sec-fetch-site", "none")
+        if fetched not in ("same-origin", "none") and request.scope.get("path") != "/":
+            return 403, "no requests from pages of other sites"
+        if self._token is not None:
+            offered = (request.query_params.get("token", ""), request.cookies.get(COOKIE, ""))
+            if not any(hmac.compare_digest(one.encode(), self._token.encode()) for one in offered):
+                return 401, "the address needs ?token=..., as `hil dash` printed it"
+        return None
+
+    @staticmethod
+    def _token_to_cookie(request: HTTPConnection, token: str) -> ASGIApp:
+        """Redirect with the token as a cookie, since addresses end up in histories and logs."""
+        rest = {name: value for name, value in request.query_params.items() if name != "token"}
+        # Exactly one leading slash: an address that begins with two would name another host.
+        to = "/" + request.scope["path"].lstrip("/") + (f"?{urlencode(rest)}" if rest else "")
+        moved = RedirectResponse(to, 303)
+        moved.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+        return moved
+
+
+def _host_name(host: str) -> str:
+    """Return the name in 'name:port' or '[::1]:port'."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0]

@@ -1,0 +1,71 @@
+"""Choices of the page's start form: names from lists, never paths or programs that a page sends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import rigs
+from hil.apps.dash.messages import is_number
+from hil.config.files import available, default_bench
+from signals.documents.yaml_lines import read_yaml
+from signals.errors import ConfigError
+
+_PACKAGE = Path(rigs.__file__).resolve().parent
+_MISSIONS = ("*.plan", "*.waypoints", "*.yaml")
+_MAX_SEED = 2**63 - 1
+
+
+def choices(config: Path | None) -> dict[str, Any]:
+    """Return the lists of the start form. `config`: the bench file of `hil dash`."""
+    benches = sorted({*_files(Path("rigs/benches"), ("*.yaml",)), *_files(_PACKAGE / "benches", ("*.yaml",))})
+    missions = sorted({*_files(Path("rigs/missions"), _MISSIONS), *_files(_PACKAGE / "missions", _MISSIONS)})
+    default = config or default_bench()
+    return {
+        "bench": [*([] if default is None else [str(default)]), *benches],
+        "rig": available("rig", ()),
+        "scene": available("scene", ()),
+        "mission": missions,
+        "defaults": _defaults(default),
+    }
+
+
+def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
+    """Return the arguments of `hil run` for a form. Raises ValueError for a value that is not on the lists."""
+    lists = choices(config)
+    bench = message.get("bench") or (str(config) if config is not None else None)
+    for name, value in (("bench", bench), *((name, message.get(name)) for name in ("rig", "scene", "mission"))):
+        if value not in (None, "", *lists[name]):
+            raise ValueError(f"there is no {name} {value!r} to choose")
+    # An absolute path does not begin with a dash, and after "=" a value cannot be taken for an option.
+    arguments = [] if bench is None else [str(Path(bench).absolute())]
+    arguments += [f"--{name}={message[name]}" for name in ("rig", "scene", "mission") if message.get(name)]
+    seed, pace = message.get("seed"), message.get("pace")
+    if seed is not None:
+        if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= _MAX_SEED:
+            raise ValueError("the seed must be a whole number of at least 0")
+        arguments.append(f"--seed={seed}")
+    if pace is not None:
+        if not is_number(pace) or not 0.01 <= pace <= 1000.0:
+            raise ValueError("the pace must be from 0.01 to 1000 times real time")
+        arguments.append(f"--dash-pace={pace}")
+    if message.get("paused") is True:
+        arguments.append("--dash-paused")
+    if message.get("gamepad") is True:
+        arguments.append("--set=manual.device=gamepad")
+    return arguments
+
+
+def _files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
+    return [str(path) for pattern in patterns for path in folder.glob(pattern) if path.is_file()]
+
+
+def _defaults(bench: Path | None) -> dict[str, Any]:
+    """Return the bench file's own values of the form's fields. They are validated when the run starts."""
+    try:
+        data = read_yaml(bench).data if bench is not None else {}
+    except ConfigError:
+        data = {}
+    known = data if isinstance(data, dict) else {}
+    return {name: known.get(name) for name in ("rig", "scene", "mission", "seed")}

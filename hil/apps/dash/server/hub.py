@@ -1,0 +1,312 @@
+"""Distributes the newest values of one run to any number of pages.
+
+Nothing is queued for a page. A page requests an update when it can take one and gets the newest values, so a slow page
+gets fewer of them. The run is asked for an update only while a page waits for one, and only for streams of open panes.
+All storage is bounded, so a page can stay open for weeks.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import socket
+import sys
+import threading
+from collections import deque
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil.apps.dash.messages import UINT32, StreamFrame, Unpacker, packed, packed_update
+from hil.apps.dash.streams import PREVIEW_PREFIX, PREVIEW_STREAMS
+from signals.classes import Classes
+from signals.errors import HilError
+
+if TYPE_CHECKING:  # OpenCV and the scene take half a second to import: not before the page is up
+    from hil.apps.dash.views.preview_sensors import PreviewSensors
+
+_NICE = 10  # of the threads that render and encode, so that the run has priority
+_EVENTS = 300
+_READ = 1 << 18
+_MAX_STREAMS = 16  # of one page
+_TO_RUN = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
+
+
+class Page:
+    """State of one open page."""
+
+    def __init__(self, send: Callable[[bytes], Awaitable[None]]) -> None:
+        self.send = send
+        self.streams: tuple[str, ...] = ()
+        self.ready = False
+        self.version = -1  # of the hub's state that was sent last
+        self.slow = -1  # version of the slowly changing values
+        self.run = -1  # number of the run that was described to it
+        self.events = 0  # number of events sent
+        self.frames: dict[str, int] = {}  # stream -> version
+
+
+class Hub:
+    """Connects a run to its pages. It lives in one event loop and renders and encodes in threads."""
+
+    def __init__(self, bench_file: Callable[[], Path | None] = lambda: None) -> None:
+        """`bench_file`: the bench whose scene is shown before the first run."""
+        self.pages: set[Page] = set()
+        self.state: dict[str, Any] = {}
+        self.about: dict[str, Any] = {}
+        self.result: dict[str, Any] | None = None  # run.json of the run that ended
+        self.running = False  # a run is connected
+        self.message = ""  # why the last start failed
+        self.run_ended = asyncio.Event()
+        self.run_ended.set()
+        self._bench_file = bench_file
+        self._version = 0
+        self._run = 0  # number of runs so far
+        self._frames: dict[str, tuple[int, StreamFrame]] = {}
+        self._events: deque[tuple[Any, ...]] = deque(maxlen=_EVENTS)
+        self._event_count = 0
+        self._threads = ThreadPoolExecutor(2, "page", initializer=_lower_priority)
+        self._slow: dict[str, Any] = {}
+        self._slow_version = 0
+        self._run_link: asyncio.StreamWriter | None = None
+        self._requested = False  # an update is under way
+        self._previews: PreviewSensors | None = None
+        self._previews_of: Path | None = None
+        self._rendering: asyncio.Task[None] | None = None
+        self._pilot: Page | None = None  # the page whose sticks count
+
+    # -- the run --------------------------------------------------------------------------------------------------
+
+    async def follow(self, link: socket.socket) -> None:
+        """Serve the run at the other end until it is over or its process is gone."""
+        reader, writer = await asyncio.open_connection(sock=link)
+        self._run_link, self._requested = writer, False
+        self.running, self.result, self.message = True, None, ""
+        self.run_ended.clear()
+        unpacker = Unpacker()
+        try:
+            while data := await reader.read(_READ):
+                for message in unpacker.feed(data):
+                    await self._handle(message)
+        except (OSError, ValueError):
+            pass  # the run's process is gone; its folder holds the result
+        finally:
+            self.running, self._run_link = False, None
+            self._state_changed()
+            writer.close()
+            with contextlib.suppress(OSError):
+                await writer.wait_closed()
+            self.run_ended.set()
+            await self._send_updates()
+
+    async def _handle(self, message: dict[str, Any]) -> None:
+        kind = message.pop("kind", None)
+        if kind == "begin":
+            self.about = message
+            self._run += 1
+            self.state = {}
+            self._store_slow({})
+            self._frames.clear()
+            self._events.clear()
+            self._state_changed()
+        elif kind == "state":
+            self._requested = False
+            for event in message.pop("events", ()):
+                self._events.append(tuple(event))
+                self._event_count += 1
+            if "slow" in message:
+                self._store_slow(message.pop("slow"))
+            frames = message.pop("frames", {})
+            message["actors"] = [] if self._previews is None else self._previews.places(message["t_ns"])
+            self.state = message
+            self._state_changed()
+            if frames:
+                # The run makes its next update while these frames are encoded; otherwise panes would lower the rate.
+                self.request_update()
+                await self._encode(frames)
+        elif kind == "end":
+            self.result = message.get("run")
+            self._state_changed()
+        await self._send_updates()
+        self.request_update()
+
+    def _store_slow(self, slow: dict[str, Any]) -> None:
+        self._slow, self._slow_version = slow, self._slow_version + 1
+
+    async def _encode(self, payloads: dict[str, Any]) -> None:
+        previews = self._current_previews()
+        classes = None if previews is None else previews.classes
+        self._store(await asyncio.get_running_loop().run_in_executor(self._threads, _encoded, payloads, classes))
+
+    def _store(self, made: dict[str, StreamFrame]) -> None:
+        for stream, picture in made.items():
+            self._frames[stream] = (self._version + 1, picture)
+        self._version += 1
+
+    def request_update(self) -> None:
+        """Request the next update from the run, if a page waits for one."""
+        if self._run_link is None or self._requested or not any(page.ready for page in self.pages):
+            return
+        wanted = sorted({stream for page in self.pages for stream in page.streams} - set(PREVIEW_STREAMS))
+        self._requested = True
+        self._to_run({"kind": "next", "streams": wanted})
+
+    def _to_run(self, message: dict[str, Any]) -> None:
+        if self._run_link is not None:
+            self._run_link.write(packed(message))
+
+    # -- pages ----------------------------------------------------------------------------------------------------
+
+    async def receive(self, page: Page, message: dict[str, Any]) -> None:
+        """Handle a message of a page, except those that start a run."""
+        kind = message.get("kind")
+        if kind == "next":
+            page.ready = True
+            await self._send_updates()
+            self.request_update()
+        elif kind == "streams":
+            wanted = message.get("streams")
+            if isinstance(wanted, list):
+                page.streams = tuple(s for s in wanted if isinstance(s, str))[:_MAX_STREAMS]
+                for stream in [s for s in page.frames if s not in page.streams]:
+                    del page.frames[stream]
+            page.version = -1  # frames of the new streams may be here already
+            self._start_previews()
+            await self._send_updates()
+        elif kind == "sticks":
+            self._sticks(page, message)
+        elif kind in _TO_RUN:
+            self._to_run(message)
+
+    def _sticks(self, page: Page, message: dict[str, Any]) -> None:
+        """Pass sticks on from one page at a time: the first to hold its dead-man switch, until it releases it."""
+        if self._pilot is not None and self._pilot is not page:
+            return
+        self._pilot = page if message.get("held") is True else None
+        self._to_run(message)
+
+    async def remove(self, page: Page) -> None:
+        """Remove a page that was closed, and release its dead-man switch."""
+        self.pages.discard(page)
+        if self._pilot is page:
+            self._sticks(page, {"kind": "sticks", "held": False})
+
+    def _state_changed(self) -> None:
+        self._version += 1
+        self._start_previews()
+
+    async def publish(self) -> None:
+        """Send the pages attributes that another object has changed."""
+        self._state_changed()
+        await self._send_updates()
+
+    async def _send_updates(self) -> None:
+        """Send every waiting page the changes that it has not received yet."""
+        for page in list(self.pages):
+            if page.ready and page.version != self._version:
+                page.ready, page.version = False, self._version
+                with contextlib.suppress(OSError, RuntimeError):
+                    await page.send(self._update(page))
+
+    def _update(self, page: Page) -> bytes:
+        first = page.run != self._run
+        if first:
+            page.run, page.events = self._run, self._event_count - len(self._events)
+            page.frames.clear()
+            page.slow = -1
+        new = min(self._event_count - page.events, len(self._events))
+        head: dict[str, Any] = {
+            "kind": "update",
+            "going": self.running,
+            "message": self.message,
+            "state": self.state,
+            "events": list(self._events)[len(self._events) - new :] if new else [],
+            "result": self.result,
+        }
+        if first:
+            head["about"] = self.about
+            head["run"] = self._run
+        if page.slow != self._slow_version:
+            page.slow, head["slow"] = self._slow_version, self._slow
+        page.events = self._event_count
+        frames = []
+        for stream in page.streams:
+            version, made = self._frames.get(stream, (-1, None))
+            if made is not None and page.frames.get(stream) != version:
+                page.frames[stream] = version
+                frames.append(made)
+        return packed_update(head, frames)
+
+    # -- previews -------------------------------------------------------------------------------------------------
+
+    def bench_file(self) -> Path | None:
+        """Return the bench whose scene is shown: that of the run, or the default one before the first run."""
+        out = self.about.get("out")
+        return Path(out) / "bench.yaml" if out else self._bench_file()
+
+    def _current_previews(self) -> PreviewSensors | None:
+        file = self.bench_file()
+        if file is None:
+            return None
+        if file != self._previews_of:
+            from hil.apps.dash.views.preview_sensors import PreviewSensors
+
+            self._previews, self._previews_of = PreviewSensors(file), file
+        return self._previews
+
+    async def scene(self) -> bytes:
+        """Return the triangles of the scene. Raises HilError if it cannot be loaded."""
+        previews = self._current_previews()
+        if previews is None:
+            return UINT32.pack(0)
+        return await asyncio.get_running_loop().run_in_executor(self._threads, previews.triangles)
+
+    def _start_previews(self) -> None:
+        """Start to render the previews of open panes, unless that is under way."""
+        if (self._rendering is None or self._rendering.done()) and self._wanted_previews() and "p" in self.state:
+            self._rendering = asyncio.get_running_loop().create_task(self._render_previews())
+
+    def _wanted_previews(self) -> list[str]:
+        return sorted({s for page in self.pages for s in page.streams if s.startswith(f"{PREVIEW_PREFIX}/")})
+
+    async def _render_previews(self) -> None:
+        loop = asyncio.get_running_loop()
+        rendered_at: tuple[Any, ...] = ()
+        while True:
+            wanted, previews, state = self._wanted_previews(), self._current_previews(), self.state
+            at = (*wanted, self._run, state.get("t_ns"))
+            if not wanted or previews is None or "p" not in state or at == rendered_at:
+                return
+            rendered_at = at
+            began = loop.time()
+            try:
+                made = await loop.run_in_executor(self._threads, self._render, previews, wanted, state)
+            except HilError:
+                return  # the scene cannot be loaded; the run reports why
+            if self.state and previews is self._previews:
+                self._store(made)
+                if self._run_link is None or not self._requested:  # otherwise it is sent with the run's next update
+                    await self._send_updates()
+            # The pause is four times the rendering, which then takes a fifth of a processor. A preview should not be
+            # much older than 0.1 s, however, so slow rendering may take half a processor.
+            took_s = loop.time() - began
+            await asyncio.sleep(max(0.05, min(4.0 * took_s, 0.1), took_s))
+
+    @staticmethod
+    def _render(previews: PreviewSensors, wanted: list[str], state: dict[str, Any]) -> dict[str, StreamFrame]:
+        return _encoded(previews.render(wanted, state["p"], state["q"], state["t_ns"]), previews.classes)
+
+
+def _encoded(payloads: dict[str, Any], classes: Classes | None) -> dict[str, StreamFrame]:
+    from hil.apps.dash.views.pictures import encoded_frame
+
+    return {stream: encoded_frame(stream, payload, classes or Classes()) for stream, payload in payloads.items()}
+
+
+def _lower_priority() -> None:
+    """Lower this thread's priority. On Linux that is per thread, so runs that this process starts do not inherit it."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)

@@ -1,0 +1,150 @@
+"""Mesh of a scene for the page's 3-D view: a limited number of coloured triangles, with coarse curves."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from signals.rotation import yaw_of
+from sim.frame.meshes import height_field_triangles, mesh_triangles
+from sim.frame.scenery import rgb_texture, texels_of
+
+_MOST_TRIANGLES = 250_000  # 9 MB; beyond this the smallest objects are left out
+_GROUND_M = 600.0  # half an edge of an infinite plane
+_ROUND = 12  # sides of a cylinder
+_GEOM = mujoco.mjtGeom
+_Piece = tuple[float, NDArray[np.float32], NDArray[np.uint8]]  # size [m], corners, colour
+
+
+class Actors:
+    """Places of a scene's people and vehicles, each a rigid body here. In camera pictures their limbs move."""
+
+    def __init__(self, world: Any) -> None:
+        """`world`: sim.scene.world.World."""
+        self._actors = world.map.actors
+        self._arrays = [tuple(np.zeros((len(actor.bodies), width)) for width in (3, 4, 3, 3)) for actor in self._actors]
+
+    def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
+        """Return x, y, z [m, W] and yaw [rad] of each."""
+        found = []
+        for actor, arrays in zip(self._actors, self._arrays, strict=True):
+            actor.pose(t_ns, *arrays)
+            x, y, z = arrays[0][0].tolist()
+            yaw = yaw_of(arrays[1][0].tolist())
+            found.append((round(x, 3), round(y, 3), round(z, 3), round(yaw, 4)))
+        return found
+
+
+def into_frame(corners: NDArray[np.float32], place: tuple[float, float, float, float]) -> NDArray[np.float32]:
+    """Transform points from W to the frame of a place."""
+    x, y, z, yaw = place
+    moved = corners - np.array((x, y, z), np.float32)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turn = np.array(((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)), np.float32)
+    return np.asarray(moved @ turn.T, np.float32)
+
+
+def scene_triangles(world: Any) -> bytes:
+    """Encode a scene: the mesh of everything static, uint32 number of people and vehicles, then each of them.
+
+    A mesh is a uint32 count, then per corner three float32 [m] and four uint8 (red, green, blue, 255). The static mesh
+    is in W. A moving one is in its own frame, after its place at the start: four float32, x, y, z [m] and yaw [rad].
+    `world`: sim.scene.world.World.
+    """
+    model = world.model
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    places = Actors(world).places(0)
+    pieces: list[_Piece] = []
+    moving: list[list[_Piece]] = [[] for _ in places]
+    for geom in np.flatnonzero(world.geom_visible).tolist():
+        corners = _corners(model, geom)
+        if corners is None or not len(corners):
+            continue
+        placed: NDArray[np.float64] = corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        size = float(np.ptp(placed, axis=0).max())
+        piece = (size, placed.astype(np.float32), _colour(model, geom))
+        (pieces if world.geom_actor[geom] < 0 else moving[world.geom_actor[geom]]).append(piece)
+    pieces.sort(key=lambda piece: -piece[0])
+    kept, triangles = [], 0
+    for piece in pieces:
+        triangles += len(piece[1]) // 3
+        if triangles > _MOST_TRIANGLES:
+            break
+        kept.append(piece)
+    made = [_packed(kept), struct.pack("<I", len(moving))]
+    for place, parts in zip(places, moving, strict=True):
+        own = [(size, into_frame(corners, place), colour) for size, corners, colour in parts]
+        made += [struct.pack("<4f", *place), _packed(own)]
+    return b"".join(made)
+
+
+def _packed(kept: list[_Piece]) -> bytes:
+    count = sum(len(corners) for _, corners, _ in kept)
+    made = np.zeros(count, np.dtype([("at", "<f4", 3), ("colour", "u1", 4)]))
+    at = 0
+    for _, corners, colour in kept:
+        made["at"][at : at + len(corners)] = corners
+        made["colour"][at : at + len(corners)] = colour
+        at += len(corners)
+    return struct.pack("<I", count) + made.tobytes()
+
+
+def _corners(model: Any, geom: int) -> NDArray[Any] | None:
+    """Return the corners of a geom in its frame, three rows per triangle; None for kinds that are not shown."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD):
+        make = mesh_triangles if kind == _GEOM.mjGEOM_MESH else height_field_triangles
+        mesh = make(model, int(model.geom_dataid[geom]))
+        return mesh.vertex[mesh.triangle.ravel()].astype(np.float64)
+    if kind == _GEOM.mjGEOM_PLANE:
+        x, y = (float(half) if half > 0 else _GROUND_M for half in size[:2])
+        return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, -y, 0), (x, y, 0), (-x, y, 0)], np.float64)
+    if kind == _GEOM.mjGEOM_BOX:
+        return _hull(np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0) * size
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return _hull(_rings([(1.0, 1.0), (1.0, -1.0)])) * (size[0], size[0], size[1])
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
+        radii = np.full(3, size[0]) if kind == _GEOM.mjGEOM_SPHERE else size
+        return _hull(_rings([(math.sin(a), math.cos(a)) for a in np.linspace(0.0, math.pi, 7)])) * radii
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        r, half = float(size[0]), float(size[1])
+        angles = np.linspace(0.0, math.pi, 8)
+        outline = [(r * math.sin(a), r * math.cos(a) + (half if a < math.pi / 2 else -half)) for a in angles]
+        return _hull(_rings(outline))
+    return None
+
+
+def _rings(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
+    """Return points on circles about z, given as (radius, height)."""
+    angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
+    return np.array([(r * math.cos(angle), r * math.sin(angle), z) for r, z in outline for angle in angles])
+
+
+def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the convex hull of points, three rows per triangle, counter-clockwise as seen from outside."""
+    hull = ConvexHull(points)
+    corners: NDArray[np.float64] = points[hull.simplices]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("ij,ij->i", normal, hull.equations[:, :3]) < 0.0
+    corners[inward] = corners[inward][:, ::-1]
+    return corners.reshape(-1, 3)
+
+
+def _colour(model: Any, geom: int) -> NDArray[np.uint8]:
+    """Return a geom's colour: that of its material times the mean of its texture, else its own."""
+    material = int(model.geom_matid[geom])
+    rgb = np.array(model.geom_rgba[geom][:3], np.float64)
+    if material >= 0:
+        rgb = np.array(model.mat_rgba[material][:3], np.float64)
+        texture = rgb_texture(model, material)
+        if texture >= 0:
+            texels = texels_of(model, texture).reshape(-1, 3)
+            rgb *= texels[:: max(1, len(texels) // 4096)].mean(axis=0) / 255.0
+    return np.array([*(np.clip(rgb, 0.0, 1.0) * 255.0), 255], np.uint8)

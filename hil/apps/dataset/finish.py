@@ -1,0 +1,283 @@
+"""Files written after the last frame: split, COCO, datasheet, checksums and manifest."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.apps.dataset.formats import voc
+from hil.apps.dataset.formats.coco import CocoPicture, coco_parts
+from hil.apps.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, Datasheet, datasheet_html
+from hil.apps.dataset.formats.euroc import ROOT
+from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.formats.split import GUARD, SETS, Split, equal_segments, split_frames, split_text
+from hil.apps.dataset.plan import DatasetPlan
+from hil.apps.dataset.storage.journal import BatchRecord
+from hil.apps.dataset.storage.manifest import write_manifest
+from hil.apps.dataset.storage.store import DatasetStore
+from hil.apps.dataset.storage.tables import TABLE, Tables
+from hil.apps.dataset.storage.tree import (
+    ANNOTATIONS,
+    CHECKSUMS,
+    JOURNAL,
+    MANIFEST,
+    PREVIEW,
+    RECORDING,
+    WORK,
+    TreeWriter,
+    Written,
+    unwritable,
+)
+from signals.time import NS_PER_S
+from sim.sensors.catalog import PRESETS
+
+SPLIT_NAME = "split.csv"
+_COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
+_CHUNK_CHARACTERS = 1 << 20  # of a COCO file, held in memory before they are written
+_MIN_FRAMES_WITH_GUARDS = 30  # with fewer, neighbouring frames are in different sets
+_TITLES = {
+    "rgb": "colour",
+    "boxes": "colour with boxes",
+    "depth": "depth, near is bright",
+    "segmentation": "classes",
+    "instance": "instances",
+    "normal": "normals",
+    "cloud": "LiDAR from above, 40 m each way",
+    "map": "radar, range and speed",
+}
+
+
+@dataclass(frozen=True)
+class DatasetCounts:
+    """Totals over all batches."""
+
+    frame_t_ns: list[int]
+    objects: list[dict[int, int]]  # by frame: class to number of objects
+    pixels: list[int]  # by class, 256 counts
+    samples: dict[str, int]  # by sensor
+
+    @classmethod
+    def of(cls, records: Sequence[BatchRecord]) -> DatasetCounts:
+        """Sum the records of all batches, which must be in order."""
+        pixels = [0] * 256
+        samples: dict[str, int] = {}
+        for record in records:
+            for class_id, count in record.class_pixels.items():
+                pixels[class_id] += count
+            for name, count in record.samples.items():
+                samples[name] = samples.get(name, 0) + count
+        return cls(
+            [t for record in records for t in record.frame_t_ns],
+            [counts for record in records for counts in record.objects],
+            pixels,
+            samples,
+        )
+
+
+def split_of(frames: int, guard_frames: int) -> Split:
+    """Split the frames 60/20/20 by equal segments of the trajectory; with few frames, without guards between sets."""
+    guard = guard_frames if frames >= _MIN_FRAMES_WITH_GUARDS else 0
+    if guard and len(equal_segments(frames, guard_frames=guard)) < len(SETS):
+        guard = 0
+    return split_frames(frames, guard_frames=guard)
+
+
+def finish(
+    plan: DatasetPlan,
+    store: DatasetStore,
+    records: Sequence[BatchRecord],
+    *,
+    catalogue: Catalogue,
+    files: Iterable[Written],
+    made_from: Mapping[str, Any],
+) -> None:
+    """Write the remaining files, complete the recording and delete the work folder.
+
+    `files` were written before the first frame; `made_from` is the data set's `provenance`. Raises RecordingError.
+    """
+    root, tables, recording = store.root, store.tables, store.recording
+    tree = TreeWriter(root)
+    counts = DatasetCounts.of(records)
+    split = split_of(len(counts.frame_t_ns), plan.config.dataset.guard_frames)
+    batch_files = (file for record in records for file in record.files)
+    written = [*files, *batch_files, *tables.written()]
+    if plan.labelled is not None:
+        names = [str(t_ns) for t_ns in counts.frame_t_ns]
+        written += [tree.write(f"{voc.IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
+        written += _coco_files(plan, tree, split, catalogue, store.coco_pictures)
+    written.append(tree.write(SPLIT_NAME, split_text(split).encode()))
+    if plan.labelled is not None:
+        _link(root / voc.IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
+    previews = [file.path for record in records[:1] for file in record.files if file.path.startswith(PREVIEW)]
+    page = datasheet_html(_datasheet(plan, store, counts, split, catalogue, made_from, previews))
+    written.append(tree.write(PAGE_NAME, page.encode()))
+    recording.finish({"frames": str(plan.frames), "batches": str(len(records))})
+    written.sort(key=lambda file: file.path)
+    rows = "".join(f"{file.path},{file.size},{file.crc32:08x}\n" for file in written)
+    checksums = ("#path,bytes,crc32\n" + rows).encode()
+    tree.write(CHECKSUMS, checksums)
+    write_manifest(
+        tree,
+        {
+            "complete": True,
+            "made_from": dict(made_from),
+            "randomize": plan.bench.drawn(),
+            "licence": LICENCE,
+            "frames": len(counts.frame_t_ns),
+            "first_t_ns": counts.frame_t_ns[0],
+            "last_t_ns": counts.frame_t_ns[-1],
+            "split": {name: split.counts[name] for name in (*SETS, GUARD)},
+            "samples": {**counts.samples, **{f: n for f, n in tables.rows.items() if f not in counts.samples}},
+            "objects": sum(sum(frame.values()) for frame in counts.objects),
+            "files": len(written),
+            "bytes": sum(file.size for file in written),
+            "recording_bytes": recording.size,
+            "checksums_sha256": hashlib.sha256(checksums).hexdigest(),
+        },
+    )
+    shutil.rmtree(root / WORK, ignore_errors=True)
+
+
+def _coco_files(
+    plan: DatasetPlan,
+    tree: TreeWriter,
+    split: Split,
+    catalogue: Catalogue,
+    pictures: Callable[[], Iterable[CocoPicture]],
+) -> Iterator[Written]:
+    """Write one COCO file per set and one of all frames. A set without frames has a file without images."""
+    description = f"{plan.bench.scene.name}, seed {plan.config.seed}"
+    for name, short in {**_COCO_NAMES, "": "all"}.items():
+        ids = {frame + 1 for frame in (split.frames(name) if name else range(len(split.of_frame)))}
+
+        def selected(ids: set[int] = ids) -> Iterator[CocoPicture]:
+            return (picture for picture in pictures() if picture.image_id in ids)
+
+        parts = coco_parts(selected, catalogue, description=description, licence=LICENCE)
+        yield tree.write_parts(f"{ANNOTATIONS}/instances_{short}.json", _chunks(parts))
+
+
+def _chunks(parts: Iterable[str]) -> Iterator[bytes]:
+    """Join small parts into chunks of about `_CHUNK_CHARACTERS`."""
+    held: list[str] = []
+    size = 0
+    for part in parts:
+        held.append(part)
+        size += len(part)
+        if size > _CHUNK_CHARACTERS:
+            yield "".join(held).encode()
+            held.clear()
+            size = 0
+    yield "".join(held).encode()
+
+
+def _link(link: Path, target: str) -> None:
+    """Make VOC's picture folder a link to the camera's own folder."""
+    try:
+        if not link.is_symlink():
+            os.symlink(target, link, target_is_directory=True)
+    except OSError as error:
+        raise unwritable(link, error) from error
+
+
+def _datasheet(
+    plan: DatasetPlan,
+    store: DatasetStore,
+    counts: DatasetCounts,
+    split: Split,
+    catalogue: Catalogue,
+    made_from: Mapping[str, Any],
+    previews: Sequence[str],
+) -> Datasheet:
+    config = plan.config
+    by_class: dict[int, list[int]] = {}
+    columns = {name: i for i, name in enumerate((*SETS, GUARD))}
+    for set_name, objects in zip(split.of_frame, counts.objects, strict=False):
+        for class_id, n in objects.items():
+            by_class.setdefault(class_id, [0] * len(columns))[columns[set_name]] += n
+    frames = len(counts.frame_t_ns)
+    limits = list(LIMITS)
+    if frames < _MIN_FRAMES_WITH_GUARDS:
+        limits.append(
+            f"So few frames ({frames}) leave none between the sets: neighbours in time are in "
+            "different sets, and a set can be empty. Good to try tools with, not to judge a detector by."
+        )
+    trajectory = config.dataset.trajectory
+    course = config.mission or "none"
+    if trajectory is not None:
+        course = (
+            f"{trajectory.preset}, {trajectory.side_m:g} m, at {trajectory.height_m:g} m, {trajectory.speed_mps:g} m/s"
+        )
+    return Datasheet(
+        title=f"{plan.bench.scene.name}, {frames} frames",
+        about=[
+            f"Labelled data of several sensors on a simulated {config.vehicle}, flown by a {config.autopilot.kind} "
+            f"flight controller over {plan.bench.scene.name}.",
+            "All sensors share one clock: times are simulated nanoseconds after "
+            f"{made_from['epoch_ns']} ns, and samples of one time are of one moment.",
+            f"{frames} frames over {(counts.frame_t_ns[-1] - counts.frame_t_ns[0]) / NS_PER_S:.2f} s.",
+        ],
+        made={
+            "scene": plan.bench.scene.name,
+            "trajectory": course,
+            "seed": str(config.seed),
+            "quality": plan.quality,
+            "bench": f"bench.yaml, sha256 {made_from['config_sha256']}",
+            "again": f"hil dataset bench.yaml --frames {frames}",
+        },
+        sensors=_sensor_rows(plan, counts, store.tables),
+        classes=catalogue.classes,
+        class_pixels=counts.pixels,
+        class_objects=by_class,
+        split=split,
+        formats=_formats(plan),
+        pictures=[_sample(store.root, path) for path in previews],
+        limits=limits,
+    )
+
+
+def _sample(root: Path, path: str) -> tuple[str, str, bytes]:
+    name, _, kind = Path(path).name.rpartition(".")
+    sensor, _, key = name.rpartition("-")
+    return f"{sensor}: {_TITLES[key]}", kind, (root / path).read_bytes()
+
+
+def _sensor_rows(plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for name, sensor in plan.config.sensors.items():
+        p = sensor.parameters
+        holds = ", ".join(getattr(p, "channels", None) or getattr(p, "outputs", None) or (sensor.kind,))
+        preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
+        part = f" ({preset.part})" if preset is not None else ""
+        parts = getattr(p, "channels", None) or getattr(p, "outputs", None) or ("",)
+        folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, part)}" for part in parts))
+        samples = counts.samples.get(name, tables.rows.get(plan.folder(name), 0))
+        rows.append((name + part, folders, holds, f"{sensor.rate_hz:g}", str(samples)))
+    return rows
+
+
+def _formats(plan: DatasetPlan) -> dict[str, str]:
+    step_m = plan.config.dataset.depth_step_m
+    found = {
+        f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files",
+        f"{ROOT}/*/sensor.yaml": "intrinsics, place on the vehicle (T_BS), rate, noise",
+        f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: nothing, 65535: beyond {65534 * step_m:g} m",
+        f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, as SemanticKITTI has them",
+        f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp: radar.json",
+        f"{ROOT}/range_doppler*/data": "numpy float32 (chirps, range bins), power in ADC counts squared",
+        "Annotations, ImageSets, JPEGImages, SegmentationClass": "Pascal VOC; the pictures are PNGs",
+        f"{ANNOTATIONS}/instances_*.json": "COCO with masks: train, val, test, all",
+        SPLIT_NAME: "the set of each frame",
+        RECORDING: "the whole run as MCAP, ROS 2 messages; pictures are the PNG files' own bytes",
+        CHECKSUMS: "bytes and CRC-32 of every file but the recording and the journal",
+        MANIFEST: "what it was made from, and counts",
+        JOURNAL: "what `--resume` goes by",
+    }
+    if plan.labelled is None:
+        found = {k: v for k, v in found.items() if "VOC" not in v and "COCO" not in v}
+    return found

@@ -1,0 +1,198 @@
+"""Make a data set from start to end, or resume one that was interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from hil.apps.dataset.drawing import BatchDrawer
+from hil.apps.dataset.finish import finish
+from hil.apps.dataset.flight import fly_for_frames
+from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.pipeline import Pipeline
+from hil.apps.dataset.plan import DatasetPlan
+from hil.apps.dataset.storage.layout import sensor_files
+from hil.apps.dataset.storage.manifest import (
+    BENCH_NAME,
+    check_resumable,
+    initial_manifest,
+    provenance,
+    require_empty,
+    saved_bench,
+    write_manifest,
+)
+from hil.apps.dataset.storage.store import DatasetStore, MakeCheckpoints
+from hil.apps.dataset.storage.tables import Checkpoints
+from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
+from hil.apps.dataset.workers import JobHandler, Workers
+from hil.config import load_bench
+from hil.run.loop.progress import ProgressDisplay
+from signals.classes import Classes
+
+_BAR_S, _LINE_S = 0.1, 5.0
+
+
+class FrameProgress(ProgressDisplay):
+    """Display of frames, rate and time left: a bar on a terminal, elsewhere a line every few seconds."""
+
+    def __init__(
+        self, total: int, *, quiet: bool, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        super().__init__("dataset", quiet=quiet, stream=stream, clock=clock)
+        self._total = total
+        self._next_s = 0.0
+        self._first: tuple[float, int] | None = None  # time and frames at which the measurement of the rate began
+
+    def text(self, done: int, now_s: float) -> str:
+        """Return frames, rate and time left. The rate counts from the first batch on, so take-off is not in it."""
+        if self._first is None:
+            self._first = (now_s, done)
+            return f"{done} of {self._total} frames"
+        since_s, before = self._first
+        rate = (done - before) / max(now_s - since_s, 1e-6)
+        if rate <= 0.0:
+            return f"{done} of {self._total} frames"
+        left_s = (self._total - done) / rate
+        return f"{done} of {self._total} frames, {rate:.1f} frames/s, {_minutes(left_s)} left"
+
+    def show(self, done: int) -> None:
+        """Display that `done` frames are stored; calls that come too soon after one another are ignored."""
+        now_s = self._clock()
+        if self._quiet or (now_s < self._next_s and self._first is not None):
+            return
+        text = self.text(done, now_s)
+        with contextlib.suppress(OSError, ValueError):  # the terminal or pipe has been closed
+            if self._bar is not None:
+                self._next_s = now_s + _BAR_S
+                self._bar.update(self._task, total=self._total, completed=done, text=text, refresh=True)
+            else:
+                self._next_s = now_s + _LINE_S
+                print(text, file=self._stream, flush=True)
+
+
+def _minutes(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole} s" if whole < 100 else f"{whole // 60} min {whole % 60:02d} s"
+
+
+@dataclass(frozen=True)
+class DatasetResult:
+    """Outcome of `make_dataset`. `steady_frames_per_s` is measured from the first finished batch to the last."""
+
+    out: Path
+    frames: int
+    found_batches: int  # left complete by an earlier attempt
+    steady_frames_per_s: float
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class MakeOptions:
+    """Options that change how a data set is made, but no byte of it. Tests replace the two factories."""
+
+    workers: int | None = None  # None: one per core
+    resume: bool = False
+    quiet: bool = False
+    make_workers: Callable[[int, Callable[[], JobHandler]], Workers] = Workers
+    make_checkpoints: MakeCheckpoints = Checkpoints
+
+
+@dataclass
+class DrawerFactory:
+    """Makes a worker's `BatchDrawer`. In a process that was not forked it loads the bench saved in the data set."""
+
+    plan: DatasetPlan | None
+    frames: int
+    quality: str
+    root: Path
+    kind: type[BatchDrawer] = BatchDrawer
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "plan": None}
+
+    def __call__(self) -> BatchDrawer:
+        plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
+        return self.kind(plan, self.root)
+
+
+def make_dataset(plan: DatasetPlan, root: Path, options: MakeOptions = MakeOptions()) -> DatasetResult:
+    """Make the data set of `plan` in the folder `root`.
+
+    Raises ConfigError if `root` cannot be used, RecordingError if it cannot be written, and HilError of the flight.
+    After any error the files written so far are readable, and `resume` continues from them.
+    """
+    began_s = time.monotonic()
+    bench_files = saved_bench(plan)
+    made_from = provenance(plan, bench_files)
+    if not options.resume:
+        require_empty(root)
+    make_folder(root)
+    if options.resume:
+        check_resumable(root, made_from, bench_files)
+    with locked(root):
+        return _DatasetMaker(plan, root, options, bench_files, made_from, began_s).make()
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else (os.cpu_count() or 1)
+
+
+@dataclass
+class _DatasetMaker:
+    """Makes a data set in a folder that is checked and locked."""
+
+    plan: DatasetPlan
+    root: Path
+    options: MakeOptions
+    bench_files: Mapping[str, bytes]
+    made_from: Mapping[str, Any]
+    began_s: float
+
+    def make(self) -> DatasetResult:
+        """Write the first files, start the workers and record."""
+        plan, root, options = self.plan, self.root, self.options
+        count = options.workers or cores()
+        tree = TreeWriter(root)
+        # Written before the workers start, because a worker that was not forked reads them.
+        files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
+        factory = DrawerFactory(plan, plan.frames, plan.quality, root)
+        with options.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=options.quiet) as progress:
+            write_manifest(tree, initial_manifest(self.made_from))
+            return self._record(pool, count, files, progress)
+
+    def _record(self, pool: Workers, count: int, files: list[Written], progress: FrameProgress) -> DatasetResult:
+        plan, root, world = self.plan, self.root, self.plan.bench.world
+        classes = Classes(world.class_names, world.class_colours)
+        tree = TreeWriter(root)
+        files += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
+        store = DatasetStore.open(root, plan, self.bench_files[BENCH_NAME], self.options.make_checkpoints)
+        times: list[tuple[float, int]] = []
+
+        def on_done(frames: int) -> None:
+            times.append((time.monotonic(), frames))
+            progress.show(frames)
+
+        pipeline = Pipeline(store, pool, workers_count=count, on_done=on_done)
+        try:
+            fly_for_frames(plan, pipeline.add)
+            pipeline.finish()
+            catalogue = Catalogue.of_geoms(classes, np.asarray(world.geom_instance), np.asarray(world.geom_class))
+            finish(plan, store, pipeline.records, catalogue=catalogue, files=files, made_from=self.made_from)
+            store.checkpoints.finish()
+        except BaseException:
+            pipeline.abandon()
+            raise
+        finally:
+            store.close()
+        (first_s, before), (last_s, after) = times[0], times[-1]
+        rate = (after - before) / (last_s - first_s) if last_s > first_s else 0.0
+        return DatasetResult(root, pipeline.frames, pipeline.found, rate, time.monotonic() - self.began_s)

@@ -1,0 +1,136 @@
+"""Sampling schedule of a data set: the ticks at which cameras, LiDARs and radars are due, gathered into batches.
+
+Sample numbers count from the start of the first flight, as in `hil run`, so a sample has the same noise as in a run of
+the same bench. Times are times of the data set: a second flight continues where the first one ended.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from hil.config import SensorConfig
+from signals.samples import TruthState
+from signals.time import RateAccumulator
+
+
+class DueSample(NamedTuple):
+    """One sample to take. `previous` is the truth of a LiDAR's sample before, because a sweep spans the motion since.
+
+    `previous` is None for other sensors and for the first sample of a flight.
+    """
+
+    sensor: str
+    seq: int
+    previous: TruthState | None
+
+
+class Moment(NamedTuple):
+    """A tick with at least one due sample. `frame` is the frame's number, -1 if the reference sensor is not due."""
+
+    truth: TruthState
+    due: tuple[DueSample, ...]
+    frame: int
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Consecutive frames, and all samples due from the first of them up to the first frame of the next batch."""
+
+    index: int
+    first_frame: int
+    frames: int
+    moments: tuple[Moment, ...]
+
+    @property
+    def crc(self) -> int:
+        """CRC-32 over every bit of every true state and sample number; it identifies the flight."""
+        crc = 0
+        for moment in self.moments:
+            crc = zlib.crc32(repr(moment).encode(), crc)
+        return crc
+
+
+@dataclass
+class SampleClock:
+    """Determines the due samples tick by tick. Make one per data set and call `start_flight` before each flight."""
+
+    sensors: Mapping[str, SensorConfig]
+    tick_hz: int
+    _rates: dict[str, RateAccumulator] = field(default_factory=dict)
+    _seq: dict[str, int] = field(default_factory=dict)
+    _previous: dict[str, TruthState] = field(default_factory=dict)
+
+    def start_flight(self) -> None:
+        """Restart all rates; sample numbers continue."""
+        self._previous.clear()
+        for name, sensor in self.sensors.items():
+            mhz = round(sensor.rate_hz * 1000)
+            self._rates[name] = RateAccumulator(event_mhz=mhz, tick_mhz=self.tick_hz * 1000)
+
+    def due(self, truth: TruthState) -> tuple[DueSample, ...]:
+        """Return the samples due at this tick, in the order of `sensors`. Call once per tick."""
+        found = []
+        for name, rate in self._rates.items():
+            if rate.due():
+                seq = self._seq.get(name, 0)
+                self._seq[name] = seq + 1
+                if self.sensors[name].kind == "lidar":
+                    found.append(DueSample(name, seq, self._previous.get(name)))
+                    self._previous[name] = truth
+                else:
+                    found.append(DueSample(name, seq, None))
+        return tuple(found)
+
+
+class BatchCollector:
+    """Gathers moments into batches. A batch ends when the next batch's first frame comes, or with the last frame."""
+
+    def __init__(self, reference: str, *, frames: int, batch_frames: int) -> None:
+        self._reference, self._frames, self._size = reference, frames, batch_frames
+        self._moments: list[Moment] = []
+        self._next_frame = 0
+        self._index = 0
+
+    @property
+    def full(self) -> bool:
+        """True if all frames have been taken."""
+        return self._next_frame >= self._frames
+
+    @property
+    def started(self) -> bool:
+        """True if the first frame has been taken. Samples before it are discarded."""
+        return self._next_frame > 0
+
+    @property
+    def frames(self) -> int:
+        """Number of frames taken so far."""
+        return self._next_frame
+
+    def add(self, truth: TruthState, due: tuple[DueSample, ...]) -> Batch | None:
+        """Add the due samples of one tick and return the batch that this tick ends, if any."""
+        is_frame = any(sample.sensor == self._reference for sample in due)
+        if not due or not (is_frame or self.started):
+            return None
+        batch = None
+        if is_frame and self._next_frame and self._next_frame % self._size == 0:
+            batch = self.take()
+        frame = -1
+        if is_frame:
+            frame = self._next_frame
+            self._next_frame += 1
+        self._moments.append(Moment(truth, due, frame))
+        return batch
+
+    def take(self) -> Batch | None:
+        """Return the gathered moments as a batch and start the next one; None if there are none."""
+        if not self._moments:
+            return None
+        moments, self._moments = tuple(self._moments), []
+        frames = sum(moment.frame >= 0 for moment in moments)
+        first = next((moment.frame for moment in moments if moment.frame >= 0), self._next_frame)
+        batch = Batch(self._index, first, frames, moments)
+        self._index += 1
+        return batch

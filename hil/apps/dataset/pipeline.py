@@ -1,0 +1,103 @@
+"""Pipeline from flight to files: batches go to the workers as the flight ends them, and are stored in order.
+
+The flight runs in this process and waits while the workers hold as many batches as they may, so memory is bounded by
+the number of workers. Everything that is written in order (recording, journal, tables) is written here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+from hil.apps.dataset.drawing import take_finished
+from hil.apps.dataset.flight import FlightData
+from hil.apps.dataset.moments import Batch
+from hil.apps.dataset.storage.journal import BatchRecord
+from hil.apps.dataset.storage.store import DatasetStore
+from hil.apps.dataset.workers import Job, JobResult, Workers
+from signals.errors import RecordingError
+
+MAX_PENDING = 4  # batches per worker that may wait for an earlier one
+
+
+class Pipeline:
+    """Distributes batches to the workers (`add`) and stores their results in order."""
+
+    def __init__(
+        self, store: DatasetStore, workers: Workers, *, workers_count: int, on_done: Callable[[int], None]
+    ) -> None:
+        """`on_done` is called with the number of frames stored, after each batch."""
+        self._store, self._workers = store, workers
+        self._expected = list(store.journal.entries())  # of an earlier attempt, with the offsets of their chunks
+        self._on_done = on_done
+        self._pending: dict[int, tuple[Batch, FlightData]] = {}  # submitted, not yet stored
+        self._results: dict[int, JobResult] = {}  # finished before an earlier batch
+        self._next = 0
+        self._max_pending = MAX_PENDING * workers_count
+        self.records: list[BatchRecord] = []  # without their pictures
+        self.found = 0  # batches that an earlier attempt left complete
+        self.frames = 0
+
+    def add(self, batch: Batch, data: FlightData) -> None:
+        """Submit a batch. Waits while too many batches are pending. Raises HilError of a worker."""
+        while not self._workers.has_capacity or len(self._pending) >= self._max_pending:
+            self._collect(block=True)
+        self._pending[batch.index] = (batch, data)
+        self._workers.submit(self._job(batch))
+        self._collect(block=False)
+
+    def _job(self, batch: Batch) -> Job:
+        if batch.index >= len(self._expected):
+            return Job(batch, None, 0)
+        expected, offset = self._expected[batch.index]
+        samples: Counter[str] = Counter(due.sensor for moment in batch.moments for due in moment.due)
+        if expected.frames != batch.frames or expected.samples != dict(samples):
+            return Job(batch, None, 0)  # the last batch of a smaller data set
+        if expected.flight_crc32 != batch.crc:
+            raise RecordingError(
+                f"{self._store.root}: the flight differs from that of the earlier attempt, from frame "
+                f"{batch.first_frame} on. With an autopilot whose flights do not repeat, a data set cannot be resumed: "
+                "choose another folder"
+            )
+        return Job(batch, replace(expected, pictures=()), offset)
+
+    def _collect(self, *, block: bool) -> None:
+        for result in self._workers.collect(block=block):
+            self._results[result.number] = result
+        while self._next in self._results:
+            self._append(self._results.pop(self._next))
+            self._next += 1
+
+    def _append(self, result: JobResult) -> None:
+        batch, data = self._pending.pop(result.number)
+        store = self._store
+        store.recording.add_flight(data)
+        if result.found:
+            record, offset = self._expected[result.number]
+            if store.recording.size != offset:
+                raise RecordingError(f"{store.root}: the journal does not match the recording; choose another folder")
+            store.recording.add_frames(record.chunk, None)
+        else:
+            record, chunk = take_finished(store.root, result.number)
+            store.recording.add_frames(record.chunk, chunk)
+            store.journal.append(record, store.recording.size - record.chunk.size)
+        store.tables.add_flight(data)
+        store.tables.add_files(record)
+        self.records.append(replace(record, pictures=()))
+        self.found += result.found
+        self.frames += batch.frames
+        self._on_done(self.frames)
+        store.checkpoints.maybe()
+
+    def finish(self) -> None:
+        """Wait for all batches and make a checkpoint: everything is on the disk but the recording's summary."""
+        while self._workers.busy:
+            self._collect(block=True)
+        self._store.checkpoints.finish()
+
+    def abandon(self) -> None:
+        """After an error or Ctrl-C, bring the tables up to date, if that is still possible."""
+        with contextlib.suppress(RecordingError, OSError):
+            self._store.checkpoints.finish()

@@ -1,0 +1,212 @@
+"""Plan of a data set: the bench to fly, the number of frames and the folder of each sensor.
+
+A frame is one sample of the reference sensor. The reference is the first camera that records colour, classes and
+instances, which is also the camera that is labelled; without one it is the first camera, LiDAR or radar. All other
+sensors keep their own rates.
+
+Each batch of frames is a pure function of its true states, the seed and the sample numbers, so any worker process may
+make any batch. A sensor whose samples depend on earlier samples is therefore refused here; a radar's outputs that
+depend on earlier frames are switched off.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from hil.apps.dataset.trajectory import waypoints_text
+from hil.config import Bench, BenchConfig, SensorConfig, load_bench, site_of
+from hil.config.files import find
+from hil.config.missions import load_mission
+from hil.config.schema import Record
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, Problem
+from signals.time import NS_PER_S
+from sim.frame.quality import QUALITIES
+from sim.sensors.camera_parameters import CameraParameters
+from sim.sensors.catalog import KINDS
+from sim.sensors.radar_parameters import RadarParameters
+
+DEFAULT_BENCH = "rigs/datasets/park_square.yaml"
+DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
+EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
+BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them
+MISSION_NAME = "trajectory.waypoints"
+
+# Folder names in mav0 by channel; the sensor's number is appended.
+CHANNEL_FOLDERS = {"rgb": "cam", "depth": "depth", "segmentation": "segmentation", "instance": "instance"}
+CHANNEL_FOLDERS |= {"normal": "normal", "range": "range", "geom": "geom", "radial_velocity": "radial_velocity"}
+CHANNEL_FOLDERS |= {"material": "material"}
+RADAR_FOLDERS = {"raw": "radar", "range_doppler": "range_doppler"}
+_FOLDERS = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}  # by kind; other kinds name their folder themselves
+
+
+@dataclass(frozen=True)
+class DatasetPlan:
+    """A data set to make: the bench that is flown and rendered, and the number of frames.
+
+    `quality` is the rendering quality as the manifest names it; the bench already contains it.
+    """
+
+    bench: Bench
+    frames: int
+    quality: str
+
+    @property
+    def config(self) -> BenchConfig:
+        """Configuration of the bench."""
+        return self.bench.config
+
+    @cached_property
+    def frame_sensors(self) -> dict[str, SensorConfig]:
+        """Cameras, LiDARs and radars by name; radars last, because they read the cameras' pictures."""
+        found = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
+        return dict(sorted(found, key=lambda pair: pair[1].kind == "radar"))
+
+    @cached_property
+    def flight_sensors(self) -> dict[str, SensorConfig]:
+        """Sensors sampled during the flight (IMU, GPS and the like), by name."""
+        return {n: s for n, s in self.config.sensors.items() if not KINDS[s.kind].needs_frames}
+
+    @cached_property
+    def reference(self) -> str:
+        """Name of the sensor whose samples are the frames."""
+        sensors = self.frame_sensors
+        if self.labelled is not None:
+            return self.labelled
+        return next(name for kind in ("camera", "lidar", "radar") for name, s in sensors.items() if s.kind == kind)
+
+    @cached_property
+    def labelled(self) -> str | None:
+        """Name of the labelled camera: the first with rgb, segmentation and instance. None if there is none."""
+        needed = {"rgb", "segmentation", "instance"}
+        cameras = [n for n, s in self.frame_sensors.items() if s.kind == "camera"]
+        return next((n for n in cameras if needed <= set(self.frame_sensors[n].parameters.channels)), None)
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Number of each sensor among the sensors of its kind, from 0, by name."""
+        count: Counter[str] = Counter()
+        numbers = {}
+        for name, sensor in self.config.sensors.items():
+            numbers[name] = count[sensor.kind]
+            count[sensor.kind] += 1
+        return numbers
+
+    def folder(self, name: str, channel: str = "") -> str:
+        """Return the folder in mav0 of a sensor, or of one of its channels."""
+        kind = self.config.sensors[name].kind
+        return f"{_FOLDERS.get(kind, {}).get(channel, kind)}{self.numbers[name]}"
+
+    @property
+    def flight_bench(self) -> Bench:
+        """The bench without cameras, LiDARs, radars and recordings."""
+        no_recording = Record(mcap=False, images=False, tlog=False, report=False)
+        config = self.config.model_copy(update={"sensors": self.flight_sensors, "record": no_recording})
+        return replace(self.bench, config=config)
+
+
+def make_plan(
+    config: Path | None,
+    *,
+    frames: int | None,
+    quality: str | None,
+    seed: int | None,
+    settings: tuple[str, ...],
+    work: Callable[[], Path],
+) -> DatasetPlan:
+    """Load and check the bench. Raises ConfigError with every problem.
+
+    `config` defaults to the bench that comes with `hil dataset`. `work` returns a folder for the mission file of a
+    preset course; it is called only if the bench has one.
+    """
+    path = config if config is not None else find("mission", DEFAULT_BENCH, ())
+    if quality is not None and quality not in QUALITIES:
+        raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
+    quality_setting = (f"quality={quality}",) if quality is not None else ()
+    bench = load_bench(path, seed=seed, settings=(*settings, *quality_setting))
+    problems: list[Problem] = []
+    count = DEFAULT_FRAMES if frames is None else frames
+    if not 1 <= count <= MAX_FRAMES:
+        problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
+    bench = _with_memoryless_radars(bench)
+    problems += _problems(bench)
+    if problems:
+        raise ConfigError(problems)
+    return DatasetPlan(_with_course(bench, work), count, bench.config.quality or "as the file says")
+
+
+def _bench_name(bench: Bench) -> str:
+    path = bench.files.get("bench")
+    return str(path) if path is not None else "the bench"
+
+
+def _problems(bench: Bench) -> list[Problem]:
+    config, where = bench.config, _bench_name(bench)
+    problems = []
+    frame_sensors = {n: s for n, s in config.sensors.items() if KINDS[s.kind].needs_frames}
+    if not frame_sensors:
+        has = ", ".join(config.sensors)
+        hint = f"it has {has}; add one under `sensors`, or leave CONFIG out for the bench that comes with `hil dataset`"
+        problems.append(Problem(where, "has no camera, LiDAR or radar, so there are no frames to record", hint))
+    if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
+        hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
+        problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
+    if not config.autopilot.lockstep:
+        kind = config.autopilot.kind
+        hint = "choose the rig mock, px4_sitl or ardupilot_sitl"
+        message = f"has a free-running autopilot ({kind}), which does not wait for frames: some would be lost"
+        problems.append(Problem(where, message, hint))
+    if config.companion.on:
+        problems.append(Problem(where, "has companions, whose pictures are rendered in flight", "leave them out"))
+    at_risk = {fault.sensor for fault in config.faults.sensors}
+    if bench.script is not None:
+        at_risk |= bench.script.sensors_at_risk
+    for name in sorted(at_risk & set(frame_sensors)):
+        hint = "a fault depends on earlier samples, and samples are made out of order here: record it with `hil run`"
+        problems.append(Problem(f"{where}: sensors.{name}", "has faults declared", hint))
+    for name, sensor in frame_sensors.items():
+        p = sensor.parameters
+        if isinstance(p, CameraParameters) and p.exposure.auto and "rgb" in p.channels:
+            hint = "set exposure.auto: false, or record it with `hil run`"
+            message = "has automatic exposure, which depends on earlier pictures; frames are made out of order here"
+            problems.append(Problem(f"{where}: sensors.{name}", message, hint))
+        if isinstance(p, CameraParameters) and p.colour != "native":
+            hint = "set colour: native"
+            problems.append(Problem(f"{where}: sensors.{name}", f"renders its colour with {p.colour!r}", hint))
+        if isinstance(p, RadarParameters) and not set(p.outputs) & set(RADAR_FOLDERS):
+            hint = "set outputs: [raw, range_doppler]; `hil radar` makes points and tracks of them"
+            problems.append(Problem(f"{where}: sensors.{name}", "has neither raw data nor maps to record", hint))
+    return problems
+
+
+def _with_memoryless_radars(bench: Bench) -> Bench:
+    """Switch off the radar outputs that depend on earlier frames: tracks, their points and a learnt background."""
+    sensors = dict(bench.config.sensors)
+    for name, sensor in sensors.items():
+        p = sensor.parameters
+        if not isinstance(p, RadarParameters):
+            continue
+        kept = tuple(output for output in p.outputs if output in RADAR_FOLDERS)
+        changes: dict[str, Any] = {"outputs": kept or p.outputs}
+        if p.processing.clutter == "background":
+            changes["processing"] = p.processing.model_copy(update={"clutter": "none"})
+        sensors[name] = sensor.model_copy(update={"parameters": p.model_copy(update=changes)})
+    return replace(bench, config=bench.config.model_copy(update={"sensors": sensors}))
+
+
+def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
+    """Return the bench with its preset course, if it has one, as its mission."""
+    trajectory = bench.config.dataset.trajectory
+    if trajectory is None:
+        return bench
+    path = work() / MISSION_NAME
+    path.write_text(waypoints_text(trajectory, bench.scene.site), encoding="utf-8")
+    files: Mapping[str, Path] = {k: v for k, v in bench.files.items() if k != "plan"} | {"mission": path}
+    config = bench.config.model_copy(update={"mission": str(path)})
+    mission = load_mission(path, site=site_of(bench.scene))
+    return replace(bench, config=config, mission=mission, files=files, script=None)

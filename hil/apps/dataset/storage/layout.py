@@ -1,0 +1,143 @@
+"""Descriptions of the sensors in mav0: headers of the tables, each sensor's sensor.yaml, and the radar's chirp."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from hil.apps.dataset.formats import euroc
+from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
+from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
+from hil.apps.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
+from hil.apps.dataset.storage.tables import HEADERS, TRUTH
+from hil.config import SensorConfig
+from hil.config.checks.radar_checks import view_of
+from hil.run.sensors.simulated_sensors import transform
+from signals.classes import Classes
+from signals.samples import CHANNEL_UNITS, RADAR_UNITS
+from sim.frame.mount import Mount
+from sim.sensors.catalog import KINDS, PRESETS
+from sim.sensors.radar_parameters import RadarParameters
+
+CLASSES_NAME = "classes.csv"
+_COMMENTS = {
+    "rgb": "colour, 8-bit RGB PNG",
+    "depth": "distance along the optical axis, 16-bit PNG in steps of depth_step_m",
+    "segmentation": "class ids, 8-bit PNG; names: ../classes.csv",
+    "instance": "instance ids, 16-bit PNG",
+    "normal": "unit normal in the camera's frame as floor(127 n + 128.5), RGB PNG; 0 0 0: nothing",
+}
+# Keys of a sensor.yaml and the parameters they hold. Other kinds list every numeric parameter by its own name.
+_MORE: dict[str, dict[str, str]] = {
+    "lidar": {k: k for k in ("range_noise_m", "range_resolution_m", "min_range_m", "max_range_m", "rolling")},
+    "imu": {
+        "gyroscope_noise_density": "gyro_noise_radps_per_rthz",
+        "gyroscope_random_walk": "gyro_walk_radps2_per_rthz",
+        "accelerometer_noise_density": "accel_noise_mps2_per_rthz",
+        "accelerometer_random_walk": "accel_walk_mps3_per_rthz",
+    },
+}
+
+
+def headers(plan: DatasetPlan) -> dict[str, str]:
+    """Return the first line of each data.csv, by folder in mav0."""
+    found = {TRUTH: euroc.TRUTH_HEADER}
+    for name, sensor in plan.flight_sensors.items():
+        found[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
+    for name, sensor in plan.frame_sensors.items():
+        parts = KINDS[sensor.kind].parts
+        for channel in getattr(sensor.parameters, parts) if parts else ("",):
+            found[plan.folder(name, channel)] = euroc.FILE_HEADER
+    return found
+
+
+def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
+    """Return the text of each description file, by its path in the tree."""
+    body = f"{plan.config.vehicle}, simulated; x forward, y left, z up"
+    texts = {
+        f"{euroc.ROOT}/body.yaml": f"comment: {json.dumps(body)}\n",
+        f"{euroc.ROOT}/{CLASSES_NAME}": palette_csv(classes.names, classes.colours),
+        f"{euroc.ROOT}/{TRUTH}/sensor.yaml": euroc.sensor_yaml(
+            "ground_truth", comment="the simulator's state", T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
+        ),
+    }
+    makers = {"camera": _camera, "radar": _radar}
+    for name, sensor in plan.config.sensors.items():
+        made = makers.get(sensor.kind, _other)(plan, name, sensor)
+        texts |= {f"{euroc.ROOT}/{path}": text for path, text in made.items()}
+    return texts
+
+
+def _description(name: str, sensor: SensorConfig) -> str:
+    preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
+    return f"{name}: {preset.part}" if preset is not None else f"{name}: simulated {sensor.kind}"
+
+
+def _mount_transform(p: Any) -> Any:
+    return transform(tuple(getattr(p, "mount_m", None) or (0.0, 0.0, 0.0)), (1.0, 0.0, 0.0, 0.0))
+
+
+def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p = sensor.parameters
+    mount = Mount(p.mount_m, p.mount_rpy_deg)
+    T_BS = transform(mount.p_BC, mount.q_BC)
+    found = {}
+    for channel in p.channels:
+        unit, frame = CHANNEL_UNITS[channel]
+        more: dict[str, object] = {"channel": channel, "unit": unit, "frame": frame}
+        if channel == "depth":
+            step_m = plan.config.dataset.depth_step_m
+            more = {"depth_step_m": step_m, "nothing": NOTHING, "farther": FARTHER, **more}
+        noise = p.noise if channel == "rgb" else p.depth_noise if channel == "depth" else None
+        if noise is not None:
+            more["noise"] = noise.model_dump(mode="json")
+        text = euroc.picture_yaml(
+            p.model(),
+            "camera" if channel == "rgb" else CHANNEL_FOLDERS[channel],
+            comment=f"{_description(name, sensor)}: {_COMMENTS.get(channel, channel + ', numpy')}",
+            T_BS=T_BS,
+            rate_hz=sensor.rate_hz,
+            more=more,
+        )
+        found[f"{plan.folder(name, channel)}/sensor.yaml"] = text
+    return found
+
+
+def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p: RadarParameters = sensor.parameters
+    view = p.view() if p.frame is None else view_of(plan.config.sensors[p.frame])
+    mount = Mount(view.mount_m, view.mount_rpy_deg, optical=False)
+    found = {}
+    for channel in p.outputs:
+        unit, _ = RADAR_UNITS[channel]
+        more = {"channel": channel, "unit": unit, "config": CONFIG_NAME}
+        folder = plan.folder(name, channel)
+        found[f"{folder}/sensor.yaml"] = euroc.sensor_yaml(
+            "radar",
+            comment=f"{_description(name, sensor)}; data/*.npy",
+            T_BS=transform(mount.p_BC, mount.q_BC),
+            rate_hz=sensor.rate_hz,
+            more=more,
+        )
+        antennas = range(1, len(p.antenna.rx_positions_m) + 1)
+        found[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, antennas, rate_hz=sensor.rate_hz)
+    return found
+
+
+def _other(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+    p, T_BS, comment = sensor.parameters, _mount_transform(sensor.parameters), _description(name, sensor)
+    if sensor.kind == "lidar":
+        mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
+        T_BS = transform(mount.p_BC, mount.q_BC)
+        comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class"
+    elif sensor.kind == "imu":
+        T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))
+    named = _MORE.get(sensor.kind)
+    more = {key: getattr(p, source) for key, source in named.items()} if named else _numbers(p.model_dump(mode="json"))
+    text = euroc.sensor_yaml(sensor.kind, comment=comment, T_BS=T_BS, rate_hz=sensor.rate_hz, more=more)
+    return {f"{plan.folder(name)}/sensor.yaml": text}
+
+
+def _numbers(values: Mapping[str, Any]) -> dict[str, int | float]:
+    return {k: v for k, v in values.items() if isinstance(v, int | float) and not isinstance(v, bool)}

@@ -1,0 +1,203 @@
+"""Recording of a data set, run.mcap: for each batch a chunk of flight data, then a chunk of frames.
+
+The file is written from front to back under a temporary name. Data of an earlier attempt are overwritten with the same
+bytes, except for chunks of frames that are complete: those are skipped.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
+
+from hil.apps.dataset.flight import FlightData
+from hil.apps.dataset.storage.journal import StoredChunk
+from hil.apps.dataset.storage.tree import PART, RECORDING, unwritable
+from hil.run.recorder.frame_description import FrameDescription
+from hil.run.recorder.frame_series import FrameSeries
+from hil.run.recorder.mcap.cdr import schema_text
+from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, pack_chunk
+from hil.run.recorder.mcap.mcap_sink import EventSeries, TopicWriters
+from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
+from hil.run.recorder.mcap.topics import SAMPLE_TOPICS, TRUTH_TOPICS
+from signals.errors import RecordingError
+from signals.samples import CHANNEL_UNITS, RADAR_UNITS, FrameSample, ImageSample
+
+Declared = tuple[int, str, str]  # number, topic, type
+
+_FIRST_CHANNEL = 256  # flight data use the numbers below
+_TOPICS = ("tf_static", "", "pose", "camera_info", *CHANNEL_UNITS, *RADAR_UNITS)
+_CHANNELS_PER_SENSOR = 32
+_FIRST_SCHEMA = 256
+_SCHEMAS = {name: _FIRST_SCHEMA + i for i, name in enumerate(sorted(DEFINITIONS))}
+assert len(_TOPICS) <= _CHANNELS_PER_SENSOR
+
+
+class ChannelRegistry(McapFile):
+    """Assigns fixed channel numbers to a sensor's topics, so that workers need not coordinate.
+
+    It stands in for the file where a `FrameSeries` declares its channels.
+    """
+
+    def __init__(self, sensor: str, number: int) -> None:
+        self._sensor, self._first = sensor, _FIRST_CHANNEL + _CHANNELS_PER_SENSOR * number
+        self.declared: dict[int, Declared] = {}
+
+    def channel(self, topic: str, type_name: str, schema_text: str) -> int:  # noqa: ARG002
+        """Declare a topic and return its channel number."""
+        name = topic.removeprefix("/").removeprefix(self._sensor).removeprefix("/")
+        number = self._first + _TOPICS.index(name)
+        self.declared[number] = (number, topic, type_name)
+        return number
+
+
+class EncodedFrames(FrameSeries):
+    """Recorded frames of one sensor whose pictures are encoded already."""
+
+    def __init__(self, port: str, description: FrameDescription, number: int) -> None:
+        super().__init__(port, description)
+        self.channels = ChannelRegistry(port, number)
+        self.with_transform = False  # True: the next block declares the sensor's mounting
+        self._png: dict[int, Mapping[str, bytes]] = {}
+
+    def add_encoded(self, sample: FrameSample, png: Mapping[str, bytes]) -> None:
+        """Add a sample; `png` holds the encoded pictures by channel."""
+        self._png[sample.seq] = png
+        self.add(sample, sample.t_capture_ns)
+
+    def take_blocks(self) -> list[Block]:
+        """Return the blocks of the samples added since the last call."""
+        blocks = [block for block in self.blocks(self.channels) if len(block.log_ns)]
+        self._png.clear()
+        return blocks
+
+    def _mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+        if self.with_transform:
+            self.with_transform = False
+            super()._mount(file, sample, log_ns)
+
+    def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+        png = self._png[sample.seq]
+        rest = {name: picture for name, picture in sample.channels.items() if name not in png}
+        super()._picture(file, sample._replace(channels=rest), log_ns)
+        for name in sorted(png):
+            topic = self._topic(
+                file,
+                name,
+                "sensor_msgs/CompressedImage",
+                strings={"header.frame_id": self._description.frame_id, "format": "png"},
+                item_bytes=1,
+            )
+            topic.add(sample, log_ns, {}, png[name])
+
+
+def pack_frames(series: list[EncodedFrames]) -> tuple[bytes, ChunkFacts, tuple[Declared, ...]]:
+    """Return a chunk with the samples of all sensors, its summary entries and its channels."""
+    blocks = [block for frames in series for block in frames.take_blocks()]
+    known = {number: declared for frames in series for number, declared in frames.channels.declared.items()}
+    declared = tuple(known[block.channel] for block in blocks)
+    declarations = RecordBuilder()
+    schemas: set[int] = set()
+    for schema, channel in map(records_of, declared):
+        if schema.id not in schemas:
+            schemas.add(schema.id)
+            schema.write(declarations)
+        channel.write(declarations)
+    return *pack_chunk(blocks, declarations.end()), declared
+
+
+@cache
+def records_of(declared: Declared) -> tuple[Schema, Channel]:
+    """Return the MCAP schema and channel records of a declared channel."""
+    number, topic, type_name = declared
+    schema = Schema(
+        id=_SCHEMAS[type_name],
+        name=type_name.replace("/", "/msg/"),
+        encoding="ros2msg",
+        data=schema_text(type_name).encode(),
+    )
+    return schema, Channel(id=number, topic=topic, message_encoding="cdr", metadata={}, schema_id=schema.id)
+
+
+def part_path(root: Path) -> Path:
+    """Return the recording's temporary name, used until it is complete."""
+    return root / f"{RECORDING}{PART}"
+
+
+class DatasetRecording:
+    """Writer of run.mcap. Every method raises RecordingError if the file cannot be written."""
+
+    def __init__(
+        self, root: Path, *, tick_ns: int, metadata: Mapping[str, str], attachments: Mapping[str, bytes]
+    ) -> None:
+        self._root = root
+        self._path = part_path(root)
+        final = root / RECORDING
+        if final.exists() and not self._path.exists():
+            os.rename(final, self._path)
+        self._safe = SafeFile(self._path, _open_kept)
+        self._mcap = McapFile(self._safe)
+        self._tick_ns = tick_ns
+        self._truth = TopicWriters(TRUTH_TOPICS, "")
+        self._samples: dict[str, TopicWriters] = {}
+        self._events = EventSeries(self._mcap)
+        self._mcap.metadata("hil_dataset", dict(metadata), 0)
+        for name, data in attachments.items():
+            self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
+
+    def add_flight(self, part: FlightData) -> None:
+        """Append a chunk with the flight data of a batch."""
+        blocks = self._truth.blocks(self._mcap, self._tick_ns, part.truths, part.truths["stamp_ns"])
+        for port, samples in sorted(part.samples.items()):
+            writers = self._samples.get(port)
+            if writers is None:
+                writers = self._samples[port] = TopicWriters(SAMPLE_TOPICS[samples.kind], port)
+            blocks += writers.blocks(self._mcap, self._tick_ns, samples.columns, samples.released_ns)
+        for t_ns, what, text in part.events:
+            self._events.add(t_ns, what, text)
+        blocks.append(self._events.pending.block())
+        self._mcap.chunk(blocks, 0)
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, the offset of the next chunk."""
+        return self._safe.size
+
+    def add_frames(self, chunk: StoredChunk, data: bytes | None) -> None:
+        """Append a batch's chunk of frames; with `data` None, skip over the chunk that the file already holds."""
+        start = self._safe.size
+        if data is not None:
+            try:
+                self._safe.write(data, 0)
+            except RecordingError as error:
+                raise unwritable(self._path, error.__cause__ or error) from error
+        else:
+            self._safe.skip(chunk.size)
+        for declared in chunk.channels:
+            self._mcap.declare(*records_of(declared))
+        self._mcap.adopt(chunk.facts, start)
+
+    def finish(self, metadata: Mapping[str, str]) -> None:
+        """Write the summary and rename the file to run.mcap."""
+        self._mcap.metadata("hil_result", dict(metadata), 0)
+        self._mcap.finish(0)
+        self._safe.truncate()
+        self.close()
+        try:
+            os.rename(self._path, self._root / RECORDING)
+        except OSError as error:
+            raise unwritable(self._path, error) from error
+
+    def close(self) -> None:
+        """Close the file. Idempotent."""
+        self._safe.close()
+
+
+def _open_kept(path: Path) -> BinaryIO:
+    """Open for writing from the front without truncating."""
+    return open(os.open(path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)

@@ -1,0 +1,55 @@
+"""Open files of a data set that grow batch by batch: recording, journal, tables and their checkpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.apps.dataset.formats.coco import CocoPicture
+from hil.apps.dataset.plan import DatasetPlan
+from hil.apps.dataset.storage.journal import Journal
+from hil.apps.dataset.storage.layout import headers
+from hil.apps.dataset.storage.manifest import BENCH_NAME
+from hil.apps.dataset.storage.recording import DatasetRecording
+from hil.apps.dataset.storage.tables import Checkpoints, Tables
+from hil.apps.dataset.storage.tree import JOURNAL
+
+MakeCheckpoints = Callable[[Path, Tables], Checkpoints]
+
+
+@dataclass(frozen=True)
+class DatasetStore:
+    """The growing files below `root`. Batches are appended in order, by one process."""
+
+    root: Path
+    tables: Tables
+    journal: Journal
+    recording: DatasetRecording
+    checkpoints: Checkpoints
+
+    @classmethod
+    def open(cls, root: Path, plan: DatasetPlan, bench: bytes, make_checkpoints: MakeCheckpoints) -> DatasetStore:
+        """Open the files, keeping what an earlier attempt left in journal and recording.
+
+        `bench` is the saved bench file, attached to the recording. Raises RecordingError if a file cannot be written.
+        """
+        tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
+        journal = Journal(root / JOURNAL)
+        recording = DatasetRecording(
+            root,
+            tick_ns=plan.config.tick_ns,
+            metadata={"scene": plan.bench.scene.name, "seed": str(plan.config.seed), "quality": plan.quality},
+            attachments={BENCH_NAME: bench},
+        )
+        return cls(root, tables, journal, recording, make_checkpoints(root, tables))
+
+    def coco_pictures(self) -> Iterator[CocoPicture]:
+        """Yield the labels of all batches in order, read from the journal because there can be many."""
+        return (picture for record, _ in self.journal.entries() for picture in record.pictures)
+
+    def close(self) -> None:
+        """Close all files. Idempotent."""
+        self.checkpoints.close()
+        self.recording.close()
+        self.journal.close()

@@ -1,0 +1,227 @@
+"""Tables of a data set: one data.csv per sensor, appended to at checkpoints.
+
+A row is held back until the file it names is on the disk (`write_out` follows a sync), so no table names a file that a
+power cut has lost. Times rise strictly from row to row.
+
+A checkpoint syncs the file system, then appends the rows of the files written before the sync. One runs at a time, on
+its own thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import repeat
+from pathlib import Path
+
+from hil.apps.dataset.flight import FlightData
+from hil.apps.dataset.formats import euroc
+from hil.apps.dataset.storage.journal import BatchRecord
+from hil.apps.dataset.storage.tree import Written, make_folder, unwritable
+from hil.run.recorder.mcap.topics import Columns
+from signals.errors import RecordingError
+from signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, ScalarSample
+
+PERIOD_S = 2.0  # wall-clock time between checkpoints: the rows that a power cut can lose
+TABLE = "data.csv"
+TRUTH = "state_groundtruth_estimate0"
+MAG_HEADER = "#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]"
+BARO_HEADER = "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [degC]"
+RANGE_HEADER = "#timestamp [ns],distance [m],quality []"
+SCALAR_HEADER = "#timestamp [ns],value"
+FLOW_HEADER = "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []"
+
+HEADERS: Mapping[type, str] = {
+    ImuSample: euroc.IMU_HEADER,
+    GpsSample: euroc.GPS_HEADER,
+    MagSample: MAG_HEADER,
+    BaroSample: BARO_HEADER,
+    RangeSample: RANGE_HEADER,
+    ScalarSample: SCALAR_HEADER,
+    FlowSample: FLOW_HEADER,
+}
+
+COLUMNS: Mapping[type, euroc.TableColumns] = {
+    ImuSample: euroc.IMU_COLUMNS,
+    GpsSample: euroc.GPS_COLUMNS,
+    MagSample: ("field_tesla",),
+    BaroSample: ("pressure_pa", "pressure_altitude_m", "temperature_degc"),
+    RangeSample: ("distance_m", "quality"),
+    ScalarSample: ("value",),
+    FlowSample: ("integration_ns", "flow_rad", "quality"),
+}
+
+
+class Table:
+    """One data.csv: rows, size and checksum so far, and rows not yet written.
+
+    `path` is relative to the data set's root; `waiting` holds the rows not yet written.
+    """
+
+    def __init__(self, path: str, header: str) -> None:
+        self.path = path
+        self.rows = 0
+        self.size = 0
+        self.crc32 = 0
+        self.waiting = [header + "\n"]
+        self._last_ns = -1
+
+    def add(self, t_ns: int, row: str) -> None:
+        """Add a row of time `t_ns`, with its line end. Raises RecordingError if time does not rise."""
+        if t_ns <= self._last_ns:
+            raise RecordingError(f"{self.path}: time must rise from row to row, but {t_ns} ns follows {self._last_ns}")
+        self._last_ns = t_ns
+        self.rows += 1
+        self.waiting.append(row)
+
+    def add_samples(self, columns: Columns, names: euroc.TableColumns) -> None:
+        """Add a row per sample; `columns` are those of `columns_of`, `names` selects and orders them."""
+        texts: list[Iterable[str]] = []
+        for name in names:
+            if isinstance(name, str):
+                array = columns[name]
+                texts += [map(repr, column.tolist()) for column in (array.T if array.ndim == 2 else [array])]
+            else:
+                texts.append(repeat(",".join(map(repr, name))))
+        for t_ns, row in zip(columns["stamp_ns"].tolist(), zip(*texts, strict=False), strict=False):
+            self.add(t_ns, f"{t_ns},{','.join(row)}\n")
+
+
+class Tables:
+    """All tables below `root`."""
+
+    def __init__(self, root: Path, headers: Mapping[str, str], flight_folders: Mapping[str, str]) -> None:
+        """Delete the tables of an earlier attempt. Raises RecordingError.
+
+        `headers` maps a folder in mav0 to its table's first line, `flight_folders` a flight sensor to its folder.
+        """
+        self._root = root
+        self._flight_folders = flight_folders
+        self._tables = {folder: Table(f"{euroc.ROOT}/{folder}/{TABLE}", text) for folder, text in headers.items()}
+        for table in self._tables.values():
+            path = root / table.path
+            make_folder(path.parent)
+            try:
+                path.unlink(missing_ok=True)
+            except OSError as error:
+                raise unwritable(path, error) from error
+
+    @property
+    def rows(self) -> dict[str, int]:
+        """Number of rows so far, by folder."""
+        return {folder: table.rows for folder, table in self._tables.items()}
+
+    def add_flight(self, part: FlightData) -> None:
+        """Add the rows of the true states and of the sensors sampled in the flight."""
+        self._tables[TRUTH].add_samples(part.truths, euroc.TRUTH_COLUMNS)
+        for port, samples in part.samples.items():
+            self._tables[self._flight_folders[port]].add_samples(samples.columns, COLUMNS[samples.kind])
+
+    def add_files(self, record: BatchRecord) -> None:
+        """Add a row per file in a data/ folder."""
+        for file in record.files:
+            root, _, rest = file.path.partition("/")
+            folder, _, rest = rest.partition("/")
+            data, _, name = rest.partition("/")
+            if root == euroc.ROOT and data == "data":
+                stem, _, _ = name.partition(".")
+                self._tables[folder].add(int(stem), f"{stem},{name}\n")
+
+    def take(self) -> dict[str, str]:
+        """Return and clear the waiting rows, by path, for `write_out`."""
+        taken = {}
+        for table in self._tables.values():
+            if table.waiting:
+                taken[table.path] = "".join(table.waiting)
+                table.waiting.clear()
+        return taken
+
+    def write_out(self, texts: Mapping[str, str]) -> None:
+        """Append rows to the files, each table whole or not at all (except for a power cut). Raises RecordingError."""
+        by_path = {table.path: table for table in self._tables.values()}
+        for name, text in texts.items():
+            table, data = by_path[name], text.encode()
+            path = self._root / name
+            try:
+                file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+                try:
+                    if os.write(file, data) != len(data):
+                        os.ftruncate(file, table.size)
+                        raise OSError("the file system took no more bytes")
+                finally:
+                    os.close(file)
+            except OSError as error:
+                raise unwritable(path, error) from error
+            table.size += len(data)
+            table.crc32 = zlib.crc32(data, table.crc32)
+
+    def written(self) -> list[Written]:
+        """Return the tables as files of the tree."""
+        return [Written(table.path, table.size, table.crc32) for table in self._tables.values()]
+
+
+def sync_file_system(folder: Path) -> None:
+    """Flush the file system of `folder` to the disk. Raises RecordingError if that fails."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            syncfs = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
+            if syncfs is None:
+                os.sync()
+            elif syncfs(descriptor) != 0:
+                error = ctypes.get_errno()
+                raise OSError(error, os.strerror(error))
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+class Checkpoints:
+    """Periodic checkpoints: call `maybe` after every batch and `finish` at the end.
+
+    Both raise the RecordingError of an earlier checkpoint that failed.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        tables: Tables,
+        *,
+        period_s: float = PERIOD_S,
+        sync: Callable[[Path], None] = sync_file_system,
+    ) -> None:
+        self._folder, self._tables, self._period_s, self._sync = folder, tables, period_s, sync
+        self._next_s = time.monotonic() + period_s
+        self._thread = ThreadPoolExecutor(1, "hil-dataset-sync")
+        self._under_way: Future[None] | None = None
+
+    def maybe(self) -> None:
+        """Start a checkpoint if the period has passed and none is running."""
+        if time.monotonic() < self._next_s or (self._under_way is not None and not self._under_way.done()):
+            return
+        self._join()
+        self._under_way = self._thread.submit(self._run, self._tables.take())
+        self._next_s = time.monotonic() + self._period_s
+
+    def finish(self) -> None:
+        """Make a checkpoint and wait for it."""
+        self._join()
+        self._run(self._tables.take())
+
+    def close(self) -> None:
+        """End the thread. Idempotent."""
+        self._thread.shutdown()
+
+    def _run(self, rows: Mapping[str, str]) -> None:
+        self._sync(self._folder)
+        self._tables.write_out(rows)
+
+    def _join(self) -> None:
+        if self._under_way is not None:
+            under_way, self._under_way = self._under_way, None
+            under_way.result()

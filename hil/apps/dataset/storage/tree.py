@@ -1,0 +1,118 @@
+"""Folder of a data set: fixed file names, atomic writes, and a lock that admits one writer at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from isal.isal_zlib import crc32
+
+from signals.errors import RecordingError
+
+ANNOTATIONS = "annotations"  # COCO
+PREVIEW = "preview"
+RECORDING = "run.mcap"
+MANIFEST = "dataset.json"
+CHECKSUMS = "checksums.csv"
+JOURNAL = "journal.sqlite3"
+WORK = ".work"  # folder of temporary files, deleted when the data set is complete
+PART = ".part"  # suffix of incomplete files
+_LOCK = "lock"
+
+
+class Written(NamedTuple):
+    """A complete file of the tree: relative path with slashes, size in bytes and checksum."""
+
+    path: str
+    size: int
+    crc32: int
+
+
+class TreeWriter:
+    """Writes files into a folder atomically, making subfolders as needed."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._root = str(root)
+        self._made: set[str] = set()
+
+    def write(self, path: str, data: bytes) -> Written:
+        """Write or replace a file. Raises RecordingError if that fails, and then keeps the previous file."""
+        return self.write_parts(path, (data,))
+
+    def write_parts(self, path: str, parts: Iterable[bytes]) -> Written:
+        """Like `write`, for a file that is produced piece by piece."""
+        folder, _, name = path.rpartition("/")
+        if folder not in self._made:
+            make_folder(self.root / folder)
+            self._made.add(folder)
+        # A fixed temporary name: the next attempt overwrites what a killed process left.
+        part = f"{self._root}/{folder}/.{name}{PART}"
+        size = crc = 0
+        try:
+            with open(part, "wb") as file:
+                for data in parts:
+                    file.write(data)
+                    size += len(data)
+                    crc = crc32(data, crc)
+            os.replace(part, f"{self._root}/{path}")
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.unlink(part)
+            raise unwritable(self.root / path, error) from error
+        return Written(path, size, crc)
+
+    def holds(self, written: Written) -> bool:
+        """Return True if the file exists with that size and checksum."""
+        try:
+            with open(f"{self._root}/{written.path}", "rb", buffering=0) as file:
+                if os.fstat(file.fileno()).st_size != written.size:
+                    return False
+                return crc32(file.readall()) == written.crc32
+        except OSError:
+            return False
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and its parents, if missing. Raises RecordingError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+
+
+def unwritable(path: Path, error: BaseException) -> RecordingError:
+    """Return the RecordingError to raise when writing `path` failed with `error`."""
+    reason = getattr(error, "strerror", None) or error
+    return RecordingError(
+        f"{path}: cannot be written ({reason}); everything before is kept. Free some space or choose another folder, "
+        "then continue with --resume"
+    )
+
+
+@contextmanager
+def locked(root: Path) -> Iterator[None]:
+    """Hold the writer's lock of a data set. Raises RecordingError if another process holds it.
+
+    The kernel releases the lock (flock) when the last process that holds it ends. Forked workers hold it too, so the
+    next attempt cannot start while workers of a killed one are still running.
+    """
+    path = root / WORK / _LOCK
+    make_folder(path.parent)
+    try:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise unwritable(path, error) from error
+    try:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RecordingError(f"{root}: another `hil dataset` is writing here; wait for it, or end it") from None
+        yield
+    finally:
+        os.close(file)

@@ -1,0 +1,74 @@
+"""Preset courses of a data set's flight, as a mission file that repeats one round without end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hil.config.missions.mission import (
+    CHANGE_SPEED,
+    FRAME_GLOBAL,
+    FRAME_MISSION,
+    FRAME_RELATIVE,
+    JUMP,
+    TAKEOFF,
+    WAYPOINT,
+)
+from hil.config.schema import Trajectory
+from signals.geodesy import LocalFrame
+from sim.scene.scene import Site
+
+_CIRCLE_POINTS, _EIGHT_POINTS, _LANES = 24, 32, 5
+_ITEMS = 64  # waypoints before the jump back, at which the vehicle stops for a moment
+
+
+def course(trajectory: Trajectory) -> list[tuple[float, float]]:
+    """Return the points (east, north) [m] of one round, relative to take-off; the first point is not repeated.
+
+    With s = `side_m`:
+
+        square         corners (0, 0), (s, 0), (s, s), (0, s)
+        circle         diameter s, through the take-off point and (0, s)
+        figure_eight   Gerono's lemniscate, s wide: (s / 2 sin a, s / 2 sin a cos a)
+        survey         five lanes of length s, east and back, s / 4 apart
+    """
+    s = trajectory.side_m
+    if trajectory.preset == "square":
+        return [(0.0, 0.0), (s, 0.0), (s, s), (0.0, s)]
+    if trajectory.preset == "circle":
+        turns = [2.0 * math.pi * k / _CIRCLE_POINTS for k in range(_CIRCLE_POINTS)]
+        return [(0.5 * s * math.sin(a), 0.5 * s * (1.0 - math.cos(a))) for a in turns]
+    if trajectory.preset == "figure_eight":
+        turns = [2.0 * math.pi * k / _EIGHT_POINTS for k in range(_EIGHT_POINTS)]
+        return [(0.5 * s * math.sin(a), 0.5 * s * math.sin(a) * math.cos(a)) for a in turns]
+    lanes = []
+    for lane in range(_LANES):
+        ends = [(0.0, lane * s / (_LANES - 1)), (s, lane * s / (_LANES - 1))]
+        lanes += ends if lane % 2 == 0 else ends[::-1]
+    return lanes
+
+
+def waypoints_text(trajectory: Trajectory, site: Site) -> str:
+    """Return the course as the text of a .waypoints file that ends with an unlimited jump back to the first waypoint.
+
+    The text is in Mission Planner's format (`QGC WPL 110`); heights are relative to the home position at `site`.
+    """
+    frame = LocalFrame(site)
+    height = trajectory.height_m
+    home = _row(0, FRAME_GLOBAL, WAYPOINT, (0.0,) * 4, (site.latitude_deg, site.longitude_deg), site.altitude_m)
+    take_off = _row(1, FRAME_RELATIVE, TAKEOFF, (0.0,) * 4, (site.latitude_deg, site.longitude_deg), height)
+    speed = _row(2, FRAME_MISSION, CHANGE_SPEED, (1.0, trajectory.speed_mps, -1.0, 0.0), (0.0, 0.0), 0.0)
+    rows = [home, take_off, speed]
+    points_W = course(trajectory)
+    for x, y in points_W * max(1, _ITEMS // len(points_W)):
+        latitude, longitude, _ = frame.geodetic_from_enu((x, y, height))
+        rows.append(_row(len(rows), FRAME_RELATIVE, WAYPOINT, (0.0,) * 4, (latitude, longitude), height))
+    rows.append(_row(len(rows), FRAME_MISSION, JUMP, (3.0, -1.0, 0.0, 0.0), (0.0, 0.0), 0.0))
+    return "\n".join(["QGC WPL 110", *rows, ""])
+
+
+def _row(
+    number: int, frame: int, command: int, params: Sequence[float], position_deg: tuple[float, float], height_m: float
+) -> str:
+    values = [*params, *position_deg, height_m]
+    return "\t".join([str(number), str(int(number == 0)), str(frame), str(command), *(f"{v:.8f}" for v in values), "1"])

@@ -1,0 +1,167 @@
+"""Worker processes that make batches: a `ProcessPoolExecutor` whose processes each have one thread, renderer, encoder.
+
+Processes are forked where that is safe (with a single thread, no lock can be held during the fork) and then share the
+compiled scene. Elsewhere new processes are spawned, which load the bench saved with the data set.
+
+At most `JOBS_PER_WORKER` batches per worker are submitted at a time, one running and one queued, so memory is bounded
+and no worker idles. A result is far smaller than a pipe's buffer, so a killed worker cannot leave half of one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import multiprocessing as mp
+import os
+import signal
+import sys
+import threading
+import traceback
+import warnings
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, NamedTuple
+
+from hil.apps.dataset.moments import Batch
+from hil.apps.dataset.storage.journal import BatchRecord
+from signals.errors import HilError, RecordingError
+
+JOBS_PER_WORKER = 2
+_PR_SET_PDEATHSIG = 1  # Linux: prctl(2)
+
+
+class Job(NamedTuple):
+    """A batch to make. `expected` is the record of an earlier attempt, `offset` that of its chunk in the recording."""
+
+    batch: Batch
+    expected: BatchRecord | None
+    offset: int
+
+
+class JobResult(NamedTuple):
+    """A finished batch by its index. `found` means that an earlier attempt had left it complete."""
+
+    number: int
+    found: bool
+
+
+JobHandler = Callable[[Job], JobResult]  # runs in the worker
+
+
+class Workers:
+    """Pool of `count` worker processes. Use as a context manager: leaving it waits for running batches."""
+
+    def __init__(self, count: int, make_handler: Callable[[], JobHandler]) -> None:
+        """`make_handler` is called once per worker; it must be picklable where processes are not forked."""
+        self._forked = sys.platform == "linux" and threading.active_count() == 1
+        if self._forked:
+            gc.collect()
+            gc.freeze()  # keeps shared pages shared: the collector neither writes to nor scans what exists now
+        context: Any = mp.get_context("fork" if self._forked else "spawn")
+        self._pool = ProcessPoolExecutor(count, context, _begin, (make_handler,))
+        self._max_pending = JOBS_PER_WORKER * count
+        self._pending: set[Future[JobResult]] = set()
+        with warnings.catch_warnings():
+            # Newer Pythons count native threads too and warn, but numpy's BLAS ends its threads before a fork.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._pool.submit(os.getpid)  # forks all workers now, before the flight starts threads
+        self._processes = set(mp.active_children())
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def busy(self) -> int:
+        """Number of batches that are queued or running."""
+        return len(self._pending)
+
+    @property
+    def has_capacity(self) -> bool:
+        """True if another batch can be submitted."""
+        return self.busy < self._max_pending
+
+    def submit(self, job: Job) -> None:
+        """Queue a batch for the next free worker. Call only if `has_capacity`. Raises RecordingError."""
+        try:
+            self._pending.add(self._pool.submit(_run, job))
+        except BrokenProcessPool:
+            raise self._death() from None
+        self._processes |= set(mp.active_children())
+
+    def collect(self, *, block: bool) -> list[JobResult]:
+        """Return finished batches; with `block`, wait for at least one unless none is pending.
+
+        Raises the HilError of a worker, or RecordingError if a worker has died.
+        """
+        done, self._pending = wait(self._pending, None if block else 0, FIRST_COMPLETED)
+        try:
+            return [future.result() for future in done]
+        except BrokenProcessPool:
+            raise self._death() from None
+
+    def _death(self) -> RecordingError:
+        self._pool.shutdown()
+        codes = {process.pid: process.exitcode or 0 for process in self._processes}
+        # The pool ends the other workers with SIGTERM once it has seen one die.
+        pid, code = next(
+            ((pid, code) for pid, code in codes.items() if code not in (0, -signal.SIGTERM)), next(iter(codes.items()))
+        )
+        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}"
+        if code == -signal.SIGKILL:
+            how += ", as the system does when memory runs out: use fewer --workers, or smaller pictures"
+        return RecordingError(
+            f"a worker process (pid {pid}) {how}. Everything written so far is kept; continue with --resume"
+        )
+
+    def close(self) -> None:
+        """End all workers, dropping queued batches. Idempotent."""
+        self._pool.shutdown(cancel_futures=True)
+        if self._forked:
+            self._forked = False
+            gc.unfreeze()
+
+
+_make_handler: Callable[[], JobHandler]  # set in worker processes
+_handler: JobHandler | None = None
+
+
+def _begin(make_handler: Callable[[], JobHandler]) -> None:
+    """Initialise a worker process."""
+    global _make_handler
+    _make_handler = make_handler
+    _end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def _end_with_parent() -> None:
+    """End this process with its parent, however that ends, so that no orphan keeps writing."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+    elif (parent := mp.parent_process()) is not None:
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+
+def _run(job: Job) -> JobResult:
+    """Run a job in a worker. Raises RecordingError for any error."""
+    global _handler
+    try:
+        if _handler is None:
+            _handler = _make_handler()
+        return _handler(job)
+    except HilError as error:
+        raise RecordingError(str(error)) from None
+    except MemoryError:
+        raise RecordingError("a worker process has no memory left: use fewer --workers, or smaller pictures") from None
+    except Exception as defect:  # noqa: BLE001 (a defect of the bench must reach the person, not end in silence)
+        text = "".join(traceback.format_exception(defect)) if os.environ.get("HIL_TRACEBACK") else ""
+        raise RecordingError(
+            f"{type(defect).__name__}: {defect} (a defect of the bench, in a worker; HIL_TRACEBACK=1 shows where)"
+            + (f"\n{text}" if text else "")
+        ) from None

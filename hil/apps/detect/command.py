@@ -1,0 +1,220 @@
+"""`hil detect train` and `hil detect evaluate`. PyTorch is imported only to train."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from hil.config.companion.clients import add_client_path
+from signals.errors import ConfigError, Problem, RecordingError
+
+if TYPE_CHECKING:
+    from hil_companion.detect.model_file import ModelFile
+
+    from hil.apps.detect.evaluate import Evaluation
+    from hil.apps.detect.pictures import Picture
+    from hil.apps.detect.training.settings import Settings
+    from hil.apps.detect.training.train import Epoch
+
+NAME = "hil_ssdlite"  # stem of the model files that a training writes
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """Folders of data sets for training, validation and test.
+
+    Without `validation` or `test` folders, the parts of that name of `data_sets` are used.
+    """
+
+    data_sets: Sequence[Path]
+    part: str = "train"  # of `data_sets`: train, or all
+    validation: Sequence[Path] = ()
+    test: Sequence[Path] = ()
+
+
+def train_detector(
+    data: TrainingData,
+    settings: Settings,
+    console: Console,
+    *,
+    out: Path,
+    weights: Path | None = None,
+    resume: bool = False,
+    quiet: bool = False,
+) -> Path:
+    """Train, export and evaluate a detector, and return its .onnx file.
+
+    `weights` are PyTorch weights to start from. Raises ConfigError for unusable data or weights, RecordingError if a
+    file cannot be written.
+    """
+    add_client_path()
+    try:
+        from hil.apps.detect.training import export
+        from hil.apps.detect.training.train import Training
+    except ImportError as error:
+        hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating need none of it"
+        raise ConfigError([Problem("hil detect train", f"needs PyTorch ({error})", hint)]) from None
+    from hil.apps.detect import curves
+    from hil.apps.detect.picture_store import digest
+    from hil.apps.detect.pictures import read_data_sets
+
+    pictures = read_data_sets(data.data_sets, data.part)
+    if data.part == "all" and not data.validation:
+        hint = "give data sets for validation with --validation"
+        raise ConfigError([Problem("--part all", "leaves no pictures of these data sets for validation", hint)])
+    validation = (
+        read_data_sets(data.validation, "all") if data.validation else read_data_sets(data.data_sets, "validation")
+    )
+    test: Sequence[Picture] = []
+    if data.test:
+        test = read_data_sets(data.test, "all")
+    elif data.part != "all":
+        test = read_data_sets(data.data_sets, "test")
+    training = Training(pictures, validation, settings, out=out)
+    if weights is not None:
+        loaded, total = training.load_weights(weights)
+        console.print(f"{loaded} of {total} tensors loaded from {weights}", markup=False)
+    if resume and not training.resume():
+        console.print(f"nothing to resume in {out}: starting from the beginning", markup=False)
+    _make_folder(out)
+    left_out = ", ".join(f"{n} ({c})" for n, c in training.left_out.items())
+    console.print(f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}")
+    if left_out:
+        console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
+    epochs: list[Epoch] = []
+    began_s = time.monotonic()
+    columns = (
+        TextColumn("epoch {task.fields[epoch]}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[loss]}"),
+    )
+    bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=quiet)
+    with bar as progress:
+        steps = len(training.batches)
+        total = (settings.epochs - training.epochs_done) * steps
+        task = progress.add_task("", total=total, epoch=training.epochs_done + 1, loss="")
+
+        def step(number: int, _: int, loss: float) -> None:
+            progress.update(task, advance=1, epoch=number, loss=f"loss {loss:.3f}")
+
+        def report(epoch: Epoch) -> None:
+            epochs.append(epoch)
+            curves.write_table(epochs, out / "curves.csv")
+            curves.draw(epochs, out / "curves.png")
+            text = f"epoch {epoch.number}: loss {epoch.loss_scores:.3f} + {epoch.loss_boxes:.3f}"
+            if epoch.evaluation is not None:
+                text += f", mAP {epoch.evaluation.mean_average_precision:.3f}"
+                people = epoch.evaluation.classes.get("person")
+                text += f", person {people.average_precision:.3f}" if people is not None else ""
+            progress.console.print(f"{text}  ({time.monotonic() - began_s:.0f} s)", markup=False)
+
+        training.run(on_step=step, on_epoch=report)
+    path = out / f"{NAME}.onnx"
+    model = export.export(training.averaged, path, training.classes, threshold=0.5)
+    on_validation = _evaluated(model, validation, "opencv", console, "validation", quiet=quiet)
+    model = export.with_threshold(model, on_validation.threshold_for())
+    result = _evaluated(model, test, "opencv", console, "test", quiet=quiet) if test else None
+    if result is not None:
+        _print(result, console, f"test, {len(test)} pictures")
+    record = {
+        "settings": asdict(settings),
+        "part": data.part,
+        "data_sets": [p.name for p in data.data_sets],
+        "data_digest": digest(pictures),
+        "pictures": len(pictures),
+        "weights_digest": training.weights_digest(),
+        "onnx_sha256": model.sha256,
+        "left_out": training.left_out,
+        "validation": on_validation.as_json(),
+        "test": result.as_json() if result is not None else None,
+    }
+    _write(out / "training.json", record)
+    return path
+
+
+def evaluate_detector(
+    data_sets: Sequence[Path],
+    console: Console,
+    *,
+    weights: Path | None = None,
+    part: str = "test",
+    backend: str = "opencv",
+    threshold: float | None = None,
+    json_file: Path | None = None,
+    quiet: bool = False,
+) -> Evaluation:
+    """Average precision of a model on data sets. ConfigError, RecordingError."""
+    add_client_path()
+    from hil_companion.detect.model_file import ModelFile
+    from hil_companion.errors import OptionError
+
+    from hil.apps.detect.pictures import read_data_sets
+
+    try:
+        model = ModelFile.load(weights)
+    except OptionError as error:
+        raise ConfigError([Problem("--weights", str(error))]) from None
+    if threshold is not None:
+        model = replace(model, score_threshold=threshold)
+    pictures = read_data_sets(data_sets, part)
+    result = _evaluated(model, pictures, backend, console, part, quiet=quiet)
+    _print(result, console, f"{part}, {len(pictures)} pictures")
+    if json_file is not None:
+        _write(json_file, {"model": model.sha256, "backend": backend, **result.as_json()})
+    return result
+
+
+def _evaluated(
+    model: ModelFile, pictures: Sequence[Any], backend: str, console: Console, what: str, *, quiet: bool
+) -> Evaluation:
+    from hil_companion.detect.detector import Detector
+    from hil_companion.errors import CompanionError
+
+    from hil.apps.detect.evaluate import LOWEST_SCORE, evaluate
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    try:
+        detector = Detector(model, backend, threshold=LOWEST_SCORE)
+        with Progress(*columns, console=console, disable=quiet) as progress:
+            task = progress.add_task("", total=len(pictures))
+            return evaluate(detector, pictures, on_done=lambda n: progress.update(task, completed=n))
+    except CompanionError as error:
+        raise ConfigError([Problem("detector", str(error))]) from None
+
+
+def _print(result: Evaluation, console: Console, title: str) -> None:
+    table = Table(title=title)
+    for name in ("class", "objects", "AP@0.5", f"recall at {result.threshold:g}", "precision"):
+        table.add_column(name, justify="left" if name == "class" else "right")
+    rows = result.as_json()["classes"]
+    for name, row in sorted(rows.items(), key=lambda r: (-(r[1]["average_precision"] or -1.0), r[0])):
+        cells = [row["average_precision"], row["recall"], row["precision"]]
+        table.add_row(name, str(row["objects"]), *("-" if c is None else f"{c:.3f}" for c in cells))
+    console.print(table)
+    console.print(
+        f"mAP@0.5 of all classes {result.mean_average_precision:.3f}; "
+        f"false boxes per picture at {result.threshold:g}: {result.false_boxes():.3f}"
+    )
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be made ({error.strerror or error})") from error
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    try:
+        path.write_text(json.dumps(data, indent=1) + "\n")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error

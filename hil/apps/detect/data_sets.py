@@ -1,0 +1,154 @@
+"""`hil detect data`: the data sets that the shipped detector is trained and evaluated on, each of a different world.
+
+Data set i of a series uses scene i mod 3 with `map_seed` and `seed` equal to `first_seed` + i. Height, course, camera
+angle and the rest follow additive recurrences on irrational numbers (Roberts's R_d), which fill the space evenly for
+any number of sets and need no random numbers. Series with different first seeds share no world.
+
+Each set is one call of `hil dataset` on the same bench file, so it can be made again on its own. Complete sets are
+kept.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from hil.apps.dataset.storage.tree import MANIFEST
+from signals.errors import RecordingError
+from sim.scene.map_section import GeneratedMap
+from sim.scene.scene import load_scene
+
+BENCH = Path(__file__).resolve().parents[3] / "rigs" / "datasets" / "detect.yaml"
+SCENES = ("city_park", "urban_delivery", "training_village")
+COURSES = ("survey", "figure_eight", "circle", "square")
+# One set in four has no textures and one has shadows: `high` takes four times as long as `medium`.
+QUALITIES = ("medium", "low", "medium", "high")
+LOWEST_M, HIGHEST_M = 2.0, 20.0
+_ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
+
+
+@dataclass(frozen=True)
+class DataSetPlan:
+    """One data set of a series: the values that replace those of the bench file."""
+
+    name: str
+    scene: str
+    seed: int  # of the map, the appearance and the noise
+    quality: str
+    course: str
+    side_m: float
+    height_m: float
+    speed_mps: float
+    pitch_deg: float  # camera pitch, downwards positive
+
+    def settings(self) -> list[str]:
+        """Return the values as `KEY=VALUE` settings of `hil dataset`."""
+        seeded = isinstance(load_scene(self.scene).map, GeneratedMap)
+        return [
+            f"scene={self.scene}",
+            *([f"map_seed={self.seed}"] if seeded else []),
+            f"dataset.trajectory.preset={self.course}",
+            f"dataset.trajectory.side_m={self.side_m:g}",
+            f"dataset.trajectory.height_m={self.height_m:g}",
+            f"dataset.trajectory.speed_mps={self.speed_mps:g}",
+            f"sensors.front.mount_rpy_deg=[0, {self.pitch_deg:g}, 0]",
+        ]
+
+
+@dataclass(frozen=True)
+class DataSetSeries:
+    """A series of data sets: how many, of how many frames, from which seed on.
+
+    `people` is the least and greatest number of people to add to those of the map; None adds none.
+    """
+
+    sets: int
+    frames: int
+    first_seed: int
+    scenes: Sequence[str] = SCENES
+    people: tuple[int, int] | None = None
+
+    def plans(self) -> list[DataSetPlan]:
+        """Return one plan per data set, in order."""
+        return [plan(i, self.first_seed, self.scenes) for i in range(self.sets)]
+
+
+def plan(index: int, first_seed: int, scenes: Sequence[str] = SCENES) -> DataSetPlan:
+    """Return data set number `index` of a series. The camera points ahead on low flights, further down on high ones."""
+    side, height, speed, pitch, quality = ((first_seed + index) / _ROOT**k % 1.0 for k in range(1, 6))
+    height_m = LOWEST_M * (HIGHEST_M / LOWEST_M) ** height
+    up = (height_m - LOWEST_M) / (HIGHEST_M - LOWEST_M)
+    least_deg, most_deg = 20.0 * up, 35.0 + 55.0 * up
+    scene = scenes[index % len(scenes)]
+    return DataSetPlan(
+        name=f"{index:03d}-{scene}",
+        scene=scene,
+        seed=first_seed + index,
+        quality=QUALITIES[int(quality * len(QUALITIES))],
+        course=COURSES[index // len(scenes) % len(COURSES)],
+        side_m=round(14.0 + 26.0 * side, 1),
+        height_m=round(height_m, 1),
+        speed_mps=round(2.0 + 3.0 * speed, 1),
+        pitch_deg=round(least_deg + (most_deg - least_deg) * pitch, 0),
+    )
+
+
+def make_data_sets(
+    out: Path, console: Console, series: DataSetSeries, *, jobs: int | None = None, quiet: bool = False
+) -> list[Path]:
+    """Make the data sets of `series` that `out` does not yet hold complete, and return all their folders.
+
+    `jobs` data sets are made at a time, by default one per core. Raises RecordingError with the first data set that
+    could not be made.
+    """
+    plans, people = series.plans(), series.people
+    people_setting = [] if people is None else [f"randomize.people.count=[{people[0]}, {people[1]}]"]
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be made ({error.strerror or error})") from error
+    columns = (TextColumn("data sets"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=quiet) as progress:
+        task = progress.add_task("", total=len(plans))
+        with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
+            futures = [pool.submit(_make, p, out / p.name, series.frames, people_setting) for p in plans]
+            for future in futures:
+                try:
+                    future.result()
+                except RecordingError:
+                    pool.shutdown(cancel_futures=True)
+                    raise
+                progress.advance(task)
+    return [out / p.name for p in plans]
+
+
+def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> None:
+    if _complete(folder):
+        return
+    command = [sys.executable, "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
+    command += ["--frames", str(frames), "--out", str(folder)]
+    command += ["--seed", str(plan.seed), "--quality", plan.quality]
+    for setting in [*plan.settings(), *settings]:
+        command += ["--set", setting]
+    if folder.is_dir():
+        command.append("--resume")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        words = " ".join((done.stderr or done.stdout).split())[-400:]
+        raise RecordingError(f"{folder}: `hil dataset` ended with status {done.returncode}: {words}")
+
+
+def _complete(folder: Path) -> bool:
+    try:
+        return bool(json.loads((folder / MANIFEST).read_text())["complete"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False

@@ -1,0 +1,34 @@
+"""Settings of a training, which need no PyTorch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from signals.errors import ConfigError, Problem
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings that determine the trained weights, besides the data. Raises ConfigError for a value out of range."""
+
+    epochs: int = 30
+    batch: int = 16
+    seed: int = 1
+    learning_rate: float = 2e-3  # of AdamW, at its highest
+    weight_decay: float = 0.02
+    average_decay: float = 0.998
+    threads: int = 2
+    precision: str = "fp32"  # or bf16: convolutions with 16 bits, weights with 32
+    min_objects: int = 100  # of a class in the training pictures; with fewer it is left out
+    validate_every: int = 3  # epochs
+
+    def __post_init__(self) -> None:
+        wrong = [
+            Problem(f"--{name.replace('_', '-')}", f"{getattr(self, name)!r}", "a number above 0 is needed")
+            for name in ("epochs", "batch", "learning_rate", "threads", "min_objects", "validate_every")
+            if not getattr(self, name) > 0
+        ]
+        if self.precision not in ("fp32", "bf16"):
+            wrong.append(Problem("--precision", f"{self.precision!r}", "fp32 or bf16"))
+        if wrong:
+            raise ConfigError(wrong)

@@ -1,0 +1,267 @@
+"""Training loop: epochs with a falling learning rate, regular validation, and a checkpoint after each epoch.
+
+The same data, settings, versions and processor give the same weights: batches and their augmentation are numbered,
+PyTorch uses deterministic algorithms, and the number of threads, which determines the order of sums, is a setting. A
+training that was stopped continues from `last.pt` with the same result.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import torch
+from hil_companion.detect.decode import decode
+from torch import Tensor, nn
+
+from hil.apps.detect.evaluate import Evaluation, evaluation_of
+from hil.apps.detect.picture_store import PictureStore
+from hil.apps.detect.pictures import Picture, class_counts
+from hil.apps.detect.training.assign import Assigner
+from hil.apps.detect.training.augment import Augmenter, Strength
+from hil.apps.detect.training.batches import Batch, Batches, blob_of
+from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe
+from hil.apps.detect.training.loss import detection_loss
+from hil.apps.detect.training.model import SsdLite, by_anchor
+from hil.apps.detect.training.settings import Settings
+from signals.errors import ConfigError, Problem, RecordingError
+
+CHECKPOINT = "last.pt"
+_MAX_VALIDATION_PICTURES = 400  # during training; the whole set is evaluated at the end
+_VALIDATION_SCORE = 0.05
+_WARM_UP_STEPS = 200
+_GRADIENT_NORM = 10.0
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """Result of one epoch, numbered from 1. `evaluation` is None in epochs without validation."""
+
+    number: int
+    loss_scores: float
+    loss_boxes: float
+    learning_rate: float
+    evaluation: Evaluation | None
+
+
+class WeightAverage:
+    """Moving average of a network's weights, which detects better than the weights after the last step.
+
+    The average spans about 1 / (1 - decay) steps, fewer at the start.
+    """
+
+    def __init__(self, model: nn.Module, decay: float) -> None:
+        self.model = copy.deepcopy(model).eval()
+        self.decay = decay
+        self.steps = 0
+        for p in self.model.parameters():
+            p.requires_grad_(False)
+
+    @torch.no_grad()
+    def update(self, model: nn.Module) -> None:
+        """Add the weights of `model` after a step."""
+        self.steps += 1
+        decay = min(self.decay, (1.0 + self.steps) / (10.0 + self.steps))
+        for own, new in zip(self.model.state_dict().values(), model.state_dict().values(), strict=True):
+            if own.dtype.is_floating_point:
+                own.lerp_(new, 1.0 - decay)
+            else:
+                own.copy_(new)
+
+
+class Training:
+    """One training, from pictures to averaged weights."""
+
+    def __init__(
+        self, pictures: Sequence[Picture], validation: Sequence[Picture], settings: Settings, *, out: Path
+    ) -> None:
+        """Raises ConfigError if no class has enough objects."""
+        self.settings = settings
+        self.out = out
+        counts = class_counts(pictures)
+        self.classes = tuple(sorted(n for n, c in counts.items() if c >= settings.min_objects))
+        self.left_out = {n: c for n, c in sorted(counts.items()) if c < settings.min_objects}
+        if not self.classes:
+            most = max(counts.values(), default=0)
+            hint = f"record more, or take --min-objects {max(1, most)}"
+            raise ConfigError([Problem("labels", f"no class has {settings.min_objects} objects", hint)])
+        torch.use_deterministic_algorithms(True)
+        # No uninitialised memory is read here, and filling it would take a fifth of the time.
+        torch.utils.deterministic.fill_uninitialized_memory = False
+        torch.set_num_threads(settings.threads)
+        cv2.setNumThreads(1)
+        torch.manual_seed(settings.seed)
+        self._store = PictureStore(pictures, INPUT_PX)
+        self._validation = validation[:: max(1, math.ceil(len(validation) / _MAX_VALIDATION_PICTURES))]
+        self._validation_store = PictureStore(self._validation, INPUT_PX)
+        self._assigner = Assigner(LEVELS, INPUT_PX)
+        self._anchors = torch.from_numpy(self._assigner.anchors_px)
+        self.model: nn.Module = SsdLite(len(self.classes), [v.per_place for v in LEVELS]).to(
+            memory_format=torch.channels_last
+        )
+        self._averaged = WeightAverage(self.model, settings.average_decay)
+        plain = [p for p in self.model.parameters() if p.ndim <= 1]
+        decayed = [p for p in self.model.parameters() if p.ndim > 1]
+        groups = [{"params": decayed, "weight_decay": settings.weight_decay}, {"params": plain, "weight_decay": 0.0}]
+        self._optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
+        self._epochs_done = 0
+        augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
+        self.batches = Batches(augmenter, self._assigner, pictures, size=settings.batch, seed=settings.seed)
+        # The last sixth of the epochs uses weak augmentation, so that the statistics match those of recorded pictures.
+        weak = Augmenter(self._store, self.classes, settings.seed, Strength(zoom=(1.0, 1.3), mosaic_share=0.0))
+        self._late_batches = Batches(weak, self._assigner, pictures, size=settings.batch, seed=settings.seed)
+
+    @property
+    def averaged(self) -> nn.Module:
+        """Network with the averaged weights, the result of the training."""
+        return self._averaged.model
+
+    @property
+    def epochs_done(self) -> int:
+        """Number of finished epochs."""
+        return self._epochs_done
+
+    def load_weights(self, path: Path) -> tuple[int, int]:
+        """Start from the weights in a file, as far as names and shapes agree.
+
+        Returns the number of tensors loaded and the number in the network. Raises ConfigError if none fits.
+        """
+        data = _loaded(path)
+        state = data.get("average", data)
+        own = self.model.state_dict()
+        same = {
+            k: v
+            for k, v in state.items()
+            if k in own and isinstance(v, Tensor) and tuple(v.shape) == tuple(own[k].shape)
+        }
+        if not same:
+            hint = f"give a {CHECKPOINT} of `hil detect train`, or a state_dict of its model"
+            raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
+        self.model.load_state_dict({**own, **same})
+        self._averaged = WeightAverage(self.model, self.settings.average_decay)
+        return len(same), len(own)
+
+    def resume(self) -> bool:
+        """Load the folder's checkpoint and return True; False if there is none.
+
+        Raises ConfigError if it belongs to another training.
+        """
+        path = self.out / CHECKPOINT
+        if not path.is_file():
+            return False
+        data = _loaded(path)
+        expected = {"settings": asdict(self.settings), "classes": list(self.classes)}
+        for key, value in expected.items():
+            if data.get(key) != value:
+                hint = "choose another folder, or leave out --resume"
+                raise ConfigError([Problem(str(path), f"is of a training with other {key}", hint)])
+        self.model.load_state_dict(data["model"])
+        self._averaged.model.load_state_dict(data["average"])
+        self._averaged.steps = int(data["steps"])
+        self._optimiser.load_state_dict(data["optimiser"])
+        self._epochs_done = int(data["epoch"])
+        return True
+
+    def run(self, *, on_step: Callable[[int, int, float], None], on_epoch: Callable[[Epoch], None]) -> None:
+        """Run the remaining epochs, calling `on_step(epoch, step, loss)` after each batch and `on_epoch` after each.
+
+        Raises ConfigError if the loss is not finite, RecordingError if the checkpoint cannot be written.
+        """
+        total = self.settings.epochs * len(self.batches)
+        while self._epochs_done < self.settings.epochs:
+            number = self._epochs_done
+            late = number >= self.settings.epochs - max(1, self.settings.epochs // 6)
+            sums, rate = [0.0, 0.0], 0.0
+            for i, batch in enumerate((self._late_batches if late else self.batches).epoch(number)):
+                rate = self._rate(number * len(self.batches) + i, total)
+                scores, boxes = self._step(batch, rate)
+                sums = [sums[0] + scores, sums[1] + boxes]
+                on_step(number + 1, i + 1, scores + boxes)
+            self._epochs_done += 1
+            self._store_checkpoint()
+            due = self._epochs_done % self.settings.validate_every == 0 or self._epochs_done == self.settings.epochs
+            count = len(self.batches)
+            evaluation = self.evaluate() if due and self._validation else None
+            on_epoch(Epoch(self._epochs_done, sums[0] / count, sums[1] / count, rate, evaluation))
+
+    def _step(self, batch: Batch, rate: float) -> tuple[float, float]:
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        self.model.train()
+        with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.precision == "bf16"):
+            maps = self.model(batch.blob)
+        logits, offsets = by_anchor([m.float() for m in maps], len(self.classes))
+        scores, boxes = detection_loss(logits, offsets, self._anchors, batch.classes, batch.target_px)
+        self._optimiser.zero_grad(set_to_none=True)
+        (scores + boxes).backward()
+        nn.utils.clip_grad_norm_(self.model.parameters(), _GRADIENT_NORM)
+        self._optimiser.step()
+        self._averaged.update(self.model)
+        values = float(scores.detach()), float(boxes.detach())
+        if not all(math.isfinite(v) for v in values):
+            hint = "a lower --learning-rate"
+            raise ConfigError([Problem("training", "diverged: the loss is not finite", hint)])
+        return values
+
+    def _rate(self, done: int, total: int) -> float:
+        warm = min(1.0, (done + 1) / min(_WARM_UP_STEPS, max(1, total // 10)))
+        return self.settings.learning_rate * warm * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * done / total)))
+
+    @torch.no_grad()
+    def evaluate(self) -> Evaluation:
+        """Evaluate the averaged weights on a part of the validation pictures."""
+        model = describe(self.out, self.classes)
+        found = []
+        for first in range(0, len(self._validation), self.settings.batch):
+            rows = range(first, min(first + self.settings.batch, len(self._validation)))
+            with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.precision == "bf16"):
+                maps = self.averaged(blob_of([self._validation_store.rgb(i) for i in rows]))
+            logits, offsets = by_anchor([m.float() for m in maps], len(self.classes))
+            for i, scores, boxes in zip(rows, logits.numpy(), offsets.numpy(), strict=True):
+                picture = self._validation[i]
+                found.append(decode(model, scores, boxes, (picture.width, picture.height), _VALIDATION_SCORE))
+        return evaluation_of(model.score_threshold, self._validation, found, self.classes)
+
+    def weights_digest(self) -> str:
+        """Return the SHA-256 of the averaged weights, equal for trainings with the same result."""
+        checksum = hashlib.sha256()
+        for name, value in self.averaged.state_dict().items():
+            checksum.update(name.encode() + value.contiguous().numpy().tobytes())
+        return checksum.hexdigest()
+
+    def _store_checkpoint(self) -> None:
+        data = {
+            "settings": asdict(self.settings),
+            "classes": list(self.classes),
+            "epoch": self._epochs_done,
+            "model": self.model.state_dict(),
+            "average": self.averaged.state_dict(),
+            "steps": self._averaged.steps,
+            "optimiser": self._optimiser.state_dict(),
+        }
+        path = self.out / CHECKPOINT
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+            torch.save(data, path.with_suffix(".new"))
+            path.with_suffix(".new").replace(path)  # atomic
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def _loaded(path: Path) -> Mapping[str, Any]:
+    try:
+        data = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise ConfigError([Problem(str(path), f"cannot be read ({error.strerror or error})")]) from None
+    except Exception as error:  # noqa: BLE001  torch passes on any exception of its readers and of pickle
+        words = " ".join(str(error).split())[:120]
+        raise ConfigError([Problem(str(path), f"is no file of PyTorch weights ({words})")]) from None
+    if not isinstance(data, Mapping):
+        raise ConfigError([Problem(str(path), "is no file of PyTorch weights: it holds no names")])
+    return data

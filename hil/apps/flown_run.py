@@ -1,0 +1,128 @@
+"""Result of one flight for a test: verdict, measurements by name, and the health of its link."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HEALTH = {
+    "crc_errors": "MAVLink frames with a wrong checksum",
+    "garbage": "bytes that belong to no frame",
+    "lost_frames": "frames of the autopilot that never arrived",
+    "late": "samples or replies that came too late",
+    "estimator_reset": "resets of the autopilot's estimator in the air",
+    "error": "an ERROR: the bench could not finish the flight",
+}
+_GROUND_STATION = 255
+
+
+class BenchError(AssertionError):
+    """A flight ended as ERROR. `run` holds the results up to that point."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        error = run.json.get("error") or {}
+        super().__init__(f"{error.get('type')}: {error.get('message')}\nthe run is in {run.out}")
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """One flight. `json` is the content of run.json; each measurement of the verdict is also an attribute."""
+
+    json: dict[str, Any]
+    out: Path
+
+    def __repr__(self) -> str:
+        return f"<Run {self.status}, seed {self.seed}, digest {self.digest[:8]}, {self.out}>"
+
+    @property
+    def status(self) -> str:
+        """PASS, FAIL or ERROR."""
+        return str(self.json["status"])
+
+    @property
+    def passed(self) -> bool:
+        """True if the vehicle met every limit of its bench."""
+        return self.status == "PASS"
+
+    @property
+    def reasons(self) -> list[str]:
+        """The limits that were not met, in words; empty for a PASS."""
+        return list(self.json["verdict"]["reasons"])
+
+    @property
+    def digest(self) -> str:
+        """Digest of the whole flight: the same in every run of the same configuration."""
+        return str(self.json["digest"])
+
+    @property
+    def seed(self) -> int:
+        """Seed of all noise."""
+        return int(self.json["seed"])
+
+    @property
+    def measurements(self) -> dict[str, float | None]:
+        """Measurements by name; None if the flight did not yield one."""
+        return {row["name"]: row["value"] for row in self.json["verdict"]["rows"]}
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a measurement or an entry of run.json's mission, such as `run.max_cross_track_m` or `run.completed`.
+
+        Raises AttributeError for an unknown name, AssertionError if the flight did not yield it.
+        """
+        if name.startswith("__") or name in ("json", "out"):
+            raise AttributeError(name)
+        values = self.measurements | self.json["mission"]
+        if name not in values:
+            raise AttributeError(f"a run has no {name!r}; it has: {', '.join(sorted(values))}")
+        if values[name] is None:
+            why = "; ".join(self.reasons) or "the flight never reached that part"
+            raise AssertionError(f"{name} was never measured: {why}")
+        return values[name]
+
+
+def health(run: Run) -> dict[str, int]:
+    """Return the number of occurrences of each item of `HEALTH` in a flight."""
+    link = run.json["autopilot"].get("link") or {}
+    timing = run.json.get("timing") or {}
+    return {
+        "crc_errors": link.get("bad_crc", 0),
+        "garbage": link.get("garbage_bytes", 0),
+        "lost_frames": link.get("lost_frames", 0),
+        "late": run.json["autopilot"]["late"] + timing.get("paced_ticks_late", 0),
+        "estimator_reset": _estimator_resets(run.out / "flight.tlog"),
+        "error": int(run.status == "ERROR"),
+    }
+
+
+_RESET_WORDS = re.compile(r"\b(e?kf\d?|estimator)\b.*\breset|\breset.*\b(e?kf\d?|estimator)\b", re.IGNORECASE)
+
+
+def _estimator_resets(tlog: Path) -> int:
+    """Count estimator resets while armed, by ODOMETRY's reset counter and by STATUSTEXT messages; 0 without a log.
+
+    Resets while disarmed are normal: the estimator is still finding its heading.
+    """
+    if not tlog.is_file():
+        return 0
+    from firmware_bridge.codecs.mavlink_frame import FrameParser
+    from firmware_bridge.codecs.messages import MSGID, unpack
+
+    heartbeat, odometry, text = MSGID["HEARTBEAT"], MSGID["ODOMETRY"], MSGID["STATUSTEXT"]
+    wanted = (heartbeat, odometry, text)
+    resets, armed, counter = 0, False, None
+    # Each frame of a tlog follows eight bytes of time; the parser skips them as it skips any noise.
+    for frame in FrameParser().feed(tlog.read_bytes()):
+        if frame.msgid not in wanted or frame.sysid == _GROUND_STATION:
+            continue
+        message = unpack(frame)
+        if frame.msgid == heartbeat:
+            armed = bool(message.base_mode & 128)
+        elif frame.msgid == text:
+            resets += armed and _RESET_WORDS.search(message.text) is not None
+        else:
+            resets += armed and counter is not None and message.reset_counter != counter
+            counter = message.reset_counter
+    return resets

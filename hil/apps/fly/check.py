@@ -1,0 +1,24 @@
+"""`hil check`: a bench validated without a flight."""
+
+from __future__ import annotations
+
+from hil.apps.fly.choice import BenchChoice
+from hil.config.missions.path import planned_path, waypoint_legs
+from hil.run.loop.stages import plan_stages
+from hil.run.sensors.frame_stages import stage_specs
+
+
+def check_bench(choice: BenchChoice) -> str:
+    """Load the bench, check the wiring of its stages, and return one line about it.
+
+    Raises ConfigError or WiringError.
+    """
+    bench = choice.load()
+    plan_stages(stage_specs(bench.config))
+    c = bench.config
+    flown = "no mission"
+    if bench.mission is not None:
+        flown = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
+    if bench.script is not None:
+        flown += f", {len(bench.script.script.actions)} actions"
+    return f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {flown}, sensors {', '.join(c.sensors)}"

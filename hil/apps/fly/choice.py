@@ -1,0 +1,34 @@
+"""Selection of a bench on the command line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.config import Bench, load_bench
+
+
+@dataclass(frozen=True)
+class BenchChoice:
+    """A bench file and what the command line lays over it; None leaves a value to the file.
+
+    `settings` are the texts of `--set`.
+    """
+
+    config: Path | None = None
+    rig: str | None = None
+    scene: str | None = None
+    mission: str | None = None
+    seed: int | None = None
+    settings: tuple[str, ...] = ()
+
+    def load(self) -> Bench:
+        """Read and check the bench. Raises ConfigError with every problem found."""
+        return load_bench(
+            self.config,
+            rig=self.rig,
+            scene=self.scene,
+            mission=self.mission,
+            seed=self.seed,
+            settings=self.settings,
+        )

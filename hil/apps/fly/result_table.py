@@ -1,0 +1,43 @@
+"""The result of a run on the console."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+
+def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Console, errors: Console) -> None:
+    """Print the headline of a run: status, measured against limit, digest, folder. `run` is its run.json."""
+    colour = {"PASS": "green", "FAIL": "yellow"}.get(str(run["status"]), "red")
+    table = Table.grid(padding=(0, 2))
+    mission, verdict = run["mission"], run["verdict"]
+    if mission["waypoints"]:
+        table.add_row("waypoints", f"{mission['reached']} of {mission['waypoints']}")
+    for row in verdict["rows"]:
+        if row["value"] is not None:
+            limit = f"(limit {row['limit']:g})" if row["limit"] is not None else "(not judged)"
+            table.add_row(
+                str(row["name"]).rsplit("_", 1)[0].replace("_", " "), f"{row['value']:.3f} {row['unit']} {limit}"
+            )
+    table.add_row(
+        "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
+    )
+    if companion := run.get("companion"):
+        from hil.run.report.companion_section import console_rows
+
+        for label, text in console_rows(companion):
+            table.add_row(label, text)
+    same = "" if run["deterministic"] else "  (not deterministic)"
+    console.print(f"[bold {colour}]{run['status']}[/]")
+    if error := run["error"]:
+        errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
+    for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
+        console.print(f"  {reason}", markup=False)
+    console.print(table)
+    # Unbroken lines, so that they can be copied, compared and searched for.
+    console.print(f"digest   {run['digest']}{same}", markup=False)
+    console.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)

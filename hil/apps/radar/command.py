@@ -1,0 +1,123 @@
+"""`hil radar`: runs a recording through the processing chain, making radar frames from recorded pictures if needed.
+
+It writes `summary.png` (range and speed over time, with the tracks), `micro_doppler.png` (speed over time around the
+track with the longest way in range, if there is a track), some `range_doppler_N.png` (beside the camera's picture of
+the same instant, if recorded), `points.csv`, `tracks.csv`, `radar.npz` with all results and `summary.json`. Frames made
+from pictures are kept in `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from hil.apps.radar.results import Results
+from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
+from signals.errors import ConfigError, Problem, RecordingError
+from signals.time import NS_PER_S
+from sim.radar.processing.processor import Processor
+from sim.radar.recording import Recording, save_recording
+
+FOLDER = "radar"
+
+
+@dataclass(frozen=True)
+class TimeSpan:
+    """Part of a recording, both ends included [s]; None leaves an end open."""
+
+    from_s: float | None = None
+    until_s: float | None = None
+
+
+def process_radar(
+    target: Path,
+    console: Console,
+    *,
+    out: Path | None = None,
+    preset: str | None = None,
+    sensor: str | None = None,
+    settings: Sequence[str] = (),
+    span: TimeSpan = TimeSpan(),
+    quiet: bool = False,
+) -> list[Path]:
+    """Process the frames whose middle lies in `span` and return the files written, the summary's picture first.
+
+    Raises ConfigError, RecordingError.
+    """
+    source = open_source(target, preset=preset, texts=settings, sensor=sensor)
+    if span != TimeSpan():
+        source = _within(source, span)
+    folder = out if out is not None else _folder(target)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        results, made = _process(source, console, quiet=quiet)
+        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.shown})
+        files = results.write(folder, what=f"{_name(target)}: {source.what}")
+        if source.made and made:
+            save_recording(folder / "raw.npz", _recording(source, made))
+            files += [folder / "raw.npz", folder / "raw.json"]
+    except OSError as error:
+        raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
+    return files
+
+
+def _folder(target: Path) -> Path:
+    if target.is_dir():
+        return target / FOLDER
+    return target.parent / (FOLDER if target.suffix == ".mcap" else f"{target.stem}-{FOLDER}")
+
+
+def _name(target: Path) -> str:
+    """Return the name of the run or recording, with links resolved."""
+    path = target.resolve()
+    return path.parent.name if path.suffix == ".mcap" else path.name if path.is_dir() else path.stem
+
+
+def _within(source: Source, span: TimeSpan) -> Source:
+    """Keep the frames of a time span."""
+    from_s = -math.inf if span.from_s is None else span.from_s
+    until_s = math.inf if span.until_s is None else span.until_s
+    times: list[float] = []
+    frames: list[Frame] = []
+    for frame in source.frames:
+        times.append(frame.t_ns / NS_PER_S)
+        if from_s <= times[-1] <= until_s:
+            frames.append(frame)
+    if not frames:
+        lasts = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
+        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", lasts)])
+    return replace(source, count=len(frames), frames=iter(frames))
+
+
+def _process(source: Source, console: Console, *, quiet: bool) -> tuple[Results, list[Frame]]:
+    """Process all frames; return the results and, if the frames were made from pictures, the frames."""
+    p = source.parameters
+    processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
+    results = Results(p.chirp, source.count)
+    made: list[Frame] = []
+    hidden = quiet or not console.is_terminal
+    for frame in track(source.frames, source.what, source.count, console=console, transient=True, disable=hidden):
+        results.add(frame.t_ns, processor.process(frame.raw, frame.t_ns))
+        if source.made:
+            made.append(frame)
+    return results, made
+
+
+def _recording(source: Source, frames: Sequence[Frame]) -> Recording:
+    p = source.parameters
+    times = [frame.t_ns for frame in frames]
+    period_s = float(np.median(np.diff(times))) / NS_PER_S if len(times) > 1 else None
+    return Recording(
+        np.array([frame.raw for frame in frames]),
+        p.chirp,
+        tuple(range(1, len(p.antenna.rx_positions_m) + 1)),
+        period_s,
+        p.receiver.hp_cutoff_hz,
+        p.receiver.aaf_cutoff_hz,
+    )

@@ -1,0 +1,294 @@
+"""Sources of radar frames for `hil radar`.
+
+    RUN_DIR or run.mcap with a radar's raw data    the recorded frames
+    RUN_DIR whose camera recorded range, normal,   frames made from these pictures with the run's seed: the same bytes
+      material and radial_velocity                 as a radar that read that camera during the run
+    .npz or .npy with its .json                    a recording of a real sensor, or of `hil radar` itself
+
+Each source gives its settings, the number of its frames, and the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.config import BenchConfig, load_bench
+from hil.config.checks.radar_checks import view_of
+from hil.config.layers import Settings, lay_settings
+from hil.config.sensors.preset_values import find_preset, laid_over
+from hil.run.recorder.reading import RecordedMessage, Recording
+from hil.run.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
+from hil.run.recorder.recorder import MCAP_NAME
+from signals.documents.validate import nearest, validate
+from signals.documents.yaml_lines import parse_yaml
+from signals.errors import ConfigError, Problem, RecordingError
+from signals.samples import TruthState
+from signals.time import NS_PER_S
+from sim.frame.mount import Mount
+from sim.radar.chirp import Chirp
+from sim.radar.recording import load_recording
+from sim.sensors.radar import RadarFrames
+from sim.sensors.radar_parameters import RadarParameters
+from sim.world_loader import load_world
+
+LIVE_PRESET = "bgt60tr13c"
+RECORDING_PRESET = "bgt60tr13c_wideband"
+_ARRAYS = (".npz", ".npy")
+_DEFAULT_PERIOD_S = 0.1  # for recordings without a frame period
+_NEEDED = ("range", "normal", "material", "radial_velocity")
+_ZERO = (0.0, 0.0, 0.0)
+_MAX_LATENCY_NS = 10 * NS_PER_S  # greatest delay of a picture after its capture
+
+
+class Frame(NamedTuple):
+    """One frame, its middle at `t_ns`; `raw` is (receivers, chirps, samples) in ADC counts."""
+
+    t_ns: int
+    raw: NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Frames of one radar, read or made one by one.
+
+    `camera` names the recording and topic of the colour pictures taken along the radar's view, if there are any.
+    """
+
+    what: str  # description for titles
+    parameters: RadarParameters
+    count: int
+    made: bool  # True: frames are made from pictures
+    frames: Iterator[Frame]
+    camera: tuple[Path, str] | None = None
+
+
+def pictures_at(source: Source, times_ns: Container[int]) -> dict[int, NDArray[np.uint8]]:
+    """Return the recorded colour pictures of exactly these times, by time; (height, width, 3) each."""
+    if source.camera is None:
+        return {}
+    path, topic = source.camera
+    found = (image(message) for message in Recording(path).messages() if message.topic == topic)
+    return {t_ns: np.asarray(rgb, np.uint8) for t_ns, rgb in found if t_ns in times_ns}
+
+
+def _colour(path: Path, topics: Container[str], camera: str | None) -> tuple[Path, str] | None:
+    topic = f"/{camera}/rgb"
+    return (path, topic) if topic in topics else None
+
+
+def open_source(target: Path, *, preset: str | None, texts: Sequence[str], sensor: str | None = None) -> Source:
+    """Open a run's folder, an MCAP file or a recorded array as a source of frames.
+
+    `sensor` selects one of several radars; `texts` are `KEY=VALUE` settings laid over the recorded ones. Raises
+    ConfigError, RecordingError.
+    """
+    if target.suffix in _ARRAYS:
+        if sensor is not None:
+            raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
+        return _of_arrays(target, preset, texts)
+    path = target / MCAP_NAME if target.is_dir() else target
+    if not path.is_file():
+        message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
+        raise ConfigError([Problem(str(target), message, "give the folder of a run, its run.mcap, or an .npz or .npy")])
+    try:
+        topics = _topics(path)
+    except RecordingError as error:
+        raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
+    raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
+    if raw:
+        name = _the_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
+        return _of_raw(path, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts)
+    return _of_pictures(path, topics, preset, texts, sensor)
+
+
+def _the_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
+    """Return the radar to use: the wanted one, or the only one. Raises ConfigError."""
+    if wanted is not None and wanted not in names:
+        raise ConfigError([Problem("--sensor", f"{path} has no radar {wanted!r}", nearest(wanted, names))])
+    if wanted is None and len(names) > 1:
+        raise ConfigError([Problem(str(path), f"has the radars {', '.join(names)}", "say which: --sensor NAME")])
+    return wanted or names[0]
+
+
+def _of_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
+    recording = load_recording(path)
+    parameters = settings_of(None, preset=preset, default_preset=RECORDING_PRESET, texts=texts)
+    parameters = with_chirp(parameters, recording.chirp, recording.receivers, str(path))
+    period_ns = round((recording.frame_repetition_s or _DEFAULT_PERIOD_S) * NS_PER_S)
+    frames = (Frame(i * period_ns, np.ascontiguousarray(raw)) for i, raw in enumerate(recording.adc))
+    return Source(f"recording {path.name}", parameters, recording.frames, False, frames)
+
+
+def _topics(path: Path) -> dict[str, tuple[str, int]]:
+    """Return message type and number of messages of every topic."""
+    found: dict[str, tuple[str, int]] = {}
+    for message in Recording(path).messages():
+        kind, count = found.get(message.topic, (message.type_name, 0))
+        found[message.topic] = (kind, count + 1)
+    return found
+
+
+def _of_raw(
+    path: Path, topic: str, topics: Mapping[str, tuple[str, int]], preset: str | None, texts: Sequence[str]
+) -> Source:
+    first = radar_frame(next(message for message in Recording(path).messages() if message.topic == topic))
+    name = topic.strip("/").split("/")[0]
+    recorded = _section(path, name)
+    parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
+    parameters = with_chirp(parameters, first.chirp, len(first.raw), f"{path}: {topic}")
+
+    def frames() -> Iterator[Frame]:
+        for message in Recording(path).messages():
+            if message.topic == topic:
+                frame = radar_frame(message)
+                yield Frame(frame.t_capture_ns, frame.raw)
+
+    colour = _colour(path, topics, parameters.frame)
+    return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour)
+
+
+def _section(path: Path, name: str) -> Mapping[str, Any] | None:
+    """Return the section of a sensor in the bench file attached to the recording, if there is one."""
+    recording = Recording(path).scan()
+    data = parse_yaml(recording.attachments.get("bench.yaml", b"{}").decode(errors="replace"), "bench.yaml").data
+    section = data.get("sensors", {}).get(name) if isinstance(data, dict) else None
+    return section if isinstance(section, dict) else None
+
+
+def _of_pictures(
+    path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
+) -> Source:
+    bench_file = path.parent / "bench.yaml"
+    cameras = _cameras(topics)
+    if not cameras or not bench_file.is_file():
+        hint = f"record a radar's raw data, or a camera with the channels {', '.join(_NEEDED)}"
+        message = "holds no raw radar data and no pictures to make them of"
+        if cameras:
+            message, hint = "needs the bench.yaml of the run beside it", "give the run's folder"
+        raise ConfigError([Problem(str(path), message, hint)])
+    bench = load_bench(bench_file)
+    radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
+    name, recorded = "radar", None
+    if radars or sensor is not None:
+        name = _the_radar(list(radars), sensor, path)
+        recorded = radars[name].parameters.model_dump(mode="json")
+    parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
+    camera = parameters.frame or cameras[0]
+    if camera not in cameras:
+        problem = f"frame {camera!r}: that camera's {', '.join(_NEEDED)} were not recorded"
+        raise ConfigError([Problem(str(path), problem, nearest(camera, cameras))])
+    view = view_of(bench.config.sensors[camera])
+    try:
+        radar = RadarFrames(view, load_world(bench.scene), parameters, seed=bench.config.seed, name=name)
+    except ValueError as error:
+        raise ConfigError([Problem("--set mask", str(error))]) from error
+    missing = [channel for channel in radar.channels if f"/{camera}/{channel}" not in topics]
+    if missing:
+        raise ConfigError([Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record it")])
+    frames = _made(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
+    count = topics[f"/{camera}/range"][1]
+    colour = _colour(path, topics, camera)
+    return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames, colour)
+
+
+def _cameras(topics: Mapping[str, Any]) -> list[str]:
+    """Return the cameras with all recorded channels that echoes need."""
+    names = {topic.split("/")[1] for topic in topics if topic.endswith("/range")}
+    return sorted(name for name in names if all(f"/{name}/{channel}" in topics for channel in _NEEDED))
+
+
+def _made(path: Path, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig) -> Iterator[Frame]:
+    """Yield the frame of each picture, once all its channels and the true state of its tick have been read."""
+    wanted = {f"/{camera}/{channel}": channel for channel in radar.channels}
+    waiting: dict[int, dict[str, NDArray[Any]]] = {}
+    truths: dict[int, dict[str, RecordedMessage]] = {}
+    for message in Recording(path).messages():
+        if message.topic in ("/truth/pose", "/truth/velocity", "/truth/angular_velocity"):
+            t_ns = message.log_time_ns
+            if t_ns not in truths:
+                truths = {t: found for t, found in truths.items() if t > t_ns - _MAX_LATENCY_NS}
+            truths.setdefault(t_ns, {})[message.topic] = message
+        elif message.topic in wanted:
+            t_ns, picture = image(message)
+            pictures = waiting.setdefault(message.sequence, {})
+            pictures[wanted[message.topic]] = picture
+            if len(pictures) == len(wanted):
+                del waiting[message.sequence]
+                truth = _truth(t_ns, t_ns // config.tick_ns, truths.get(t_ns, {}), path)
+                yield Frame(t_ns, radar.raw(pictures, mount.pose(truth), message.sequence))
+
+
+def _truth(t_ns: int, tick: int, messages: Mapping[str, RecordedMessage], path: Path) -> TruthState:
+    """Return the recorded pose and velocity of the vehicle as a true state; its other fields are zero."""
+    if len(messages) < 3:
+        raise RecordingError(f"{path}: has no complete true state of the vehicle at {t_ns / NS_PER_S:.3f} s")
+    pose = messages["/truth/pose"].decode()
+    v, w = messages["/truth/velocity"].decode(), messages["/truth/angular_velocity"].decode()
+    assert capture_ns(pose) == t_ns
+    q = "pose.orientation"
+    return TruthState(
+        tick,
+        t_ns,
+        (pose["pose.position.x"], pose["pose.position.y"], pose["pose.position.z"]),
+        (pose[f"{q}.w"], pose[f"{q}.x"], pose[f"{q}.y"], pose[f"{q}.z"]),
+        (v["vector.x"], v["vector.y"], v["vector.z"]),
+        (w["vector.x"], w["vector.y"], w["vector.z"]),
+        _ZERO,
+        _ZERO,
+        (),
+        False,
+    )
+
+
+_SENSOR_KEYS = frozenset({"preset", "kind", "autopilot", "rate_hz"})  # of a sensor's section, but no parameters
+
+
+def settings_of(
+    recorded: Mapping[str, Any] | None, *, preset: str | None, default_preset: str, texts: Sequence[str]
+) -> RadarParameters:
+    """Return a radar's parameters: those of `preset` or `recorded`, with `texts` laid over them.
+
+    `recorded` is the radar's complete section in a bench; a given `preset` replaces it, and `default_preset` stands in
+    if it is missing. Raises ConfigError with every problem.
+    """
+    settings = Settings()
+    problems: list[Problem] = lay_settings(settings, texts)
+    base: dict[str, Any] = {}
+    if preset is not None or recorded is None:
+        settings.put(("preset",), preset or default_preset, "--preset")
+        found = find_preset(preset or default_preset, settings, ("preset",), problems)
+        if found is not None and not isinstance(found.parameters, RadarParameters):
+            problems.append(Problem("--preset", f"is a {found.kind}, not a radar"))
+        elif found is not None:
+            base = found.parameters.model_dump(mode="json")
+    else:
+        base = {key: value for key, value in recorded.items() if key not in _SENSOR_KEYS}
+    if problems:
+        raise ConfigError(problems)
+    over = {key: value for key, value in settings.data.items() if key != "preset"}
+    built, problems = validate(RadarParameters, laid_over(RadarParameters, base, over), settings)
+    if problems or built is None:
+        raise ConfigError(problems)
+    return built
+
+
+def with_chirp(parameters: RadarParameters, chirp: Chirp, receivers: int, where: str) -> RadarParameters:
+    """Return the parameters for recorded frames: with their chirp and without simulated impairments.
+
+    Raises ConfigError if the antenna's receivers or the processing do not suit the frames.
+    """
+    have = len(parameters.antenna.rx_positions_m)
+    if have != receivers:
+        message = f"has {receivers} receivers, and the radar's antenna.rx_positions_m {have}"
+        raise ConfigError([Problem(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")])
+    unfit = parameters.processing.problem_with(chirp)
+    if unfit:
+        raise ConfigError([Problem(where, f"its frames do not suit processing.{unfit}", "--set processing.KEY=VALUE")])
+    impairments = type(parameters.impairments)()
+    return parameters.model_copy(update={"chirp": chirp, "impairments": impairments})

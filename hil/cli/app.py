@@ -1,0 +1,57 @@
+"""All commands of `hil` in the order in which `hil --help` lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import typer
+
+from hil.cli.console import error_console
+from hil.cli.live import check, companion, dash, devices, keys, replay, run
+from hil.cli.offline import bench, calibrate, dataset, radar, view
+from hil.cli.offline.detect import data, evaluate, train
+
+app = typer.Typer(
+    name="hil",
+    help="A hardware-in-the-loop bench for drones: simulated vehicle and sensors, real or mocked flight controllers.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for _command in (
+    run.run, check.check, dataset.dataset, replay.replay, bench.bench, devices.devices, view.view, dash.dash,
+    keys.keys, companion.companion, radar.radar,
+):  # fmt: skip
+    app.command()(_command)
+
+_detect = typer.Typer(help="The detector: train it on data sets, evaluate it, and make the data.", no_args_is_help=True)
+for _command in (train.train, evaluate.evaluate, data.data):
+    _detect.command()(_command)
+app.add_typer(calibrate.calibrate_app, name="calibrate")
+app.add_typer(_detect, name="detect")
+
+# Options whose old names are errors that name the new one; none of them was an option of two commands.
+RENAMED_OPTIONS = {"--judge-every": "--validate-every", "--least-objects": "--min-objects"}
+
+# The base class of all usage errors; it has no public name in typer.
+_ClickError: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
+
+
+def run_command_line(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit status. KeyboardInterrupt passes through."""
+    try:
+        outcome = app(args=list(arguments), prog_name="hil", standalone_mode=False)
+    except typer.Exit as leaving:
+        return leaving.exit_code
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except _ClickError as error:
+        old = getattr(error, "option_name", "")
+        if old in RENAMED_OPTIONS:
+            error_console.print(f"[bold red]error:[/] {old} is now called {RENAMED_OPTIONS[old]}")
+        else:
+            error.show()
+        return error.exit_code
+    return outcome if isinstance(outcome, int) else 0

@@ -1,0 +1,29 @@
+"""The two consoles of the command line, and named errors printed on one of them."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from hil.cli.status import CONFIG_STATUS, ERROR_STATUS
+from signals.errors import ConfigError, HilError
+
+console = Console(highlight=False, soft_wrap=True)
+error_console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+@contextlib.contextmanager
+def exit_on_error(status: int = ERROR_STATUS) -> Iterator[None]:
+    """Print a HilError of the block and exit: with 2 for a ConfigError, with `status` for any other."""
+    try:
+        yield
+    except HilError as error:
+        lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
+        with contextlib.suppress(OSError, ValueError):  # a closed pipe: the exit status still says what happened
+            for line in lines:
+                error_console.print(f"[bold red]error:[/] {escape(line)}")
+        raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else status) from None

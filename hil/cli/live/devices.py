@@ -1,0 +1,32 @@
+"""`hil devices`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+
+
+def devices(
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Print every change until Ctrl-C.")] = False,
+    check: Annotated[
+        str | None,
+        typer.Option("--check", help="Check that the board on this port is set up for HITL.", metavar="PORT"),
+    ] = None,
+    fix: Annotated[
+        bool, typer.Option("--fix", help="With --check: correct its parameters and restart the board.")
+    ] = False,
+    baud: Annotated[int, typer.Option(help="With --check: baud rate of a UART.")] = 921_600,
+) -> None:
+    """List serial ports, USB autopilots and gamepads."""
+    from hil.apps.devices import check_board, print_devices
+
+    if check is None:
+        print_devices(console, as_json=json, watch=watch)
+        return
+    with exit_on_error():
+        ready = check_board(console, check, baud=baud, fix=fix)
+    raise typer.Exit(0 if ready else 1)

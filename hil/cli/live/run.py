@@ -1,0 +1,59 @@
+"""`hil run`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, error_console, exit_on_error
+from hil.cli.options import (
+    ConfigArgument,
+    DashHostOption,
+    DashPortOption,
+    MissionOption,
+    OutOption,
+    QuietOption,
+    RigOption,
+    SceneOption,
+    SeedOption,
+    SetOption,
+    takes,
+)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    config: ConfigArgument = None
+    rig: RigOption = None
+    scene: SceneOption = None
+    mission: MissionOption = None
+    seed: SeedOption = None
+    out: OutOption = None
+    settings: SetOption = None
+    quiet: QuietOption = False
+    dash: Annotated[bool, typer.Option("--dash", help="Serve a page in the browser that follows the flight.")] = False
+    dash_host: DashHostOption = "127.0.0.1"
+    dash_port: DashPortOption = 8710
+    dash_fd: Annotated[int | None, typer.Option("--dash-fd", hidden=True)] = None
+    dash_pace: Annotated[float | None, typer.Option("--dash-pace", hidden=True, min=0.01, max=1000.0)] = None
+    dash_paused: Annotated[bool, typer.Option("--dash-paused", hidden=True)] = False
+    dash_runs: Annotated[Path, typer.Option("--dash-runs", hidden=True)] = Path("runs")
+
+
+@takes(RunOptions)
+def run(o: RunOptions) -> None:
+    """Fly a mission on a rig and judge the flight."""
+    from hil.apps.fly.choice import BenchChoice
+    from hil.apps.fly.command import fly
+    from hil.apps.fly.dashboard import DashboardLink
+
+    choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()))
+    link = DashboardLink(
+        serve=o.dash, host=o.dash_host, port=o.dash_port, fd=o.dash_fd, pace=o.dash_pace, paused=o.dash_paused
+    )
+    with exit_on_error():
+        status = fly(choice, link, console, error_console, out=o.out, runs=o.dash_runs, quiet=o.quiet)
+    raise typer.Exit(status)

@@ -1,0 +1,23 @@
+"""`hil bench`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+
+
+def bench(
+    name: Annotated[str, typer.Argument(help="Name of the benchmark.", metavar="NAME")],
+    json: Annotated[Path | None, typer.Option(help="Write rows and checks to this file, and a plot beside it.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and name the checks left out.")] = False,
+) -> None:
+    """Measure run time against error; exit 1 if a check is not met."""
+    from hil.apps.bench_suite.suite import run_benchmark
+
+    with exit_on_error():
+        met = run_benchmark(name, json=json, quick=quick, console=console)
+    raise typer.Exit(0 if met else 1)

@@ -1,0 +1,51 @@
+"""`hil dataset`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.options import QuietOption, SeedOption, SetOption, takes
+
+
+@dataclass(frozen=True)
+class DatasetOptions:
+    config: Annotated[
+        Path | None,
+        typer.Argument(help="Bench file; default a square over the city park, with all sensors.", metavar="[CONFIG]"),
+    ] = None
+    frames: Annotated[int | None, typer.Option(help="Number of frames; default 500.", show_default=False)] = None
+    out: Annotated[Path | None, typer.Option(help="Folder of the data set; default runs/<time>-dataset.")] = None
+    workers: Annotated[
+        int | None, typer.Option(help="Processes that render and write; default one per core.", show_default=False)
+    ] = None
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted data set in --out.")] = False
+    quality: Annotated[
+        str | None, typer.Option(help="low, medium, high, epic or cinematic; default as in the file.")
+    ] = None
+    seed: SeedOption = None
+    settings: SetOption = None
+    quiet: QuietOption = False
+
+
+@takes(DatasetOptions)
+def dataset(o: DatasetOptions) -> None:
+    """Fly and record labelled data of all sensors as EuRoC, VOC and COCO files and as MCAP."""
+    from hil.apps.dataset.command import run_dataset
+    from hil.apps.dataset.make import MakeOptions
+
+    with exit_on_error():
+        run_dataset(
+            console,
+            o.config,
+            o.out,
+            MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet),
+            frames=o.frames,
+            quality=o.quality,
+            seed=o.seed,
+            settings=o.settings or (),
+        )

@@ -1,0 +1,37 @@
+"""`hil detect data`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.options import QuietOption
+
+
+def data(
+    out: Annotated[Path, typer.Option(help="Folder for the data sets, each in a folder of its own.")],
+    sets: Annotated[int, typer.Option(help="Number of data sets.", min=1)] = 84,
+    frames: Annotated[int, typer.Option(help="Pictures of each data set.", min=1)] = 60,
+    first_seed: Annotated[
+        int, typer.Option(help="First seed of the series; maps, light and people depend on it.", min=0)
+    ] = 1000,
+    people: Annotated[
+        tuple[int, int] | None,
+        typer.Option(help="Range of the number of people added to the map.", metavar="LEAST MOST"),
+    ] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option(help="Scenes to take in turn; default the three outdoor ones.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(help="Data sets made at once; default one per core.", min=1)] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Make the data sets that the shipped detector is trained and tested on."""
+    from hil.apps.detect.data_sets import SCENES, DataSetSeries, make_data_sets
+
+    with exit_on_error():
+        series = DataSetSeries(sets, frames, first_seed, scenes=scene or SCENES, people=people)
+        folders = make_data_sets(out, console, series, jobs=jobs, quiet=quiet)
+    console.print(f"{len(folders)} data sets in {out}", markup=False)

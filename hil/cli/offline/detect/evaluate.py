@@ -1,0 +1,39 @@
+"""`hil detect evaluate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.offline.detect.options import DataSets
+from hil.cli.options import QuietOption
+
+
+def evaluate(
+    data_sets: DataSets,
+    weights: Annotated[Path | None, typer.Option(help="A .onnx with its .json; default the shipped model.")] = None,
+    part: Annotated[str, typer.Option(help="Part of the pictures: train, validation, test or all.")] = "test",
+    backend: Annotated[str, typer.Option(help="opencv, onnxruntime or pytorch.")] = "opencv",
+    threshold: Annotated[
+        float | None, typer.Option(help="Score for counting false boxes; default the model's.")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file.")] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure the average precision of a detector by class, and its false boxes."""
+    from hil.apps.detect.command import evaluate_detector
+
+    with exit_on_error():
+        evaluate_detector(
+            data_sets,
+            console,
+            weights=weights,
+            part=part,
+            backend=backend,
+            threshold=threshold,
+            json_file=json_file,
+            quiet=quiet,
+        )

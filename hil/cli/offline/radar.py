@@ -1,0 +1,52 @@
+"""`hil radar`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.options import QuietOption
+
+
+def radar(
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of a run, its run.mcap, or a recording (.npz or .npy with its .json).", metavar="RECORDING"
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default `radar` beside the data.")] = None,
+    preset: Annotated[
+        str | None, typer.Option(help="Radar preset, by name or file; default the recorded radar's settings.")
+    ] = None,
+    sensor: Annotated[str | None, typer.Option(help="Name of the radar if the recording has several.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Override any key, e.g. --set processing.cfar.kind=ca.", metavar="KEY=VALUE"),
+    ] = None,
+    from_s: Annotated[
+        float | None, typer.Option("--from", help="Time of the first frame in seconds.", metavar="S")
+    ] = None,
+    until_s: Annotated[
+        float | None, typer.Option("--until", help="Time of the last frame in seconds.", metavar="S")
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Process radar data of a recording to maps, points and tracks. Without radar data it is made from the pictures."""
+    from hil.apps.radar.command import TimeSpan, process_radar
+
+    with exit_on_error():
+        files = process_radar(
+            target,
+            console,
+            out=out,
+            preset=preset,
+            sensor=sensor,
+            settings=settings or (),
+            span=TimeSpan(from_s, until_s),
+            quiet=quiet,
+        )
+    console.print(f"{files[0]}  and {len(files) - 1} more files beside it", markup=False)

@@ -1,0 +1,53 @@
+"""`hil view`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.options import takes
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    scene: Annotated[str, typer.Argument(help="Scene: a name (rigs/scenes/*.yaml) or a file.", metavar="SCENE")]
+    out: Annotated[Path | None, typer.Option(help="Folder for the pictures; default runs/view-<scene>.")] = None
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of a generated map; default the scene's own.")] = None
+    at: Annotated[str | None, typer.Option(help="Position in metres.", metavar="X,Y,Z")] = None
+    look: Annotated[
+        str | None, typer.Option(help="Direction in degrees: from east to north, and downwards.", metavar="YAW,PITCH")
+    ] = None
+    size: Annotated[
+        str | None, typer.Option(help="Size of the pictures in pixels; default 640x480.", metavar="WxH")
+    ] = None
+    quality: Annotated[str | None, typer.Option(help="low, medium, high, epic or cinematic.")] = None
+    variants: Annotated[
+        int,
+        typer.Option(min=0, max=64, help="One sheet with this number of seeds of `randomize` instead.", metavar="N"),
+    ] = 0
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="weather or randomize, e.g. --set weather.visibility_m=800.", metavar="KEY=VALUE"),
+    ] = None
+
+
+@takes(ViewOptions)
+def view(o: ViewOptions) -> None:
+    """Write pictures of a scene in every channel of a camera."""
+    from hil.apps.view.command import ViewCamera, view_scene
+
+    with exit_on_error():
+        files = view_scene(
+            o.scene,
+            o.out,
+            ViewCamera(o.at, o.look, o.size),
+            seed=o.seed,
+            variants=o.variants,
+            quality=o.quality,
+            settings=o.settings or (),
+        )
+    console.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)

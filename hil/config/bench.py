@@ -1,0 +1,55 @@
+"""A bench that has been checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hil.config.missions import Geopoint, Mission
+from hil.config.missions.script import MissionScript
+from hil.config.schema import BenchConfig
+from hil.config.sensors.noise import noise_factors, noisy_parameters
+from sim.physics.vehicle import Vehicle
+from sim.randomize.variant import drawn
+from sim.scene.scene import Scene
+from sim.scene.world import World
+from sim.world_loader import load_world
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The settings of a bench, and the contents of the files that they name.
+
+    `files` maps 'bench', 'rig', 'vehicle', 'scene' and 'mission' to the file that each was read from, if there is one.
+    If the mission is a script, 'plan' is the file that it flies.
+    """
+
+    config: BenchConfig
+    vehicle: Vehicle
+    scene: Scene
+    mission: Mission | None
+    files: Mapping[str, Path]
+    script: MissionScript | None = None
+
+    def sensor_parameters(self, name: str) -> Any:
+        """Return the parameters of a sensor with the noise that the seed gives it."""
+        return noisy_parameters(self.config, name)
+
+    def drawn(self) -> dict[str, Any] | None:
+        """Return the random choices of `randomize` as data, None where it is off."""
+        choices = drawn(self.scene, self.config.randomize, load_world)
+        if choices is not None and self.config.randomize.noise is not None:
+            choices["noise"] = noise_factors(self.config)
+        return choices
+
+    @property
+    def world(self) -> World:
+        """The geometry of the scene, made at the first call and then cached."""
+        return load_world(self.scene)
+
+
+def site_of(scene: Scene) -> Geopoint:
+    """Return the place on WGS-84 of the scene's origin."""
+    return Geopoint(scene.site.latitude_deg, scene.site.longitude_deg, scene.site.altitude_m)

@@ -1,0 +1,227 @@
+"""A mission as it is uploaded to the autopilot, and the checks that missions of every file format pass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from signals.errors import ConfigError, Problem
+from signals.geodesy import LocalFrame
+from signals.mission import MissionItem
+
+MAX_ITEMS = 2_000  # what the mock autopilot stores
+MAX_HEIGHT_M = 5_000.0  # above home; beyond the reach of a multicopter of this class
+MAX_DISTANCE_M = 100_000.0  # from the scene's site
+
+# MAV_FRAME numbers that a mission may use.
+FRAME_GLOBAL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
+GLOBAL_FRAMES = (0, 5)  # altitude above mean sea level
+RELATIVE_FRAMES = (3, 6)  # altitude above home
+TERRAIN_FRAMES = (10, 11)  # altitude above terrain
+POSITION_FRAMES = GLOBAL_FRAMES + RELATIVE_FRAMES + TERRAIN_FRAMES
+
+# MAV_CMD numbers.
+WAYPOINT, RETURN, LAND, TAKEOFF, JUMP, CHANGE_SPEED = 16, 20, 21, 22, 177, 178
+WAYPOINT_COMMANDS = {16: "waypoint", 17: "loiter", 18: "loiter turns", 19: "loiter time", 31: "loiter to altitude",
+                     82: "spline waypoint"}  # fmt: skip
+TAKEOFF_COMMANDS = {22: "take-off", 84: "VTOL take-off"}
+LAND_COMMANDS = {21: "landing", 85: "VTOL landing"}
+PLACE_COMMANDS = WAYPOINT_COMMANDS | TAKEOFF_COMMANDS | LAND_COMMANDS  # commands that name a place to fly to
+# These may leave their place open (null, or 0, 0), which means the place where the vehicle then is.
+MAY_BE_OPEN = frozenset((17, 19, *TAKEOFF_COMMANDS, *LAND_COMMANDS))
+
+
+class Geopoint(NamedTuple):
+    """A place on WGS-84; altitude above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+@dataclass(frozen=True)
+class Mission:
+    """Items in the order of upload, numbered from 0, the first one current.
+
+    `planned_home` is the home position in the file, if it has one; the autopilot uses its own.
+    """
+
+    path: Path
+    items: tuple[MissionItem, ...]
+    planned_home: Geopoint | None = None
+
+    @property
+    def waypoints(self) -> tuple[MissionItem, ...]:
+        """The items that are places to fly to, without take-off and landing."""
+        return tuple(item for item in self.items if item.command in WAYPOINT_COMMANDS)
+
+
+@dataclass(frozen=True)
+class RawItem:
+    """One item of a file, before scaling. NaN stands for a value that the file leaves open."""
+
+    where: Callable[[int | None], str]  # 'file:line' of params[i], or of the item itself (None)
+    name: str  # what the file calls it: 'item 3'
+    frame: int
+    command: int
+    params: tuple[float, float, float, float, float, float, float]
+    autocontinue: bool
+
+
+def checked_mission(
+    path: Path,
+    source: str,
+    items: Sequence[RawItem],
+    home: Geopoint | None,
+    *,
+    site: Geopoint | None,
+    problems: list[Problem],
+) -> Mission:
+    """Scale the items to MISSION_ITEM_INT.
+
+    Raises ConfigError with `problems`, which the reader of the file found, and everything that makes it unflyable.
+    """
+    found = problems_of(source, items, site=site, complete=not problems)
+    # For a mission that is far too long only that is reported, not a thousand other problems.
+    found = found if len(items) > MAX_ITEMS else problems + found
+    if found:
+        raise ConfigError(found)
+    return Mission(path, tuple(_item(seq, raw) for seq, raw in enumerate(items)), home)
+
+
+def _item(seq: int, raw: RawItem) -> MissionItem:
+    p1, p2, p3, p4, p5, p6, p7 = raw.params
+    # Frames without coordinates carry params 5 and 6 as plain whole numbers (as QGroundControl sends them).
+    scale = 1e7 if raw.frame in POSITION_FRAMES else 1.0
+    x, y = (0 if math.isnan(v) else round(v * scale) for v in (p5, p6))
+    z = 0.0 if math.isnan(p7) else p7
+    return MissionItem(seq, raw.frame, raw.command, int(seq == 0), int(raw.autocontinue), p1, p2, p3, p4, x, y, z)
+
+
+def problems_of(
+    source: str, items: Sequence[RawItem], *, site: Geopoint | None, complete: bool = True
+) -> list[Problem]:
+    """Report everything that makes a mission unflyable. `site` is the origin of the scene, None if unknown.
+
+    `complete` is False if some items could not be read; missing items are then not reported.
+    """
+    if len(items) > MAX_ITEMS:
+        message = f"has {len(items)} items, more than the {MAX_ITEMS} that are accepted"
+        return [Problem(source, message, "split the mission")]
+    problems: list[Problem] = []
+    for raw in items:
+        problems += _item_problems(raw, len(items), site)
+    if complete and not problems:
+        problems += _pure_loops(items)
+    if complete and not any(raw.command in PLACE_COMMANDS for raw in items):
+        message = "has no waypoints" if items else "has no waypoints: its list of items is empty"
+        problems.append(Problem(source, message, "a mission needs at least one place to fly to"))
+    return problems
+
+
+def _pure_loops(items: Sequence[RawItem]) -> list[Problem]:
+    """Report endless jumps that lead back to themselves without a place to fly to in between.
+
+    The autopilot would never leave them. Jumps with a number of repetitions come to an end and are allowed.
+    """
+    problems: list[Problem] = []
+    for start, raw in enumerate(items):
+        at = start
+        for _ in range(len(items)):
+            item = items[at]
+            endless = item.command == JUMP and item.params[1] < 0
+            if (at == start and not endless) or item.command in PLACE_COMMANDS or item.command == RETURN:
+                break
+            at = int(item.params[0]) if endless else at + 1
+            if at == start:
+                message = f"{raw.name}: the mission never ends: this jumps back for ever and flies to no place"
+                problems.append(Problem(raw.where(1), message, "let it jump to a waypoint, or a number of times"))
+                break
+            if at >= len(items):
+                break
+    return problems
+
+
+def on_globe(point: Geopoint) -> bool:
+    """Return True if latitude and longitude are in range."""
+    return abs(point.latitude_deg) <= 90.0 and abs(point.longitude_deg) <= 180.0
+
+
+def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Problem]:
+    problems: list[Problem] = []
+
+    def wrong(index: int | None, message: str, hint: str = "") -> None:
+        problems.append(Problem(raw.where(index), f"{raw.name} {message}", hint))
+
+    if raw.frame != FRAME_MISSION and raw.frame not in POSITION_FRAMES:
+        wrong(
+            None,
+            f"has the coordinate frame {raw.frame}, which missions do not use",
+            "known: 0 above sea level, 3 above home, 10 above terrain, 2 no position",
+        )
+        return problems
+    for index, value in enumerate(raw.params):
+        if math.isinf(value) or abs(value) > 3e38:
+            wrong(index, f"has a value that is not finite: param {index + 1} = {value}")
+    if problems:
+        return problems
+    if raw.command == JUMP:
+        target = raw.params[0]
+        if not (target == target and target == int(target) and 0 <= target < count):
+            wrong(0, "jumps to an item that does not exist")
+    if raw.command not in PLACE_COMMANDS:
+        if not all(math.isnan(v) or abs(v) < (200 if raw.frame in POSITION_FRAMES else 2**31) for v in raw.params[4:6]):
+            wrong(4, f"cannot be sent: params 5 and 6 are {raw.params[4]:g} and {raw.params[5]:g}")
+        return problems
+    what = PLACE_COMMANDS[raw.command]
+    if raw.frame == FRAME_MISSION:
+        wrong(None, f"({what}) has the frame 2, which carries no position", "use 3: altitude above home")
+        return problems
+    return problems + _place_problems(raw, what, site)
+
+
+def _place_problems(raw: RawItem, what: str, site: Geopoint | None) -> list[Problem]:
+    problems: list[Problem] = []
+    latitude, longitude, altitude = raw.params[4:]
+
+    def wrong(index: int, message: str, hint: str = "") -> None:
+        problems.append(Problem(raw.where(index), f"{raw.name} ({what}) {message}", hint))
+
+    open_place = raw.command in MAY_BE_OPEN and all(math.isnan(v) or v == 0.0 for v in (latitude, longitude))
+    if not open_place:
+        good = True
+        for index, name, value, limit in ((4, "latitude", latitude, 90.0), (5, "longitude", longitude, 180.0)):
+            if math.isnan(value):
+                wrong(index, f"has no {name}")
+                good = False
+            elif abs(value) > limit:
+                wrong(index, f"has the {name} {value:g} deg, outside -{limit:g} to {limit:g} deg")
+                good = False
+        if good and site is not None:
+            distance_m = math.hypot(*LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m))
+            if distance_m > MAX_DISTANCE_M:
+                wrong(
+                    4,
+                    f"is {distance_m / 1000:.0f} km from the scene's site at {site.latitude_deg:.5f}, "
+                    f"{site.longitude_deg:.5f}; at most {MAX_DISTANCE_M / 1000:g} km are accepted",
+                    "is it the mission for this scene?",
+                )
+    if math.isnan(altitude):
+        if raw.command not in LAND_COMMANDS:
+            wrong(6, "has no altitude")
+        return problems
+    ground_m: float | None = 0.0
+    if raw.frame in GLOBAL_FRAMES:
+        ground_m = None if site is None else site.altitude_m
+    height_m = altitude - (ground_m if ground_m is not None else 0.0)
+    above = "the ground" if raw.frame in TERRAIN_FRAMES else "home" if raw.frame in RELATIVE_FRAMES else "the site"
+    if height_m > MAX_HEIGHT_M + (0.0 if ground_m is not None else 9_000.0):
+        wrong(6, f"cannot be reached: {height_m:g} m above {above}, more than {MAX_HEIGHT_M:g} m")
+    elif raw.command in TAKEOFF_COMMANDS and ground_m is not None and height_m <= 0.0:
+        wrong(6, f"goes to {height_m:g} m above {above}: it must climb")
+    elif raw.command not in LAND_COMMANDS and ground_m is not None and height_m < 0.0:
+        wrong(6, f"is below the ground: {-height_m:g} m below {above}")
+    return problems

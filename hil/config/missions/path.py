@@ -1,0 +1,152 @@
+"""The planned path of a mission: its legs as straight lines in W (ENU, metres)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
+
+from hil.config.missions.mission import (
+    GLOBAL_FRAMES,
+    JUMP,
+    LAND_COMMANDS,
+    RETURN,
+    TAKEOFF_COMMANDS,
+    TERRAIN_FRAMES,
+    WAYPOINT_COMMANDS,
+    Mission,
+)
+from signals.geodesy import LocalFrame
+from signals.mission import MissionItem
+from signals.samples import Vec3
+from sim.scene.scene import Scene
+
+MAX_LEGS = 5_000  # an endless mission is followed this far
+ACCEPTANCE_RADIUS_M = 2.0  # PX4's default of NAV_ACC_RAD, for items without a radius
+
+
+class LegKind(Enum):
+    """Purpose of a leg."""
+
+    CLIMB = "climb"  # take-off
+    FLY = "fly"  # to a waypoint
+    APPROACH = "approach"  # level flight to above the landing place
+    DESCENT = "descent"  # landing
+    ENDLESS = "endless"  # no leg, but a mark: the jump `seq` never ends, and the path is cut off here
+    RETURN = "return"  # home, at a height that the autopilot chooses; heights of start and end are meaningless
+
+
+class Leg(NamedTuple):
+    """One straight line of a mission. `seq` is the item it ends at."""
+
+    kind: LegKind
+    seq: int
+    start_W: Vec3
+    end_W: Vec3
+    acceptance_radius_m: float = ACCEPTANCE_RADIUS_M
+
+
+class PlanPoint(NamedTuple):
+    """The end of a leg with its label for people: the number of a waypoint from 1, or a word."""
+
+    p_W: Vec3
+    label: str
+
+
+_WORDS = {LegKind.CLIMB: "take-off", LegKind.DESCENT: "landing", LegKind.RETURN: "return"}
+
+
+def waypoint_legs(legs: Sequence[Leg]) -> list[Leg]:
+    """Return the legs that end at a waypoint, in flying order; take-off, return and landing are not waypoints.
+
+    Wherever waypoints are counted or numbered for people (run.json, verdict, console, report, dashboard), waypoint n is
+    the n-th of these legs, from 1. One that a jump leads back to counts each time.
+    """
+    return [leg for leg in legs if leg.kind is LegKind.FLY]
+
+
+def plan_points(legs: Sequence[Leg]) -> list[PlanPoint]:
+    """Return the end of every leg with its label; the point above a landing place has none."""
+    numbers = {id(leg): str(number) for number, leg in enumerate(waypoint_legs(legs), start=1)}
+    return [PlanPoint(leg.end_W, numbers.get(id(leg)) or _WORDS.get(leg.kind, "")) for leg in legs]
+
+
+def planned_path(mission: Mission, scene: Scene, *, home_W: Vec3 = (0.0, 0.0, 0.0)) -> tuple[Leg, ...]:
+    """Return the legs of a mission, with jumps followed, from the start position `home_W` [m].
+
+    Heights above home count from `home_W`, heights above sea level from the scene's site, heights above terrain from
+    the ground z = 0. Splines and circles become straight lines between their points. A mission that does not end
+    within `MAX_LEGS` is cut off there and ends with a leg of kind `ENDLESS`.
+    """
+    frame = LocalFrame(scene.site)
+    legs: list[Leg] = []
+    here = home_W
+    order, endless_seq = _flown_order(mission.items)
+    for item in order:
+        kind = item.command
+        if kind == RETURN:
+            above = (home_W[0], home_W[1], here[2])
+            legs += [Leg(LegKind.RETURN, item.seq, here, above), Leg(LegKind.DESCENT, item.seq, above, home_W)]
+            here = home_W
+        elif kind in LAND_COMMANDS:
+            there = _place(item, frame, scene, here, home_W)
+            above = (there[0], there[1], here[2])
+            ground = (there[0], there[1], home_W[2])
+            if above != here:
+                legs.append(Leg(LegKind.APPROACH, item.seq, here, above))
+            legs.append(Leg(LegKind.DESCENT, item.seq, above, ground))
+            here = ground
+        elif kind in TAKEOFF_COMMANDS or kind in WAYPOINT_COMMANDS:
+            there = _place(item, frame, scene, here, home_W)
+            leg_kind = LegKind.CLIMB if kind in TAKEOFF_COMMANDS else LegKind.FLY
+            # Param 2 is the acceptance radius of a plain waypoint only.
+            radius_m = item.param2 if kind in (16, 82) and item.param2 > 0.0 else ACCEPTANCE_RADIUS_M
+            legs.append(Leg(leg_kind, item.seq, here, there, radius_m))
+            here = there
+    if endless_seq is not None:
+        legs.append(Leg(LegKind.ENDLESS, endless_seq, here, here))
+    return tuple(legs)
+
+
+def _flown_order(items: tuple[MissionItem, ...]) -> tuple[list[MissionItem], int | None]:
+    """Return the items in the order in which they are flown, and the sequence number of an endless jump, or None.
+
+    DO_JUMP leads to item `param1`, `param2` times (-1: without end).
+    """
+    order: list[MissionItem] = []
+    jumped: dict[int, int] = {}
+    at = 0
+    last_jump: int | None = None
+    # Bounded, because an endless loop of items without a place would never fill `order`.
+    for _ in range(20 * MAX_LEGS):
+        if at >= len(items):
+            return order, None
+        if len(order) >= MAX_LEGS:
+            break
+        item = items[at]
+        if item.command == JUMP:
+            done = jumped.get(at, 0)
+            if item.param2 < 0 or done < item.param2:
+                jumped[at] = done + 1
+                last_jump = at
+                at = int(item.param1)
+                continue
+        else:
+            order.append(item)
+        at += 1
+    return order, last_jump
+
+
+def _place(item: MissionItem, frame: LocalFrame, scene: Scene, here: Vec3, home_W: Vec3) -> Vec3:
+    """Return the place of an item in W [m]. An item with an open place is above or below `here`."""
+    if item.frame in GLOBAL_FRAMES:
+        up = item.alt_m - scene.site.altitude_m
+    elif item.frame in TERRAIN_FRAMES:
+        up = item.alt_m
+    else:
+        up = home_W[2] + item.alt_m
+    if item.lat_degE7 == 0 and item.lon_degE7 == 0:
+        return (here[0], here[1], up)
+    latitude_deg, longitude_deg = item.lat_degE7 / 1e7, item.lon_degE7 / 1e7
+    east, north, _ = frame.enu_from_geodetic(latitude_deg, longitude_deg, scene.site.altitude_m + up)
+    return (east, north, up)

@@ -1,0 +1,54 @@
+"""Benches written to files that give the same bench again."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from hil.config.bench import Bench
+from hil.config.scenes import save_scene
+from hil.config.schema import BenchConfig
+from signals.documents.yaml_lines import dump_yaml
+
+
+def resolved_yaml(config: BenchConfig) -> str:
+    """Return a bench file with every setting written out; loading it gives an equal `BenchConfig`."""
+    data = config.model_dump(mode="json", exclude={"sensors"})
+    data["complete"] = True
+    data["sensors"] = {
+        name: {
+            "kind": sensor.kind,
+            **({"preset": sensor.preset} if sensor.preset is not None else {}),
+            "autopilot": sensor.autopilot,
+            "rate_hz": sensor.rate_hz,
+            **sensor.parameters.model_dump(mode="json"),
+        }
+        for name, sensor in config.sensors.items()
+    }
+    head = "# Complete settings of one run; no rig file is laid under them.\n"
+    return head + dump_yaml(data)
+
+
+def save_bench(bench: Bench, folder: Path) -> Path:
+    """Write bench.yaml with every setting, and copy the files it names beside it. Returns the path of bench.yaml.
+
+    Copied are the vehicle, the scene with its map, the mission and the plan of a script, so that the folder can be
+    loaded on any machine.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    names: dict[str, str] = {}
+    if "scene" in bench.files:
+        names["scene"] = save_scene(bench.scene, bench.files["scene"], folder)
+    for what in ("vehicle", "mission"):
+        if what in bench.files:
+            source = bench.files[what]
+            names[what] = f"{what}{source.suffix}"
+            (folder / names[what]).write_bytes(source.read_bytes())
+    if "plan" in bench.files:  # a script finds its plan by name beside itself
+        (folder / bench.files["plan"].name).write_bytes(bench.files["plan"].read_bytes())
+    path = folder / "bench.yaml"
+    text = resolved_yaml(bench.config.model_copy(update=names))
+    temporary = path.with_suffix(".part")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+    return path

@@ -1,1 +1,0 @@
-"""`hil radar`: frames of a recording, processed, or made from recorded pictures."""

@@ -1,1 +1,0 @@
-"""Recording of runs: digest, MCAP, telemetry log and the flight track for the report. Never feeds back."""

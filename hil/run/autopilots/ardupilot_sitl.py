@@ -1,0 +1,45 @@
+"""ArduPilot SITL over its JSON link: started by the bench from the user's build, or by the user."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from firmware_bridge.links.ardupilot.sitl import TCP_PORT, ardupilot_sitl, copter_parameters
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from hil.config import Bench
+from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_build, timeouts
+
+
+def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """Make the link, to the user's running SITL if `autopilot.start` is false, else to `autopilot.binary`."""
+    config = bench.config
+    autopilot, vehicle = config.autopilot, bench.vehicle
+    limits = timeouts(bench)
+    settings: dict[str, Any] = {
+        "instance": autopilot.instance,
+        "on_restart": autopilot.on_restart,
+        "gravity_mps2": bench.scene.gravity_mps2,
+        "sends_wind": _windy(bench),
+        "on_event": around.on_event,
+        "timeouts": limits if autopilot.on_restart == "error" else replace(limits, reply_s=math.inf),
+    }
+    if not autopilot.start:
+        return ardupilot_sitl(mavlink=autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}", **settings)
+    return ardupilot_sitl(
+        build=firmware_build(bench, around, log=f"{WORK_FOLDER}/arducopter.log"),
+        home=around.home,
+        parameters=copter_parameters(
+            hover_control=vehicle.hover_control,
+            thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
+            tick_hz=config.tick_hz,
+            more=autopilot.params,
+        ),
+        **settings,
+    )
+
+
+def _windy(bench: Bench) -> bool:
+    """Return True if the bench or the scene has wind. Otherwise the link sends none."""
+    return bench.config.wind is not None or bench.scene.wind_W_mps != (0.0, 0.0, 0.0)

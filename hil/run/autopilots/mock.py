@@ -1,0 +1,75 @@
+"""The mock Pixhawk in lockstep: on a serial port, in this process, or on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.px4.lockstep import LockstepLink
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.faults import Died, parse_fault
+from firmware_bridge.transports.loopback import LoopbackTransport
+from firmware_bridge.transports.pty import PtyTransport
+from firmware_bridge.transports.serial import SerialTransport
+from firmware_bridge.transports.transport import Transport
+from hil.config import Bench, BenchConfig
+from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, timeouts
+
+MOCK_BOOT_SENSORS = 20
+
+
+def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """Make the link. With `autopilot.port` the user has started the mock there."""
+    autopilot = bench.config.autopilot
+    # The mock is started with this number, so null (unknown) means its default.
+    boot_sensors = MOCK_BOOT_SENSORS if autopilot.boot_sensors is None else autopilot.boot_sensors
+    start = None
+    transport: Transport
+    if autopilot.port is not None:
+        transport = SerialTransport(autopilot.port, baud=autopilot.baud)
+    elif autopilot.transport == "loopback":
+        peer = MockPixhawk(
+            airframe=autopilot.airframe,
+            boot_sensors=boot_sensors,
+            params=_param_texts(bench.config),
+            faults=[parse_fault(text) for text in autopilot.faults.texts()],
+        )
+        transport = LoopbackTransport(peer, deaths=(Died,))
+    else:
+        transport, start = mock_on_a_pty(bench.config, around, boot_sensors)
+    return LockstepLink(
+        around.wrap(transport),
+        LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=boot_sensors),
+        start_process=start,
+        timeouts=timeouts(bench),
+    )
+
+
+def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
+    """Return the command line of the mock Pixhawk on serial port `port`."""
+    module = [sys.executable, "-m", "firmware_bridge.mock_pixhawk"]
+    return [*module, "--port", port, "--boot-sensors", str(boot_sensors), *arguments]
+
+
+def mock_on_a_pty(
+    config: BenchConfig, around: Surroundings, boot_sensors: int, *more: str
+) -> tuple[Transport, Callable[[], ChildProcess]]:
+    """Return the near end of a pseudo-terminal, and a function that starts the mock on its far end."""
+    pty = PtyTransport()
+    arguments = [*more, "--airframe", config.autopilot.airframe]
+    for text in _param_texts(config):
+        arguments += ["--param", text]
+    for text in config.autopilot.faults.texts():
+        arguments += ["--fault", text]
+
+    def start() -> ChildProcess:
+        argv = mock_command(pty.far_path, boot_sensors=boot_sensors, arguments=arguments)
+        return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
+
+    return pty, start
+
+
+def _param_texts(config: BenchConfig) -> list[str]:
+    return [f"{name}={value!r}" for name, value in config.autopilot.params.items()]

@@ -1,0 +1,41 @@
+"""PX4 SITL in lockstep over TCP: started by the bench from the user's build, or by the user."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
+from hil.config import Bench
+from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, firmware_build, timeouts
+
+
+def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
+    """Make the link, to `autopilot.binary`, or to the user's running SITL if `autopilot.start` is false."""
+    config = bench.config
+    autopilot = config.autopilot
+    process = None
+    if autopilot.start:
+        process = px4_sitl_process(
+            firmware_build(bench, around),
+            airframe=autopilot.airframe,
+            tick_hz=config.tick_hz,
+            params=autopilot.params,
+            instance=autopilot.instance,
+        )
+    return px4_sitl_link(
+        autopilot.instance,
+        start_process=None if process is None else lambda: process,
+        timeouts=timeouts(bench),
+        wrap=around.wrap,
+    )
+
+
+def unknown_parameters(bench: Bench, out: Path) -> list[str]:
+    """Return the names in `autopilot.params` that PX4 does not have, according to its log."""
+    autopilot = bench.config.autopilot
+    log = out / LOG_NAME
+    if autopilot.kind != "px4_sitl" or not autopilot.params or not log.is_file():
+        return []
+    text = log.read_text(errors="replace")
+    return [name for name in autopilot.params if f"Parameter {name} not found" in text]

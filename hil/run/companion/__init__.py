@@ -1,0 +1,1 @@
+"""The companion link in the tick: sends frames to the clients under test and applies their answers."""

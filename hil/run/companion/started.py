@@ -1,0 +1,70 @@
+"""Clients under test that the bench starts, each as a process, like on a companion computer."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.links.child_process import ChildProcess
+from hil.config.companion.clients import CLIENT_PATH, client_name
+from signals.errors import LinkClosed, RecordingError
+
+OUT_VARIABLE = "HIL_COMPANION_OUT"
+_END_S = 3.0  # wall clock for clients to end by themselves after the end of the session
+
+
+class StartedClient:
+    """Process `python -m hil_companion NAME`. Its output goes to `companion_NAME.log` in the run's folder.
+
+    Its environment names the folder for its files, `companion_NAME/` (HIL_COMPANION_OUT). The process never outlives
+    the bench. It does not receive Ctrl-C; the bench does, and ends the session of each client.
+    """
+
+    def __init__(self, cut: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
+        self.name = client_name(cut)
+        argv = [sys.executable, "-m", "hil_companion", cut, "--connect", address]
+        for key, value in settings.items():
+            argv += ["--set", f"{key}={json.dumps(value)}"]
+        if keys is not None:
+            argv += ["--key", str(keys / f"{self.name}.key"), "--bench-key", str(keys / "bench.pub")]
+        path = os.pathsep.join(filter(None, (str(CLIENT_PATH), os.environ.get("PYTHONPATH", ""))))
+        log = out / f"companion_{self.name}.log"
+        folder = out.resolve() / f"companion_{self.name}"  # the client makes it when it writes a file
+        env = {"PYTHONPATH": path, OUT_VARIABLE: str(folder)}
+        self._process = ChildProcess(argv, stderr_path=log, env=env, log_output=True, own_group=True)
+        try:
+            self._process.start()
+        except OSError as error:
+            raise RecordingError(f"{log}: cannot be written ({error.strerror or error})") from error
+
+    def check(self) -> None:
+        """Raise LinkClosed with the description of its end if the process has ended."""
+        end = self.process_end()
+        if end is not None:
+            raise LinkClosed(f"companion {self.name}", end, cause="companion")
+
+    def process_end(self) -> str | None:
+        """Describe the end of the process with its last output; None while it runs."""
+        return None if self._process.running() else self._process.describe_end()
+
+    @property
+    def running(self) -> bool:
+        return self._process.running()
+
+    def close(self) -> None:
+        """Terminate the process."""
+        self._process.close()
+
+
+def close_all(clients: Sequence[StartedClient]) -> None:
+    """Wait for the clients to end by themselves, then terminate the others."""
+    deadline_s = time.monotonic() + _END_S
+    while any(client.running for client in clients) and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    for client in clients:
+        client.close()

@@ -1,0 +1,51 @@
+"""The first error of a run, which run.json reports whatever fails after it."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from signals.errors import HilError
+
+_TRACEBACK_NAME = "traceback.txt"
+
+
+class Failure:
+    """Runs the steps of a run and keeps the first error. A defect of the bench writes its traceback to `out`."""
+
+    def __init__(self, out: Path) -> None:
+        self._traceback = out / _TRACEBACK_NAME
+        self._error: dict[str, str] | None = None
+        with suppress(OSError):
+            self._traceback.unlink(missing_ok=True)  # of an earlier run in this folder
+
+    @property
+    def error(self) -> dict[str, str] | None:
+        """The first error as in run.json: type, message, and cause if it has one. None: no error."""
+        return self._error
+
+    @property
+    def text(self) -> str:
+        """The first error in one line; empty without one."""
+        return "" if self._error is None else f"{self._error['type']}: {self._error['message']}"
+
+    def guard(self, step: Callable[[], object]) -> None:
+        """Run one step, and keep its error if it is the run's first."""
+        try:
+            step()
+        except HilError as problem:
+            cause = getattr(problem, "cause", "")
+            self._keep(type(problem).__name__, str(problem), **({"cause": cause} if cause else {}))
+        except KeyboardInterrupt as stop:
+            self._keep("Interrupted", str(stop) or "stopped from the keyboard")
+        except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
+            with suppress(OSError):
+                self._traceback.write_text(traceback.format_exc())
+            text = f"{type(problem).__name__}: {problem} (a defect of the bench; details in {_TRACEBACK_NAME})"
+            self._keep("InternalError", text)
+
+    def _keep(self, kind: str, message: str, **more: Any) -> None:
+        self._error = self._error or {"type": kind, "message": message, **more}

@@ -1,0 +1,365 @@
+"""The tick loop. This header is the authority on what one tick does and what a failure leaves undefined.
+
+    t_k = k * tick_ns                 integer nanoseconds; time is never a sum of floats
+
+    1 physics    advance to t_k with ActuatorFrame[k-1]   -> TruthState[k]
+    2 sensors    sample the sensors that are due and have a consumer, except frame sensors (camera, LiDAR, radar)
+                                                          -> samples with t_capture, t_available, seq
+    3 release    take the samples with t_available <= t_k, in the order of (t_available, port, seq)
+    4 commands   collect bytes from the command sources (ground station, router clients) for the autopilot
+    5 send       one write: command bytes, range and flow, HIL_GPS, HIL_SENSOR
+    6 frames     sample the frame sensors at TruthState[k]; their samples with t_available <= t_k are released too
+      record     write what this tick produced so far
+      companion  pass the released samples to the clients under test; their setpoints are commanded from tick k+1 on
+    7 wait       block until the reply that answers t_k   -> ActuatorFrame[k]
+    8 latch      validate and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
+
+Overlap. Phase 6 runs while the autopilot computes its reply, and feeds nothing back into tick k. If the autopilot uses
+more than one processor (PX4's threads), phase 6 runs before phase 5 instead, except that the bytes sent are recorded
+after it: no processor would be left for the recorder during the wait. What arrives in phase 7 is recorded in phase 6
+of tick k+1, or by `flush`. The order of the messages in the recording is the same in all cases.
+
+Free-running autopilots do not wait for the bench. The link's `begin` then starts each tick at its wall-clock time and
+returns the newest command as ActuatorFrame[k-1]; phase 7 is empty.
+
+Failure. An exception in any phase ends the run. Phases 1 to 4 have no effect outside the bench, so a tick that fails
+there was never sent. After a failure in phase 5 or 7 nothing more is sent and no command is invented: the actuator
+frame of that tick is undefined and is not latched. The caller then calls `flush` and closes the recorder, so the
+recording is complete up to the failure.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from hil.run.recorder.recorder import Recorder
+from signals.latency import LatencyHistogram
+from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
+from signals.time import RateAccumulator
+from sim.physics.quadrotor import QuadrotorPhysics
+
+_SERVE_MARGIN_S = 0.0005  # companions are not served in the last part of the time before a tick's deadline
+_HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
+_RANGING_KINDS = ("range_finder", "optical_flow")
+PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
+
+
+class Sensor(Protocol):
+    """A simulated sensor."""
+
+    @property
+    def name(self) -> str: ...
+
+    def sample(self, truth: TruthState, seq: int) -> Sample | None:
+        """Return sample `seq`, None where it drops out."""
+        ...
+
+
+class CommandSource(Protocol):
+    """A sender of messages to the autopilot beside the sensors: the bench's ground station, the router's clients."""
+
+    def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
+        """Return the bytes to send at `t_ns`. `frames`: received from the autopilot in the tick before."""
+        ...
+
+
+class Exchange(Protocol):
+    """A receiver of every tick's released samples that is served while the autopilot computes, such as companions."""
+
+    @property
+    def free_running(self) -> bool:
+        """Return True if it is also served between paced ticks, as time allows."""
+        ...
+
+    def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None:
+        """Process the samples (port, sample) that this tick released."""
+        ...
+
+    def serve(self, limit_s: float) -> None:
+        """Exchange messages between ticks for at most `limit_s` of wall-clock time."""
+        ...
+
+
+class SensorSlot:
+    """A sensor with its rate on the tick and its sample count."""
+
+    __slots__ = ("after_send", "due", "port", "sample", "samples", "timing")
+
+    def __init__(self, sensor: Sensor, rate: RateAccumulator, *, after_send: bool = False) -> None:
+        """`after_send`: sampled while the autopilot computes, because the autopilot does not receive its samples."""
+        self.after_send = after_send
+        self.port = sensor.name
+        self.sample = sensor.sample
+        self.due = rate.due
+        self.samples = 0
+        self.timing = LatencyHistogram()
+
+
+class ReleaseQueue:
+    """Holds captured samples until they are available. The order (t_available_ns, port, seq) is total."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[int, str, int, Sample]] = []
+
+    def push(self, port: str, sample: Sample) -> None:
+        heapq.heappush(self._heap, (sample.t_available_ns, port, sample.seq, sample))
+
+    def release(self, t_ns: int) -> list[tuple[str, Sample]]:
+        """Remove and return every sample with t_available_ns <= t_ns, in release order."""
+        heap = self._heap
+        released = []
+        while heap and heap[0][0] <= t_ns:
+            _, port, _, sample = heapq.heappop(heap)
+            released.append((port, sample))
+        return released
+
+    def __len__(self) -> int:
+        return len(self._heap)
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """The objects that a tick connects."""
+
+    physics: QuadrotorPhysics
+    sensors: Sequence[SensorSlot]
+    link: AutopilotLink
+    ports: Mapping[str, str]  # kind -> port of the sensors whose samples go to the autopilot, an imu among them
+    recorder: Recorder
+    commands: Sequence[CommandSource] = ()
+    observers: Sequence[Callable[[TruthState], None]] = ()
+    exchanges: Sequence[Exchange] = ()
+
+
+class Scheduler:
+    """Runs ticks. The composition root (`hil.run.bench_run`) opens and closes everything in the wiring."""
+
+    def __init__(
+        self,
+        wiring: Wiring,
+        *,
+        tick_ns: int,
+        pace: float | None = None,
+        wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0),
+    ) -> None:
+        """Prepare tick 0.
+
+        `pace`: multiple of real time, None: as fast as possible. `wind_at` returns the wind at the vehicle [m/s, W].
+        """
+        link, recorder, sensors = wiring.link, wiring.recorder, wiring.sensors
+        self.tick_ns = tick_ns
+        self.tick = 0  # the next tick to run
+        self.late = 0  # ticks that began after their wall-clock deadline (paced runs only)
+        self.phase_ns = {name: LatencyHistogram() for name in PHASES}
+        self.own_ns = LatencyHistogram()  # per tick, without the wait
+        self.step_ns = LatencyHistogram()  # per tick, without pacing
+        self.begun_ns = 0  # start of the present tick, by `time.perf_counter_ns`
+        self.truth: TruthState | None = None
+        self._physics = wiring.physics
+        self._sensors = tuple(slot for slot in sensors if not slot.after_send)
+        self._frame_sensors = tuple(slot for slot in sensors if slot.after_send)
+        self._link = link
+        self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
+        self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
+        self._wind_at = wind_at
+        self._record_first = link.caps.busy_processors > 1
+        # A busy autopilot may preempt the bench, so only processor time measures the bench's own work.
+        self._own_clock = time.thread_time_ns if link.caps.busy_processors > 1 else time.perf_counter_ns
+        self._kinds = {port: kind for kind, port in wiring.ports.items()}
+        self._commands = tuple(wiring.commands)
+        self._recorder = recorder
+        self._observers = tuple(wiring.observers)
+        self._exchanges = tuple(wiring.exchanges)
+        self._serves = tuple(exchange.serve for exchange in self._exchanges if exchange.free_running)
+        self._queue = ReleaseQueue()
+        self._latched = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
+        self._frames: list[Frame] = []  # received in the tick before
+        self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
+        self._tick_wall_ns = None if pace is None else tick_ns / pace
+        self._wall_start_ns = 0
+
+    @property
+    def t_ns(self) -> int:
+        """The simulated time of the next tick."""
+        return self.tick * self.tick_ns
+
+    @property
+    def actuators(self) -> ActuatorFrame:
+        """The frame that moves the vehicle in the next tick; all zero and disarmed until the first reply."""
+        return self._latched
+
+    def step(self) -> None:
+        """Run one tick. Raises HilError; the header says what is undefined then."""
+        tick = self.tick
+        begun: ActuatorFrame | None = None
+        if self._begin is not None:
+            begun = self._begin(tick)
+            if begun is not None:
+                self._latched = begun
+        elif self._tick_wall_ns is not None:
+            self._wait_for_deadline(self._tick_wall_ns)
+        clock = time.perf_counter_ns
+        t_ns = tick * self.tick_ns
+
+        own_clock = self._own_clock
+        own_start = own_clock()
+        t0 = self.begun_ns = clock()
+        truth = self._physics.advance(tick, self._latched.controls)
+        self.truth = truth
+
+        t1 = clock()
+        self._sample(self._sensors, truth, t1)
+        released = self._queue.release(t_ns)
+        newest, ranging = self._for_autopilot(released)
+
+        t2 = clock()
+        extra = b""
+        for source in self._commands:
+            extra += source.step(t_ns, self._frames)
+
+        t3 = clock()
+        recorded_first = self._record_first
+        frames_ns = companion_ns = 0
+        if recorded_first:
+            frames_ns = self._sample_frames(truth, released)
+            self._record(truth, begun, released)
+            companion_ns = self._exchange_all(truth, released)
+        r3 = clock()
+        if self._observe is not None:
+            self._observe(truth, self._wind_at())
+        imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
+        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
+
+        t4 = clock()
+        if not recorded_first:
+            frames_ns = self._sample_frames(truth, released)
+            self._record(truth, begun, released)
+        self._recorder.sent(tick, t_ns, sent)
+        if not recorded_first:
+            companion_ns = self._exchange_all(truth, released)
+        t5 = clock()
+        own_end = own_clock()
+        try:
+            actuators = self._link.wait(tick, t_ns)
+        finally:
+            # Frames that arrived belong in the recording even if the reply itself never came.
+            self._frames = self._link.take_frames()
+            self._unrecorded = (tick, self._frames, None)
+        t6 = clock()
+
+        if actuators is not None:
+            self._latched = actuators
+            self._unrecorded = (tick, self._frames, actuators)
+        self.tick = tick + 1
+
+        phase = self.phase_ns
+        phase["physics"].add(t1 - t0)
+        phase["sensors"].add(t2 - t1)
+        phase["commands"].add(t3 - t2)
+        phase["send"].add(t4 - r3)
+        phase["frames"].add(frames_ns)
+        phase["record"].add(t5 - t4 + r3 - t3 - frames_ns - companion_ns)
+        phase["companion"].add(companion_ns)
+        phase["wait"].add(t6 - t5)
+        # The wait for a companion is not the bench's own work. Processor time leaves it out already.
+        self.own_ns.add(own_end - own_start - (companion_ns if own_clock is clock else 0))
+        self.step_ns.add(t6 - t0)
+
+    def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before: int) -> int:
+        """Sample each sensor that is due. `before`: wall clock at the start; returns it at the end [ns]."""
+        clock, queue = time.perf_counter_ns, self._queue
+        for slot in slots:
+            if slot.due():
+                sample = slot.sample(truth, slot.samples)
+                slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
+                if sample is not None:
+                    queue.push(slot.port, sample)
+                after = clock()
+                slot.timing.add(after - before)
+                before = after
+        return before
+
+    def _sample_frames(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
+        """Sample the frame sensors and append what they release to `released`. Return the time it took [ns]."""
+        if not self._frame_sensors:
+            return 0
+        begun = time.perf_counter_ns()
+        took = self._sample(self._frame_sensors, truth, begun) - begun
+        released += self._queue.release(truth.t_ns)
+        return took
+
+    def _exchange_all(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
+        """Pass the released samples to the companions. Return the time it took [ns]."""
+        if not self._exchanges:
+            return 0
+        begun = time.perf_counter_ns()
+        for exchange in self._exchanges:
+            exchange.step(truth, released)
+        return time.perf_counter_ns() - begun
+
+    def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
+        """Record what is known before the tick is sent. The sent bytes follow, in every arrangement of the phases."""
+        self._record_received()
+        recorder = self._recorder
+        if begun is not None:
+            recorder.actuators(begun)
+        recorder.truth(truth)
+        for event in self._physics.take_events():
+            recorder.event(event.t_ns, event.kind, event.text)
+        for port, sample in released:
+            recorder.sample(port, sample)
+        for observe in self._observers:
+            observe(truth)
+
+    def skip_tick(self) -> None:
+        """Continue after a failed tick with all controls at zero, because the autopilot has rebooted."""
+        self._latched = ActuatorFrame(self.tick, self.t_ns, (0.0,) * 16, False, 0)
+        self.tick += 1
+
+    def flush(self) -> None:
+        """Record what the last tick received. Call once, when no further tick will run."""
+        self._record_received()
+
+    def _record_received(self) -> None:
+        if self._unrecorded is None:
+            return
+        tick, frames, actuators = self._unrecorded
+        self._unrecorded = None
+        if frames:
+            self._recorder.received(tick, tick * self.tick_ns, frames)
+        if actuators is not None:
+            self._recorder.actuators(actuators)
+
+    def _for_autopilot(self, released: list[tuple[str, Sample]]) -> tuple[dict[str, Any], list[Sample]]:
+        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all range and flow samples, in order."""
+        newest: dict[str, Any] = {}
+        ranging: list[Sample] = []
+        for port, sample in released:
+            kind = self._kinds.get(port)
+            if kind in _RANGING_KINDS:
+                ranging.append(sample)
+            elif kind is not None:
+                newest[kind] = sample
+        return newest, ranging
+
+    def _wait_for_deadline(self, tick_wall_ns: float) -> None:
+        """Sleep until this tick's wall-clock time. A late tick is counted and does not shift the ticks after it."""
+        now = time.perf_counter_ns()
+        if self.tick == 0:
+            self._wall_start_ns = now
+            return
+        deadline = self._wall_start_ns + int(self.tick * tick_wall_ns)
+        if now > deadline:
+            self.late += 1
+            return
+        if self._serves:
+            for serve in self._serves:
+                serve(max((deadline - now) * 1e-9 - _SERVE_MARGIN_S, 0.0))
+            now = time.perf_counter_ns()
+        time.sleep(max(deadline - now, 0) * 1e-9)

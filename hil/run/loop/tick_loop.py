@@ -1,0 +1,76 @@
+"""The loop over the ticks of a run."""
+
+from __future__ import annotations
+
+import gc
+from contextlib import ExitStack
+from typing import Any
+
+from firmware_bridge.links.ardupilot.json_link import RestartRequested
+from hil.run.loop.progress import Progress
+from hil.run.part import Part, RunContext
+from signals.time import NS_PER_S
+
+# Without a part that flies the vehicle, the flight ends this long after disarming [ns of simulated time].
+_AFTER_DISARM_NS = 3 * NS_PER_S
+
+
+def fly_ticks(run: RunContext, *, quiet: bool) -> None:
+    """Run ticks until a part ends the flight or the bench's `duration_s` has passed.
+
+    If no part flies the vehicle, the flight also ends a few seconds after it was disarmed, unless the autopilot may
+    reboot (`autopilot.on_restart: reset`): then the user decides when the run ends.
+    """
+    scheduler, config = run.scheduler, run.bench.config
+    end_tick = round(config.duration_s * config.tick_hz)
+    until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
+    after_ticks, armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
+    before, after, ended = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
+    progress = Progress(
+        tick_ns=config.tick_ns,
+        sim_limit_ns=end_tick * config.tick_ns,
+        status=run.status,
+        title=f"{config.rig}: {config.mission or 'no mission'}",
+        quiet=quiet,
+    )
+    # The garbage collector is off during the flight: its pauses are jitter on the link, and a tick makes no
+    # reference cycles.
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        with progress, ExitStack() as stack:
+            for part in run.parts:
+                stack.enter_context(part.around_flight())
+            while scheduler.tick < end_tick:
+                for prepare in before:
+                    prepare()
+                try:
+                    scheduler.step()
+                except RestartRequested:
+                    _restart_vehicle(run)
+                    continue
+                progress.tick(scheduler.tick)
+                for follow in after:
+                    follow(scheduler.tick)
+                if any(end() for end in ended):
+                    break
+                if scheduler.actuators.armed:
+                    armed_tick = scheduler.tick
+                elif until_disarmed and armed_tick is not None and scheduler.tick >= armed_tick + after_ticks:
+                    break
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+def _restart_vehicle(run: RunContext) -> None:
+    """Put the vehicle back to its start after the autopilot has rebooted; simulated time goes on."""
+    physics: Any = run.physics
+    physics.restart()
+    run.scheduler.skip_tick()
+
+
+def _overridden(run: RunContext, name: str) -> list[Any]:
+    """Return this method of the parts that override it, so that the others cost no time in a tick."""
+    return [getattr(part, name) for part in run.parts if getattr(type(part), name) is not getattr(Part, name)]

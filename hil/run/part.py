@@ -1,0 +1,261 @@
+"""The part: one feature of a run, in one file, with the same life cycle as all others.
+
+A run is a list of parts: the vehicle, the mission, the companions, the link to the autopilot, a dashboard. The
+composition root (`hil.run.bench_run`) calls them in the order of `hil.run.parts.catalog` and knows none by name:
+
+    open(run)             the recorder exists. Acquire what decides which samples the run needs
+    ports()               topics that the part consumes; a sensor without a consumer is not computed
+                          -> the run plans its stages (`run.plan`)
+    build(run)            the sensors exist. Make command sources, open links
+    command_sources()     asked at every tick for bytes that go to the autopilot
+    observers()           called with the true state of every tick
+    exchange()            stepped with every tick's samples while the autopilot computes
+                          -> the run makes the scheduler (`run.scheduler`)
+    begin(run)            everything is built, tick 0 comes next
+      before_tick()         \\
+      after_tick(tick)       |  every tick, in the order of the parts; only parts that override them are called
+      ended()               /   True ends the flight
+    conclude(run)         the flight ended without an error, and everything is still open
+    close()               always, in the reverse order of the parts; also where `open` or `build` failed
+    finish(run)           last events into the recording
+    verdict(verdict)      add rows and reasons to the verdict
+    run_keys()            keys of run.json
+    skipped(ticks)        rows of run.json's list of what was not computed
+    report(run)           pictures and sections of the report page
+    after_run(run)        run.json is written
+
+Every method has a default that does nothing, so a part overrides what it needs. An exception of any method up to
+`finish` ends the run as ERROR; the methods after it are called all the same, so they must work on a part that was
+never opened. What a part imports is loaded only in runs that ask for the part.
+
+How to add one: CONTRIBUTING.md.
+"""
+
+# ruff: noqa: ARG002 (the defaults use none of their arguments)
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.transports.transport import Transport
+from hil.config import Bench
+from hil.config.missions.path import Leg, PlanPoint
+from hil.run.loop.scheduler import PHASES, CommandSource, Exchange, Scheduler
+from hil.run.loop.stages import StagePlan
+from hil.run.recorder.recorder import Recorder, Tap
+from hil.run.report.quantiles import quantiles_us
+from hil.run.sensors.sensor_slots import SensorSlots
+from hil.run.verdict.verdict import Verdict
+from signals.desired import DesiredState
+from signals.detections import Detections
+from signals.samples import TruthState
+from sim.physics.quadrotor import QuadrotorPhysics
+
+
+class FlightStatus(NamedTuple):
+    """Progress of the flight, as shown to people."""
+
+    phase: str
+    reached: int  # waypoints
+    waypoints: int
+
+
+class Report(NamedTuple):
+    """Contribution of a part to the report page."""
+
+    pictures: Sequence[tuple[str, Path]] = ()  # caption, PNG file
+    sections: Sequence[tuple[str, str]] = ()  # heading, HTML
+
+
+class RunContext:
+    """The run that a part belongs to. Each field exists from the step named beside it on."""
+
+    recorder: Recorder  # open
+    physics: QuadrotorPhysics  # open, once the vehicle has been opened
+    plan: StagePlan  # build
+    sensors: SensorSlots  # build, once the sensors have been built
+    link: AutopilotLink  # begin
+
+    def __init__(self, bench: Bench, out: Path, parts: Sequence[Part]) -> None:
+        self.bench = bench
+        self.out = out  # folder of the run
+        self.parts = tuple(parts)
+        self.legs: tuple[Leg, ...] = ()  # planned path; open, once the mission's path is known
+        self.route: list[PlanPoint] = []  # labelled points of the path, or the goal; likewise
+        self._scheduler: Scheduler | None = None
+
+    def part(self, name: str) -> Any:
+        """Return the part of that name, None where this run has none."""
+        return next((part for part in self.parts if part.name == name), None)
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """The tick loop's scheduler; from `begin` on."""
+        assert self._scheduler is not None
+        return self._scheduler
+
+    @scheduler.setter
+    def scheduler(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+
+    @property
+    def ticks(self) -> int:
+        """Ticks so far; 0 before the scheduler is made."""
+        return 0 if self._scheduler is None else self._scheduler.tick
+
+    def now_ns(self) -> int:
+        """Return the simulated time of the next tick."""
+        return self.ticks * self.bench.config.tick_ns
+
+    def tick_began_ns(self) -> int:
+        """Return the wall-clock time at which the present tick began, by `time.perf_counter_ns`; 0 before the first."""
+        return 0 if self._scheduler is None else self._scheduler.begun_ns
+
+    def timing_keys(self) -> dict[str, Any]:
+        """Return wall-clock times of the ticks for run.json: late ticks, and quantiles by phase [us]."""
+        scheduler = self._scheduler
+        if scheduler is None:
+            return {"paced_ticks_late": 0, "own_us": None, "step_us": None, "phase_us": None}
+        return {
+            "paced_ticks_late": scheduler.late,
+            "own_us": quantiles_us(scheduler.own_ns),
+            "step_us": quantiles_us(scheduler.step_ns),
+            "phase_us": {name: quantiles_us(scheduler.phase_ns[name]) for name in PHASES},
+        }
+
+    def mean_phase_us(self) -> dict[str, float]:
+        """Return the mean wall-clock time of each phase of a tick [us]; empty before the scheduler is made."""
+        scheduler = self._scheduler
+        return {} if scheduler is None else {name: scheduler.phase_ns[name].mean_ns / 1000 for name in PHASES}
+
+    def record_last_tick(self) -> None:
+        """Record what the last tick received."""
+        if self._scheduler is not None:
+            self._scheduler.flush()
+
+    def event(self, kind: str, text: str) -> None:
+        """Record an event at the present simulated time."""
+        self.recorder.event(self.now_ns(), kind, text)
+
+    def inject(self, fault: Any, *, declared: bool = True) -> None:
+        """Begin a fault or gust now, in the first part that takes it.
+
+        `declared`: the bench or its script names the fault. One that is not may hit any sensor or link.
+        Raises ValueError where no part takes it, or it does not fit this run.
+        """
+        if not any(part.inject(fault, declared=declared) for part in self.parts):
+            raise ValueError(f"nothing in this run can have a {type(fault).__name__}")
+
+    def status(self) -> FlightStatus:
+        """Return the phase of the part that flies the mission ("serving": none does), and waypoints as judged."""
+        phase = next((phase for part in self.parts if (phase := part.phase())), "serving")
+        counts = next((counts for part in self.parts if (counts := part.waypoints())), (0, 0))
+        return FlightStatus(phase, *counts)
+
+    def texts(self) -> list[tuple[int, int, str]]:
+        """Return the autopilot's status texts so far: time [ns], MAV_SEVERITY, text."""
+        return [text for part in self.parts for text in part.texts()]
+
+
+class Part:
+    """A part that does nothing. See the header of this file for the order of the calls."""
+
+    name = ""
+    injects = False  # True: may inject faults that the bench does not declare
+    held_s = 0.0  # wall-clock time for which this part has held the run up
+
+    def open(self, run: RunContext) -> None: ...
+
+    def ports(self) -> frozenset[str]:
+        return frozenset()
+
+    def build(self, run: RunContext) -> None: ...
+
+    def tap(self) -> Tap | None:
+        """Return a receiver of everything that is recorded; asked before `open`."""
+        return None
+
+    def wrap_link(self, transport: Transport) -> Transport:
+        """Wrap the transport to the autopilot, to alter or watch its bytes."""
+        return transport
+
+    def wrap_commands(self, sources: list[CommandSource]) -> list[CommandSource]:
+        """Wrap the command sources of all parts before this one."""
+        return sources
+
+    def command_sources(self) -> Sequence[CommandSource]:
+        return ()
+
+    def observers(self) -> Sequence[Callable[[TruthState], None]]:
+        return ()
+
+    def exchange(self) -> Exchange | None:
+        return None
+
+    def begin(self, run: RunContext) -> None: ...
+
+    def around_flight(self) -> AbstractContextManager[Any]:
+        """Return a context manager that is entered for the ticks of the flight."""
+        return nullcontext()
+
+    def before_tick(self) -> None: ...
+
+    def after_tick(self, tick: int) -> None: ...
+
+    def ended(self) -> bool:
+        return False
+
+    def conclude(self, run: RunContext) -> None: ...
+
+    def close(self) -> None: ...
+
+    def finish(self, run: RunContext) -> None: ...
+
+    def verdict(self, verdict: Verdict) -> Verdict:
+        return verdict
+
+    def run_keys(self) -> Mapping[str, Any]:
+        return {}
+
+    def skipped(self, ticks: int) -> Sequence[dict[str, Any]]:
+        return ()
+
+    def repeatable(self) -> bool:
+        """Return False where the part let something into the run that another run would not have."""
+        return True
+
+    def report(self, run: RunContext) -> Report:
+        return Report()
+
+    def after_run(self, run: Mapping[str, Any]) -> None: ...
+
+    # -- what parts tell one another ------------------------------------------------------------------------------
+
+    def inject(self, fault: Any, *, declared: bool) -> bool:
+        """Begin a fault and return True, or return False where it is of another part. See `RunContext.inject`."""
+        return False
+
+    def phase(self) -> str:
+        """Return the phase of the flight where this part flies the mission, else an empty text."""
+        return ""
+
+    def waypoints(self) -> tuple[int, int] | None:
+        """Return waypoints reached so far and waypoints of the plan where this part measures them."""
+        return None
+
+    def texts(self) -> Sequence[tuple[int, int, str]]:
+        """Return status texts of the autopilot: time [ns], MAV_SEVERITY, text."""
+        return ()
+
+    def on_desired(self, desired: DesiredState, t_apply_ns: int) -> None:
+        """A companion in control wants to be there, from `t_apply_ns` on."""
+
+    def on_report(self, client: str, report: Mapping[str, Any], t_ns: int, *, control: bool) -> None:
+        """A companion reports on itself. `control`: what companions desire is flown."""
+
+    def on_detections(self, client: str, detections: Detections, t_ns: int) -> None:
+        """A companion has detected objects in a picture."""

@@ -1,0 +1,62 @@
+"""The parts of a run in their order, and which benches want them.
+
+A part's module is imported only in runs that want it. It has a function `make(bench) -> Part`; a part that a bench
+names in its section `parts` has `make(bench, settings) -> Part` and a model `Settings` of that section instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from hil.config import Bench
+from hil.config.checks.part_settings import part_module
+from hil.run.part import Part
+
+Wanted = Callable[[Bench], bool]
+
+
+def _always(bench: Bench) -> bool:  # noqa: ARG001
+    return True
+
+
+def _companion_flies(bench: Bench) -> bool:
+    return bench.config.companion.on and bench.config.companion.control
+
+
+_VEHICLE: tuple[tuple[str, Wanted], ...] = (
+    ("simulated.vehicle", _always),
+    ("simulated.sensors", _always),
+    ("links.faults", _always),
+)
+_JUDGES: tuple[tuple[str, Wanted], ...] = (
+    ("judges.flight", _always),
+    ("judges.goal", lambda bench: bench.config.goal is not None),
+    ("judges.search", lambda bench: bench.config.search is not None),
+)
+_PILOTS: tuple[tuple[str, Wanted], ...] = (
+    ("pilots.companion", lambda bench: bench.config.companion.on),
+    ("pilots.mission", lambda bench: not _companion_flies(bench)),
+    ("pilots.script", lambda bench: bench.script is not None),
+    ("pilots.manual", lambda bench: bench.config.manual.device is not None),
+)
+_LINKS: tuple[tuple[str, Wanted], ...] = (
+    ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
+    ("links.router", lambda bench: bool(bench.config.router.endpoints())),
+    ("links.autopilot", _always),
+)
+
+
+def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) -> list[Part]:
+    """Return the parts that `bench` wants, not yet opened. `more`: parts that the caller of the run adds.
+
+    Parts of the section `parts` and those of the caller come before the links to the outside, so that their commands
+    are signed as all others. `judged`: False leaves out what measures the flight and judges it.
+    """
+    before = [*_VEHICLE, *(_JUDGES if judged else ()), *_PILOTS]
+    named = [part_module(name).make(bench, settings) for name, settings in bench.config.parts.items()]
+    return [*_made(before, bench), *named, *more, *_made(_LINKS, bench)]
+
+
+def _made(entries: Sequence[tuple[str, Wanted]], bench: Bench) -> list[Part]:
+    return [import_module(f"hil.run.parts.{name}").make(bench) for name, wanted in entries if wanted(bench)]

@@ -1,0 +1,61 @@
+"""The flight itself: its planned path, how well it was flown, and the limits of the section `limits`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.config import Bench
+from hil.config.missions.path import plan_points, planned_path
+from hil.run.part import Part, Report, RunContext
+from hil.run.verdict.verdict import FlightMeasurement, Verdict, judge
+from signals.samples import TruthState
+
+_MISSION_KEYS = (
+    "completed", "waypoints", "reached", "max_cross_track_m", "final_error_m", "altitude_error_m", "landing_speed_mps",
+    "landed_tilt_deg", "landed",
+)  # fmt: skip
+
+
+class FlightPart(Part):
+    name = "flight"
+
+    def __init__(self, bench: Bench) -> None:
+        self._config = bench.config
+        self._measured = FlightMeasurement(())
+
+    def open(self, run: RunContext) -> None:
+        if run.bench.mission is not None:
+            x, y, z = run.physics.state[:3].tolist()
+            run.legs = planned_path(run.bench.mission, run.bench.scene, home_W=(x, y, z))
+        run.route = plan_points(run.legs)
+        self._measured = FlightMeasurement(run.legs, self._config.limits)
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._measured.add]
+
+    def waypoints(self) -> tuple[int, int]:
+        return self._measured.counts
+
+    def verdict(self, verdict: Verdict) -> Verdict:  # noqa: ARG002 (the first part to judge)
+        return judge(self._measured.result(), self._config.limits)
+
+    def run_keys(self) -> dict[str, Any]:
+        measured = self._measured.result()
+        return {
+            "mission": {name: getattr(measured, name) for name in _MISSION_KEYS} | {"file": self._config.mission},
+        }
+
+    def report(self, run: RunContext) -> Report:
+        from hil.run.report.pictures import flight_pictures
+
+        return Report(flight_pictures(run.out, run.recorder.track.arrays(), run.route, _title(run)))
+
+
+def _title(run: RunContext) -> str:
+    config = run.bench.config
+    return f"{run.bench.scene.name} on rig {config.rig}, seed {config.seed}"
+
+
+def make(bench: Bench) -> Part:
+    return FlightPart(bench)

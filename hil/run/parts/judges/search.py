@@ -1,0 +1,48 @@
+"""The section `search`: people found by a companion, judged from ground truth (`hil.run.verdict.search`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from hil.config import Bench, SensorConfig
+from hil.config.schema import Search
+from hil.run.part import Part, Report, RunContext
+from hil.run.verdict.search import PICTURE_NAME, SearchMeasurement
+from hil.run.verdict.verdict import Verdict
+from signals.detections import Detections
+from signals.samples import TruthState
+
+
+class SearchPart(Part):
+    name = "search"
+
+    def __init__(self, search: Search, camera: SensorConfig) -> None:
+        self._measured = SearchMeasurement(search, camera)
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._measured.add]
+
+    def on_detections(self, client: str, detections: Detections, t_ns: int) -> None:  # noqa: ARG002
+        self._measured.detected(client, detections)
+
+    def conclude(self, run: RunContext) -> None:
+        frames = run.part("sensors").geometry(run)
+        self._measured.conclude(frames, frames.geometry.world)
+        self._measured.write(run.out)
+
+    def verdict(self, verdict: Verdict) -> Verdict:
+        return verdict.with_rows(*self._measured.judged())
+
+    def run_keys(self) -> dict[str, Any]:
+        return {"search": self._measured.result.as_map()}
+
+    def report(self, run: RunContext) -> Report:
+        picture = run.out / PICTURE_NAME
+        return Report([("Found in the search, and who was there", picture)] if picture.exists() else [])
+
+
+def make(bench: Bench) -> Part:
+    search = bench.config.search
+    assert search is not None
+    return SearchPart(search, bench.config.sensors[search.camera])

@@ -1,0 +1,135 @@
+"""The link to the autopilot, and how well it was served (`autopilot` in run.json)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from functools import reduce
+from typing import Any
+
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.realtime.link import RealtimeLink
+from firmware_bridge.links.realtime.processor import RealtimeProducer, SharedProcessor
+from firmware_bridge.transports.transport import Transport
+from hil.config import Bench
+from hil.run.autopilots.px4_sitl import unknown_parameters
+from hil.run.autopilots.surroundings import Surroundings, home_of, make_link
+from hil.run.part import Part, Report, RunContext
+from hil.run.report.quantiles import quantiles_us
+
+_LINK_KEYS = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")
+
+
+class AutopilotPart(Part):
+    name = "autopilot"
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._run: RunContext | None = None
+        self._link: AutopilotLink | None = None
+        self._processor: SharedProcessor | None = None
+        self._watch_ticks = 0  # between two looks at the shared processor; 0: it is not shared
+
+    def build(self, run: RunContext) -> None:
+        def wrap(transport: Transport) -> Transport:
+            return reduce(lambda wrapped, part: part.wrap_link(wrapped), run.parts, transport)
+
+        self._run = run
+        home = home_of(self._bench.scene.site, run.physics.state)
+        self._link = make_link(self._bench, Surroundings(run.out, wrap, run.event, home))
+        run.link = self._link
+        self._link.open()
+
+    def around_flight(self) -> AbstractContextManager[Any]:
+        link, config = self._link, self._bench.config
+        if isinstance(link, RealtimeLink):
+            # The thread that prepares samples for a free-running autopilot must not wait for a processor either.
+            return RealtimeProducer()
+        if link is not None and link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
+            self._watch_ticks = config.tick_hz
+            self._processor = SharedProcessor(link.pid if config.autopilot.share_processor else None)
+            return self._processor
+        return nullcontext()
+
+    def after_tick(self, tick: int) -> None:
+        if self._processor is None or not self._watch_ticks or tick % self._watch_ticks:
+            return
+        given_up = self._processor.watch(self._watch_ticks * self._bench.config.tick_ns)
+        if given_up is not None:
+            self._watch_ticks = 0
+            assert self._run is not None
+            self._run.event("warning", given_up)
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.close()
+
+    def finish(self, run: RunContext) -> None:
+        for name in unknown_parameters(self._bench, run.out):
+            run.event("warning", f"the firmware has no parameter {name}: autopilot.params has set nothing")
+        if isinstance(self._link, RealtimeLink):
+            for finding in self._link.findings():
+                run.event(finding.level, finding.text)
+
+    def repeatable(self) -> bool:
+        return self._link is not None and self._link.caps.deterministic
+
+    def run_keys(self) -> dict[str, Any]:
+        stats = None if self._link is None else self._link.stats
+        rtt = None if stats is None else stats.rtt
+        section = {
+            "kind": self._bench.config.autopilot.kind,
+            "steps": stats.steps if stats else 0,
+            "late": stats.late if stats else 0,
+            "rtt_us": {
+                "p50": rtt.quantile_ns(0.5) / 1000 if rtt else None,
+                "p99": rtt.quantile_ns(0.99) / 1000 if rtt else None,
+                "max": rtt.max_ns / 1000 if rtt else None,
+            },
+            "link": {name: getattr(stats, name) for name in _LINK_KEYS} if stats else {},
+        }
+        if isinstance(self._link, RealtimeLink):
+            section["realtime"] = _punctuality(self._link)
+        return {"autopilot": section}
+
+    def report(self, run: RunContext) -> Report:
+        from hil.run.report.pictures import punctuality_pictures, timing_pictures
+
+        link = self._link
+        if link is None:
+            return Report()
+        pictures = timing_pictures(run.out, link.stats.rtt.bins(), run.mean_phase_us())
+        sent = link.send_stats() if isinstance(link, RealtimeLink) else None
+        if isinstance(link, RealtimeLink) and sent is not None:
+            pictures += punctuality_pictures(run.out, sent.lateness.bins(), link.age.age.bins())
+        return Report(pictures)
+
+
+def _punctuality(link: RealtimeLink) -> dict[str, Any]:
+    """Return how well a free-running autopilot was served, and how well it served the bench."""
+    sent, clock = link.send_stats(), link.timesync
+    if sent is None:
+        return {}
+    best = clock.best()
+    return {
+        "send_lateness_us": quantiles_us(sent.lateness) | {"p999": sent.lateness.quantile_ns(0.999) / 1000},
+        "late_2ms": sent.late_2ms,
+        "late_20ms": sent.late_20ms,
+        "sent": sent.sent,
+        "dropped": sent.dropped + sent.refused,
+        "longest_gap_ms": sent.longest_gap_ns / 1e6,
+        "scheduling": sent.scheduling,
+        "slips": link.schedule.slip_count,
+        "slipped_ms": link.schedule.slipped_ns / 1e6,
+        "actuator_age_us": quantiles_us(link.age.age),
+        "actuator_interval_us": quantiles_us(link.age.interval),
+        "actuator_gaps": link.age.gap_count,
+        "clock_offset_us": best.offset_ns / 1000 if best else None,
+        "clock_drift_ppm": clock.drift_ppm,
+        "clock_resets": clock.resets,
+        "reconnects": link.reconnects,
+        "findings": [{"level": f.level, "text": f.text} for f in link.findings()],
+    }
+
+
+def make(bench: Bench) -> Part:
+    return AutopilotPart(bench)

@@ -1,0 +1,156 @@
+"""The section `companion`: clients under test, and the pilot that flies what they desire."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from hil.config import Bench
+from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.companion.files import TIMING_NAME, read_timing
+from hil.run.companion.link import CompanionLink
+from hil.run.companion.link_faults import CompanionFault
+from hil.run.companion.stage import AnswerCallbacks, CompanionStage
+from hil.run.loop.scheduler import CommandSource
+from hil.run.part import Part, Report, RunContext
+from hil.run.parts.pilots.mission import grid_ns, record_texts
+from signals._kernel import tangent_ned
+from signals.desired import DesiredState
+from signals.detections import Detections
+
+# A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
+_STALE_S, _STALE_FRAMES = 1.0, 2.5
+_LARGEST_PICTURE_BYTES = 8 << 20  # of a client's own picture in the report
+
+
+class CompanionPart(Part):
+    name = "companion"
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._run: RunContext | None = None
+        self._pilot: OffboardPilot | None = None
+        self._outcomes: dict[str, str] = {}  # by client: last reported
+        self.link: CompanionLink | None = None
+
+    def open(self, run: RunContext) -> None:
+        self._run = run
+        self.link = CompanionLink(
+            self._bench.config,
+            run.out,
+            waypoints_W=[point.p_W for point in run.route],
+            on_event=self._event,
+            begun_ns=run.tick_began_ns,
+        )
+        self.link.open()
+
+    def ports(self) -> frozenset[str]:
+        return frozenset() if self.link is None else self.link.topics
+
+    def build(self, run: RunContext) -> None:
+        if self._bench.config.companion.control:
+            self._pilot = self._make_pilot(run)
+
+    def _make_pilot(self, run: RunContext) -> OffboardPilot:
+        config = self._bench.config
+        return OffboardPilot(
+            geodetic_from_W(config.autopilot.kind, self._bench.scene.site, run.physics.state),
+            tick_ns=config.tick_ns,
+            setpoint_hz=config.companion.setpoint_hz,
+            stale_s=max(_STALE_S, _STALE_FRAMES / config.companion.rate_hz),
+            projection=tangent_ned if config.autopilot.is_mock else None,
+            target_sysid=None,
+            grid_ns=grid_ns(self._bench),
+            on_event=run.recorder.event,
+        )
+
+    def command_sources(self) -> list[CommandSource]:
+        return [] if self._pilot is None or self.link is None else [self.link.timed(self._pilot)]
+
+    def exchange(self) -> CompanionStage | None:
+        if self.link is None:
+            return None
+        desire = None if self._pilot is None else self._desire
+        return self.link.stage(AnswerCallbacks(desire, self._reported, self._detected))
+
+    def ended(self) -> bool:
+        return self._pilot is not None and self._pilot.phase.value == "done"
+
+    def close(self) -> None:
+        if self.link is not None:
+            self.link.close("ERROR" if sys.exc_info()[0] is not None else "over")
+
+    def finish(self, run: RunContext) -> None:
+        record_texts(run.recorder, self.texts())
+
+    def run_keys(self) -> dict[str, Any]:
+        return {} if self.link is None else {"companion": self.link.report()}
+
+    def repeatable(self) -> bool:
+        return not self._bench.config.companion.times_count
+
+    def report(self, run: RunContext) -> Report:
+        from hil.run.report.companion_section import section
+        from hil.run.report.pictures import companion_pictures
+
+        pictures = [
+            (f"What {path.parent.name.removeprefix('companion_')} left", path) for path in _left_by_clients(run.out)
+        ]
+        pictures += companion_pictures(run.out, read_timing(run.out / TIMING_NAME))
+        return Report(pictures, [] if self.link is None else [section(self.link.report())])
+
+    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (a client needs no preparation)
+        if not isinstance(fault, CompanionFault) or self.link is None or self._run is None:
+            return False
+        self.link.inject(fault, self._run.now_ns())
+        return True
+
+    def phase(self) -> str:
+        return "" if self._pilot is None else self._pilot.phase.value
+
+    def texts(self) -> list[tuple[int, int, str]]:
+        return [] if self._pilot is None else self._pilot.statustexts
+
+    # -- callbacks of the link ------------------------------------------------------------------------------------
+
+    def _event(self, t_ns: int, kind: str, text: str) -> None:
+        """Record an event of the link; a negative time means now."""
+        assert self._run is not None
+        self._run.recorder.event(self._run.now_ns() if t_ns < 0 else t_ns, kind, text)
+
+    def _desire(self, desired: DesiredState, t_apply_ns: int, t_frame_ns: int) -> None:
+        """A client wants to be there from `t_apply_ns` on; its answer is to the frame of `t_frame_ns`."""
+        assert self._run is not None
+        assert self._pilot is not None
+        for part in self._run.parts:
+            part.on_desired(desired, t_apply_ns)
+        self._pilot.set_desired(desired, t_apply_ns, t_frame_ns)
+
+    def _reported(self, client: str, report: Mapping[str, Any], t_ns: int) -> None:
+        assert self._run is not None
+        for part in self._run.parts:
+            part.on_report(client, report, t_ns, control=self._pilot is not None)
+        outcome = report.get("outcome")
+        if isinstance(outcome, str) and outcome != self._outcomes.get(client, "flying"):
+            self._outcomes[client] = outcome
+            why = f": {report['why']}" if report.get("why") else ""
+            self._event(t_ns, "companion_outcome", f"{client}: {outcome}{why}")
+
+    def _detected(self, client: str, detections: Detections, t_ns: int) -> None:
+        assert self._run is not None
+        self._run.recorder.detected(t_ns, client, detections)
+        for part in self._run.parts:
+            part.on_detections(client, detections, t_ns)
+
+
+def _left_by_clients(out: Path) -> list[Path]:
+    """Return pictures that started clients left for the report: companion_NAME/report*.png, if not too large."""
+    found = sorted(out.glob("companion_*/report*.png"))
+    return [path for path in found if path.stat().st_size <= _LARGEST_PICTURE_BYTES]
+
+
+def make(bench: Bench) -> Part:
+    return CompanionPart(bench)

@@ -1,0 +1,100 @@
+"""The section `manual`: a gamepad or the keyboard flies the vehicle by MANUAL_CONTROL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_params
+from firmware_bridge.manual.hid_gamepad import HidGamepad, open_gamepad
+from firmware_bridge.manual.keyboard import KeyboardSticks, Terminal
+from firmware_bridge.manual.manual_control import (
+    ARDUCOPTER_MODES,
+    PX4_MODES,
+    Control,
+    ManualControlSource,
+    buttons_of,
+)
+from firmware_bridge.manual.sticks import StickLost
+from hil.config import Bench, BenchConfig
+from hil.run.part import Part, RunContext
+from signals.samples import TruthState
+
+
+class ManualPart(Part):
+    """Manual control from one source of sticks. `make_source` opens it, when the run is built."""
+
+    name = "manual"
+
+    def __init__(self, make_source: Callable[[], ManualControlSource]) -> None:
+        self._make_source = make_source
+        self._source: ManualControlSource | None = None
+        self._run: RunContext | None = None
+
+    @property
+    def flying(self) -> bool:
+        """Return True while the sticks fly the vehicle."""
+        return self._source is not None and self._source.control is Control.FLYING
+
+    def build(self, run: RunContext) -> None:
+        self._run, self._source = run, self._make_source()
+
+    def command_sources(self) -> list[ManualControlSource]:
+        return [] if self._source is None else [self._source]
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._record_events]
+
+    def _record_events(self, truth: TruthState) -> None:  # noqa: ARG002 (called once a tick)
+        assert self._source is not None
+        assert self._run is not None
+        for event in self._source.take_events():
+            self._run.recorder.event(*event)
+
+    def repeatable(self) -> bool:
+        return self._source is None or self._source.sent == 0
+
+    def close(self) -> None:
+        if self._source is not None:
+            self._source.close()
+
+
+def manual_settings(config: BenchConfig) -> dict[str, Any]:
+    """Return the settings that every source of MANUAL_CONTROL takes from a bench."""
+    copter = config.autopilot.kind.startswith("ardupilot")
+    return {
+        "modes": ARDUCOPTER_MODES if copter else PX4_MODES,
+        "rate_hz": config.manual.rate_hz,
+        "neutral_s": config.manual.neutral_s,
+        "target_sysid": None,
+    }
+
+
+def mission_mode(config: BenchConfig) -> tuple[float, float]:
+    """Return the main and sub mode that hand the vehicle back to its mission."""
+    family = ARDUPILOT if config.autopilot.kind.startswith("ardupilot") else PX4
+    _, main, sub = mode_params(family, "MISSION")
+    return main, sub
+
+
+def _device(config: BenchConfig) -> ManualControlSource:
+    """Open the device that the bench names. A gamepad that is not plugged in yet is waited for in flight.
+
+    Raises ManualControlError where the keyboard is no terminal, or the gamepad cannot be flown with.
+    """
+    settings = manual_settings(config)
+    if config.manual.device == "keyboard":
+        return ManualControlSource(KeyboardSticks(Terminal()), **settings)
+
+    def reopen() -> HidGamepad:
+        return open_gamepad(needs_dead_man=config.manual.needs_dead_man)
+
+    try:
+        pad = reopen()
+    except StickLost:
+        return ManualControlSource(None, reopen=reopen, **settings)
+    return ManualControlSource(pad, reopen=reopen, buttons=buttons_of(pad.mapping), **settings)
+
+
+def make(bench: Bench) -> Part:
+    return ManualPart(lambda: _device(bench.config))

@@ -1,0 +1,66 @@
+"""The ground station of the bench: uploads the mission, arms, follows the flight, and records status texts."""
+
+from __future__ import annotations
+
+from firmware_bridge.ground_station.station import GroundStation
+from hil.config import Bench
+from hil.run.part import Part, RunContext
+from hil.run.recorder.recorder import Recorder
+from signals.time import NS_PER_S
+
+# Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: the ground station sends them
+# its requests on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
+_ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
+
+
+class MissionPart(Part):
+    name = "mission"
+
+    def __init__(self, station: GroundStation | None, *, flies: bool) -> None:
+        """`flies`: the station sees the flight to its end; False: it only sends heartbeats."""
+        self._station, self._flies = station, flies
+
+    def command_sources(self) -> list[GroundStation]:
+        return [] if self._station is None else [self._station]
+
+    @property
+    def reached(self) -> int:
+        """Mission items that the autopilot reports as reached, so far."""
+        return 0 if self._station is None or not self._flies else self._station.reached
+
+    def phase(self) -> str:
+        return self._station.phase.value if self._station is not None and self._flies else ""
+
+    def texts(self) -> list[tuple[int, int, str]]:
+        return self._station.statustexts if self._station is not None and self._flies else []
+
+    def ended(self) -> bool:
+        return self._station is not None and self._flies and self._station.phase.value == "done"
+
+    def finish(self, run: RunContext) -> None:
+        record_texts(run.recorder, self.texts())
+
+
+def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
+    """Record status texts as events: MAV_SEVERITY 0 (emergency) to 3 as errors, 4 as warnings."""
+    for t_ns, severity, text in texts:
+        recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
+
+
+def grid_ns(bench: Bench) -> int:
+    """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
+    return NS_PER_S if bench.config.autopilot.kind in _ON_A_GRID else 0
+
+
+def make(bench: Bench) -> Part:
+    autopilot = bench.config.autopilot
+    if bench.mission is not None:
+        station = GroundStation(bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench))
+        return MissionPart(station, flies=True)
+    if bench.script is not None:
+        # The script arms and flies; the station uploads nothing, but sees the vehicle fly, land and disarm.
+        return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=True)
+    if autopilot.kind == "mock" or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
+        return MissionPart(None, flies=False)
+    # Real firmware expects the heartbeat of a ground station once a second.
+    return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=False)

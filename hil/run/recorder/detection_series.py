@@ -1,0 +1,159 @@
+"""Detections of companions as ROS 2 messages: three topics for each client.
+
+/companion/NAME/boxes        vision_msgs/Detection2DArray, the standard message. A result's pose is the object's
+                             position in `world` as the companion estimates it; NaN without an estimate.
+/companion/NAME/detections   hil_msgs/Detections: the same with range and radial speed; and the companion's list of
+                             objects, in the messages that update it.
+/companion/NAME/overlay      foxglove_msgs/ImageAnnotations: boxes and texts that Foxglove's image panel draws over the
+                             picture with the same stamp.
+
+header.stamp is the capture time of the picture, header.frame_id the camera's frame. The log time is the time at which
+the bench received the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hil.run.recorder.mcap.cdr import Layout, schema_text
+from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords
+from hil.run.recorder.mcap.topics import WORLD
+from signals.detections import Detection, Detections, words_of
+from signals.samples import Vec3
+from signals.time import NS_PER_S
+
+_BOXES, _DETECTIONS = "vision_msgs/Detection2DArray", "hil_msgs/Detections"
+_OVERLAY = "foxglove_msgs/ImageAnnotations"
+_LINE_LOOP = 2
+_YELLOW, _WHITE, _SHADE, _CLEAR = (1.0, 0.83, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.6), (0.0,) * 4
+_UNKNOWN_POSITION: Vec3 = (math.nan, math.nan, math.nan)
+
+
+class DetectionSeries:
+    """Collects the detections of one client between two chunks."""
+
+    def __init__(self, client: str) -> None:
+        self._client = client
+        self._pending: list[tuple[int, Detections, str]] = []
+        self._count = 0
+        self._records: tuple[PendingRecords, ...] = ()
+
+    def add(self, t_ns: int, detections: Detections, frame_id: str) -> None:
+        """Add the detections in one picture; `frame_id` is the frame of its camera."""
+        self._pending.append((t_ns, detections, frame_id))
+
+    def blocks(self, file: McapFile) -> list[Block]:
+        """Return the records of all detections added since the last call."""
+        if not self._pending:
+            return []
+        if not self._records:
+            kinds = {"boxes": _BOXES, "detections": _DETECTIONS, "overlay": _OVERLAY}
+            self._records = tuple(
+                PendingRecords(file.channel(f"/companion/{self._client}/{topic}", kind, schema_text(kind)))
+                for topic, kind in kinds.items()
+            )
+        boxes, full, overlay = self._records
+        for t_ns, detections, frame_id in self._pending:
+            boxes.add(t_ns, self._message(_boxes_layout(detections, frame_id, boxes.channel), t_ns, detections))
+            full.add(t_ns, self._message(_full_layout(detections, frame_id, full.channel), t_ns, detections))
+            overlay.add(t_ns, self._message(_overlay_layout(detections, overlay.channel), t_ns))
+            self._count += 1
+        self._pending.clear()
+        return [records.block() for records in self._records]
+
+    def _message(self, layout: Layout, t_ns: int, stamped: Detections | None = None) -> bytes:
+        record = layout.records(1)
+        record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
+        if stamped is not None:
+            seconds, nanoseconds = divmod(stamped.t_capture_ns, NS_PER_S)
+            record["header.stamp.sec"], record["header.stamp.nanosec"] = seconds, nanoseconds
+        return record.tobytes()
+
+
+def _boxes_layout(detections: Detections, frame_id: str, channel: int) -> Layout:
+    """Return the layout of one message. Its size depends on the labels, so no two messages share one."""
+    strings = {"header.frame_id": frame_id}
+    lengths = {"detections": len(detections.boxes)}
+    values: dict[str, Any] = {}
+    seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
+    for i, found in enumerate(detections.boxes):
+        at = f"detections[{i}]"
+        x0, y0, x1, y1 = found.box_px
+        strings |= {f"{at}.header.frame_id": WORLD, f"{at}.results[0].hypothesis.class_id": found.label, f"{at}.id": ""}
+        lengths[f"{at}.results"] = 1
+        values |= {
+            f"{at}.header.stamp.sec": seconds,
+            f"{at}.header.stamp.nanosec": nanoseconds,
+            f"{at}.results[0].hypothesis.score": found.score,
+            f"{at}.results[0].pose.pose.position": found.p_W or _UNKNOWN_POSITION,
+            f"{at}.results[0].pose.pose.orientation": (0.0, 0.0, 0.0, 1.0),
+            f"{at}.bbox.center.position": (0.5 * (x0 + x1), 0.5 * (y0 + y1)),
+            f"{at}.bbox.size_x": x1 - x0,
+            f"{at}.bbox.size_y": y1 - y0,
+        }
+    return Layout(_BOXES, channel=channel, strings=strings, lengths=lengths, values=values)
+
+
+def _full_layout(detections: Detections, frame_id: str, channel: int) -> Layout:
+    objects = detections.objects or ()
+    strings = {"header.frame_id": frame_id, "topic": detections.topic}
+    lengths = {"detections": len(detections.boxes), "objects": len(objects)}
+    values: dict[str, Any] = {"width": detections.size_px[0], "height": detections.size_px[1]}
+    for i, found in enumerate(detections.boxes):
+        at = f"detections[{i}]"
+        strings[f"{at}.label"] = found.label
+        values |= {f"{at}.{name}": value for name, value in _numbers(found).items()}
+    for i, object_ in enumerate(objects):
+        at = f"objects[{i}]"
+        seconds, nanoseconds = divmod(object_.t_ns, NS_PER_S)
+        strings[f"{at}.label"] = object_.label
+        values |= {
+            f"{at}.number": object_.number,
+            f"{at}.last_seen.sec": seconds,
+            f"{at}.last_seen.nanosec": nanoseconds,
+            f"{at}.position": object_.p_W,
+            f"{at}.velocity": object_.v_W,
+            f"{at}.sightings": object_.sightings,
+            f"{at}.sigma_m": object_.sigma_m,
+        }
+    return Layout(_DETECTIONS, channel=channel, strings=strings, lengths=lengths, values=values)
+
+
+def _numbers(found: Detection) -> dict[str, Any]:
+    x0, y0, x1, y1 = found.box_px
+    return {
+        "score": found.score,
+        "box_px": (x0, y0, x1, y1),
+        "range_m": math.nan if found.range_m is None else found.range_m,
+        "radial_speed_mps": math.nan if found.radial_speed_mps is None else found.radial_speed_mps,
+        "position": found.p_W or _UNKNOWN_POSITION,
+    }
+
+
+def _overlay_layout(detections: Detections, channel: int) -> Layout:
+    strings: dict[str, str] = {}
+    count = len(detections.boxes)
+    lengths = {"circles": 0, "points": count, "texts": count}
+    seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
+    values: dict[str, Any] = {}
+    for i, found in enumerate(detections.boxes):
+        outline, label = f"points[{i}]", f"texts[{i}]"
+        x0, y0, x1, y1 = found.box_px
+        lengths |= {f"{outline}.points": 4, f"{outline}.outline_colors": 0}
+        strings[f"{label}.text"] = words_of(found)
+        for at in (outline, label):
+            values |= {f"{at}.timestamp.sec": seconds, f"{at}.timestamp.nanosec": nanoseconds}
+        for k, (x, y) in enumerate(((x0, y0), (x1, y0), (x1, y1), (x0, y1))):
+            values |= {f"{outline}.points[{k}].x": x, f"{outline}.points[{k}].y": y}
+        values |= {
+            f"{outline}.type": _LINE_LOOP,
+            f"{outline}.outline_color": _YELLOW,
+            f"{outline}.fill_color": _CLEAR,
+            f"{outline}.thickness": 1.0,
+            f"{label}.position": (x0, y0),
+            f"{label}.font_size": 8.0,
+            f"{label}.text_color": _WHITE,
+            f"{label}.background_color": _SHADE,
+        }
+    return Layout(_OVERLAY, channel=channel, strings=strings, lengths=lengths, values=values)

@@ -1,0 +1,284 @@
+"""Pictures, point clouds and radar frames as ROS 2 messages: sensor_msgs/Image, CameraInfo, PointCloud2, RadarFrame.
+
+Beside the data of a port `front` there are `/front/pose`, the sensor's pose in `world` at capture, and, once, its mount
+on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mono8 and mono16, distances and speeds as
+32FC1, normals as 32FC3. A radar's raw frames are hil_msgs/RadarFrame (uint16, by receiver, chirp and sample), its
+range-Doppler maps 32FC1 pictures, its points and tracks point clouds. A message has the bytes of the sample, so the
+recording equals the measurement bit for bit.
+
+Every field of a record array becomes a field of a point cloud. Foxglove and RViz draw a cloud by its fields x, y and z.
+Therefore the coordinates of a position in a frame F, `x_F` or the three of `p_F_m`, get those names, and the three of a
+velocity `v_F_mps` get vx, vy, vz. The bytes are those of the array.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.run.recorder.frame_description import FrameDescription
+from hil.run.recorder.mcap.cdr import Layout, schema_text
+from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords
+from hil.run.recorder.mcap.topics import BODY, WORLD
+from signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
+from signals.time import NS_PER_S
+
+IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+# sensor_msgs/Image encodings: by element type and elements per pixel; three bytes are rgb
+_ENCODINGS = {
+    ("|u1", 1): "mono8",
+    ("<u2", 1): "mono16",
+    ("<i4", 1): "32SC1",
+    ("<f4", 1): "32FC1",
+    ("|u1", 3): "rgb8",
+    ("<f4", 3): "32FC3",
+}
+# sensor_msgs/PointField datatypes
+DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 7, "<f8": 8}
+_VECTORS = {"p": ("x", "y", "z"), "v": ("vx", "vy", "vz")}
+_POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<f4", "<i4", "<u2", "u1"],
+        "offsets": [0, 4, 8, 12, 16, 20, 24, 26],
+        "itemsize": 28,
+    }
+)
+
+
+class BlobTopic:
+    """One topic whose messages differ only in the length of their field `data`, if they have one."""
+
+    def __init__(
+        self,
+        file: McapFile,
+        topic: str,
+        type_name: str,
+        *,
+        strings: Mapping[str, str],
+        lengths: Mapping[str, int] | None = None,
+        values: Mapping[str, Any] | None = None,
+        header: str = "header",
+        item_bytes: int = 0,
+    ) -> None:
+        """`item_bytes`: size of an element of `data`, 0 without `data`. Only fields of single bytes may follow `data`.
+
+        `header`: path of the message's header.
+        """
+        self.pending = PendingRecords(file.channel(topic, type_name, schema_text(type_name)))
+        sizes = dict(lengths or {}) | ({"data": 0} if item_bytes else {})
+        self._layout = Layout(type_name, channel=self.pending.channel, strings=strings, lengths=sizes, values=values)
+        self._header = header
+        self._item_bytes = item_bytes
+        # The data are inserted after their length. Only single bytes follow, which need no alignment.
+        self._data_offset = self._layout.offset("data$length") + 4 if item_bytes else self._layout.size
+
+    def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
+        """Add one message. `values`: by path of the field, a number or a sequence of them."""
+        record = self._layout.records(1)
+        record["$length"] += len(data)
+        record["$sequence"], record["$log"], record["$publish"] = sample.seq, log_ns, sample.t_available_ns
+        seconds, nanoseconds = divmod(sample.t_capture_ns, NS_PER_S)
+        record[f"{self._header}.stamp.sec"], record[f"{self._header}.stamp.nanosec"] = seconds, nanoseconds
+        for path, value in values.items():
+            record[path] = value
+        if self._item_bytes:
+            record["data$length"] = len(data) // self._item_bytes
+        raw = record.tobytes()
+        self.pending.add(log_ns, raw[: self._data_offset], data, raw[self._data_offset :])
+
+
+class FrameSeries:
+    """Collects the samples of one camera, LiDAR or radar between two chunks, by reference, as samples never change."""
+
+    def __init__(self, port: str, description: FrameDescription | None) -> None:
+        self._port = port
+        self._description = description or FrameDescription(port)
+        self._pending: list[tuple[FrameSample, int]] = []
+        self._topics: dict[str, BlobTopic] = {}
+        self.pending_bytes = 0
+
+    def add(self, sample: FrameSample, log_ns: int) -> None:
+        """Add one sample; `log_ns` is the tick that released it."""
+        self._pending.append((sample, log_ns))
+        self.pending_bytes += sum(array.nbytes for _, array in arrays_of(sample))
+
+    def blocks(self, file: McapFile) -> list[Block]:
+        """Return the records of all samples added since the last call."""
+        for sample, log_ns in self._pending:
+            if "pose" not in self._topics:
+                self._mount(file, sample, log_ns)
+            if isinstance(sample, ImageSample):
+                self._picture(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
+            elif isinstance(sample, RadarSample):
+                self._radar(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
+            else:
+                self._cloud(file, sample, log_ns)
+                self._pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
+        self._pending.clear()
+        self.pending_bytes = 0
+        return [topic.pending.block() for topic in self._topics.values()]
+
+    def _topic(self, file: McapFile, name: str, type_name: str, **layout: Any) -> BlobTopic:
+        topic = self._topics.get(name)
+        if topic is None:
+            path = f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
+            topic = self._topics[name] = BlobTopic(file, path, type_name, **layout)
+        return topic
+
+    def _mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+        """Add the mount of the sensor on the vehicle, once."""
+        d = self._description
+        prefix = "transforms[0]"
+        topic = self._topic(
+            file,
+            "tf_static",
+            "tf2_msgs/TFMessage",
+            strings={f"{prefix}.header.frame_id": BODY, f"{prefix}.child_frame_id": d.frame_id},
+            lengths={"transforms": 1},
+            header=f"{prefix}.header",
+        )
+        mount = {f"{prefix}.transform.translation": d.p_BC, f"{prefix}.transform.rotation": _xyzw(d.q_BC)}
+        topic.add(sample, log_ns, mount)
+
+    def _pose(self, file: McapFile, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
+        topic = self._topic(file, "pose", "geometry_msgs/PoseStamped", strings={"header.frame_id": WORLD})
+        topic.add(sample, log_ns, {"pose.position": p, "pose.orientation": _xyzw(q)})
+
+    def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+        frame = {"header.frame_id": self._description.frame_id}
+        for name in sorted(sample.channels):
+            self._image(file, sample, log_ns, name, sample.channels[name])
+        p = self._description.projection
+        if p is not None:
+            topic = self._topic(
+                file,
+                "camera_info",
+                "sensor_msgs/CameraInfo",
+                strings=frame | {"distortion_model": p.distortion_model},
+                lengths={"d": len(p.d)},
+                values={"height": p.height, "width": p.width, "d": p.d, "k": p.k, "r": IDENTITY_3X3, "p": p.p},
+            )
+            topic.add(sample, log_ns, {})
+
+    def _image(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
+        little = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
+        values = 1 if picture.ndim == 2 else picture.shape[2]
+        topic = self._topic(
+            file,
+            name,
+            "sensor_msgs/Image",
+            strings={
+                "header.frame_id": self._description.frame_id,
+                "encoding": _ENCODINGS[(little.dtype.str, values)],
+            },
+            values={
+                "height": picture.shape[0],
+                "width": picture.shape[1],
+                "step": little.dtype.itemsize * values * picture.shape[1],
+            },
+            item_bytes=1,
+        )
+        topic.add(sample, log_ns, {}, little.tobytes())
+
+    def _radar(self, file: McapFile, sample: RadarSample, log_ns: int) -> None:
+        for name in sorted(sample.channels):
+            array = sample.channels[name]
+            if name == "raw":
+                self._raw(file, sample, log_ns, array)
+            elif array.dtype.names:
+                self._records(file, sample, log_ns, name, array)
+            else:
+                self._image(file, sample, log_ns, name, array)
+
+    def _raw(self, file: McapFile, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
+        receivers, chirps, samples = raw.shape
+        sweep = self._description.sweep
+        topic = self._topic(
+            file,
+            "raw",
+            "hil_msgs/RadarFrame",
+            strings={"header.frame_id": self._description.frame_id},
+            values={"receivers": receivers, "chirps": chirps, "samples": samples}
+            | ({} if sweep is None else vars(sweep)),
+            item_bytes=2,
+        )
+        pose = {"position": sample.p_WR, "orientation": _xyzw(sample.q_WR)}
+        topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
+
+    def _cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
+        self._records(file, sample, log_ns, "", cloud_records(sample))
+
+    def _records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
+        topic = self._topics.get(name) or self._cloud_topic(file, name, records.dtype)
+        topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
+
+    def _cloud_topic(self, file: McapFile, name: str, dtype: np.dtype[Any]) -> BlobTopic:
+        strings = {"header.frame_id": self._description.frame_id}
+        values: dict[str, Any] = {"height": 1, "point_step": dtype.itemsize, "is_dense": True}
+        fields = cloud_fields(dtype)
+        for i, field in enumerate(fields):
+            strings[f"fields[{i}].name"] = field.name
+            values |= {
+                f"fields[{i}].offset": field.offset,
+                f"fields[{i}].datatype": field.datatype,
+                f"fields[{i}].count": 1,
+            }
+        lengths = {"fields": len(fields)}
+        return self._topic(
+            file, name, "sensor_msgs/PointCloud2", strings=strings, lengths=lengths, values=values, item_bytes=1
+        )
+
+
+def cloud_records(sample: PointCloudSample) -> NDArray[Any]:
+    """Return the points of a LiDAR sweep as records of a PointCloud2."""
+    points = np.zeros(len(sample.range_m), _POINT)
+    for i, axis in enumerate("xyz"):
+        points[axis] = sample.points_L[:, i]
+    points["intensity"] = sample.intensity
+    points["range"] = sample.range_m
+    points["t"] = sample.time_offset_ns
+    points["ring"] = sample.ring
+    points["label"] = sample.segmentation
+    return points
+
+
+class CloudField(NamedTuple):
+    """One field of a PointCloud2; `datatype` is a number of sensor_msgs/PointField."""
+
+    name: str
+    offset: int
+    datatype: int
+
+
+def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
+    """Return the fields of a PointCloud2 whose points are records of this type."""
+    fields = []
+    for name, kind, offset in _scalars(dtype):
+        little = kind.newbyteorder("<").str
+        fields.append(CloudField(name, offset, DATATYPES[little]))
+    return fields
+
+
+def _scalars(dtype: np.dtype[Any]) -> Iterator[tuple[str, np.dtype[Any], int]]:
+    for name in dtype.names or ():
+        kind, offset = dtype.fields[name][:2]  # type: ignore[index]
+        vector = re.fullmatch(r"([pv])_[A-Z](_m|_mps)?", name)
+        if kind.shape == (3,) and vector:
+            names: tuple[str, ...] = _VECTORS[vector[1]]
+        elif kind.shape:
+            names = tuple(f"{name}_{i}" for i in range(int(np.prod(kind.shape))))
+        else:
+            names = (re.sub(r"^([xyz])_[A-Z]$", r"\1", name),)
+        for i, part in enumerate(names):
+            yield part, kind.base, offset + i * kind.base.itemsize
+
+
+def _xyzw(q: Quat) -> tuple[float, float, float, float]:
+    return (q[1], q[2], q[3], q[0])

@@ -1,0 +1,213 @@
+"""CDR encoding of ROS 2 messages with a fixed layout, a thousand messages at a time.
+
+Encoding single messages in Python costs microseconds each. Instead, a `Layout` computes once per topic the byte offset
+of every field of the MCAP message record (record header, CDR header, body) as a numpy record type. Frame names and
+array lengths do not change during a run, so all records of a topic have the same size, and the messages of one second
+are written by a few column assignments.
+
+CDR (OMG DDSI-RTPS, "plain CDR" little-endian, encapsulation 00 01 00 00): primitives aligned to their size counted
+from the first byte after the encapsulation header; strings as uint32 length including the final zero byte;
+sequences as uint32 count and elements; fixed arrays as elements alone.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
+
+CDR_HEADER = b"\x00\x01\x00\x00"
+MESSAGE_OPCODE = 0x05
+MESSAGE_PREFIX = struct.Struct("<BQHIQQ")  # MCAP: opcode, length, channel, sequence, log time, publish time
+_RECORD_HEAD_BYTES = 9  # opcode and length do not count in the length
+
+# ROS 2 primitive -> (numpy format, struct format, size)
+_PRIMITIVES = {
+    "bool": ("?", "?", 1),
+    "byte": ("u1", "B", 1),
+    "int8": ("i1", "b", 1),
+    "uint8": ("u1", "B", 1),
+    "int16": ("<i2", "h", 2),
+    "uint16": ("<u2", "H", 2),
+    "int32": ("<i4", "i", 4),
+    "uint32": ("<u4", "I", 4),
+    "int64": ("<i8", "q", 8),
+    "uint64": ("<u8", "Q", 8),
+    "float32": ("<f4", "f", 4),
+    "float64": ("<f8", "d", 8),
+}
+
+
+class Field(NamedTuple):
+    """One field of a message. `length` is None for a single value, -1 for a sequence, else that of the array."""
+
+    type: str
+    name: str
+    length: int | None
+
+
+@cache
+def fields(type_name: str) -> tuple[Field, ...]:
+    """Return the fields of `type_name` ("package/Name") without constants."""
+    found = []
+    for line in DEFINITIONS[type_name].splitlines():
+        kind, name = line.split()
+        if "=" in name:
+            continue
+        length: int | None = None
+        if kind.endswith("]"):
+            kind, _, text = kind[:-1].partition("[")
+            length = int(text) if text else -1
+        found.append(Field(kind, name, length))
+    return tuple(found)
+
+
+def schema_text(type_name: str) -> str:
+    """Return the definitions of a type and of all types it contains, in the form of MCAP's `ros2msg` schemas."""
+    seen: list[str] = []
+
+    def visit(name: str) -> None:
+        for field in fields(name):
+            if field.type in DEFINITIONS and field.type not in seen:
+                seen.append(field.type)
+                visit(field.type)
+
+    visit(type_name)
+    parts = [DEFINITIONS[type_name]]
+    parts += [f"{'=' * 80}\nMSG: {name}\n{DEFINITIONS[name]}" for name in seen]
+    return "\n".join(parts) + "\n"
+
+
+class Layout:
+    """Fixed byte layout of the MCAP message records of one topic.
+
+    By dotted path ("header.frame_id"), `strings` has the constant value of every string field, `lengths` the length of
+    every sequence, `values` constants of other fields. A nested message with only doubles (Vector3, Quaternion) is one
+    column of shape (n, k). Fields of the record header are the columns "$sequence", "$log", "$publish".
+    """
+
+    def __init__(
+        self,
+        type_name: str,
+        *,
+        channel: int,
+        strings: Mapping[str, str] | None = None,
+        lengths: Mapping[str, int] | None = None,
+        values: Mapping[str, Any] | None = None,
+    ) -> None:
+        self._strings = dict(strings or {})
+        self._lengths = dict(lengths or {})
+        self._names = ["$opcode", "$length", "$channel", "$sequence", "$log", "$publish", "$cdr"]
+        self._formats: list[Any] = ["u1", "<u8", "<u2", "<u4", "<u8", "<u8", "S4"]
+        self._offsets = [0, 1, 9, 11, 15, 23, 31]
+        self._origin = MESSAGE_PREFIX.size + len(CDR_HEADER)
+        self._end = 0  # bytes of body so far
+        self._constants: list[tuple[str, Any]] = []
+        self._place(type_name, "")
+        self.size = self._origin + self._end
+        self.dtype = np.dtype(
+            {"names": self._names, "formats": self._formats, "offsets": self._offsets, "itemsize": self.size}
+        )
+        template = np.zeros(1, self.dtype)
+        template["$opcode"] = MESSAGE_OPCODE
+        template["$length"] = self.size - _RECORD_HEAD_BYTES
+        template["$channel"] = channel
+        template["$cdr"] = CDR_HEADER
+        for name, value in [*self._constants, *(values or {}).items()]:
+            template[name] = value
+        self._template = template
+
+    def offset(self, name: str) -> int:
+        """Return the byte offset of a field in a record."""
+        return int(self.dtype.fields[name][1])  # type: ignore[index]
+
+    def records(self, n: int) -> NDArray[Any]:
+        """Return `n` records with the constants filled in; the caller assigns the columns."""
+        # `repeat` also copies the padding between the fields, which `copy` would leave uninitialized.
+        return np.repeat(self._template, n)
+
+    def _add(self, name: str, fmt: str, size: int, count: int = 1, *, vector: bool = False) -> None:
+        if count == 0:  # an empty sequence has only its count, without padding
+            return
+        self._end += -self._end % size
+        self._names.append(name)
+        self._formats.append((fmt, (count,)) if vector else fmt)
+        self._offsets.append(self._origin + self._end)
+        self._end += size * count
+
+    def _place(self, type_name: str, prefix: str) -> None:
+        for field in fields(type_name):
+            name = prefix + field.name
+            if field.type == "string":
+                text = self._strings[name].encode() + b"\0"
+                self._add(name + "$length", "<u4", 4)
+                self._constants.append((name + "$length", len(text)))
+                self._add(name, f"S{len(text)}", 1, len(text))
+                self._constants.append((name, text))
+                continue
+            count = field.length
+            if count == -1:
+                count = self._lengths[name]
+                self._add(name + "$length", "<u4", 4)
+                self._constants.append((name + "$length", count))
+            if field.type in _PRIMITIVES:
+                fmt, _, size = _PRIMITIVES[field.type]
+                self._add(name, fmt, size, 1 if count is None else count, vector=count is not None)
+            elif all(f.type == "float64" and f.length is None for f in fields(field.type)) and count is None:
+                self._add(name, "<f8", 8, len(fields(field.type)), vector=True)
+            else:
+                for i in range(1 if count is None else count):
+                    self._place(field.type, f"{name}." if count is None else f"{name}[{i}].")
+
+
+def decode(type_name: str, data: bytes) -> dict[str, Any]:
+    """Return the values of one CDR message by dotted path, in order: {"linear_acceleration.x": 0.1, ...}. Slow.
+
+    An array of uint8 is one value of type bytes, one of uint16 a tuple; other arrays have one value per element.
+    """
+    if data[:4] != CDR_HEADER:
+        raise ValueError(f"{type_name}: not little-endian plain CDR")
+    body = memoryview(data)[4:]
+    values: dict[str, Any] = {}
+
+    def walk(name: str, prefix: str, at: int) -> int:
+        for field in fields(name):
+            path = prefix + field.name
+            count = field.length
+            if count == -1:
+                at += -at % 4
+                (count,) = struct.unpack_from("<I", body, at)
+                at += 4
+            if field.type == "string":
+                at += -at % 4
+                (length,) = struct.unpack_from("<I", body, at)
+                values[path] = bytes(body[at + 4 : at + 3 + length]).decode(errors="replace")
+                at += 4 + length
+            elif field.type in _PRIMITIVES:
+                _, code, size = _PRIMITIVES[field.type]
+                n = 1 if count is None else count
+                if n:
+                    at += -at % size
+                if field.type == "uint8" and count is not None:
+                    values[path] = bytes(body[at : at + n])
+                elif field.type == "uint16" and count is not None:
+                    values[path] = struct.unpack_from(f"<{n}H", body, at)
+                elif count is None:
+                    (values[path],) = struct.unpack_from("<" + code, body, at)
+                else:
+                    for i, value in enumerate(struct.unpack_from(f"<{n}{code}", body, at)):
+                        values[f"{path}[{i}]"] = value
+                at += n * size
+            else:
+                for i in range(1 if count is None else count):
+                    at = walk(field.type, f"{path}." if count is None else f"{path}[{i}].", at)
+        return at
+
+    walk(type_name, "", 0)
+    return values

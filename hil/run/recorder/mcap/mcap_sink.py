@@ -1,0 +1,281 @@
+"""The MCAP recording: all data of a run as ROS 2 messages that Foxglove and `ros2 bag` open.
+
+During a tick the sink only keeps references to the immutable samples. About once per simulated second it encodes them
+column by column and writes one chunk with complete ticks. The messages of a topic are contiguous within a chunk;
+readers sort them by time with the message index.
+
+Times of a message: log time = simulated time of the tick that released it; publish time = when the sample became
+available; header.stamp = when it was captured. `sequence` is the number of the sample, the tick for truth and
+actuators, a running count for MAVLink and events.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.run.recorder.detection_series import DetectionSeries
+from hil.run.recorder.digest import RawFrame
+from hil.run.recorder.frame_description import FrameDescription
+from hil.run.recorder.frame_series import FrameSeries
+from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
+from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile
+from hil.run.recorder.mcap.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
+from signals.detections import Detections
+from signals.errors import RecordingError
+from signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
+from signals.time import NS_PER_S
+
+# MCAP record prefix, CDR header, stamp, message id and byte count of a hil_msgs/MavlinkFrame
+_FRAME_HEAD = struct.Struct(MESSAGE_PREFIX.format + "4siIII")
+_FRAME_FIXED = _FRAME_HEAD.size - 9
+_LEVELS = {"debug": 10, "warning": 30, "error": 40}
+_INFO = 20
+
+
+class TopicWriter:
+    """Encodes columns of one type of sample as the message records of one topic."""
+
+    def __init__(self, file: McapFile, topic: Topic, name: str, columns: Columns, tick_ns: int) -> None:
+        self._topic = topic
+        self.channel = file.channel(name, topic.type_name, schema_text(topic.type_name))
+        strings = {f"{topic.header}.frame_id": topic.frame}
+        lengths = {path: columns[column].shape[1] for path, column in topic.lengths.items()}
+        if topic.child_frame:
+            prefix = topic.header.removesuffix("header")
+            strings[f"{prefix}child_frame_id"] = topic.child_frame
+            lengths[prefix.removesuffix("[0].")] = 1
+        self._layout = Layout(
+            topic.type_name, channel=self.channel, strings=strings, lengths=lengths, values=topic.values
+        )
+        self._every = max(1, round(topic.every_s * NS_PER_S / tick_ns)) if topic.every_s else 1
+
+    def block(self, columns: Columns, log_ns: NDArray[np.uint64]) -> Block:
+        """Return the records of all rows; of every k-th row for a decimated topic."""
+        if self._every > 1:
+            keep = columns["tick"] % self._every == 0
+            columns = {name: column[keep] for name, column in columns.items()}
+            log_ns = log_ns[keep]
+        topic = self._topic
+        records = self._layout.records(len(log_ns))
+        records["$sequence"] = columns["seq"]
+        records["$log"] = log_ns
+        records["$publish"] = columns["available_ns"]
+        records[f"{topic.header}.stamp.sec"] = columns["stamp_s"]
+        records[f"{topic.header}.stamp.nanosec"] = columns["stamp_rest_ns"]
+        for path, column in topic.columns.items():
+            records[path] = columns[column]
+        size = self._layout.size
+        offsets = np.arange(0, size * len(log_ns), size, dtype=np.uint64)
+        return Block(self.channel, (records.tobytes(),), log_ns, offsets)
+
+
+class TopicWriters:
+    """The topics of one port. The first samples declare them and fix the array lengths."""
+
+    def __init__(self, topics: Sequence[Topic], prefix: str) -> None:
+        self._topics = topics
+        self._prefix = prefix
+        self._writers: list[TopicWriter] = []
+
+    def blocks(self, file: McapFile, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
+        """Return the records of samples in the form that `columns_of` returns."""
+        if not self._writers:
+            self._writers = [
+                TopicWriter(file, topic, f"/{self._prefix}{topic.suffix}", columns, tick_ns) for topic in self._topics
+            ]
+        unsigned_ns = log_ns.astype(np.uint64)
+        return [writer.block(columns, unsigned_ns) for writer in self._writers]
+
+
+class Series:
+    """Collects the samples of one port between two chunks."""
+
+    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str) -> None:
+        self.rows: list[Any] = []
+        self.log_ns: list[int] = []
+        self._kind = kind
+        self._writers = TopicWriters(topics, prefix)
+
+    def blocks(self, file: McapFile, tick_ns: int) -> list[Block]:
+        """Return the records of all samples added since the last call."""
+        if not self.rows:
+            return []
+        columns = columns_of(self._kind, self.rows)
+        log_ns = np.array(self.log_ns) if self.log_ns else columns["stamp_ns"]
+        self.rows.clear()
+        self.log_ns.clear()
+        return self._writers.blocks(file, tick_ns, columns, log_ns)
+
+
+class MavlinkSeries:
+    """Collects the MAVLink frames of one direction between two chunks."""
+
+    def __init__(self, file: McapFile, topic: str) -> None:
+        type_name = "hil_msgs/MavlinkFrame"
+        self.pending = PendingRecords(file.channel(topic, type_name, schema_text(type_name)))
+        self._count = 0
+
+    def add(self, t_ns: int, msgid: int, raw: bytes) -> None:
+        """Add one frame."""
+        n = len(raw)
+        seconds = t_ns // NS_PER_S
+        head = _FRAME_HEAD.pack(
+            MESSAGE_OPCODE,
+            _FRAME_FIXED + n,
+            self.pending.channel,
+            self._count & 0xFFFFFFFF,
+            t_ns,
+            t_ns,
+            CDR_HEADER,
+            seconds,
+            t_ns - seconds * NS_PER_S,
+            msgid,
+            n,
+        )
+        self._count += 1
+        self.pending.add(t_ns, head + raw)
+
+
+class EventSeries:
+    """Events of the bench (phases, status texts, faults) as rcl_interfaces/Log."""
+
+    def __init__(self, file: McapFile) -> None:
+        self.pending = PendingRecords(file.channel("/events", "rcl_interfaces/Log", schema_text("rcl_interfaces/Log")))
+        self._count = 0
+
+    def add(self, t_ns: int, kind: str, text: str) -> None:
+        """Add one event."""
+        layout = Layout(
+            "rcl_interfaces/Log",
+            channel=self.pending.channel,
+            strings={"name": kind, "msg": text, "file": "", "function": ""},
+        )
+        record = layout.records(1)
+        record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
+        record["stamp.sec"], record["stamp.nanosec"] = divmod(t_ns, NS_PER_S)
+        record["level"] = _LEVELS.get(kind, _INFO)
+        self._count += 1
+        self.pending.add(t_ns, record.tobytes())
+
+
+class McapSink:
+    """Writes `run.mcap`. The methods are those of `hil.run.recorder.recorder.Recorder`."""
+
+    def __init__(
+        self,
+        file: SafeFile,
+        *,
+        tick_ns: int,
+        metadata: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
+    ) -> None:
+        self._file = file
+        self._mcap = McapFile(file)
+        self._tick_ns = tick_ns
+        self._now_ns = 0
+        self._truth = Series(TruthState, TRUTH_TOPICS, "")
+        self._actuators = Series(ActuatorFrame, ACTUATOR_TOPICS, "")
+        self._samples: dict[str, Series] = {}
+        self._frames: dict[str, FrameSeries] = {}
+        self._descriptions: dict[str, FrameDescription] = {}
+        self._sent = MavlinkSeries(self._mcap, "/mavlink/to_autopilot")
+        self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
+        self._events = EventSeries(self._mcap)
+        self._detections: dict[str, DetectionSeries] = {}
+        self._mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **(metadata or {})}, 0)
+        for name, data in (attachments or {}).items():
+            self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
+
+    @property
+    def pending_frames(self) -> int:
+        """Number of MAVLink frames since the last flush."""
+        return len(self._sent.pending) + len(self._received.pending)
+
+    @property
+    def pending_bytes(self) -> int:
+        """Size of the pictures and point clouds since the last flush."""
+        return sum(series.pending_bytes for series in self._frames.values())
+
+    def describe(self, port: str, description: FrameDescription) -> None:
+        """Describe the camera, LiDAR or radar of `port`, before its first sample."""
+        self._descriptions[port] = description
+
+    def truth(self, truth: TruthState) -> None:
+        """Begin a tick."""
+        self._now_ns = truth.t_ns
+        self._truth.rows.append(truth)
+
+    def sample(self, port: str, sample: Sample) -> None:
+        """Record a sample released on `port`."""
+        if isinstance(sample, FRAME_SAMPLES):
+            frames = self._frames.get(port)
+            if frames is None:
+                frames = self._frames[port] = FrameSeries(port, self._descriptions.get(port))
+            frames.add(sample, self._now_ns)
+            return
+        series = self._samples.get(port)
+        if series is None:
+            topics = SAMPLE_TOPICS.get(type(sample))
+            if topics is None:
+                known = ", ".join(kind.__name__ for kind in SAMPLE_TOPICS)
+                raise RecordingError(
+                    f"port {port}: a {type(sample).__name__} has no recorded form (supported: {known}). "
+                    "Add its topics to SAMPLE_TOPICS in hil/run/recorder/mcap/topics.py"
+                )
+            series = self._samples[port] = Series(type(sample), topics, port)
+        series.rows.append(sample)
+        series.log_ns.append(self._now_ns)
+
+    def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
+        """Record the frames sent in a tick, as returned by `split_frames`."""
+        for msgid, raw in pieces:
+            self._sent.add(t_ns, msgid, raw)
+
+    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+        """Record the frames received in a tick."""
+        for frame in frames:
+            self._received.add(t_ns, frame.msgid, frame.raw)
+
+    def actuators(self, frame: ActuatorFrame) -> None:
+        """Record the command latched in a tick."""
+        self._actuators.rows.append(frame)
+
+    def event(self, t_ns: int, kind: str, text: str) -> None:
+        """Record an event. The kinds "debug", "warning" and "error" are its level; all other kinds are information."""
+        self._events.add(t_ns, kind, text)
+
+    def detected(self, t_ns: int, client: str, detections: Detections) -> None:
+        """Record detections of a companion."""
+        series = self._detections.get(client)
+        if series is None:
+            series = self._detections[client] = DetectionSeries(client)
+        description = self._descriptions.get(detections.topic.partition("/")[0])
+        series.add(t_ns, detections, detections.topic if description is None else description.frame_id)
+
+    def flush(self, tick: int) -> None:
+        """Write the data since the last flush as one chunk. Raises RecordingError at the first failure only."""
+        blocks = self._truth.blocks(self._mcap, self._tick_ns)
+        for series in self._samples.values():
+            blocks += series.blocks(self._mcap, self._tick_ns)
+        for frames in self._frames.values():
+            blocks += frames.blocks(self._mcap)
+        blocks += [self._sent.pending.block(), self._received.pending.block()]
+        blocks += self._actuators.blocks(self._mcap, self._tick_ns)
+        for detections in self._detections.values():
+            blocks += detections.blocks(self._mcap)
+        blocks.append(self._events.pending.block())
+        self._mcap.chunk(blocks, tick)
+
+    def close(self, tick: int, result: Mapping[str, str]) -> None:
+        """Write the remaining data, `result` as metadata and the summary; close the file in any case."""
+        try:
+            self.flush(tick)
+            self._mcap.metadata("hil_result", dict(result), tick)
+            self._mcap.finish(tick)
+        finally:
+            self._file.close()

@@ -1,0 +1,170 @@
+"""Reader of recordings, complete or cut off at any byte, based on the reader of the `mcap` library.
+
+Only complete records count: a file whose writer was killed yields everything up to its last complete chunk. An error
+inside a complete record (a wrong checksum, a file of another program) is a `RecordingError`.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import zstandard
+from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.writer import MCAP0_MAGIC
+
+from hil.run.recorder.mcap.cdr import decode
+from signals.errors import RecordingError
+
+_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError)  # raised by the library for damaged bytes
+
+# Order of the messages within one tick: that of cause and effect, so that the first difference causes the later ones.
+_PHASES = ("/truth/", "/tf", "", "/mavlink/to_autopilot", "/mavlink/from_autopilot", "/actuators", "/events")
+
+
+class RecordedMessage(NamedTuple):
+    """One message. `data` is the CDR encoding of the ROS 2 type `type_name` ("package/Name")."""
+
+    topic: str
+    type_name: str
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+    def decode(self) -> dict[str, Any]:
+        """Return the values by dotted path. Only for types that this project writes."""
+        return decode(self.type_name, self.data)
+
+
+class Recording:
+    """A recording opened for reading.
+
+    After `scan` or a full pass over `chunks`: `metadata` and `attachments` by name, `last_ns` the log time of the last
+    readable message, `complete` is True if the writer finished the file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.complete = False
+        self.last_ns = 0
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, bytes] = {}
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str]] = {}
+        try:
+            with open(path, "rb") as file:
+                magic = file.read(len(MCAP0_MAGIC))
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
+        if magic != MCAP0_MAGIC:
+            raise RecordingError(f"{path}: not an MCAP recording")
+
+    def scan(self) -> Recording:
+        """Read everything except the messages. Returns itself."""
+        for _ in self.chunks():
+            pass
+        return self
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield every complete chunk in file order; stores the other records on the way."""
+        self.complete = False
+        with open(self.path, "rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            reader = StreamReader(_CompleteReads(file), emit_chunks=True, record_size_limit=size)  # type: ignore[arg-type]
+            try:
+                for record in reader.records:
+                    if isinstance(record, Chunk):
+                        self.last_ns = max(self.last_ns, record.message_end_time)
+                        yield record
+                    elif isinstance(record, Metadata):
+                        self.metadata[record.name] = record.metadata
+                    elif isinstance(record, Attachment):
+                        self.attachments[record.name] = record.data
+                self.complete = True
+            except (EndOfFile, RecordLengthLimitExceeded):
+                return  # the writer was killed
+            except _DAMAGE as error:
+                raise RecordingError(f"{self.path}: the file is damaged ({error})") from error
+
+    def _records(self, chunk: Chunk) -> Iterator[McapRecord]:
+        """Yield the records of a chunk."""
+        if chunk.compression not in ("zstd", "lz4", ""):
+            raise RecordingError(
+                f"{self.path}: unsupported compression {chunk.compression!r} (supported: zstd, lz4, none)"
+            )
+        try:
+            data, size = get_chunk_data_stream(chunk, validate_crc=True)
+            records = StreamReader(data, skip_magic=True).records  # type: ignore[arg-type]
+            while data.count < size:
+                yield next(records)
+        except _DAMAGE as error:
+            raise RecordingError(f"{self.path}: a chunk is damaged ({error})") from error
+
+    def read_declarations(self, chunk: Chunk) -> None:
+        """Store the schemas and channels at the head of a chunk. Needed only for a chunk whose messages are skipped."""
+        for record in self._records(chunk):
+            if isinstance(record, Message):
+                return
+            self._store_declaration(record)
+
+    def _store_declaration(self, record: McapRecord) -> None:
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record.name.replace("/msg/", "/")
+        elif isinstance(record, Channel):
+            self._channels[record.id] = (record.topic, self._schemas[record.schema_id])
+
+    def messages_of(self, chunk: Chunk) -> list[RecordedMessage]:
+        """Return the messages of a chunk ordered by time, and within one tick by cause and effect."""
+        found: list[RecordedMessage] = []
+        for record in self._records(chunk):
+            if isinstance(record, Message):
+                topic, type_name = self._channels[record.channel_id]
+                times = record.log_time, record.publish_time
+                found.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
+            else:
+                self._store_declaration(record)
+        found.sort(key=causal_order)
+        return found
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Yield every readable message, in order."""
+        for chunk in self.chunks():
+            yield from self.messages_of(chunk)
+
+
+def causal_order(message: RecordedMessage) -> tuple[int, int, str, int]:
+    """Return the sort key of a message: time, phase of the tick, topic, sequence."""
+    topic = message.topic
+    phase = 2
+    for i, prefix in enumerate(_PHASES):
+        if prefix and topic.startswith(prefix):
+            phase = i
+            break
+    return (message.log_time_ns, phase, topic, message.sequence)
+
+
+def read_messages(path: Path) -> Iterator[RecordedMessage]:
+    """Return every message of a recording in time order, up to its end or to the point where it was cut off.
+
+    Raises RecordingError if the file is missing, is not an MCAP file, or is damaged.
+    """
+    return Recording(path).messages()
+
+
+class _CompleteReads:
+    """A file that raises EndOfFile instead of a short read, so that no part of a truncated record is used."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, count: int) -> bytes:
+        data = self._file.read(count)
+        if len(data) < count:
+            raise EndOfFile
+        return data

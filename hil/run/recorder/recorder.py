@@ -1,0 +1,242 @@
+"""The recorder: receives the data of every tick and passes them to the sinks. It never changes the run.
+
+Order of the calls in one tick: `truth`, then `sample` for each released sample, `sent`, `received`, `actuators`;
+`event`, `routed` and `detected` at any time. The digest is always computed and does not depend on the choice of sinks.
+
+Files in the run's folder: `run.mcap` (mcap/mcap_sink.py) and `flight.tlog` (tlog_sink.py). If the process is killed,
+both are readable up to the last flush, which is at most one simulated second earlier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple, Protocol
+
+from firmware_bridge.codecs.mavlink_frame import split_frames
+from firmware_bridge.codecs.signing import SETUP_SIGNING
+from hil.run.recorder.digest import Digest, RawFrame
+from hil.run.recorder.frame_description import FrameDescription
+from hil.run.recorder.mcap.mcap_file import SafeFile, open_unbuffered
+from hil.run.recorder.mcap.mcap_sink import McapSink
+from hil.run.recorder.tlog_sink import TlogSink
+from hil.run.recorder.track import Track
+from signals.detections import Detections
+from signals.errors import RecordingError
+from signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, RadarSample, Sample, TruthState
+from signals.time import NS_PER_S
+
+MCAP_NAME = "run.mcap"
+TLOG_NAME = "flight.tlog"
+_FLUSH_NS = NS_PER_S  # at most this much simulated time is lost when the process is killed
+_FLUSH_TICKS = 512  # or this many ticks, on benches with a higher tick rate
+_FLUSH_FRAMES = 4096  # or this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory
+_FLUSH_BYTES = 16 << 20  # or this much memory in pictures and point clouds
+_EVENTS_KEPT = 2000  # in memory for the report; the recording has all
+
+
+class Event(NamedTuple):
+    """An event shown in the report."""
+
+    t_ns: int
+    kind: str
+    text: str
+
+
+class Tap(Protocol):
+    """A live receiver of recorded data. It may keep references but must not change the data."""
+
+    def sample(self, port: str, sample: Sample) -> None: ...
+
+    def event(self, t_ns: int, kind: str, text: str) -> None: ...
+
+    def detected(self, client: str, detections: Detections) -> None: ...
+
+
+class Album:
+    """Selects one frame of each sensor for the report, in bounded memory for any length of flight.
+
+    Keeps the newest three of the frames 0, 1, 2, 4, 8, ... of each port, one of which is near the middle of the flight.
+    The middle frame of a radar may be empty, so a radar is shown by its frame with the most points, then the most
+    tracks, then the lowest number.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[str, list[FrameSample]] = {}
+        self._last: dict[str, int] = {}
+        self._fullest: dict[str, tuple[tuple[int, int], FrameSample]] = {}
+
+    def add(self, port: str, sample: FrameSample) -> None:
+        """Consider one frame."""
+        seq = sample.seq
+        self._last[port] = seq
+        if seq & (seq - 1) == 0:
+            kept = self._kept.setdefault(port, [])
+            kept.append(sample)
+            del kept[:-3]
+        if isinstance(sample, RadarSample):
+            found = (len(sample.channels.get("points", ())), len(sample.channels.get("tracks", ())))
+            if found > (self._fullest[port][0] if port in self._fullest else (0, 0)):
+                self._fullest[port] = found, sample
+
+    def shown(self) -> dict[str, FrameSample]:
+        """Return the selected frame of each port, ports in alphabetical order."""
+        return {
+            port: self._fullest[port][1] if port in self._fullest else self._middle(port) for port in sorted(self._kept)
+        }
+
+    def _middle(self, port: str) -> FrameSample:
+        half = self._last[port] / 2
+        return min(self._kept[port], key=lambda sample: abs(sample.seq - half))
+
+
+class Recorder:
+    """Passes the data of every tick to the digest, the enabled sinks and the taps.
+
+    A file that cannot be written raises `RecordingError` once, from `truth`, `flush` or `close`. Afterwards that file
+    receives nothing more, and its content stays readable.
+    """
+
+    def __init__(
+        self,
+        out_dir: Path,
+        *,
+        mcap: bool,
+        tlog: bool,
+        tick_ns: int,
+        metadata: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
+        open_file: Callable[[Path], BinaryIO] = open_unbuffered,
+        taps: Sequence[Tap] = (),
+    ) -> None:
+        """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
+        self._digest = Digest()
+        self.track = Track(tick_ns)
+        self.album = Album()
+        self.events: list[Event] = []
+        self._tick = 0
+        self._closed = False
+        self._taps = tuple(taps)
+        self._mcap: McapSink | None = None
+        self._sinks: list[McapSink | TlogSink] = []
+        if mcap or tlog:
+            out_dir.mkdir(parents=True, exist_ok=True)
+        if mcap:
+            self._mcap = McapSink(
+                SafeFile(out_dir / MCAP_NAME, open_file),
+                tick_ns=tick_ns,
+                metadata=metadata,
+                attachments=attachments,
+            )
+            self._sinks.append(self._mcap)
+        if tlog:
+            self._sinks.append(TlogSink(SafeFile(out_dir / TLOG_NAME, open_file)))
+        self._period_ns = min(_FLUSH_NS, _FLUSH_TICKS * tick_ns)
+        self._flush_ns = self._period_ns
+
+    @property
+    def digest(self) -> str:
+        """Digest of everything so far, hexadecimal."""
+        return self._digest.hexdigest()
+
+    def truth(self, truth: TruthState) -> None:
+        """Begin a tick. If writing the earlier ticks fails, this tick is recorded before the error is raised."""
+        t_ns = truth.t_ns
+        failure: RecordingError | None = None
+        if t_ns >= self._flush_ns or (
+            self._mcap and (self._mcap.pending_frames > _FLUSH_FRAMES or self._mcap.pending_bytes > _FLUSH_BYTES)
+        ):
+            self._flush_ns = t_ns + self._period_ns
+            try:
+                self.flush()
+            except RecordingError as error:
+                failure = error
+        self._tick = truth.tick
+        self._digest.truth(truth)
+        self.track.truth(truth)
+        if self._mcap:
+            self._mcap.truth(truth)
+        if failure:
+            raise failure
+
+    def describe(self, port: str, description: FrameDescription) -> None:
+        """Describe the camera, LiDAR or radar of `port`, before its first sample."""
+        if self._mcap:
+            self._mcap.describe(port, description)
+
+    def sample(self, port: str, sample: Sample) -> None:
+        """Record a sample released on `port`."""
+        if isinstance(sample, FRAME_SAMPLES):
+            self._digest.frame(port, sample)
+            self.album.add(port, sample)
+        if self._mcap:
+            self._mcap.sample(port, sample)
+        for tap in self._taps:
+            tap.sample(port, sample)
+
+    def sent(self, tick: int, t_ns: int, data: bytes) -> None:
+        """Record the bytes sent to the autopilot in this tick, any number of frames."""
+        del tick
+        self._digest.sent(data)
+        if self._sinks and data:
+            pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # contains the key
+            for sink in self._sinks:
+                sink.sent(t_ns, pieces)
+
+    def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
+        """Record the frames received from the autopilot in this tick."""
+        del tick
+        self._digest.received(frames)
+        self.routed(t_ns, [frame for frame in frames if frame.msgid != SETUP_SIGNING])
+
+    def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
+        """Record frames that the router passed between its clients. They are not part of the digest."""
+        for sink in self._sinks:
+            sink.received(t_ns, frames)
+
+    def actuators(self, frame: ActuatorFrame) -> None:
+        """Record the command that the physics uses in the next tick."""
+        self.track.actuators(frame)
+        if self._mcap:
+            self._mcap.actuators(frame)
+
+    def event(self, t_ns: int, kind: str, text: str) -> None:
+        """Record an event: a phase, a status text, a fault."""
+        if len(self.events) < _EVENTS_KEPT:
+            self.events.append(Event(t_ns, kind, text))
+        if self._mcap:
+            self._mcap.event(t_ns, kind, text)
+        for tap in self._taps:
+            tap.event(t_ns, kind, text)
+
+    def detected(self, t_ns: int, client: str, detections: Detections) -> None:
+        """Record detections of a companion. They are not part of the digest."""
+        if self._mcap:
+            self._mcap.detected(t_ns, client, detections)
+        for tap in self._taps:
+            tap.detected(client, detections)
+
+    def flush(self) -> None:
+        """Write everything so far to disk. Raises the first RecordingError after all files have been tried."""
+        self._each(lambda sink: sink.flush(self._tick))
+
+    def close(self, status: str) -> None:
+        """Finish the files; `status` (PASS, FAIL, ERROR) and the digest go into the recording. Idempotent.
+
+        Raises the first RecordingError after all files have been closed.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        result = {"status": status, "digest": self.digest}
+        self._each(lambda sink: sink.close(self._tick, result))
+
+    def _each(self, act: Callable[[McapSink | TlogSink], None]) -> None:
+        failures = []
+        for sink in self._sinks:
+            try:
+                act(sink)
+            except RecordingError as error:
+                failures.append(error)
+        if failures:
+            raise failures[0]

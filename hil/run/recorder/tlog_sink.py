@@ -1,0 +1,55 @@
+"""Telemetry log in the format of QGroundControl and MAVProxy: every frame follows a timestamp.
+
+An entry is the time (8 bytes, big-endian, microseconds since the Unix epoch) and one raw frame; frames of both
+directions are in the order of transmission. The time is simulated time from a fixed epoch (2020-01-01T00:00:00Z), so
+equal runs write equal files, byte for byte. MAVProxy stores a link number in the two lowest bits of the time; here
+they are zero.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping
+
+from firmware_bridge.codecs.mavlink_frame import NO_FRAME
+from hil.run.recorder.digest import RawFrame
+from hil.run.recorder.mcap.mcap_file import SafeFile
+
+EPOCH_US = 1_577_836_800_000_000
+_STAMP = struct.Struct(">Q")
+
+
+class TlogSink:
+    """Writes the log; every write is a whole number of entries."""
+
+    def __init__(self, file: SafeFile) -> None:
+        self._file = file
+        self._entries: list[bytes] = []
+        self._tick = 0
+
+    def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
+        """Log frames sent to the autopilot. Bytes outside frames are left out: the format has no place for them."""
+        stamp = _STAMP.pack(EPOCH_US + t_ns // 1000 & ~3)
+        for msgid, raw in pieces:
+            if msgid != NO_FRAME:
+                self._entries += (stamp, raw)
+
+    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None:
+        """Log frames received from the autopilot."""
+        stamp = _STAMP.pack(EPOCH_US + t_ns // 1000 & ~3)
+        for frame in frames:
+            self._entries += (stamp, frame.raw)
+
+    def flush(self, tick: int) -> None:
+        """Write everything so far to disk. Raises RecordingError at the first failure only."""
+        data = b"".join(self._entries)
+        self._entries.clear()
+        if data:
+            self._file.write(data, tick)
+
+    def close(self, tick: int, result: Mapping[str, str]) -> None:  # noqa: ARG002
+        """Flush and close; the format has no place for the result."""
+        try:
+            self.flush(tick)
+        finally:
+            self._file.close()

@@ -1,0 +1,283 @@
+"""Run a recorded flight again, compare both recordings, and name the first difference.
+
+A lockstep run is a pure function of its configuration. `replay` runs a recorded configuration again and compares the
+two recordings message by message. Within a tick messages are compared in causal order (truth, sensors, sent, received,
+actuators), so the cause lies at the first tick and port that differ.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Chunk
+from rich.console import Console
+
+from firmware_bridge.codecs.errors import CodecError
+from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.codecs.messages import NAME, unpack
+from hil.run.companion.files import TRACE_NAME
+from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
+from hil.run.recorder.recorder import MCAP_NAME
+from signals.errors import RecordingError
+from signals.time import NS_PER_S
+
+CONFIG_NAME = "bench.yaml"
+_IGNORED = ("/events",)  # notes for people: they may name paths or wall-clock times
+_MAVLINK = "hil_msgs/MavlinkFrame"
+_BYTES_SHOWN = 64  # longer fields of bytes are shown by their first difference
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first difference of two recordings. `recorded`, `fresh`: the two values, None where one is missing."""
+
+    tick: int
+    t_ns: int
+    port: str
+    field: str
+    recorded: Any
+    fresh: Any
+
+    def __str__(self) -> str:
+        where = f"first difference at tick {self.tick} (t = {self.t_ns / NS_PER_S:.3f} s), port {self.port}: "
+        if self.recorded is None and self.fresh is None:
+            return where + self.field
+        if self.recorded is None:
+            return where + f"{self.field} only in the fresh run"
+        if self.fresh is None:
+            return where + f"{self.field} only in the recorded run"
+        return where + f"{self.field} {self.recorded!r} != {self.fresh!r}"
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """Result of a replay. `digests`: those of the two recordings, None for a recording that was cut off."""
+
+    identical: bool
+    difference: Difference | None
+    ticks: int
+    digests: tuple[str | None, str | None]
+
+    def __str__(self) -> str:
+        if self.difference:
+            return str(self.difference)
+        return f"identical over {self.ticks} ticks, digest {self.digests[1] or 'not in the recording'}"
+
+
+def compare(recorded: Path, fresh: Path) -> Difference | None:
+    """Return the first difference of two `run.mcap` files, None if every message is the same, bit for bit.
+
+    A recording that was cut off is compared up to its end. Raises RecordingError if a file cannot be read.
+    """
+    a, b = Recording(recorded).scan(), Recording(fresh).scan()
+    difference = _first_difference(_pairs(a, b), tick_ns=_tick_ns(a, b))
+    if difference and _one_sided(difference):
+        # One run has more messages. That is a difference only if the shorter recording was not cut off.
+        shorter = a if difference.recorded is None else b
+        if not shorter.scan().complete and difference.t_ns > shorter.last_ns:
+            return None
+    return difference
+
+
+def _first_difference(
+    pairs: Iterator[tuple[RecordedMessage | None, RecordedMessage | None]], *, tick_ns: int
+) -> Difference | None:
+    """Return the difference in the first pair of unequal messages, None if there is none.
+
+    Consumes `pairs` one by one, so they may come from runs still under way.
+    """
+    for a, b in pairs:
+        if a == b:
+            continue
+        if a is None or b is None or (a.log_time_ns, a.topic) != (b.log_time_ns, b.topic):
+            # One recording lacks a message: the earlier of the two messages is the one without a counterpart.
+            first_is_a = b is None or (a is not None and causal_order(a) < causal_order(b))
+            extra = a if first_is_a else b
+            assert extra is not None
+            text = f"message {extra.sequence}"
+            return Difference(
+                extra.log_time_ns // tick_ns,
+                extra.log_time_ns,
+                extra.topic,
+                text,
+                "present" if first_is_a else None,
+                None if first_is_a else "present",
+            )
+        name, left, right = _differing_field(a, b)
+        return Difference(a.log_time_ns // tick_ns, a.log_time_ns, a.topic, name, left, right)
+    return None
+
+
+def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | None = None) -> ReplayResult:
+    """Run `run_dir/bench.yaml` again with `run(config, out_dir)` and compare.
+
+    `out_dir` defaults to `run_dir/replay`. Raises RecordingError if the run has no recording or no configuration, or
+    ran on free-running hardware.
+    """
+    config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
+    for path, what in ((recorded, "a recording (record.mcap)"), (config, "its resolved configuration")):
+        if not path.is_file():
+            raise RecordingError(f"{run_dir}: cannot be replayed, it lacks {what}: {path.name}")
+    _refuse_free_running(run_dir)
+    out = out_dir or run_dir / "replay"
+    if out.resolve() == run_dir.resolve():
+        raise RecordingError(f"{out}: holds the recorded run; name another folder for the fresh run with --out")
+    Recording(recorded).scan()  # reports an unreadable file before the flight instead of after it
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
+    run(config, out)
+    fresh = out / MCAP_NAME
+    if not fresh.is_file():
+        raise RecordingError(f"{out}: the fresh run left no {MCAP_NAME}; is record.mcap on in {config}?")
+    difference = compare(recorded, fresh)
+    a, b = Recording(recorded).scan(), Recording(fresh).scan()
+    ticks = min(a.last_ns, b.last_ns) // _tick_ns(a, b) + 1
+    return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)))
+
+
+def _refuse_free_running(run_dir: Path) -> None:
+    """Raise RecordingError for a run on free-running hardware, which never repeats bit for bit."""
+    try:
+        run = json.loads((run_dir / "run.json").read_text())
+    except (OSError, ValueError):
+        return  # a killed run has none; the comparison finds any difference
+    if not isinstance(run, dict):
+        return
+    error = run.get("error")
+    killed = isinstance(error, dict) and error.get("type") == "Killed"
+    if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
+        raise RecordingError(
+            f"{run_dir}: was recorded on a free-running rig ({run.get('rig')}), which never repeats bit for bit; "
+            "replay needs a lockstep rig such as mock"
+        )
+
+
+def _digest(recording: Recording) -> str | None:
+    return recording.metadata.get("hil_result", {}).get("digest")
+
+
+def _tick_ns(a: Recording, b: Recording) -> int:
+    """Return the tick of both recordings. Raises RecordingError if they differ or one has none."""
+    ticks = []
+    for recording in (a, b):
+        text = recording.metadata.get("hil_run", {}).get("tick_ns", "")
+        if not text.isdigit() or int(text) == 0:
+            raise RecordingError(
+                f"{recording.path}: has no tick_ns in its metadata, so it is not a recording of this bench"
+            )
+        ticks.append(int(text))
+    if ticks[0] != ticks[1]:
+        raise RecordingError(f"{a.path} ticks every {ticks[0]} ns and {b.path} every {ticks[1]} ns")
+    return ticks[0]
+
+
+def _one_sided(difference: Difference) -> bool:
+    """Return True if one recording lacks the message."""
+    return difference.recorded is None or difference.fresh is None
+
+
+def _pairs(a: Recording, b: Recording) -> Iterator[tuple[RecordedMessage | None, RecordedMessage | None]]:
+    """Yield pairs of messages from the first unequal chunk on. Chunks of equal bytes are not decoded."""
+    chunks_a, chunks_b = a.chunks(), b.chunks()
+    for left, right in zip_longest(chunks_a, chunks_b):
+        if left is not None and left == right:
+            a.read_declarations(left)
+            b.read_declarations(right)
+            continue
+        yield from zip_longest(_rest(a, left, chunks_a), _rest(b, right, chunks_b))
+        return
+
+
+def _rest(recording: Recording, chunk: Chunk | None, chunks: Iterator[Chunk]) -> Iterator[RecordedMessage]:
+    """Yield the messages of this chunk and all later ones, without the ignored topics."""
+    while chunk is not None:
+        for message in recording.messages_of(chunk):
+            if message.topic not in _IGNORED:
+                yield message
+        chunk = next(chunks, None)
+
+
+def _differing_field(a: RecordedMessage, b: RecordedMessage) -> tuple[str, Any, Any]:
+    """Return name and both values of the first field in which two messages of one port differ."""
+    if a.type_name == b.type_name and a.data != b.data:
+        left, right = a.decode(), b.decode()
+        if a.type_name == _MAVLINK:
+            named = _differing_mavlink(left["data"], right["data"])
+            if named:
+                return named
+        for name in [*left, *(n for n in right if n not in left)]:
+            x, y = left.get(name, "absent"), right.get(name, "absent")
+            if _unequal(x, y):
+                if isinstance(x, bytes | tuple) and isinstance(y, bytes | tuple) and max(len(x), len(y)) > _BYTES_SHOWN:
+                    return _differing_element(name, x, y)
+                return name, x, y
+        return "bytes", a.data.hex(), b.data.hex()  # equal values, different bits: 0.0 and -0.0, or two NaNs
+    for name in ("type_name", "sequence", "publish_time_ns"):
+        if getattr(a, name) != getattr(b, name):
+            return name, getattr(a, name), getattr(b, name)
+    raise AssertionError("called with equal messages")
+
+
+def _differing_element(name: str, x: Sequence[Any], y: Sequence[Any]) -> tuple[str, Any, Any]:
+    """Return index and both values of the first differing element of two long fields, such as pictures."""
+    if len(x) != len(y):
+        return f"length of {name}", len(x), len(y)
+    at = next(i for i, (a, b) in enumerate(zip(x, y, strict=True)) if a != b)
+    return f"{name}[{at}]", x[at], y[at]
+
+
+def _differing_mavlink(a: bytes, b: bytes) -> tuple[str, Any, Any] | None:
+    """Return the field in which two MAVLink messages differ, None if either is not one whole frame."""
+    frames_a, frames_b = FrameParser().feed(a), FrameParser().feed(b)
+    if len(frames_a) != 1 or len(frames_b) != 1:
+        return None
+    left, right = frames_a[0], frames_b[0]
+    name = NAME.get(left.msgid, f"message {left.msgid}")
+    if left.msgid != right.msgid:
+        return "message", name, NAME.get(right.msgid, f"message {right.msgid}")
+    for header in ("sysid", "compid", "seq"):
+        if getattr(left, header) != getattr(right, header):
+            return f"{name} {header}", getattr(left, header), getattr(right, header)
+    try:
+        values_a, values_b = unpack(left), unpack(right)
+    except CodecError:
+        return None
+    for field, x, y in zip(values_a._fields, values_a, values_b, strict=True):
+        if isinstance(x, tuple):
+            for i, (u, v) in enumerate(zip(x, y, strict=True)):
+                if _unequal(u, v):
+                    return f"{name}.{field}[{i}]", u, v
+        elif _unequal(x, y):
+            return f"{name}.{field}", x, y
+    return None
+
+
+def _unequal(x: Any, y: Any) -> bool:
+    """Return True if the values differ; NaN equals NaN."""
+    return x != y and not (x != x and y != y)
+
+
+def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayResult:
+    """Run the recorded configuration of a run again and compare. Errors of the fresh run go to `errors`.
+
+    Raises HilError.
+    """
+    from hil.config import load_bench
+    from hil.run.bench_run import run_bench
+
+    def again(config: Path, folder: Path) -> None:
+        # Companions do not run again: their recorded answers are in the trace.
+        trace = run_dir / TRACE_NAME
+        settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
+        fresh = run_bench(load_bench(config, settings=settings), folder)
+        if fresh.status == "ERROR":
+            errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
+
+    return replay(run_dir, again, out_dir=out)

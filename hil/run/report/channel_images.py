@@ -1,0 +1,75 @@
+"""Channels of cameras and radars in display colours, encoded as JPEG or PNG files."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from signals.classes import Classes
+
+_NEAREST_M, _FARTHEST_M = 0.5, 200.0
+_NOTHING = (190, 190, 190)  # BGR, for pixels without a surface
+_FASTEST_MPS = 5.0
+_MAP_DB = 60.0  # dynamic range of a range-Doppler map
+
+
+def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:
+    """Return the media type and the bytes of a channel's picture.
+
+    `array` is (height, width), or (height, width, 3) for rgb and normal. Ids are coloured by class for `segmentation`
+    and by hue otherwise; distances and speeds have fixed scales, a range-Doppler map spans 60 dB below its peak.
+    """
+    if channel == "rgb":
+        return _encoded(".jpg", cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2BGR))
+    if channel in ("depth", "range"):
+        seen = np.isfinite(array)
+        metres = np.clip(np.where(seen, array, _FARTHEST_M), _NEAREST_M, _FARTHEST_M)
+        near = 1.0 - np.log(metres / _NEAREST_M) / np.float32(np.log(_FARTHEST_M / _NEAREST_M))
+        bgr = cv2.applyColorMap(np.rint(255.0 * near).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+        bgr[~seen] = _NOTHING
+        return _encoded(".jpg", bgr)
+    if channel == "radial_velocity":
+        grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _FASTEST_MPS, -1.0, 1.0)).astype(np.uint8)
+        return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
+    if channel == "normal":
+        # Red to the right, green up, blue to the camera: the camera's y is down and its z forward.
+        bgr = (np.clip(np.nan_to_num(array), -1.0, 1.0) * (1.0, -1.0, -1.0))[..., ::-1]
+        return _encoded(".jpg", (127.5 + 127.5 * bgr).astype(np.uint8))
+    if channel == "range_doppler":
+        power_db = 10.0 * np.log10(np.maximum(array, 1e-6))
+        top = float(power_db.max(initial=-60.0))
+        grey = (255.0 * np.clip(1.0 + (power_db - top) / _MAP_DB, 0.0, 1.0)).astype(np.uint8)
+        # Range upwards, speed to the right.
+        return _encoded(".png", cv2.applyColorMap(np.ascontiguousarray(grey.T[::-1]), cv2.COLORMAP_INFERNO))
+    palette = _palette(classes.colours if channel == "segmentation" else ())
+    return _encoded(".png", cv2.applyColorMap((array & 255).astype(np.uint8), palette))
+
+
+def rgb_png(rgb: NDArray[np.uint8]) -> bytes:
+    """Return a colour picture, (height, width, 3) uint8, as a PNG file."""
+    encoded, data = cv2.imencode(".png", np.ascontiguousarray(rgb[:, :, ::-1]))
+    assert encoded
+    return data.tobytes()
+
+
+@lru_cache(maxsize=4)
+def _palette(named: tuple[tuple[int, int, int], ...]) -> NDArray[np.uint8]:
+    """Return 256 BGR colours of ids: those given in `named` (RGB), otherwise hues a golden ratio apart."""
+    ids = np.arange(256)
+    hsv = np.stack([(ids * 111) % 180, 150 + 40 * (ids % 3), 235 - 45 * (ids % 4)], axis=-1).astype(np.uint8)
+    colours = cv2.cvtColor(hsv[:, None], cv2.COLOR_HSV2BGR)
+    colours[0] = (68, 59, 52)
+    if named:
+        colours[: len(named), 0] = np.array(named, np.uint8)[:256, ::-1]
+    return np.asarray(colours, np.uint8)
+
+
+def _encoded(kind: str, bgr: NDArray[Any]) -> tuple[str, bytes]:
+    options = [cv2.IMWRITE_JPEG_QUALITY, 85] if kind == ".jpg" else [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    encoded, data = cv2.imencode(kind, np.ascontiguousarray(bgr), options)
+    assert encoded
+    return ("image/jpeg" if kind == ".jpg" else "image/png"), data.tobytes()

@@ -1,0 +1,216 @@
+"""Pictures of what a radar measured: its range-Doppler map in decibels, its points and tracks from above.
+
+matplotlib is slow to import: import this module at the end of a run, not at its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hil.run.report.frame_pictures import colour_bar, draw_channel, make_panels, note
+from sim.radar.chirp import Chirp
+
+POWER_MAP = "inferno"
+_SPEED_MAP = "RdBu_r"
+_DEEPEST_DB = 70.0  # below the peak
+_FLOOR_PERCENTILE = 20.0
+_QUIETEST = 1e-12  # counts squared
+_RATIO = 0.8
+
+Power = NDArray[np.floating[Any]]
+_TRACK = "#35d0ff"
+
+
+def radar_figure(
+    title: str, channels: Mapping[str, NDArray[Any]], chirp: Chirp, rgb: NDArray[np.uint8] | None = None
+) -> Figure:
+    """Draw the outputs of a radar frame; raw data alone is shown as its range-Doppler map.
+
+    `rgb`: picture of a camera at the same time, drawn first.
+    """
+    power = channels.get("range_doppler")
+    if power is None and "raw" in channels:
+        power = plain_map(channels["raw"])
+    from_above = "points" in channels or "tracks" in channels
+    seen = rgb is not None
+    count = seen + (power is not None) + from_above
+    figure, panels = make_panels(title, count, _RATIO, columns=2)
+    if rgb is not None:
+        draw_channel(panels[0], "rgb", rgb)
+        panels[0].set_aspect("equal", anchor="N")
+    if power is not None:
+        draw_map(panels[seen], power, chirp)
+    if from_above:
+        draw_from_above(panels[-1], channels.get("points"), channels.get("tracks"), chirp)
+    return figure
+
+
+def plain_map(raw: NDArray[Any]) -> Power:
+    """Return a range-Doppler map for display, (chirps, samples / 2), with Hann windows and chirp means removed."""
+    _, chirps, samples = raw.shape
+    signal = raw - raw.mean(axis=2, keepdims=True)
+    fast = np.fft.rfft(signal * np.hanning(samples), axis=2)[:, :, : samples // 2]
+    slow = np.fft.fftshift(np.fft.fft(fast * np.hanning(chirps)[:, None], axis=1), axes=1)
+    return np.asarray(np.mean(np.abs(slow) ** 2, axis=0))
+
+
+def decibels(power: Power) -> Power:
+    """Return power in dB, with a floor so that zero power stays finite."""
+    return np.asarray(10.0 * np.log10(np.maximum(power, _QUIETEST)))
+
+
+def colours_of(level_db: Power) -> Normalize:
+    """Return the colour scale from the noise floor to the peak."""
+    finite = level_db[np.isfinite(level_db)]
+    if not finite.size:
+        return Normalize(0.0, 1.0)
+    peak = float(finite.max())
+    floor = max(float(np.percentile(finite, _FLOOR_PERCENTILE)), peak - _DEEPEST_DB)
+    return Normalize(min(floor, peak - 1.0), peak)
+
+
+def draw_map(panel: Axes, power: Power, chirp: Chirp, name: str = "range-Doppler", *, plain_axes: bool = False) -> None:
+    """Draw a map, range to the right, speed upwards, approaching below. `plain_axes`: name the axes in the title."""
+    level = decibels(power)
+    norm = colours_of(level)
+    show_levels(panel, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
+    if plain_axes:
+        name += " [m] by [m/s]"
+        panel.tick_params(axis="y", direction="in", pad=-22.0, labelcolor="white")
+    else:
+        panel.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
+    panel.set_title(name, fontsize=9.5, loc="left")
+    colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
+
+
+def range_extent(chirp: Chirp, bins: int) -> tuple[float, float]:
+    """Return the outer edges of the range bins [m]; bin i is centred at i times the bin width."""
+    step = chirp.max_range_m / bins
+    return -0.5 * step, chirp.max_range_m - 0.5 * step
+
+
+def speed_extent(chirp: Chirp, rows: int) -> tuple[float, float]:
+    """Return the outer edges of the speed rows [m/s]; row `rows` / 2 is at rest."""
+    step, rest = 2.0 * chirp.max_speed_mps / rows, rows // 2
+    return (-rest - 0.5) * step, (rows - rest - 0.5) * step
+
+
+def show_levels(
+    axes: Axes, level_db: Power, norm: Normalize, across: tuple[float, float], upward: tuple[float, float]
+) -> None:
+    """Draw levels [dB] with row 0 at the bottom, between these edges of both axes."""
+    axes.imshow(
+        level_db, origin="lower", aspect="auto", interpolation="nearest", extent=(*across, *upward), cmap=POWER_MAP,
+        norm=norm,
+    )  # fmt: skip
+    axes.grid(visible=False)
+    axes.tick_params(labelsize=7.5)
+
+
+def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[Any] | None, chirp: Chirp) -> None:
+    """Draw points coloured by speed and tracks with velocity arrows from above; forward is up."""
+    axes = panel
+    norm = Normalize(-chirp.max_speed_mps, chirp.max_speed_mps)
+    found = []
+    if points is not None:
+        x, y = points["x_R"], points["y_R"]
+        axes.scatter(-y, x, s=16.0, c=points["speed_mps"], cmap=_SPEED_MAP, norm=norm, linewidths=0.4, edgecolors="0.3")
+        colour_bar(panel, norm, _SPEED_MAP, "radial speed [m/s], + goes away", "neither")
+        found.append(_counted(len(points), "point"))
+    if tracks is not None:
+        for track in tracks:
+            (x, y), (vx, vy) = track["p_R_m"][:2], track["v_R_mps"][:2]
+            axes.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
+            axes.annotate(
+                f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73",
+                arrowprops={"arrowstyle": "<-", "color": "#009e73"},
+            )  # fmt: skip
+        found.append(_counted(len(tracks), "track"))
+        if points is None:
+            note(panel, "arrows: distance\nin one second")
+    far = chirp.max_range_m
+    axes.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    axes.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
+    axes.tick_params(labelsize=7.5)
+    axes.set_title("from above, " + " and ".join(found), fontsize=9.5, loc="left")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def waterfall_figure(
+    title: str,
+    t_s: NDArray[np.float64],
+    range_time: NDArray[np.float32],
+    speed_time: NDArray[np.float32],
+    tracks: Sequence[NDArray[Any]],
+    chirp: Chirp,
+) -> Figure:
+    """Draw range and speed over time with the tracks. Rows of `range_time` and `speed_time` are frames."""
+    figure = Figure(figsize=(13.5, 8.2), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    above, below = figure.subplots(2, 1, sharex=True)
+    time_extent = _time_extent(t_s)
+    _rows(figure, above, range_time, time_extent, range_extent(chirp, max(range_time.shape[-1], 1)))
+    above.set(ylabel="range [m]")
+    above.set_title("range over time: greatest power of all speeds", fontsize=9.5, loc="left")
+    _rows(figure, below, speed_time, time_extent, speed_extent(chirp, max(speed_time.shape[-1], 1)))
+    below.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
+    below.set_title("speed over time: power of all ranges", fontsize=9.5, loc="left")
+    for axes, field in ((above, "range_m"), (below, "speed_mps")):
+        at = [t for t, found in zip(t_s, tracks, strict=True) for _ in found]
+        values = [value for found in tracks for value in found[field].tolist()]
+        axes.plot(at, values, ".", ms=3.5, color=_TRACK, label="tracks")
+        if values:
+            axes.legend(loc="upper right", fontsize=8, labelcolor="white")
+    return figure
+
+
+def micro_doppler_figure(
+    title: str,
+    t_s: NDArray[np.float64],
+    speed_time: NDArray[np.float32],
+    track_t_s: NDArray[np.float64],
+    track_speed_mps: NDArray[np.float64],
+    chirp: Chirp,
+) -> Figure:
+    """Draw the speed spectrum around one track over time, with the track's speed as a line.
+
+    Rows of `speed_time` are frames.
+    """
+    figure = Figure(figsize=(13.5, 4.6), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+    axes = figure.subplots()
+    _rows(figure, axes, speed_time, _time_extent(t_s), speed_extent(chirp, speed_time.shape[-1]))
+    axes.plot(track_t_s, track_speed_mps, "-", lw=0.8, color=_TRACK, label="the track's speed")
+    axes.legend(loc="upper right", fontsize=8, labelcolor="white")
+    axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
+    axes.set_title("micro-Doppler: speed over time, power of the ranges about the track", fontsize=9.5, loc="left")
+    return figure
+
+
+def _time_extent(t_s: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the outer edges of the frames on the time axis [s]."""
+    step = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    return (float(t_s[0]) - 0.5 * step, float(t_s[-1]) + 0.5 * step) if len(t_s) else (0.0, 1.0)
+
+
+def _rows(
+    figure: Figure, axes: Axes, power: NDArray[np.float32], across: tuple[float, float], upward: tuple[float, float]
+) -> None:
+    if not power.size:
+        return
+    level = decibels(power.T)
+    norm = colours_of(level)
+    show_levels(axes, level, norm, across, upward)
+    bar = figure.colorbar(ScalarMappable(norm, POWER_MAP), ax=axes, extend="min", pad=0.01)
+    bar.set_label("[dB of 1 count2]", fontsize=8)

@@ -1,0 +1,78 @@
+"""The sensors of one run as the scheduler samples them, with their faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hil.config import Bench
+from hil.config.missions.script import SensorFault
+from hil.config.schema import SensorConfig
+from hil.run.loop.scheduler import SensorSlot
+from hil.run.loop.stages import StagePlan
+from hil.run.recorder.recorder import Recorder
+from hil.run.sensors.frame_stages import description, wanted_parts
+from hil.run.sensors.simulated_sensors import SimulatedSensors, tick_rates, write_calibration
+from signals.time import RateAccumulator
+from sim.frame.source import FrameSource
+from sim.sensors.catalog import KINDS
+from sim.sensors.faults import FaultySensor
+from sim.sensors.radar import Radar
+
+
+class SensorSlots:
+    """Builds only the sensors that have a consumer."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        wanted: Mapping[str, SensorConfig],
+        plan: StagePlan,
+        frames: FrameSource | None,
+        recorder: Recorder,
+        out: Path,
+    ) -> None:
+        """Build the `wanted` sensors. `frames`: geometry for cameras, LiDARs and radars, None if there are none.
+
+        Describes these to the recorder and writes their calibrations to `out`.
+        """
+        self._bench, self._recorder = bench, recorder
+        self.radars: dict[str, Radar] = {}
+        self._plain: dict[str, Any] = {}  # by name, without faults
+        self._faulty: dict[str, FaultySensor] = {}
+        simulated = SimulatedSensors(bench, wanted, frames)
+        # Cameras come before the radars that read them; the order within a tick has no other effect.
+        order = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
+        for name in order:
+            sensor = simulated.make(name, wanted_parts(name, wanted[name], plan))
+            self._plain[name] = sensor
+            if isinstance(sensor, Radar):
+                self.radars[name] = sensor
+            if frames is not None and KINDS[wanted[name].kind].needs_frames:
+                recorder.describe(name, description(name, sensor))
+                write_calibration(out, name, sensor, rate_hz=wanted[name].rate_hz)
+        self.slots = [self._slot(name, wanted[name]) for name in order]
+
+    def inject(self, fault: SensorFault) -> None:
+        """Begin a fault now. Raises KeyError for a sensor that was not declared as faulty or by `allow_faults`."""
+        self._faulty[fault.sensor].inject(fault)
+
+    def allow_faults(self, name: str) -> None:
+        """Let a sensor take faults that the bench does not declare. Raises ValueError if it is not sampled."""
+        if name in self._faulty:
+            return
+        slot = next((slot for slot in self.slots if slot.port == name), None)
+        if slot is None:
+            raise ValueError(f"no sensor {name!r} is sampled in this run")
+        self._faulty[name] = FaultySensor(self._plain[name], (), on_event=self._recorder.event)
+        slot.sample = self._faulty[name].sample
+
+    def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
+        config, script = self._bench.config, self._bench.script
+        instance = self._plain[name]
+        faults = [fault for fault in config.faults.sensors if fault.sensor == name]
+        if faults or (script is not None and name in script.sensors_at_risk):
+            instance = self._faulty[name] = FaultySensor(instance, faults, on_event=self._recorder.event)
+        rates = RateAccumulator(**tick_rates(sensor, config.tick_hz))
+        return SensorSlot(instance, rates, after_send=KINDS[sensor.kind].needs_frames)

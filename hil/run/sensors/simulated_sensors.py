@@ -1,0 +1,97 @@
+"""Makes the simulated sensors of a bench; a camera shares its pictures with the radars that read them.
+
+Also writes the calibrations of the cameras, in the formats of other programs, into the run's folder `calibration/`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from hil.config import Bench, SensorConfig
+from hil.config.checks.radar_checks import radars, view_of
+from signals.errors import RecordingError
+from signals.rotation import matrix_of
+from signals.samples import Quat, Vec3
+from signals.time import is_due
+from sim.frame.calibration_text import camera_info_yaml, euroc_yaml, opencv_yaml
+from sim.frame.camera_model import CameraModel
+from sim.frame.source import FrameSource
+from sim.sensors.catalog import make_sensor
+from sim.sensors.radar import Radar
+from sim.sensors.sensor import Installation
+
+CALIBRATION_FOLDER = "calibration"
+
+
+class SimulatedSensors:
+    """Makes sensors of one bench that share one `frames`."""
+
+    def __init__(self, bench: Bench, names: Collection[str], frames: FrameSource | None) -> None:
+        """`names`: sensors that will be made. `frames`: the world's geometry, None if none of them needs it."""
+        self._bench, self._frames = bench, frames
+        sensors = bench.config.sensors
+        wanted = {name: sensors[name] for name in sensors if name in names}
+        read = {p.frame for p in radars(wanted).values() if p.frame is not None}
+        self._shared = {name: view_of(sensors[name]) for name in sorted(read)}
+
+    def make(self, name: str, parts: Mapping[str, Any] | None = None) -> Any:
+        """Return the sensor of that name. `parts`: parameters that replace the bench's own, such as fewer channels.
+
+        Raises the errors of `sim.sensors.catalog.make_sensor`.
+        """
+        config = self._bench.config
+        sensor = config.sensors[name]
+        made = make_sensor(
+            Installation(
+                name,
+                rate_hz=sensor.rate_hz,
+                seed=config.seed,
+                scene=self._bench.scene,
+                step_ns=config.tick_ns,
+                frames=self._frames,
+                shared=self._shared.get(getattr(sensor.parameters, "frame", None) or name),
+            ),
+            kind=sensor.kind,
+            overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),
+        )
+        if isinstance(made, Radar):
+            made.view.add_reader(made.channels, partial(is_due, **tick_rates(sensor, config.tick_hz)))
+        return made
+
+
+def tick_rates(sensor: SensorConfig, tick_hz: int) -> dict[str, int]:
+    """Return sensor rate and tick rate [mHz], as arguments of `is_due` and `RateAccumulator`."""
+    return {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": tick_hz * 1000}
+
+
+def write_calibration(out: Path, name: str, sensor: Any, *, rate_hz: float) -> list[Path]:
+    """Write NAME.camera_info.yaml (ROS), NAME.opencv.yaml and NAME.sensor.yaml (EuRoC) and return their paths.
+
+    Sensors without a camera model have no files. Raises RecordingError if a file cannot be written.
+    """
+    camera = getattr(sensor, "model", None)
+    if not isinstance(camera, CameraModel):
+        return []
+    T_BS = transform(sensor.mount.p_BC, sensor.mount.q_BC)
+    texts = {
+        f"{name}.camera_info.yaml": camera_info_yaml(camera, name),
+        f"{name}.opencv.yaml": opencv_yaml(camera),
+        f"{name}.sensor.yaml": euroc_yaml(camera, rate_hz=rate_hz, T_BS=T_BS),
+    }
+    folder = out / CALIBRATION_FOLDER
+    try:
+        folder.mkdir(exist_ok=True)
+        for file, text in texts.items():
+            (folder / file).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{folder}: the calibration cannot be written ({error.strerror or error})") from error
+    return [folder / file for file in texts]
+
+
+def transform(p: Vec3, q: Quat) -> Sequence[float]:
+    """Return the homogeneous transform of position and rotation, 4 x 4, row by row."""
+    R = matrix_of(q)
+    return (*R[0:3], p[0], *R[3:6], p[1], *R[6:9], p[2], 0.0, 0.0, 0.0, 1.0)

@@ -1,0 +1,188 @@
+"""Judges a scripted flight by the measurements that its script declares, taken from ground truth.
+
+    max_tilt_deg        greatest angle between the body's z axis and the vertical
+    max_rate_degps      greatest angular speed
+    max_speed_mps       greatest speed
+    max_climb_mps       greatest upward speed
+    max_sink_mps        greatest downward speed
+    min_altitude_m      least height above the start
+    max_altitude_m      greatest height above the start
+    max_distance_m      greatest horizontal distance from the start
+    hover_drift_m       greatest horizontal distance from the position at from_s
+    height_drift_m      greatest difference in height from the position at from_s
+    flight_time_s       from the first lift-off to the last touch-down
+    time_to_complete_s  from the start of the run to the last touch-down
+
+All but the last two use the ticks from `from_s` to `to_s`, both included, by default the whole run. A measurement that
+has a limit fails if it was never taken (the run ended too early, the vehicle never touched down) and if it is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from firmware_bridge.ground_station.actions import Record
+from hil.config.missions.script import Expectation, Script
+from hil.config.schema import Limits
+from hil.run.verdict.verdict import AIRBORNE_M, Measurements, Row, Verdict, judge
+from signals.rotation import norm, upright_of
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
+
+_NEVER_NS = 1 << 62
+
+
+class Measured(NamedTuple):
+    """Value of one declared measurement; None if the flight did not yield it."""
+
+    expectation: Expectation
+    value: float | None
+
+
+class DeclaredMeasurements:
+    """Takes the declared measurements tick by tick, in constant memory and time per tick and declaration."""
+
+    def __init__(self, expectations: Sequence[Expectation]) -> None:
+        self._expectations = tuple(expectations)
+        self._windows = [_Window(e) for e in self._expectations if e.measure in _MEASURES]
+        self._home: Vec3 | None = None
+        self._contact = True
+        self._lift_off_ns: int | None = None
+        self._touch_down_ns: int | None = None
+
+    def add(self, truth: TruthState) -> None:
+        """Add the true state of one tick; call it for every tick, in order."""
+        home = self._home
+        if home is None:
+            home = self._home = truth.p_WB
+        for window in self._windows:
+            if window.begin_ns <= truth.t_ns <= window.end_ns:
+                window.add(truth, home)
+        if truth.in_contact:
+            if not self._contact and self._lift_off_ns is not None:
+                self._touch_down_ns = truth.t_ns
+        elif self._lift_off_ns is None and truth.p_WB[2] > home[2] + AIRBORNE_M:
+            self._lift_off_ns = truth.t_ns
+        self._contact = truth.in_contact
+
+    def results(self) -> list[Measured]:
+        """Return every declared measurement in the order of the script; call it after the flight."""
+        values = {id(window.expectation): window.value for window in self._windows}
+        down, up = self._touch_down_ns, self._lift_off_ns
+        found: list[Measured] = []
+        for e in self._expectations:
+            if e.measure == "time_to_complete_s":
+                found.append(Measured(e, None if down is None else down / NS_PER_S))
+            elif e.measure == "flight_time_s":
+                found.append(Measured(e, None if down is None or up is None else (down - up) / NS_PER_S))
+            else:
+                found.append(Measured(e, values[id(e)]))
+        return found
+
+
+class _Window:
+    """Extreme value of one measurement within its time window."""
+
+    def __init__(self, expectation: Expectation) -> None:
+        self.expectation = expectation
+        self.begin_ns = 0 if expectation.from_s is None else round(expectation.from_s * NS_PER_S)
+        self.end_ns = _NEVER_NS if expectation.to_s is None else round(expectation.to_s * NS_PER_S)
+        self.value: float | None = None
+        self._measure = _MEASURES[expectation.measure]
+        self._least = expectation.measure.startswith("min_")
+        self._drift = expectation.measure.endswith("_drift_m")
+        self._start: Vec3 | None = None
+
+    def add(self, truth: TruthState, home: Vec3) -> None:
+        """Add the true state of a tick in the window. `home`: position at the start of the run."""
+        if self._drift:
+            if self._start is None:
+                self._start = truth.p_WB
+            home = self._start
+        value, so_far = self._measure(truth, home), self.value
+        # The comparisons are negated so that a NaN stays.
+        if so_far is None or (so_far == so_far and not (value >= so_far if self._least else value <= so_far)):
+            self.value = value
+
+
+def _tilt_deg(truth: TruthState, origin: Vec3) -> float:  # noqa: ARG001
+    return math.degrees(math.acos(max(-1.0, min(1.0, upright_of(truth.q_WB)))))
+
+
+def _horizontal_m(truth: TruthState, origin: Vec3) -> float:
+    return math.hypot(truth.p_WB[0] - origin[0], truth.p_WB[1] - origin[1])
+
+
+_MEASURES: dict[str, Callable[[TruthState, Vec3], float]] = {
+    "max_tilt_deg": _tilt_deg,
+    "max_rate_degps": lambda truth, _: math.degrees(norm(truth.w_WB_B)),
+    "max_speed_mps": lambda truth, _: norm(truth.v_WB_W),
+    "max_climb_mps": lambda truth, _: truth.v_WB_W[2],
+    "max_sink_mps": lambda truth, _: -truth.v_WB_W[2],
+    "min_altitude_m": lambda truth, home: truth.p_WB[2] - home[2],
+    "max_altitude_m": lambda truth, home: truth.p_WB[2] - home[2],
+    "max_distance_m": _horizontal_m,
+    "hover_drift_m": _horizontal_m,
+    "height_drift_m": lambda truth, start: abs(truth.p_WB[2] - start[2]),
+}
+
+
+def judge_scripted(
+    measured: Measurements,
+    limits: Limits,
+    script: Script,
+    declared: Sequence[Measured],
+    records: Sequence[Record] = (),
+) -> Verdict:
+    """Return the verdict on a scripted flight: that of the plan, with the script's measurements and actions added.
+
+    With `outcome: aborted` the plan must not have been completed, with `any` it may have been. In both cases the
+    plan's limits are judged only if their values were measured. A required action that never ran fails.
+    """
+    if script.outcome != "complete":
+        verdict = judge(replace(measured, called_for=frozenset()), limits)
+        verdict = replace(verdict, measurements=measured)
+    else:
+        verdict = judge(measured, limits)
+    reasons, rows = list(verdict.reasons), list(verdict.rows)
+    if script.outcome == "aborted" and measured.completed:
+        reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
+    for expectation, value in declared:
+        row, reason = _judged(expectation, value)
+        rows.append(row)
+        reasons += reason
+    reasons += [
+        f"{record.name}: never ran, its condition was never met"
+        for record in records
+        if record.required and record.outcome == "waiting"
+    ]
+    reasons += [
+        f"{record.name}: not acknowledged before the run ended"
+        for record in records
+        if record.required and record.outcome == "running"
+    ]
+    return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)
+
+
+def _judged(e: Expectation, value: float | None) -> tuple[Row, list[str]]:
+    """Return a row of the verdict and the reasons why it fails. The row shows the limit that is nearer the value."""
+    reasons: list[str] = []
+    unit, label = e.unit, e.label
+    limits = [limit for limit in (e.at_most, e.at_least) if limit is not None]
+    if value is None:
+        if limits:
+            reasons.append(
+                f"{label} has a limit but was never measured: the run ended too early or without a touch-down"
+            )
+    else:
+        if e.at_most is not None and not value <= e.at_most:
+            reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed")
+        if e.at_least is not None and not value >= e.at_least:
+            reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}")
+    shown = None
+    if limits:
+        shown = min(limits, key=lambda limit: abs(limit - value)) if value is not None else limits[0]
+    return Row(label, value, shown, unit, not reasons), reasons

@@ -1,0 +1,358 @@
+"""Judges a flight against its plan and limits, from ground truth instead of the autopilot's estimate.
+
+Definitions. The plan's legs are straight lines in W; "horizontal" means in the x-y plane.
+
+reached            Waypoints count in order, and a missed waypoint stops the count. A waypoint is reached when the true
+                   position comes within its acceptance radius plus a margin horizontally, and within a height
+                   vertically. The margin is there because the autopilot judges by its estimate. Margin and height are
+                   the flight's own limits of cross-track and altitude error (`UNJUDGED_M` if a limit is null), but at
+                   least `REACH_MARGIN_M` and `REACH_HEIGHT_M`: a flight that may be 3 m off its leg may be 3 m off its
+                   corner.
+max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
+                   and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
+                   neighbours. The neighbours are included because the count changes legs a little before the corner:
+                   one on each side, or more past short legs and doubled waypoints, at most `WINDOW_LEGS`. A mission of
+                   a single waypoint is measured on the leg that leads to it, from the end of the climb.
+altitude_error_m   Greatest |z - planned z| while cross-track is measured and the leg being flown is level. After a
+                   climb or a sloping leg the first `SETTLE_M` of level flight do not count.
+final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
+                   waypoint: to the edge of its acceptance radius, where autopilots take it as reached. If the plan
+                   ends on the ground: measured only if the vehicle landed.
+landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
+landed_tilt_deg    Greatest angle between the body's z axis and the vertical, from touch-down on.
+
+A limit fails if the plan calls for its measurement and the flight did not yield it, and if the value is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from hil.config.missions.path import Leg, LegKind, waypoint_legs
+from hil.config.schema import Limits
+from signals.documents.validate import unit_of
+from signals.rotation import upright_of
+from signals.samples import TruthState, Vec3
+
+REACH_MARGIN_M = 1.0
+REACH_HEIGHT_M = 2.0
+UNJUDGED_M = 10.0
+SETTLE_M = 5.0
+LEVEL_M = 0.05  # a leg whose ends differ by less is level
+AIRBORNE_M = 0.3  # height above the start
+REST_SPEED_MPS = 0.3
+REST_CONTACT_NS = 500_000_000  # a vehicle at rest touched the ground within this time
+TIPPED_DEG = 30.0
+WINDOW_LEGS = 8  # legs on one side of the one being flown that cross-track looks at
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Measurements of a flight; None: the flight did not yield it."""
+
+    waypoints: int
+    reached: int
+    completed: bool
+    landed: bool
+    tipped: bool
+    max_cross_track_m: float | None
+    altitude_error_m: float | None
+    final_error_m: float | None
+    landing_speed_mps: float | None
+    landed_tilt_deg: float | None
+    called_for: frozenset[str]  # names of the fields above that this plan must yield
+    endless_item: int | None = None  # the jump, numbered from 0, that keeps the plan from ever ending
+
+
+class FlightMeasurement:
+    """Measures a flight tick by tick, in constant memory and time per tick whatever the length of the plan.
+
+    `legs` come from `planned_path`. Touch-down is detected at every tick, everything else at every `stride`th.
+    """
+
+    def __init__(self, legs: Sequence[Leg], limits: Limits | None = None, *, stride: int = 10) -> None:
+        limits = limits or Limits()
+        self._stride = stride
+        self._margin_m = max(
+            REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
+        )
+        self._height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
+        self._fly = waypoint_legs(legs)
+        self._settle_m = _settle_distances_m(self._fly)
+        self._near = [self._neighbours(target) for target in range(len(self._fly))]
+        self._last_leg = legs[-1] if legs else None
+        endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
+        self._endless_item = legs[-1].seq if endless else None
+        self._waypoint = 0  # index of the next one to reach
+        self._measuring = False
+        self._cross_track_m: float | None = None
+        self._altitude_m: float | None = None
+        self._landing_speed_mps: float | None = None
+        self._home_up_m: float | None = None
+        self._airborne = False
+        self._touched = False
+        self._contact = True
+        self._contact_ns = 0
+        self._least_upright: float | None = None  # cosine of the greatest tilt since touch-down
+        self._before: TruthState | None = None
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Waypoints reached so far, and waypoints of the plan."""
+        return self._waypoint, len(self._fly)
+
+    def _neighbours(self, target: int) -> tuple[Leg, ...]:
+        """Return the legs that the vehicle may be on while leg `target` is counted as being flown.
+
+        The count may be ahead of the vehicle by the distance at which a waypoint counts as reached, so legs shorter
+        than that do not end the window. Legs without length are left out.
+        """
+        fly = self._fly
+        near = [fly[target]]
+        for step in (-1, 1):
+            reach_m = fly[target].acceptance_radius_m + self._margin_m
+            at, found, length_m = target + step, 0, 0.0
+            while 0 <= at < len(fly) and found < WINDOW_LEGS and (length_m < reach_m if step < 0 else not found):
+                leg = fly[at]
+                if _length_m(leg) > 0.0:
+                    near.append(leg)
+                    found += 1
+                    length_m += _length_m(leg)
+                    reach_m = max(reach_m, leg.acceptance_radius_m + self._margin_m)
+                at += step
+        return tuple(near)
+
+    def add(self, truth: TruthState) -> None:
+        """Add the true state of one tick; call it for every tick, in order."""
+        contact = truth.in_contact
+        if contact:
+            self._contact_ns = truth.t_ns
+            if not self._contact and self._airborne and self._before is not None:
+                # The tick that touched has already slowed the vehicle, so the speed of the tick before counts.
+                self._landing_speed_mps = _greater(self._landing_speed_mps, -self._before.v_WB_W[2])
+                self._touched = True
+        self._contact = contact
+        self._before = truth
+        if truth.tick % self._stride == 0:
+            self._measure(truth)
+
+    def _measure(self, truth: TruthState) -> None:
+        """Update everything that is measured once a stride."""
+        up = truth.p_WB[2]
+        if self._home_up_m is None:
+            self._home_up_m = up
+        if not truth.in_contact and up > self._home_up_m + AIRBORNE_M:
+            self._airborne = True
+            if self._touched:  # took off again, or bounced high
+                self._touched = False
+                self._least_upright = None
+        if self._touched:
+            upright = upright_of(truth.q_WB)
+            if self._least_upright is None or not upright >= self._least_upright:
+                self._least_upright = upright
+        if self._airborne and self._waypoint < len(self._fly):
+            self._follow(truth.p_WB)
+
+    def _follow(self, p_WB: Vec3) -> None:
+        """Count waypoints, and measure against the leg being flown."""
+        fly, target = self._fly, self._waypoint
+        if target == 0 and not self._measuring and len(fly) == 1:
+            self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
+        if target > 0 or self._measuring:
+            distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._near[target])
+            self._cross_track_m = _greater(self._cross_track_m, distance_m)
+            if self._settled(p_WB):
+                self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
+        leg = fly[target]
+        dx, dy, dz = (p_WB[i] - leg.end_W[i] for i in range(3))
+        radius_m = leg.acceptance_radius_m + self._margin_m
+        if dx * dx + dy * dy <= radius_m * radius_m and abs(dz) <= self._height_m:
+            self._waypoint += 1
+
+    def _settled(self, p_WB: Vec3) -> bool:
+        """Return True if the leg being flown is level and the vehicle has flown level for `SETTLE_M`."""
+        settle_m = self._settle_m[self._waypoint]
+        start = self._fly[self._waypoint].start_W
+        dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]
+        return dx * dx + dy * dy >= settle_m * settle_m
+
+    def result(self) -> Measurements:
+        """Return the measurements so far; call it after the flight."""
+        last, plan_end = self._before, self._last_leg
+        to_ground = plan_end is not None and plan_end.kind is LegKind.DESCENT
+        landed = False
+        final_error_m = None
+        if last is not None and self._touched:
+            vx, vy, vz = last.v_WB_W
+            still = vx * vx + vy * vy + vz * vz <= REST_SPEED_MPS * REST_SPEED_MPS
+            landed = still and last.t_ns - self._contact_ns <= REST_CONTACT_NS
+        if last is not None and plan_end is not None and self._airborne and (landed or not to_ground):
+            dx, dy = last.p_WB[0] - plan_end.end_W[0], last.p_WB[1] - plan_end.end_W[1]
+            final_error_m = math.sqrt(dx * dx + dy * dy)
+            if plan_end.kind is LegKind.FLY:  # the plan asks for no more than its acceptance radius
+                final_error_m = max(0.0, final_error_m - plan_end.acceptance_radius_m)
+        tilt_deg = None
+        if self._least_upright is not None:
+            tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._least_upright))))
+        all_reached = self._waypoint == len(self._fly)
+        return Measurements(
+            waypoints=len(self._fly),
+            reached=self._waypoint,
+            completed=plan_end is not None
+            and self._endless_item is None
+            and all_reached
+            and self._airborne
+            and (landed or not to_ground),
+            landed=landed,
+            tipped=tilt_deg is not None and not tilt_deg <= TIPPED_DEG,
+            max_cross_track_m=self._cross_track_m,
+            altitude_error_m=self._altitude_m,
+            final_error_m=final_error_m,
+            landing_speed_mps=self._landing_speed_mps,
+            landed_tilt_deg=tilt_deg,
+            called_for=self._called_for(to_ground),
+            endless_item=self._endless_item,
+        )
+
+    def _called_for(self, to_ground: bool) -> frozenset[str]:
+        """Return the names of the measurements that this plan must yield."""
+        names: set[str] = set()
+        if self._last_leg is not None and self._endless_item is None:
+            names.add("final_error_m")
+        if to_ground:
+            names |= {"landing_speed_mps", "landed_tilt_deg"}
+        if self._fly:
+            names.add("max_cross_track_m")
+        first = 0 if len(self._fly) == 1 else 1
+        for leg, settle_m in zip(self._fly[first:], self._settle_m[first:], strict=True):
+            # The count leaves a leg when it is within acceptance radius and margin of the end.
+            if _length_m(leg) - leg.acceptance_radius_m - self._margin_m > settle_m:
+                names.add("altitude_error_m")
+        return frozenset(names)
+
+
+def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
+    """Horizontal distance from a point to the nearest point of a leg [m].
+
+    s = clamp((p - a).(b - a) / |b - a|^2, 0, 1), d = |p - a - s (b - a)|, all in x and y.
+    """
+    ax, ay, _ = leg.start_W
+    bx, by = leg.end_W[0] - ax, leg.end_W[1] - ay
+    px, py = p_W[0] - ax, p_W[1] - ay
+    squared = bx * bx + by * by
+    s = min(1.0, max(0.0, (px * bx + py * by) / squared)) if squared > 0.0 else 0.0
+    dx, dy = px - s * bx, py - s * by
+    return math.sqrt(dx * dx + dy * dy)
+
+
+def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
+    """Return for every leg the distance from its start [m] at which the altitude begins to count.
+
+    It is 0 once level flight has lasted `SETTLE_M`, and infinite on a slope. The first leg follows a climb.
+    """
+    distances: list[float] = []
+    flown_level_m = 0.0
+    for leg in fly:
+        if _level(leg):
+            distances.append(max(0.0, SETTLE_M - flown_level_m))
+            flown_level_m += _length_m(leg)
+        else:
+            distances.append(math.inf)
+            flown_level_m = 0.0
+    return distances
+
+
+def _level(leg: Leg) -> bool:
+    return abs(leg.end_W[2] - leg.start_W[2]) < LEVEL_M
+
+
+def _length_m(leg: Leg) -> float:
+    return math.hypot(leg.end_W[0] - leg.start_W[0], leg.end_W[1] - leg.start_W[1])
+
+
+def _greater(so_far: float | None, value: float) -> float:
+    """Return the greater value. A NaN of either stays."""
+    if so_far is None:
+        return value
+    return value if not value <= so_far and so_far == so_far else so_far
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement beside its limit. `limit` None: not judged."""
+
+    name: str
+    value: float | None
+    limit: float | None
+    unit: str
+    ok: bool
+
+
+def rows_within(*measured: tuple[str, float | None, float | None, str, bool]) -> tuple[list[Row], list[str]]:
+    """Return measurements as rows, and the reasons why some fail.
+
+    Each measurement is name, value, limit, unit, and True if the limit is a minimum.
+    """
+    rows, reasons = [], []
+    for name, value, limit, unit, least in measured:
+        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+        rows.append(Row(name, value, limit, unit, ok))
+        if not ok:
+            was = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
+            reasons.append(f"{name} {was}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+    return rows, reasons
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Result of a flight: PASS, or FAIL with every reason."""
+
+    status: Literal["PASS", "FAIL"]
+    reasons: tuple[str, ...]
+    rows: tuple[Row, ...]
+    measurements: Measurements
+
+    def with_rows(self, rows: Sequence[Row], reasons: Sequence[str]) -> Verdict:
+        """Return this verdict with further rows; any reason makes it a FAIL."""
+        reasons = (*self.reasons, *reasons)
+        return replace(self, status="FAIL" if reasons else "PASS", reasons=reasons, rows=(*self.rows, *rows))
+
+
+UNJUDGED = Verdict("PASS", (), (), FlightMeasurement(()).result())  # of a flight without any measurement
+
+_WHY_UNSET = {
+    "max_cross_track_m": "the vehicle flew no leg between waypoints",
+    "altitude_error_m": "the vehicle flew no level leg",
+    "final_error_m": "the vehicle did not end on the ground",
+    "landing_speed_mps": "the vehicle did not touch down",
+    "landed_tilt_deg": "the vehicle did not touch down",
+}
+
+
+def judge(measured: Measurements, limits: Limits) -> Verdict:
+    """Return the verdict on a flight under these limits."""
+    reasons: list[str] = []
+    if measured.called_for and not measured.completed:
+        if measured.endless_item is not None:
+            reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
+        elif measured.reached < measured.waypoints:
+            reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
+        elif not measured.landed:
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
+    rows: list[Row] = []
+    for name in Limits.model_fields:
+        value, limit = getattr(measured, name), getattr(limits, name)
+        unit = unit_of(name).strip()
+        ok = True
+        if limit is not None and value is not None:
+            ok = value <= limit  # False for NaN
+            if not ok:
+                reasons.append(f"{name} is {value:.3g} {unit}, more than the {limit:g} {unit} allowed")
+        elif limit is not None and name in measured.called_for:
+            ok = False
+            reasons.append(f"{name} has a limit of {limit:g} {unit} but was never measured: {_WHY_UNSET[name]}")
+        rows.append(Row(name, value, limit, unit, ok))
+    return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)

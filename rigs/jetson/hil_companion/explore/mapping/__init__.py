@@ -1,0 +1,1 @@
+"""Localisation and mapping (SLAM): sweeps, scans, tiled maps and a Rao-Blackwellised particle filter."""

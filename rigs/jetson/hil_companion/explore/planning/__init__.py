@@ -1,0 +1,1 @@
+"""Path planning on the map: obstacle distances, prices, A* and the route that is flown."""

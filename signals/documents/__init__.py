@@ -1,0 +1,1 @@
+"""Strict readers of files written by people: every value has its line, all problems are reported at once."""

@@ -1,0 +1,89 @@
+"""Named errors of the bench. A message says what was wrong, where, and what to do about it.
+
+Exit status of the command line: 2 for `ConfigError`, 3 for every other `HilError` (the bench broke: ERROR).
+A vehicle that misses its limits is not an error but a FAIL, exit status 1.
+
+A new sensor, link or part raises one of these: `ConfigError` for mistakes in a user's file, with a `Problem` for each
+(the pydantic model of a sensor's parameters makes them); a `LinkError` for a connection; `RecordingError` for files of
+a run. Arguments that only a program can get wrong raise ValueError or TypeError.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class HilError(Exception):
+    """Base of every error that the bench raises on purpose. `str(error)` is the message for the user."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in a user's file.
+
+    `where` is 'file:line' or 'file', `message` starts with the name of the value or the verb, `hint` says what to do.
+    """
+
+    where: str
+    message: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}" + (f" ({self.hint})" if self.hint else "")
+
+
+class ConfigError(HilError):
+    """Mistakes in the user's files: all that were found, not only the first."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        self.problems = problems
+        super().__init__("\n".join(str(p) for p in problems))
+
+
+class WiringError(HilError):
+    """Stages that do not fit together: an input without a producer, two producers of one port, or an algebraic loop."""
+
+
+class ModelRangeError(HilError):
+    """Departure of the simulated vehicle from the range in which its model holds."""
+
+    def __init__(self, tick: int, variable: str, value: float, limit: str) -> None:
+        self.tick, self.variable, self.value, self.limit = tick, variable, value, limit
+        super().__init__(f"tick {tick}: {variable} = {value!r} is outside the model's range ({limit})")
+
+
+class LinkError(HilError):
+    """Base of the errors of a connection.
+
+    `port` names the connection; `cause` is one word for programs to branch on ("" if there is only one), such as those
+    of `firmware_bridge.links.silence`.
+    """
+
+    def __init__(self, port: str, message: str, *, cause: str = "") -> None:
+        self.port = port
+        self.cause = cause
+        super().__init__(f"{port}: {message}")
+
+
+class PortNotFound(LinkError):
+    """Serial port, socket or program of the rig that does not exist."""
+
+
+class PortBusy(LinkError):
+    """Port that another program holds open."""
+
+
+class LinkClosed(LinkError):
+    """Link that the peer closed, or whose process ended."""
+
+
+class LockstepLost(LinkError):
+    """Missing reply to a tick within the wall-clock limit, or a reply to another tick."""
+
+
+class HandshakeError(LinkError):
+    """Reply that breaks the protocol: no heartbeat, mission refused, command denied."""
+
+
+class RecordingError(HilError):
+    """Recording that cannot be written or read."""

@@ -1,0 +1,78 @@
+"""Vectors of three, unit quaternions w-x-y-z and rotation matrices (nine numbers, row by row).
+
+    q_WC = product(q_WB, q_BC)        v_W = R_WB v_B,  R_WB = matrix_of(q_WB)
+
+Components are numbers or arrays of one shape; a function then works on all elements at once, with the same operations
+in the same order. `signals._kernel` rotates vectors by quaternions and returns angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import sqrt
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signals._kernel import det_atan2
+from signals.samples import Quat, Vec3
+
+T = TypeVar("T", float, NDArray[np.float64])
+
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
+NO_TURN: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+def product(a: Iterable[T], b: Iterable[T]) -> tuple[T, T, T, T]:
+    """Return the Hamilton product: rotation b first, then a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(q: Quat) -> Quat:
+    """Return the inverse rotation."""
+    return (q[0], -q[1], -q[2], -q[3])
+
+
+def matrix_of(q: Iterable[T]) -> tuple[T, T, T, T, T, T, T, T, T]:
+    """Return the rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+    )  # fmt: skip
+
+
+def applied(R: Rotation, v: Vec3) -> Vec3:
+    """Return R v."""
+    x, y, z = v
+    return (R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z)
+
+
+def upright_of(q_WB: Quat) -> float:
+    """Return the cosine of the tilt: the z component in W of the z axis of B."""
+    return 1.0 - 2.0 * (q_WB[1] * q_WB[1] + q_WB[2] * q_WB[2])
+
+
+def yaw_of(q: Quat) -> float:
+    """Return the heading of the x axis, from the first axis towards the second [rad]."""
+    w, x, y, z = q
+    return det_atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Return a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def norm(a: Vec3) -> float:
+    """Return |a|."""
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

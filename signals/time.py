@@ -1,0 +1,54 @@
+"""Integer time. Every instant is an `int` of nanoseconds since the start of the run; no code adds floats to make time.
+
+A rate that does not divide the tick is kept exact on average by `RateAccumulator`: an event of a 100 Hz sensor
+on a 250 Hz tick falls on ticks 0, 3, 5, 8, 10, ... (period 2.5 ticks), never on a drifting timer.
+"""
+
+from __future__ import annotations
+
+NS_PER_S = 1_000_000_000
+NS_PER_MS = 1_000_000
+US_PER_S = 1_000_000
+
+
+def period_ns_from_hz(rate_hz: float) -> int:
+    """Return the period of a rate, rounded to whole nanoseconds. Raises ValueError for a rate that is not above 0."""
+    if not rate_hz > 0:
+        raise ValueError(f"rate must be above 0 Hz, not {rate_hz!r}")
+    return round(NS_PER_S / rate_hz)
+
+
+def is_due(tick: int, *, event_mhz: int, tick_mhz: int) -> bool:
+    """Return True if a `RateAccumulator` of these rates, called on every tick from 0 on, is due on this tick."""
+    return tick == 0 or tick * event_mhz // tick_mhz > (tick - 1) * event_mhz // tick_mhz
+
+
+class RateAccumulator:
+    """Finds the ticks on which an event of a given rate is due, exactly on average and without drift.
+
+    By tick k, floor(k * num / den) + 1 events should have happened, with num/den = rate_event/rate_tick in lowest
+    terms; an event is due whenever this count grows.
+
+    Rates are in millihertz, so that 0.5 Hz and 29.97 Hz are integers.
+    """
+
+    __slots__ = ("_acc", "_den", "_num")
+
+    def __init__(self, *, event_mhz: int, tick_mhz: int) -> None:
+        if event_mhz <= 0 or tick_mhz <= 0:
+            raise ValueError("rates must be above zero")
+        if event_mhz > tick_mhz:
+            raise ValueError(
+                f"an event at {event_mhz / 1000:g} Hz cannot be served by a tick of {tick_mhz / 1000:g} Hz"
+            )
+        self._num = event_mhz
+        self._den = tick_mhz
+        self._acc = tick_mhz  # tick 0 is due
+
+    def due(self) -> bool:
+        """Advance by one tick; return True if the event is due on it. Call exactly once per tick."""
+        if self._acc >= self._den:
+            self._acc += self._num - self._den
+            return True
+        self._acc += self._num
+        return False

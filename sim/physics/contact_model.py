@@ -1,0 +1,178 @@
+"""MJCF model of scene and vehicle, with which MuJoCo computes contact.
+
+The model holds the vehicle on the only free joint, the solid geoms of the scene on the worldbody, and the solid geoms
+of actors on mocap bodies. Geoms that are only visible are left out. Collision bits pair the vehicle with the scene, and
+neither with itself.
+
+No orientation in the model is given by angles, and no collision of spheres with primitives, convex hulls or height
+fields calls sin, cos or pow, whose last bit depends on the CPU. For the same reason solimp has a power of 2. Meshes
+collide as their convex hulls. Contact softness follows the step:
+
+* solref 3 steps, critically damped: a foot that lands at speed v sinks at most v * 3 steps / e (3.5 mm after a drop
+  from 0.5 m at 1 ms); below two steps MuJoCo would clamp it.
+* elliptic friction cones with impratio 10: friction is 10 times stiffer than the normal, so standing feet do not creep.
+"""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from collections import OrderedDict
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
+from sim.scene.solids import solid_geoms
+from sim.scene.world import VEHICLE, World
+from sim.world_loader import load_world
+
+# Collision bits that pair the vehicle with the scene, and neither with itself.
+_SCENE_BIT, _VEHICLE_BIT = 1, 2
+_CONTACT_STEPS = 3.0  # time constant of a contact, in steps
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Return the shortest text that reads back to the same doubles."""
+    return " ".join(repr(float(v)) for v in values)
+
+
+def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
+    """Return MJCF of the solid part of `scene` with `vehicle` on a free joint. Geoms of a map have no names."""
+    root = ET.Element("mujoco", model=f"{scene.name}_{vehicle.name}")
+    ET.SubElement(root, "compiler", autolimits="true", balanceinertia="false")
+    ET.SubElement(
+        root,
+        "option",
+        timestep=repr(contact_step_s),
+        gravity=_numbers((0.0, 0.0, -scene.gravity_mps2)),
+        cone="elliptic",
+        impratio="10",
+        iterations="50",
+        tolerance="1e-12",
+    )
+    default = ET.SubElement(root, "default")
+    ET.SubElement(
+        default,
+        "geom",
+        solref=_numbers((_CONTACT_STEPS * contact_step_s, 1.0)),
+        solimp="0.9 0.99 0.001 0.5 2",
+        condim="3",
+        friction=_numbers((scene.ground_friction, 0.005, 0.0001)),
+    )
+    world = ET.SubElement(root, "worldbody")
+    scene_bits = {"contype": str(_SCENE_BIT), "conaffinity": str(_VEHICLE_BIT)}
+    if scene.plain:
+        ET.SubElement(world, "geom", {"name": "ground", "type": "plane", "size": "0 0 1"} | scene_bits)
+        for box in scene.boxes:
+            half = [0.5 * edge for edge in box.size_m]
+            ET.SubElement(
+                world,
+                "geom",
+                {"name": box.name, "type": "box", "pos": _numbers(box.center_m), "size": _numbers(half)} | scene_bits,
+            )
+    body = ET.SubElement(world, "body", name=VEHICLE)
+    ET.SubElement(body, "freejoint", name=VEHICLE)
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(vehicle.mass_kg), diaginertia=_numbers(vehicle.inertia_kgm2))
+    for sphere in vehicle.contact_spheres:
+        ET.SubElement(
+            body,
+            "geom",
+            name=f"vehicle_{sphere.name}",
+            type="sphere",
+            pos=_numbers(sphere.position_m),
+            size=repr(sphere.radius_m),
+            contype=str(_VEHICLE_BIT),
+            conaffinity=str(_SCENE_BIT),
+        )
+    if not scene.plain:
+        _add_map(root, world, load_world(scene), scene_bits)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _add_map(root: ET.Element, worldbody: ET.Element, world: World, bits: dict[str, str]) -> None:
+    """Add the solid geoms of a map in its order: static ones first."""
+    model, placed = world.model, solid_geoms(world)
+    asset = ET.SubElement(root, "asset")
+    kind_names = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")): kind for kind in _KINDS}
+    used: set[str] = set()
+    bodies: dict[int, ET.Element] = {0: worldbody}
+    for geom, body, position, quaternion in zip(
+        placed.geom.tolist(), placed.body.tolist(), placed.position, placed.quaternion, strict=True
+    ):
+        if body not in bodies:
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body)
+            bodies[body] = ET.SubElement(worldbody, "body", name=name, mocap="true")
+        kind = kind_names[int(model.geom_type[geom])]
+        attributes = {"type": kind, "pos": _numbers(position), "quat": _numbers(quaternion)} | bits
+        if kind in ("mesh", "hfield"):
+            attributes[kind] = f"{kind}_{model.geom_dataid[geom]}"
+            if attributes[kind] not in used:
+                used.add(attributes[kind])
+                (_add_mesh if kind == "mesh" else _add_hfield)(asset, model, geom, attributes[kind])
+        else:
+            attributes["size"] = _numbers(model.geom_size[geom]) if kind != "plane" else "0 0 1"
+        ET.SubElement(bodies[body], "geom", attributes)
+
+
+_KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+
+
+def _add_mesh(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) -> None:
+    """Add the corners of the mesh's convex hull."""
+    mesh = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    corners = model.mesh_vert[first : first + count]
+    graph = int(model.mesh_graphadr[mesh])
+    if (
+        graph >= 0
+    ):  # the graph: numbers of corners and faces, starts of the edge lists, then the corners as vertex numbers
+        hull = int(model.mesh_graph[graph])
+        corners = corners[model.mesh_graph[graph + 2 + hull : graph + 2 + 2 * hull]]
+    ET.SubElement(asset, "mesh", name=name, inertia="shell", vertex=_numbers(corners.astype(np.float64).ravel()))
+
+
+def _add_hfield(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) -> None:
+    """Add a height field; `build_model` fills in the heights."""
+    field = int(model.geom_dataid[geom])
+    ET.SubElement(
+        asset,
+        "hfield",
+        name=name,
+        nrow=str(model.hfield_nrow[field]),
+        ncol=str(model.hfield_ncol[field]),
+        size=_numbers(model.hfield_size[field]),
+    )
+
+
+_CACHED = 4  # contact models of maps; one takes up to a second to compile
+_models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = OrderedDict()
+
+
+def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
+    """Return a compiled model that belongs to the caller: nq 7, nv 6."""
+    if scene.plain:
+        return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+    world = load_world(scene)
+    what = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"
+    key = (id(world.model), what, contact_step_s)
+    if key not in _models:
+        model = mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+        for field in range(model.nhfield):
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
+            source = int(name.removeprefix("hfield_"))
+            start, count = int(model.hfield_adr[field]), int(model.hfield_nrow[field] * model.hfield_ncol[field])
+            there = int(world.model.hfield_adr[source])
+            model.hfield_data[start : start + count] = world.model.hfield_data[there : there + count]
+        _models[key] = (world, model)  # holds the world too: the id of its model is part of the key
+        while len(_models) > _CACHED:
+            _models.popitem(last=False)
+    return copy.copy(_models[key][1])
+
+
+def soften_contact(model: mujoco.MjModel, contact_step_s: float) -> None:
+    """Set step and contact softness of a compiled model."""
+    model.opt.timestep = contact_step_s
+    model.geom_solref[:, 0] = _CONTACT_STEPS * contact_step_s

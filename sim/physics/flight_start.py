@@ -1,0 +1,16 @@
+"""Start of a flight: pose of the vehicle and time of the scene at tick 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from signals.samples import Vec3
+
+
+@dataclass(frozen=True)
+class FlightStart:
+    """Pose of the vehicle at tick 0: level, at rest, rotors stopped."""
+
+    p_WB: Vec3 | None = None  # None: standing on the ground at W's origin
+    yaw_rad: float = 0.0  # counter-clockwise from east
+    t_ns: int = 0  # time of the scene, which poses its actors

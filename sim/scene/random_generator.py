@@ -1,0 +1,65 @@
+"""Random numbers of a scene: named streams of uniform draws, read in order.
+
+Each feature (trees, people, houses, light) draws from a generator of its own, so that a change to one leaves the
+others where they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+from signals._kernel import det_pow
+from signals.noise import NoiseStream
+
+T = TypeVar("T")
+
+
+class RandomGenerator:
+    """Uniform draws of stream `map.<name>` under `seed`, one after the other."""
+
+    def __init__(self, seed: int, name: str) -> None:
+        self._stream = NoiseStream(seed, f"map.{name}")
+        self._block: list[float] = []
+        self._next_block = 0
+
+    def unit(self) -> float:
+        """Draw evenly on (0, 1)."""
+        if not self._block:
+            self._block = self._stream.uniform_block(self._next_block)[::-1, 0].tolist()
+            self._next_block += 1
+        return self._block.pop()
+
+    def between(self, low: float, high: float) -> float:
+        """Draw evenly on (low, high)."""
+        return low + (high - low) * self.unit()
+
+    def log_between(self, low: float, high: float) -> float:
+        """Draw evenly in the logarithm: 1 to 10 is as likely as 10 to 100. Both limits are above 0."""
+        value = low * det_pow(high / low, self.unit())
+        return min(max(value, low), high)
+
+    def index(self, count: int) -> int:
+        """Draw a whole number in 0 .. count-1."""
+        return min(int(self.unit() * count), count - 1)
+
+    def pick(self, options: Sequence[T]) -> T:
+        """Draw one of `options`, each as likely as the others."""
+        return options[self.index(len(options))]
+
+    def chance(self, probability: float) -> bool:
+        """Return True with this probability."""
+        return self.unit() < probability
+
+    def shuffled(self, items: Sequence[T]) -> list[T]:
+        """Return the items in a random order (Fisher-Yates)."""
+        result = list(items)
+        for i in range(len(result) - 1, 0, -1):
+            j = self.index(i + 1)
+            result[i], result[j] = result[j], result[i]
+        return result
+
+
+def feature_rng(seed: int, feature: str, *names: object) -> RandomGenerator:
+    """Return the generator of one feature of `randomize`; further names give each surface, person or sensor its own."""
+    return RandomGenerator(seed, ".".join(("randomize", feature, *map(str, names))))

@@ -1,0 +1,265 @@
+"""Compiles the map of a scene to a `World`.
+
+The map comes from one of three sources: a generator with a seed, the user's own MJCF file, or the plain ground plane
+and boxes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from signals.documents.validate import nearest, validate
+from signals.errors import ConfigError, Problem
+from sim.scene import semantics
+from sim.scene.classes import MAX_CLASSES, class_table
+from sim.scene.map_file import MapFile, read_map_file
+from sim.scene.map_section import GeneratedMap, MjcfMap
+from sim.scene.maps.scene_map import SceneMap, Surface
+from sim.scene.scene import Box, Scene
+from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
+from sim.scene.world import VEHICLE, World
+
+_SHAPES = tuple(
+    int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
+    for kind in ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
+)
+# MuJoCo draws a plane of size 0 without end.
+_GROUND = '<geom name="ground" type="plane" size="0 0 1"/>'
+
+
+@dataclass(frozen=True)
+class MapSource:
+    """Section of the scene that gives the map, with its MJCF file if it names one."""
+
+    section: GeneratedMap | MjcfMap | None
+    file: MapFile | None = None
+    text: str = ""
+
+    def key(self, scene: Scene) -> str:
+        """Return a hash of everything that the compiled map depends on."""
+        parts: dict[str, Any] = {"map": None, "text": self.text, "boxes": [box.model_dump() for box in scene.boxes]}
+        if self.section is not None:
+            parts["map"] = self.section.model_dump()
+        state = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode())
+        for name, data in (self.file.assets if self.file is not None else {}).items():
+            state.update(name.encode())
+            state.update(hashlib.sha256(data).digest())
+        return state.hexdigest()
+
+
+def map_source(scene: Scene) -> MapSource:
+    """Return the source of a scene's map; an MJCF file is read. Raises ConfigError if the file cannot be used."""
+    section = scene.map
+    if not isinstance(section, MjcfMap):
+        return MapSource(section)
+    folder = scene.file.folder
+    path = folder / section.mjcf
+    try:
+        there = path.expanduser().is_file()
+    except (OSError, RuntimeError, ValueError):
+        there = False
+    if not there:
+        message = f"names a file that does not exist: {section.mjcf}"
+        raise ConfigError([scene.file.problem(("map", "mjcf"), message, f"looked beside {scene.file.document.source}")])
+    file = read_map_file(path.expanduser())
+    return MapSource(section, file, file.text)
+
+
+def compile_source(scene: Scene, source: MapSource) -> World:
+    """Generate or read the map of a scene, add the scene's boxes and compile it. Raises ConfigError."""
+    section = source.section
+    if isinstance(section, GeneratedMap):
+        made = _generated(scene, section)
+        made = replace(made, mjcf=_with_boxes(made.mjcf, scene.boxes))
+        further = tuple(name for name in made.classes if name not in class_table())
+        return compile_map(scene, made, class_table(further))
+    if isinstance(section, MjcfMap):
+        assert source.file is not None
+        return _from_file(scene, section, source.file)
+    text = f"<mujoco><worldbody>{_GROUND}</worldbody></mujoco>"
+    made = SceneMap(_with_boxes(text, scene.boxes), {}, {}, {}, ())
+    return compile_map(scene, made, class_table())
+
+
+def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
+    # Imported here: most flights need none of the many generators.
+    from sim.scene.maps.catalog import GENERATORS
+
+    generator = GENERATORS.get(section.generator)
+    if generator is None:
+        message = f"is unknown: {section.generator!r}"
+        raise ConfigError([scene.file.problem(("map", "generator"), message, nearest(section.generator, GENERATORS))])
+    parameters, problems = validate(generator.parameters, section.parameters, scene.file.document, below=("map",))
+    if parameters is None or problems:
+        raise ConfigError(problems)
+    try:
+        return generator.generate(parameters, section.seed)
+    except ValueError as error:
+        message = f"cannot be generated with these parameters: {error}"
+        raise ConfigError([scene.file.problem(("map",), message)]) from None
+
+
+def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
+    problems = []
+    for name in section.new_classes:
+        if name in class_table() or section.new_classes.count(name) > 1:
+            problems.append(scene.file.problem(("map", "new_classes"), f"holds a class that exists already: {name!r}"))
+    table = class_table(tuple(dict.fromkeys(section.new_classes)))
+    if len(table) > MAX_CLASSES:
+        message = f"holds too many: {MAX_CLASSES} classes in all"
+        problems.append(scene.file.problem(("map", "new_classes"), message))
+    for name in section.classes:
+        if name not in table:
+            hint = nearest(name, table) + ", or add it to map.new_classes"
+            problems.append(scene.file.problem(("map", "classes", name), "is not a class", hint))
+        elif name == "none":
+            problems.append(
+                scene.file.problem(("map", "classes", name), "cannot be assigned: it is the class of nothing")
+            )
+    surfaces: dict[str, Surface] = {}
+    for material, value in section.surfaces.items():
+        if not isinstance(value, str):
+            surfaces[material] = value.surface
+        elif value in SURFACES:
+            surfaces[material] = SURFACES[value]
+        else:
+            hint = nearest(value, SURFACES)
+            problems.append(
+                scene.file.problem(("map", "surfaces", material), f"is an unknown surface: {value!r}", hint)
+            )
+    for element in file.root.walk():
+        if element.tag == "freejoint" or (element.tag == "joint" and element.attributes.get("type") == "free"):
+            message = "holds a free joint, but only the vehicle may fly, and the bench adds it"
+            problems.append(Problem(element.where, message, "remove the joint: the body is then static"))
+        elif element.tag == "body" and element.attributes.get("name") == VEHICLE:
+            message = f"holds a body named {VEHICLE!r}, the name of the body that the bench adds"
+            problems.append(Problem(element.where, message, "remove it, or rename it if it is scenery"))
+    if problems:
+        raise ConfigError(problems)
+    text = file.text
+    if section.ground:
+        text = _put(text, _GROUND)
+    made = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
+    return compile_map(scene, made, table, file)
+
+
+def _with_boxes(mjcf: str, boxes: tuple[Box, ...]) -> str:
+    for box in boxes:
+        centre = " ".join(repr(float(v)) for v in box.center_m)
+        half = " ".join(repr(0.5 * float(v)) for v in box.size_m)
+        mjcf = _put(mjcf, f'<geom name={quoteattr(box.name)} type="box" pos="{centre}" size="{half}"/>')
+    return mjcf
+
+
+def _put(mjcf: str, element: str) -> str:
+    """Return the text with `element` at the end of its worldbody. No line is added, so line numbers stay true."""
+    place = mjcf.rfind("</worldbody>")
+    if place < 0:
+        end = mjcf.rfind("</mujoco>")
+        return f"{mjcf[:end]}<worldbody>{element}</worldbody>{mjcf[end:]}" if end >= 0 else _opened(mjcf, element)
+    return mjcf[:place] + element + mjcf[place:]
+
+
+def _opened(mjcf: str, element: str) -> str:
+    """Return the text of an empty element, <mujoco .../>, with `element` as its worldbody."""
+    return re.sub(r"/>\s*$", f"><worldbody>{element}</worldbody></mujoco>", mjcf)
+
+
+def compile_map(
+    scene: Scene, made: SceneMap, table: Mapping[str, tuple[int, int, int]], file: MapFile | None = None
+) -> World:
+    """Compile a map and number its classes, instances and surfaces; raises ConfigError.
+
+    `table` gives the classes and their colours, by class id; `file`: the user's MJCF file, for its line numbers.
+    """
+    mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
+    try:
+        model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+    except (ValueError, mujoco.FatalError, UnicodeError) as error:
+        problem = file.problem(str(error)) if file is not None else None
+        raise ConfigError(
+            [problem or scene.file.problem(("map",), f"cannot be compiled: {' '.join(str(error).split())}")]
+        ) from None
+    finally:
+        mujoco.set_mju_user_warning(None)
+    names = semantics.Names.of(model)
+    number_of = {name: number for number, name in enumerate(table)}
+    problems = []
+    geom_class, idle = semantics.classes(model, names, made.classes, number_of)
+    if file is not None:
+        for name, index in idle:
+            pattern = made.classes[name][index]
+            known = [*names.bodies[1:], *names.geoms]
+            message = f"matches nothing in the map: {pattern!r}"
+            hint = nearest(pattern, [word for word in known if word], listed=False)
+            problems.append(scene.file.problem(("map", "classes", name, index), message, hint))
+        for material in made.surfaces:
+            if material not in names.materials:
+                message = "is not a material of the map"
+                problems.append(
+                    scene.file.problem(("map", "surfaces", material), message, nearest(material, names.materials))
+                )
+        problems += _unfit(model, names, file)
+    if problems:
+        raise ConfigError(problems)
+    try:
+        geom_instance, instance_names = semantics.instances(names, made.actors)
+        geom_surface, surfaces = semantics.surfaces(model, names, made.surfaces, DEFAULT_SURFACE)
+    except ValueError as error:
+        raise ConfigError([scene.file.problem(("map",), str(error))]) from None
+    return World(
+        scene,
+        made,
+        model,
+        tuple(table),
+        tuple(table.values()),
+        instance_names,
+        surfaces,
+        read_only(geom_class),
+        read_only(geom_instance),
+        read_only(geom_surface),
+        read_only(semantics.visible(model)),
+    )
+
+
+def _ignore(_warning: str) -> None:
+    """Drop a warning of MuJoCo: those of a map that compiles concern its dynamics, which are not used."""
+
+
+def _unfit(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list[Problem]:
+    """List parts of a compiled model that the bench cannot simulate; defaults, sub-models and replicas may add them."""
+    problems = []
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist():
+        body = names.bodies[model.jnt_bodyid[joint]]
+        message = "has a free joint, but only the vehicle may fly, and the bench adds it"
+        problems.append(Problem(file.where("body", body), f"body {body!r} {message}"))
+    if VEHICLE in names.bodies:
+        message = f"holds a body named {VEHICLE!r}, the name of the body that the bench adds"
+        problems.append(Problem(file.where("body", VEHICLE), message))
+    for geom in np.flatnonzero(~np.isin(model.geom_type, _SHAPES)).tolist():
+        message = f"geom {names.geoms[geom]!r} is of a type that the bench does not simulate (sdf?)"
+        problems.append(Problem(file.where("geom", names.geoms[geom]), message, "use a mesh or a primitive"))
+    if model.nflex:
+        problems.append(Problem(file.root.source, "holds a flexible body, which the bench does not simulate"))
+    for body in np.flatnonzero(model.body_mocapid >= 0).tolist():
+        if names.parent[body] != 0:
+            problems.append(Problem(file.where("body", names.bodies[body]), "is a mocap body inside another body"))
+    if not all(np.all(np.isfinite(a)) for a in (model.geom_pos, model.geom_quat, model.body_pos, model.geom_size)):
+        problems.append(Problem(file.root.source, "holds a pose or size that is not finite once compiled"))
+    return problems
+
+
+def read_only(array: NDArray) -> NDArray:
+    """Return the array itself, locked against writing."""
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,74 @@
+"""One number for waypoints: run.json, console, report, picture, `hil check` and dashboard count the same ones."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+from websockets.sync.client import connect
+
+from hil.config import load_bench
+from hil.config.missions.path import plan_points, planned_path
+from hil.run.recorder.track import Track
+from hil.run.report.figures import draw_path
+from tests.e2e.test_command_line import hil
+from tests.e2e.test_dashboard_server import Hil
+
+BENCH = """mission: rigs/missions/rectangle.plan
+autopilot: {transport: loopback}
+record: {mcap: false, tlog: false, report: true}
+"""
+
+
+def states_of(host: str) -> list[dict[str, Any]]:
+    """The state of every update that a page gets, up to the end of the run."""
+    states = []
+    with connect(f"ws://{host}/live") as page:
+        while True:
+            page.send('{"kind": "next"}')
+            data = page.recv(60.0)
+            assert isinstance(data, bytes)
+            update = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
+            if "waypoints" in update["state"]:
+                states.append(update["state"])
+            if update["result"] is not None:
+                return states
+
+
+@pytest.mark.parametrize(
+    ("settings", "end"),
+    [
+        ("", (6, 6)),
+        ("duration_s: 30\n", (1, 6)),
+    ],
+    ids=["pass", "fail"],
+)
+def test_every_place_shows_the_same_count(tmp_path: Path, settings: str, end: tuple[int, int]) -> None:
+    run = Hil(tmp_path, "run", "--dash", "--dash-port", "0", bench=BENCH + settings)
+    states = states_of(run.host)
+    console, errors = run.process.communicate(timeout=60.0)
+    assert run.process.returncode == (0 if end[0] == end[1] else 1), errors
+    folder = tmp_path / "runs" / "latest"
+    mission = json.loads((folder / "run.json").read_text())["mission"]
+    assert (mission["reached"], mission["waypoints"]) == end
+    text = f"{end[0]} of {end[1]}"
+    in_flight = [int(n) for n in re.findall(r"(\d+) of 6 waypoints$", console, re.MULTILINE)]
+    assert in_flight[0] == 0
+    assert in_flight == sorted(in_flight)
+    assert in_flight[-1] <= end[0]
+    assert re.search(rf"^waypoints +{text}", console, re.MULTILINE)
+    assert f"<td>Waypoints reached</td><td>{text}</td>" in (folder / "report.html").read_text()
+    assert {state["waypoints"] for state in states} == {end[1]}
+    assert states[-1]["reached"] == end[0]
+    bench = load_bench(folder / "bench.yaml")
+    assert bench.mission is not None
+    axes = Figure().add_subplot()
+    draw_path(axes, Track(bench.config.tick_ns).arrays(), plan_points(planned_path(bench.mission, bench.scene)))
+    labels = [label for drawn in axes.texts for label in drawn.get_text().split(", ")]
+    assert sorted(labels) == [*map(str, range(1, end[1] + 1)), "landing", "take-off"]
+    checked = hil("check", str(folder / "bench.yaml"))
+    assert f", {end[1]} waypoints, " in checked.stdout

@@ -1,0 +1,73 @@
+"""`hil detect` on the command line: what it needs, and what it says where that is missing."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.apps.detect.data_sets import SCENES, plan
+from hil.cli.app import run_command_line
+from tests.worlds.labelled_pictures import write_data_set
+
+FRAMES = [[("person", (10, 20, 14, 34))]] * 5
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_data_set(tmp_path / "set", FRAMES)  # type: ignore[arg-type]
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> str:
+    output = capsys.readouterr()
+    return " ".join((output.out + output.err).split())
+
+
+def test_training_without_pytorch_says_what_to_install(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for name in [
+        n for n in sys.modules if n.startswith("hil.apps.detect.") and n.split(".")[-1] in ("train", "export")
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    assert run_command_line(["detect", "train", str(folder), "--out", str(tmp_path / "out")]) == 2
+    text = said(capsys)
+    assert "needs PyTorch" in text
+    assert "hil-bench[train]" in text
+    assert "Traceback" not in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["SET", "--weights", "missing.onnx"], "missing.onnx: cannot be read"),
+        (["SET", "--weights", "weights.pt"], "a .onnx file"),
+        (["nowhere"], "there is no such folder"),
+        (["SET", "--part", "some"], "is no set of pictures"),
+        (["SET", "--backend", "magic"], "there are opencv, onnxruntime, pytorch"),
+    ],
+)
+def test_what_cannot_be_judged(
+    folder: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [str(folder) if a == "SET" else a for a in arguments]
+    assert run_command_line(["detect", "evaluate", *given, "--quiet"]) == 2
+    text = said(capsys)
+    assert words in text
+    assert "Traceback" not in text
+
+
+def test_series_of_data_sets_are_spread_and_repeat() -> None:
+    plans = [plan(i, 1000) for i in range(120)]
+    assert plans == [plan(i, 1000) for i in range(120)]
+    assert len({p.seed for p in plans}) == len({p.name for p in plans}) == 120
+    assert {p.scene for p in plans} == set(SCENES)
+    low = [p for p in plans if p.height_m < 6.3]
+    assert 40 <= len(low) <= 80  # even in the logarithm
+    assert all(2.0 <= p.height_m <= 20.0 and 0.0 <= p.pitch_deg <= 90.0 for p in plans)
+    for scene in SCENES:
+        assert len({p.course for p in plans if p.scene == scene}) == 4
+        assert len({p.quality for p in plans if p.scene == scene}) == 3
+    assert all(plan(i, 900_000).seed not in {p.seed for p in plans} for i in range(40))

@@ -1,0 +1,215 @@
+"""Training learns, repeats itself bit by bit, goes on where it was stopped, and leaves files that three libraries run.
+
+Needs PyTorch, which nothing else of the suite does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from hil.apps.detect.pictures import Picture, read_data_sets  # noqa: E402
+from hil.config.companion.clients import add_client_path  # noqa: E402
+from signals.errors import ConfigError  # noqa: E402
+from tests.worlds.labelled_pictures import some_objects, write_data_set  # noqa: E402
+
+add_client_path()
+from hil_companion.detect import decode as numpy_decode  # noqa: E402
+from hil_companion.detect.detector import Detector  # noqa: E402
+from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
+
+from hil.apps.detect.training import train  # noqa: E402
+from hil.apps.detect.training.batches import COMMON_SHARE, Batches, repeat_factors  # noqa: E402
+from hil.apps.detect.training.export import export, folded, with_threshold  # noqa: E402
+from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe  # noqa: E402
+from hil.apps.detect.training.loss import QualityFocal, boxes_px, detection_loss, overlaps  # noqa: E402
+from hil.apps.detect.training.model import SsdLite, by_anchor  # noqa: E402
+
+QUICK: dict[str, Any] = {"epochs": 2, "batch": 2, "min_objects": 1, "threads": 1, "validate_every": 2}
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Picture]:
+    rng = np.random.default_rng(2)
+    frames = [some_objects(rng) for _ in range(4)]
+    return read_data_sets([write_data_set(tmp_path_factory.mktemp("data") / "set", frames)])
+
+
+def _run(training: train.Training) -> list[train.Epoch]:
+    epochs: list[train.Epoch] = []
+    training.run(on_step=lambda *_: None, on_epoch=epochs.append)
+    return epochs
+
+
+def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(
+    pictures: list[Picture], tmp_path: Path
+) -> None:
+    whole = train.Training(pictures, pictures[:2], train.Settings(**QUICK), out=tmp_path / "whole")
+    epochs = _run(whole)
+    assert [e.number for e in epochs] == [1, 2]
+    assert [e.evaluation is not None for e in epochs] == [False, True]
+
+    stopped = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path / "stopped")
+
+    class Stop(Exception):
+        pass
+
+    def stop(_: train.Epoch) -> None:
+        raise Stop
+
+    with pytest.raises(Stop):
+        stopped.run(on_step=lambda *_: None, on_epoch=stop)
+    resumed = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path / "stopped")
+    assert resumed.resume()
+    assert resumed.epochs_done == 1
+    _run(resumed)
+    assert resumed.weights_digest() == whole.weights_digest()
+    other = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "stopped")
+    with pytest.raises(ConfigError, match="other settings"):
+        other.resume()
+    assert not train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path / "new").resume()
+    # Weights of one training begin another.
+    assert other.load_weights(tmp_path / "stopped" / train.CHECKPOINT)[0] > 50
+    torch.save({"some": torch.zeros(3)}, tmp_path / "other.pt")
+    with pytest.raises(ConfigError, match="no weights that fit"):
+        other.load_weights(tmp_path / "other.pt")
+    (tmp_path / "broken.pt").write_bytes(b"nothing")
+    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+        other.load_weights(tmp_path / "broken.pt")
+    with pytest.raises(ConfigError, match="cannot be read"):
+        other.load_weights(tmp_path / "missing.pt")
+
+
+def test_steps_on_the_same_pictures_make_the_loss_small(pictures: list[Picture], tmp_path: Path) -> None:
+    training = train.Training(pictures, [], train.Settings(**{**QUICK, "batch": 4}), out=tmp_path)
+    (batch,) = training.batches.epoch(0)
+    losses = [training._step(batch, 2e-3) for _ in range(12)]
+    assert losses[-1][1] < 0.75 * losses[0][1]  # of boxes
+    assert sum(losses[-1]) < 0.8 * sum(losses[0])
+
+
+def test_settings_and_classes_that_cannot_be(pictures: list[Picture], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--epochs"):
+        train.Settings(epochs=0)
+    with pytest.raises(ConfigError, match="fp32 or bf16"):
+        train.Settings(precision="int8")
+    with pytest.raises(ConfigError, match="no class has 1000 objects"):
+        train.Training(pictures, [], train.Settings(min_objects=1000), out=tmp_path)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Not trained, but with outputs spread wide, so that there are boxes."""
+    torch.manual_seed(3)
+    net = SsdLite(3, [v.per_place for v in LEVELS])
+    for head in net.heads:
+        head[-1].weight.data.mul_(60.0)
+        head[-1].bias.data.zero_()
+    net.train()
+    with torch.no_grad():
+        net(torch.randn(4, 3, INPUT_PX[1], INPUT_PX[0]))  # statistics of its own
+    path = tmp_path_factory.mktemp("model") / "net.onnx"
+    return net.eval(), export(net, path, ("a", "b", "c"), threshold=0.3)
+
+
+def test_folding_changes_rounding_alone(model: Any) -> None:
+    net, _ = model
+    blob = torch.randn(1, 3, INPUT_PX[1], INPUT_PX[0])
+    with torch.no_grad():
+        for before, after in zip(net(blob), folded(net)(blob), strict=True):
+            assert torch.allclose(before, after, atol=2e-3, rtol=2e-3)
+    assert not any(isinstance(m, torch.nn.BatchNorm2d) for m in folded(net).modules())
+
+
+@pytest.mark.parametrize("backend", ["opencv", "onnxruntime", "pytorch"])
+def test_back_ends_find_the_same_boxes_as_the_network(model: Any, backend: str) -> None:
+    pytest.importorskip({"opencv": "cv2", "onnxruntime": "onnxruntime", "pytorch": "torch"}[backend])
+    net, file = model
+    detector = Detector(file, backend, threads=1)
+    detector.warm_up()
+    rgb = np.random.default_rng(1).integers(0, 255, (240, 320, 3)).astype(np.uint8)
+    blob = torch.from_numpy(detector.blob(rgb).copy())
+    with torch.no_grad():
+        maps = [m.numpy() for m in net(blob)]
+    expected = numpy_decode.decode(file, *numpy_by_anchor(file.levels, file.input_px, maps, 3), (320, 240))
+    found = detector.detect(rgb)
+    assert len(expected) > 5
+    for e in expected:
+        same = [f for f in found if f.label == e.label and np.abs(np.subtract(f.box_px, e.box_px)).max() < 1.0]
+        assert same or e.score < 0.32, e
+
+
+def test_the_description_carries_the_threshold(model: Any) -> None:
+    _, file = model
+    assert with_threshold(file, 0.4321).score_threshold == 0.4321
+    assert with_threshold(file, 0.3).sha256 == file.sha256
+
+
+def test_torch_and_numpy_decode_alike() -> None:
+    torch.manual_seed(1)
+    anchors = describe(Path("x.onnx"), ("a",)).anchors_px
+    offsets = torch.randn(len(anchors), 4) * 5
+    ours = boxes_px(torch.from_numpy(anchors), offsets).numpy()
+    np.testing.assert_allclose(ours, numpy_decode.boxes_px(anchors, offsets.numpy()), rtol=1e-4, atol=1e-3)
+    maps = [torch.randn(1, v.per_place * 9, *v.places(INPUT_PX)[::-1]) for v in LEVELS]
+    logits, moved = by_anchor(maps, 5)
+    numbers = numpy_by_anchor(LEVELS, INPUT_PX, [m.numpy() for m in maps], 5)
+    np.testing.assert_array_equal(logits[0].numpy(), numbers[0])
+    np.testing.assert_array_equal(moved[0].numpy(), numbers[1])
+
+
+def test_overlap_against_figures_worked_out_by_hand() -> None:
+    a = torch.tensor([[0.0, 0.0, 2.0, 2.0], [0.0, 0.0, 1.0, 1.0]])
+    b = torch.tensor([[1.0, 0.0, 3.0, 2.0], [3.0, 0.0, 4.0, 1.0]])
+    iou, giou = overlaps(a, b)
+    assert iou.tolist() == pytest.approx([1.0 / 3.0, 0.0])
+    assert giou.tolist() == pytest.approx([1.0 / 3.0, -0.5])
+
+
+def test_the_loss_is_least_where_scores_are_overlaps_and_ignores_difficult_objects() -> None:
+    anchors = torch.tensor([[10.0, 10.0, 8.0, 8.0], [30.0, 10.0, 8.0, 8.0], [50.0, 10.0, 8.0, 8.0]])
+    found = torch.tensor([[0, -1, -2]])
+    target = torch.zeros(1, 3, 4)
+    target[0, 0] = torch.tensor([6.0, 6.0, 14.0, 14.0])
+    offsets = torch.zeros(1, 3, 4)
+    good = torch.tensor([[[20.0], [-20.0], [20.0]]])  # the third may say what it likes
+    scores, boxes = detection_loss(good, offsets, anchors, found, target)
+    assert float(scores) < 1e-6
+    assert float(boxes) < 1e-6
+    for wrong in ([[[-20.0], [-20.0], [0.0]]], [[[20.0], [20.0], [0.0]]]):
+        assert float(detection_loss(torch.tensor(wrong), offsets, anchors, found, target)[0]) > 10.0
+    empty = detection_loss(good * 0 - 20.0, offsets, anchors, torch.full((1, 3), -1), target)
+    assert float(empty[0] + empty[1]) < 1e-6
+
+
+def test_the_gradient_of_the_scores_loss_is_that_of_its_formula() -> None:
+    torch.manual_seed(2)
+    logits = (3.0 * torch.randn(2, 40, 5, dtype=torch.float64)).requires_grad_()
+    wanted = torch.rand(2, 40, 5, dtype=torch.float64) * (torch.rand(2, 40, 5) > 0.8)
+    counted = torch.rand(2, 40, 1) > 0.2
+    own = QualityFocal.apply(logits, wanted, counted)
+    (gradient,) = torch.autograd.grad(own * 0.5, logits)
+    factor = (logits.detach().sigmoid() - wanted).square()
+    formula = (factor * (torch.nn.functional.softplus(logits) - logits * wanted) * counted).sum()
+    (expected,) = torch.autograd.grad(formula * 0.5, logits)
+    torch.testing.assert_close(own, formula.detach())
+    torch.testing.assert_close(gradient, expected)
+
+
+def test_pictures_of_rare_things_are_drawn_more_often(pictures: list[Picture]) -> None:
+    rare, common = pictures[0], pictures[1]
+    many = [replace(common, labels=("vehicle",) * 3)] * 95 + [replace(rare, labels=("person",) * 3)] * 5
+    factors = repeat_factors(many)
+    assert factors.mean() == pytest.approx(1.0)
+    assert factors[-1] / factors[0] == pytest.approx((COMMON_SHARE / 0.05) ** 0.5)
+    batches = Batches(None, None, many, size=10, seed=1)  # type: ignore[arg-type]
+    orders = [batches._order(np.random.default_rng(k)) for k in range(40)]
+    assert {len(order) for order in orders} == {100}
+    drawn = np.mean([(order >= 95).sum() for order in orders])
+    assert drawn == pytest.approx(5.0 * factors[-1], rel=0.15)

@@ -1,0 +1,293 @@
+"""The pytest plugin in projects of its own: what it flies, what it refuses, what it leaves behind."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import pytest
+
+import hil.run.bench_run
+import hil.run.report.page  # noqa: F401 (both: the projects run in this process, which imports numpy only once)
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from firmware_bridge.codecs.messages import message_class, pack
+from hil.apps.pytest_plugin import Run, health
+
+pytest_plugins = "pytester"
+
+ROOT = Path(__file__).resolve().parents[4]
+# Two simulated seconds on the ground: a run like any other, in a tenth of a second. Its verdict is FAIL.
+SHORT = """
+rig: mock
+autopilot: {transport: loopback}
+record: {mcap: false}
+duration_s: 2
+"""
+
+
+@pytest.fixture
+def project(pytester: pytest.Pytester) -> pytest.Pytester:
+    """A project with a bench file, a mission and an empty set of options."""
+    pytester.makefile(".yaml", hil=SHORT)
+    shutil.copy(ROOT / "rigs/missions/square.waypoints", pytester.path)
+    return pytester
+
+
+def fly(project: pytest.Pytester, test: str, *options: str) -> pytest.RunResult:
+    project.makepyfile(test_it="import pytest\n" + test)
+    return project.runpytest_inprocess("-p", "hil.apps.pytest_plugin", "-p", "no:cacheprovider", *options)
+
+
+def kept(project: pytest.Pytester) -> list[str]:
+    return sorted(path.parent.name for path in project.path.glob("hil-artifacts/**/run.json"))
+
+
+def test_it_loads_nothing_of_the_bench() -> None:
+    program = "import sys, hil.apps.pytest_plugin; print([m for m in %r if m in sys.modules])"
+    heavy = ["numpy", "mujoco", "pydantic", "pymavlink", "hil.run.bench_run", "hil.config", "matplotlib"]
+    done = subprocess.run([sys.executable, "-c", program % heavy], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_tests_that_do_not_use_it_are_untouched(project: pytest.Pytester) -> None:
+    project.makefile(".yaml", hil="not: a bench")
+    result = fly(project, "def test_a(): pass\ndef test_b(): assert 0\n", "--strict-markers", "--hil-rig", "nonsense")
+    result.assert_outcomes(passed=1, failed=1)
+    assert "hil runs" not in result.stdout.str()
+    assert kept(project) == []
+
+
+def test_a_clean_flight_passes_and_leaves_nothing_behind(project: pytest.Pytester) -> None:
+    test = """
+    def test_ground(rig, mission):
+        run = rig.fly(mission("square.waypoints"), seed=3)
+        assert (run.status, run.passed, run.seed, run.reached) == ("FAIL", False, 3, 0)
+        assert run.reasons[0] == "reached 0 of 5 waypoints"
+        assert (run.out / "flight.tlog").is_file()
+        assert run.measurements["max_cross_track_m"] is None
+        with pytest.raises(AssertionError, match="never measured: reached 0 of 5"):
+            run.max_cross_track_m
+        with pytest.raises(AttributeError, match="'nonsense'; it has: .*completed"):
+            run.nonsense
+        assert rig.name == "mock" and {"gps", "imu", "barometer"} <= rig.features
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=1)
+    assert not (project.path / "hil-artifacts").exists()
+    result = fly(project, dedent(test), "--hil-keep", "--hil-artifacts", "hil-artifacts/nightly")
+    result.assert_outcomes(passed=1)
+    assert kept(project) == ["run-1"]
+    assert list(project.path.glob("hil-artifacts/nightly/test_it.py/test_ground/run-1/report.html"))
+
+
+def test_a_failed_test_keeps_its_runs_and_says_where(project: pytest.Pytester) -> None:
+    test = """
+    @pytest.mark.parametrize("seed", [4, 5])
+    def test_two(rig, mission, seed):
+        first = rig.fly(mission("square.waypoints"), seed=seed)
+        second = rig.fly(mission("square.waypoints"), seed=seed)
+        assert first.digest == second.digest
+        assert seed == 4
+    """
+    result = fly(project, dedent(test), "--junitxml=junit.xml")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(
+        ["*- hil runs -*", "FAIL  digest *test_two-5-/run-1", "again, with a report: hil run *"]
+    )
+    assert kept(project) == ["run-1", "run-2"]
+    cases = ET.parse(project.path / "junit.xml").getroot().iter("testcase")
+    properties = [{p.get("name"): p.get("value") for p in case.iter("property")} for case in cases]
+    assert [p["hil_seed"] for p in properties] == ["4", "5"]
+    for found in properties:
+        assert (found["hil_rig"], found["hil_verdict"], len(found["hil_digest"] or "")) == ("mock", "FAIL", 64)
+        assert found["hil_digest_2"] == found["hil_digest"]
+    assert properties[0]["hil_digest"] != properties[1]["hil_digest"]
+    # A later session that passes clears away what this one left.
+    fly(project, dedent(test).replace("seed == 4", "True")).assert_outcomes(passed=2)
+    assert kept(project) == []
+
+
+def test_a_flight_that_is_not_clean_fails_unless_that_is_declared(project: pytest.Pytester) -> None:
+    test = """
+    def noisy(rig, mission):
+        rig.fly(mission("square.waypoints"), settings=["autopilot.faults.noise_at_s=1"])
+
+    def test_noise(rig, mission):
+        noisy(rig, mission)
+
+    @pytest.mark.hil_allow("late", "garbage")
+    def test_allowed(rig, mission):
+        noisy(rig, mission)
+
+    @pytest.mark.hil_allow("garbag")
+    def test_unknown(rig):
+        pass
+
+    def test_own_failure_comes_first(rig, mission):
+        noisy(rig, mission)
+        assert 0, "mine"
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=1, failed=2, errors=1)
+    # On a CI machine pytest repeats every message whole in its summary.
+    text = result.stdout.str().partition("short test summary info")[0]
+    assert text.count("\n  garbage: ") == 1
+    assert "hil_allow: 'garbag' is none of crc_errors, garbage," in text
+    assert kept(project) == ["run-1", "run-1"]
+
+
+def test_a_run_that_breaks_is_an_error_of_the_bench(project: pytest.Pytester) -> None:
+    test = """
+    from hil.apps.pytest_plugin import BenchError
+    STALL = ["autopilot.faults.stall_at_s=1", "autopilot.reply_timeout_s=0.05"]
+
+    def test_stall(rig, mission):
+        rig.fly(mission("square.waypoints"), settings=STALL)
+        raise SystemExit("not reached")
+
+    @pytest.mark.hil_allow("error")
+    def test_allowed(rig, mission):
+        assert rig.fly(mission("square.waypoints"), settings=STALL).json["error"]["type"] == "LockstepLost"
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*BenchError: LockstepLost: *", "*the run is in *"])
+
+
+def test_features_decide_what_is_skipped(project: pytest.Pytester) -> None:
+    test = """
+    @pytest.mark.hil_feature("gps", "magnetometer")
+    def test_has(): pass
+
+    @pytest.mark.hil_feature("gps")
+    @pytest.mark.hil_feature("jtag", "optical_flow")
+    def test_has_not(): raise AssertionError
+    """
+    result = fly(project, dedent(test), "-rs", "--strict-markers")
+    result.assert_outcomes(passed=1, skipped=1)
+    result.stdout.fnmatch_lines(["*rig 'mock' has no jtag and no optical_flow; it has: baro, *"])
+    result = fly(project, dedent(test), "--hil-set", "features=[jtag, optical_flow]")
+    result.assert_outcomes(passed=1, failed=1)
+
+
+def test_the_command_line_wins(project: pytest.Pytester) -> None:
+    test = """
+    @pytest.mark.rig("no_such_rig")
+    def test_it(rig, mission):
+        assert rig.fly(mission("square.waypoints"), seed=1, settings=["duration_s=1"]).seed == 99
+        assert rig.runs[0].json["sim_s"] == 0.5
+    """
+    options = ("--hil-rig", "mock", "--hil-seed", "99", "--hil-set", "duration_s=0.5")
+    fly(project, dedent(test), *options).assert_outcomes(passed=1)
+    result = fly(project, dedent(test))
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*is unknown: 'no_such_rig'*"])
+    result = fly(project, dedent(test), *options, "--hil-config", "missing.yaml")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*missing.yaml: no such file*"])
+
+
+def test_files_that_are_wrong_fail_with_every_problem(project: pytest.Pytester) -> None:
+    test = """
+    def test_it(rig, mission):
+        rig.fly(mission("square.waypoints"), settings=["tick_hz=300", "sede=1"])
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*the bench cannot be flown:*", "*tick_hz*300 Hz*", "*did you mean 'seed'?*"])
+
+
+def test_missions_are_found_near_the_test_and_in_the_bench(project: pytest.Pytester) -> None:
+    deep = project.mkpydir("deep")
+    (deep / "missions").mkdir()
+    (deep / "missions" / "near.plan").write_text("{}")
+    (project.path / "up.plan").write_text("{}")
+    (deep / "test_deep.py").write_text(
+        "import pytest\n"
+        "def test_found(mission):\n"
+        "    assert mission('near.plan').parent.name == 'missions'\n"
+        "    assert mission('up.plan').is_file()\n"
+        "    assert mission('rectangle.plan').is_file()\n"
+        "def test_missing(mission):\n"
+        "    mission('nowhere.plan')\n"
+    )
+    result = project.runpytest_inprocess("-p", "hil.apps.pytest_plugin", "deep")
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*there is no mission 'nowhere.plan' beside test_deep.py*"])
+
+
+def test_buses_to_plug_into(project: pytest.Pytester) -> None:
+    test = """
+    def test_desk(hil_desk, hil_usb_bus, hil_serial_ports, hil_hid):
+        board = hil_desk.plug_board(0x3162, 0x0053, product="PX4 Pixhawk6C")
+        assert len(hil_usb_bus.devices()) == 1 and len(hil_serial_ports.ports()) >= 1
+        assert hil_desk.find().autopilots[0].port.startswith("/dev/tty")
+        hil_desk.unplug(board)
+        assert not hil_usb_bus.devices() and not hil_hid.interfaces()
+
+    def test_a_desk_is_a_tests_own(hil_usb_bus):
+        assert not hil_usb_bus.devices()
+    """
+    fly(project, dedent(test)).assert_outcomes(passed=2)
+
+
+def test_the_worked_example_of_the_documentation_flies(pytester: pytest.Pytester) -> None:
+    shutil.copytree(ROOT / "docs/examples/firmware_team", pytester.path, dirs_exist_ok=True)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--hil-set", "autopilot.transport=loopback")
+    result.assert_outcomes(passed=3, skipped=1)
+    assert not (pytester.path / "hil-artifacts").exists()
+
+
+@pytest.fixture(autouse=True)
+def bench_on_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the test projects, which run in their own process, import the bench."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+
+
+def test_a_reset_of_the_estimator_in_the_air_is_seen(tmp_path: Path) -> None:
+    heartbeat, odometry = message_class("HEARTBEAT"), message_class("ODOMETRY")
+    statustext = message_class("STATUSTEXT")
+    vehicle, station = FrameEncoder(1, 1), FrameEncoder(255, 190)
+    cov = (0.0,) * 21
+
+    def odo(counter: int) -> Any:
+        return odometry(0, 1, 8, 0, 0, 0, (1, 0, 0, 0), 0, 0, 0, 0, 0, 0, cov, cov, counter)
+
+    ground, armed = heartbeat(2, 12, 1, 0, 3, 3), heartbeat(2, 12, 129, 0, 4, 3)
+    said = [odo(0), ground, odo(1), statustext(6, "EKF2 heading reset"), armed, odo(1), odo(1)]
+    in_the_air = [odo(2), statustext(4, "EKF3 IMU0 yaw reset"), odo(2), statustext(4, "mission reset"), ground, odo(3)]
+
+    def resets(messages: list[Any]) -> int:
+        frames = b""
+        for message in messages:
+            frames += struct.pack(">Q", 0xFD_FE_00_FD_FD) + vehicle.frame(message.MSGID, pack(message))
+            own = heartbeat(6, 8, 0, 0, 4, 3)  # the bench's own, which is never armed
+            frames += struct.pack(">Q", 7) + station.frame(own.MSGID, pack(own))
+        (tmp_path / "flight.tlog").write_bytes(frames)
+        return health(run_of(tmp_path))["estimator_reset"]
+
+    assert resets(said) == 0
+    assert resets(said + in_the_air) == 2
+
+
+def run_of(out: Path, **link: int) -> Run:
+    counts = {"bad_crc": 0, "garbage_bytes": 0, "lost_frames": 0} | {k: v for k, v in link.items() if k != "late"}
+    autopilot = {"late": link.get("late", 0), "link": counts}
+    json = {"status": "PASS", "autopilot": autopilot, "timing": {"paced_ticks_late": 0}, "error": None, "seed": 1}
+    return Run(json | {"digest": "0", "verdict": {"rows": [], "reasons": []}, "mission": {}}, out)
+
+
+@pytest.mark.parametrize(
+    ("counter", "word"),
+    [("bad_crc", "crc_errors"), ("garbage_bytes", "garbage"), ("lost_frames", "lost_frames"), ("late", "late")],
+)
+def test_every_link_counter_is_checked(tmp_path: Path, counter: str, word: str) -> None:
+    assert set(health(run_of(tmp_path)).values()) == {0}
+    found = health(run_of(tmp_path, **{counter: 3}))
+    assert {name: count for name, count in found.items() if count} == {word: 3}

@@ -1,0 +1,69 @@
+"""Commands: one dataclass of options becomes the signature that typer reads, and starting up stays light."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from hil.cli.app import RENAMED_OPTIONS, run_command_line
+from hil.cli.options import QuietOption, takes
+
+
+@dataclass(frozen=True)
+class Greeting:
+    name: Annotated[str, typer.Argument(metavar="WHO")]
+    times: Annotated[int, typer.Option(min=1, help="Repetitions.")] = 2
+    quiet: QuietOption = False
+
+
+def test_a_dataclass_of_options_is_a_commands_signature() -> None:
+    seen: list[Greeting] = []
+
+    @takes(Greeting)
+    def greet(o: Greeting) -> None:
+        """Say hello."""
+        seen.append(o)
+
+    parameters = inspect.signature(greet).parameters
+    assert list(parameters) == ["name", "times", "quiet"]
+    assert parameters["name"].default is inspect.Parameter.empty
+    assert (greet.__name__, greet.__doc__) == ("greet", "Say hello.")
+
+    app = typer.Typer()
+    app.command()(greet)
+    assert CliRunner().invoke(app, ["you", "--times", "3", "-q"]).exit_code == 0
+    assert CliRunner().invoke(app, ["you"]).exit_code == 0
+    assert seen == [Greeting("you", 3, True), Greeting("you")]
+    assert CliRunner().invoke(app, []).exit_code == 2
+    assert CliRunner().invoke(app, ["you", "--times", "0"]).exit_code == 2
+    assert "Say hello." in CliRunner().invoke(app, ["--help"]).output
+
+
+@pytest.mark.parametrize("old", RENAMED_OPTIONS)
+def test_an_old_option_names_the_new_one(old: str, capsys: pytest.CaptureFixture[str]) -> None:
+    new = RENAMED_OPTIONS[old]
+    for arguments in ([old, "3"], [f"{old}=3"]):
+        assert run_command_line(["detect", "train", "set", "--out", "out", *arguments]) == 2
+        assert capsys.readouterr().err == f"error: {old} is now called {new}\n"
+    assert run_command_line(["detect", "train", "--help"]) == 0
+    assert new in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["--help", "run --help", "detect train --help"])
+def test_help_loads_nothing_heavy(command: str) -> None:
+    heavy = ("numpy", "mujoco", "zmq", "scipy", "yaml", "cv2", "matplotlib", "sim", "firmware_bridge")
+    code = (
+        "import sys\n"
+        "from hil.cli.app import run_command_line\n"
+        f"assert run_command_line({command.split()!r}) == 0\n"
+        f"print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stderr == "[]\n"

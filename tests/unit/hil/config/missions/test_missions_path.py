@@ -1,0 +1,64 @@
+"""Legs of a mission in metres."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pymap3d
+import pytest
+
+from hil.config.missions import Mission
+from hil.config.missions.path import MAX_LEGS, LegKind, planned_path
+from signals.mission import MissionItem
+from sim.scene.scene import Scene, Site
+
+SITE = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
+SCENE = Scene(name="s", description="", site=SITE, ground_friction=1.0)
+HOME = (1.0, 2.0, 0.25)
+
+
+def item(command: int, east: float = 0.0, north: float = 0.0, alt: float = 0.0, *, frame: int = 3, p1: float = 0.0,
+         p2: float = 0.0) -> MissionItem:  # fmt: skip
+    latitude, longitude, _ = pymap3d.enu2geodetic(east, north, 0, SITE.latitude_deg, SITE.longitude_deg, 488.0)
+    return MissionItem(0, frame, command, 0, 1, p1, p2, 0.0, 0.0, round(latitude * 1e7), round(longitude * 1e7), alt)
+
+
+def legs(*items: MissionItem):  # type: ignore[no-untyped-def]
+    numbered = tuple(i._replace(seq=n) for n, i in enumerate(items))
+    return planned_path(Mission(Path("m"), numbered), SCENE, home_W=HOME)
+
+
+def test_a_flight_from_take_off_to_landing() -> None:
+    path = legs(item(22, 1, 2, 10), item(178, frame=2), item(16, 40, 2, 10, p2=0.5), item(21, 1, 2, 0))
+    assert [leg.kind for leg in path] == [LegKind.CLIMB, LegKind.FLY, LegKind.APPROACH, LegKind.DESCENT]
+    assert [leg.seq for leg in path] == [0, 2, 3, 3]
+    assert path[0].start_W == HOME
+    assert path[1].end_W == pytest.approx((40, 2, 10.25), abs=0.02)  # 1e-7 deg is a centimetre
+    assert path[3].end_W == pytest.approx(HOME, abs=0.02)
+    assert [leg.acceptance_radius_m for leg in path[:2]] == [2.0, 0.5]
+    assert all(one.end_W == two.start_W for one, two in itertools.pairwise(path))
+
+
+def test_heights_count_from_home_sea_level_or_ground() -> None:
+    path = legs(item(16, 10, 0, 20, frame=3), item(16, 20, 0, 500, frame=0), item(16, 30, 0, 20, frame=10))
+    assert [leg.end_W[2] for leg in path] == [20.25, 12.0, 20.0]
+
+
+def test_open_places_and_return() -> None:
+    nowhere = MissionItem(0, 3, 22, 0, 1, 0, 0, 0, 0, 0, 0, 5.0)
+    path = legs(nowhere, item(16, 30, 0, 8), item(20, frame=2))
+    assert path[0].end_W == (1.0, 2.0, 5.25)
+    assert [leg.kind for leg in path[2:]] == [LegKind.RETURN, LegKind.DESCENT]
+    assert path[-1].end_W == HOME
+    here = nowhere._replace(command=21, alt_m=0.0)
+    assert legs(item(16, 30, 0, 8), here)[-1].end_W == pytest.approx((30, 0, 0.25), abs=0.02)
+
+
+def test_jumps_are_followed_as_often_as_they_say_and_endless_ones_end() -> None:
+    square = (item(16, 0, 0, 5), item(16, 10, 0, 5))
+    assert [leg.seq for leg in legs(*square, item(177, frame=2, p1=0, p2=2))] == [0, 1, 0, 1, 0, 1]
+    *_, last, end = endless = legs(*square, item(177, frame=2, p1=0, p2=-1), item(21))
+    assert len(endless) == MAX_LEGS + 1
+    assert (last.kind, end.kind, end.seq) == (LegKind.FLY, LegKind.ENDLESS, 2)
+    assert [leg.kind for leg in legs(item(177, frame=2, p1=0, p2=-1))] == [LegKind.ENDLESS]

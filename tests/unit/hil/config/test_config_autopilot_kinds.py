@@ -1,0 +1,136 @@
+"""Kinds of autopilot in a bench file: every rig loads; settings that do not fit the kind are named with their line."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.cli.app import app
+from hil.config import load_bench
+from hil.config.files import available
+from hil.config.schema import FIRMWARE_KINDS, LOCKSTEP_KINDS, PROGRAM_KINDS, Autopilot
+from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
+
+RIGS = available("rig", ())
+KINDS = get_args(Autopilot.model_fields["kind"].annotation)
+NEEDS = {
+    "px4_sitl": "autopilot.start=false",
+    "ardupilot_sitl": "autopilot.start=false",
+}
+
+
+def test_each_kind_has_its_rig() -> None:
+    kinds = {load("", rig=rig, settings=[NEEDS[rig]] if rig in NEEDS else []).config.autopilot.kind for rig in RIGS}
+    assert kinds == set(KINDS)
+    assert set(KINDS) >= LOCKSTEP_KINDS | FIRMWARE_KINDS | PROGRAM_KINDS
+    for kind in KINDS:
+        assert callable(import_module(f"hil.run.autopilots.{kind}").make_link)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_each_rig_loads_with_the_default_bench(rig: str) -> None:
+    settings = [NEEDS[rig]] if rig in NEEDS else []
+    bench = load_bench(rig=rig, settings=settings)
+    assert bench.config.rig == rig
+    assert bench.mission is not None
+    assert bench.config.description
+    assert bench.vehicle.rotors
+    if not bench.config.autopilot.lockstep:
+        assert bench.config.pace == 1.0
+    else:
+        assert bench.config.pace is None
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_hil_check_names_what_each_rig_needs(rig: str) -> None:
+    """From an empty folder."""
+
+    def check(*more: str) -> tuple[int, str]:
+        done = CliRunner().invoke(app, ["check", "--rig", rig, *more])
+        return done.exit_code, " ".join(done.output.split())
+
+    if rig in NEEDS:
+        status, said = check()
+        assert status == 2
+        assert f"{rig}.yaml:" in said
+        assert "autopilot.binary must name your own build of the firmware" in said
+        assert "--set autopilot.start=false" in said
+    status, said = check(*(["--set", NEEDS[rig]] if rig in NEEDS else []))
+    assert status == 0, said
+    assert f"ok: rig {rig}," in said
+
+
+HEAD = "rig: {rig}\nautopilot:\n  boot_sensors: 0\n"  # the line under test is line 4
+OTHER = "(leave it out or choose another rig)"
+MOCK = "has no meaning for the mock autopilot (leave it out or choose another rig)"
+
+
+@pytest.mark.parametrize(
+    ("rig", "line", "says"),
+    [
+        ("mock", "  binary: px4", f"autopilot.binary {MOCK}"),
+        ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
+        ("mock_hitl", "  start: false", "autopilot.start is false, but no autopilot.port says where the autopilot is"),
+        ("mock_hitl", "  airframe: x499",
+         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
+        ("mock_hitl", "  params: {MPC_XY_PP: 1}",
+         "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
+        ("mock_hitl", "  transport: loopback",
+         "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
+        ("px4_hitl", "  faults: {die_at_s: 1}",
+         "autopilot.faults are only for the mock autopilot (see faults.links for faults of any link)"),
+        ("px4_hitl", "  binary: px4", f"autopilot.binary has no meaning for px4_hitl {OTHER}"),
+        ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
+        ("px4_sitl", "  binary: no/such/px4", "autopilot.binary names a program that does not exist: no/such/px4"),
+        ("px4_sitl", "  {start: false, port: /dev/ttyACM0}",
+         f"autopilot.port has no meaning for px4_sitl {OTHER}"),
+        ("px4_sitl", "  {start: false, params: {MPC_XY_P: 1}}",
+         "autopilot.params has no effect: the bench does not start the autopilot (autopilot.start is false) "
+         "(give it to the program that you start)"),
+        ("ardupilot_sitl", "  {start: false, env: {A: b}}",
+         f"autopilot.env has no meaning for ardupilot_sitl {OTHER}"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_fit_the_kind_are_named_with_their_line(rig: str, line: str, says: str) -> None:
+    if line.lstrip().startswith("{"):
+        text = f"rig: {rig}\n\n\nautopilot: {line.strip()}\n"
+    else:
+        text = HEAD.format(rig=rig) + line + "\n"
+    assert f"b.yaml:4: {says}" in refused(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("rig: mock_hitl\npace: 2\n",
+         "b.yaml:2: pace must be 1 or null, not 2: a free-running autopilot keeps wall-clock time"),
+        ("rig: ardupilot_sitl\nautopilot: {start: false}\nfaults:\n  links:\n    - {kind: drop, at_s: 1, rate: 1}\n",
+         "b.yaml:4: faults.links cannot be applied to ArduPilot SITL (see faults.sensors and faults.rotors)"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:
+    assert says in refused(text)
+
+
+def test_settings_that_fit_the_kind() -> None:
+    Path("px4").write_text("")
+    text = (
+        "rig: px4_sitl\nautopilot: {binary: px4, params: {ANY_NAME: 3}, env: {A: b}, arguments: [-x], airframe: '1'}\n"
+    )
+    assert load(text).config.autopilot.params == {"ANY_NAME": 3.0}
+    assert load("rig: ardupilot_sitl\nautopilot: {start: false, mavlink_port: 'udp:14550', on_restart: reset}\n")
+    assert (
+        load("rig: px4_hitl\npace: null\nautopilot: {port: /dev/ttyACM0, params: {MPC_XY_P: 1}}\n").config.pace is None
+    )
+    assert load("rig: mock_hitl\nautopilot: {port: /dev/ttyUSB0, start: false}\n")
+    assert load("rig: mock_hitl\nfaults: {links: [{kind: drop, at_s: 1, rate: 0.1}]}\n").config.faults.links
+    assert load("rig: mock\nautopilot: {transport: loopback}\n")
+
+
+def test_names_of_environment_variables_are_checked() -> None:
+    (found,) = refused("rig: px4_sitl\nautopilot:\n  start: false\n  env: {'A=B': c}\n")[:1]
+    assert found == "b.yaml:4: autopilot.env: 'A=B' cannot be an environment variable"

@@ -1,0 +1,200 @@
+"""Parts of a run: every registered one keeps the life cycle, and a bench can name parts of its own."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.config import load_bench
+from hil.run.bench_run import run_bench
+from hil.run.part import Part, RunContext
+from hil.run.parts.catalog import parts_of
+from hil.run.verdict.verdict import UNJUDGED
+from signals.errors import ConfigError
+
+ROOT = Path(__file__).resolve().parents[5]
+SHORT = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
+BENCHES = {
+    "default": ["duration_s=1"],
+    "companion": ["companion.clients=1", "companion.control=true"],
+    "router and manual": ["router.gcs=udp:127.0.0.1:14550", "manual.device=keyboard"],
+    "explore": [],
+    "people_search": [],
+}
+
+
+def parts_by_name() -> dict[str, Part]:
+    """Return one part of every name in the catalogue, from several benches."""
+    found: dict[str, Part] = {}
+    for name, settings in BENCHES.items():
+        rig = name if name in ("explore", "people_search") else None
+        for part in parts_of(load_bench(ROOT / "rigs" / f"{rig}.yaml" if rig else None, settings=settings)):
+            found.setdefault(part.name, part)
+    return found
+
+
+PARTS = parts_by_name()
+
+
+def test_the_catalogue_is_covered_and_names_are_those_of_the_files() -> None:
+    # A file beside the folders is a part that benches name in their section `parts`.
+    files = {path.stem for path in (ROOT / "hil/run/parts").glob("*/[a-z]*.py")}
+    assert set(PARTS) >= files - {"script", "signing"}
+    assert set(PARTS) <= files
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_that_was_never_opened_still_answers_and_closes(name: str) -> None:
+    part = PARTS[name]
+    assert isinstance(dict(part.run_keys()), dict)
+    assert all("what" in row for row in part.skipped(0))
+    assert part.repeatable() in (True, False)
+    assert part.verdict(UNJUDGED).status in ("PASS", "FAIL")
+    part.close()
+    part.close()
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_no_part_overrides_what_does_not_exist(name: str) -> None:
+    public = {method for method in vars(type(PARTS[name])) if not method.startswith("_")}
+    own = {"geometry", "samples_due", "possible", "flying", "autopilot_signing", "link", "reached"}
+    assert public - set(dir(Part)) <= own
+
+
+def test_what_nobody_asked_for_is_not_imported() -> None:
+    code = (
+        "import sys; from hil.config import load_bench; from hil.run.bench_run import parts_of; parts_of(load_bench());"
+        "print([m for m in ('zmq', 'cv2', 'hil.run.parts.judges.goal', 'hil.run.parts.links.router',"
+        " 'hil.apps.dash.part', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+PART = """
+from typing import Annotated
+from pydantic import Field
+from hil.run.part import Part, RunContext
+from signals.documents.validate import Section
+
+
+class Settings(Section):
+    ticks: Annotated[int, Field(ge=1)]
+
+
+class Counter(Part):
+    name = "counter"
+
+    def __init__(self, settings):
+        self.calls, self._left = [], settings.ticks
+
+    def open(self, run):
+        self.calls.append("open")
+
+    def build(self, run):
+        self.calls.append("build")
+
+    def observers(self):
+        return [self.see]
+
+    def see(self, truth):
+        self._left -= 1
+
+    def begin(self, run):
+        self.calls.append("begin")
+
+    def ended(self):
+        return self._left == 0
+
+    def conclude(self, run):
+        self.calls.append("conclude")
+
+    def close(self):
+        self.calls.append("close")
+
+    def verdict(self, verdict):
+        return verdict.with_rows([], ["it was counted"])
+
+    def run_keys(self):
+        return {"counter": list(self.calls)}
+
+
+def make(bench, settings):
+    return Counter(settings)
+"""
+
+
+@pytest.fixture
+def own_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "counter.py").write_text(PART)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    for name in ("mine", "mine.counter"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return tmp_path
+
+
+def test_a_bench_names_a_part_of_the_users_own(own_part: Path) -> None:
+    (own_part / "b.yaml").write_text("parts:\n  mine.counter: {ticks: 25}\n")
+    result = run_bench(load_bench(own_part / "b.yaml", settings=SHORT), own_part / "out", quiet=True)
+    assert result.run["error"] is None
+    assert result.run["sim_s"] == pytest.approx(25 / 250)
+    assert result.run["counter"] == ["open", "build", "begin", "conclude", "close"]
+    assert (result.status, result.run["verdict"]["reasons"][-1]) == ("FAIL", "it was counted")
+    saved = load_bench(own_part / "out" / "bench.yaml")
+    assert saved.config.parts["mine.counter"].ticks == 25
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ("mine.counter: {ticks: 0}", r"b\.yaml:2.*parts\.mine\.counter\.ticks.*1"),
+        ("mine.counter: {tocks: 3}", r"b\.yaml:2.*tocks: unknown key.*ticks"),
+        ("mine.missing: {}", r"b\.yaml:2.*cannot be imported.*mine\.missing"),
+        ("missing: {}", r"b\.yaml:2.*cannot be imported"),
+        ("catalog: {}", r"b\.yaml:2.*without settings of its own"),
+    ],
+)
+def test_wrong_parts_are_named_with_file_and_line(own_part: Path, section: str, message: str) -> None:
+    (own_part / "b.yaml").write_text(f"parts:\n  {section}\n")
+    with pytest.raises(ConfigError) as error:
+        load_bench(own_part / "b.yaml")
+    assert re.search(message, str(error.value).replace("\n", " "))
+
+
+class Fails(Part):
+    name = "fails"
+
+    def __init__(self, where: str) -> None:
+        self.where, self.closed = where, False
+
+    def __getattribute__(self, name: str) -> Any:
+        if name == object.__getattribute__(self, "where"):
+            raise ConfigError([])
+        return object.__getattribute__(self, name)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize("where", ["open", "ports", "build", "command_sources", "observers", "begin", "conclude"])
+def test_a_part_that_fails_ends_the_run_as_an_error_and_is_closed(where: str, tmp_path: Path) -> None:
+    part = Fails(where)
+    bench = load_bench(settings=[*SHORT, "duration_s=0.1"])
+    result = run_bench(bench, tmp_path, quiet=True, more=[part])
+    assert (result.status, result.run["error"]["type"]) == ("ERROR", "ConfigError")
+    assert part.closed
+
+
+def test_events_of_the_run_have_its_time() -> None:
+    bench = load_bench(settings=SHORT)
+    context = RunContext(bench, Path(), [])
+    assert (context.now_ns(), context.ticks, context.status().phase) == (0, 0, "serving")
+    with pytest.raises(ValueError, match="nothing in this run can have a str"):
+        context.inject("fault")

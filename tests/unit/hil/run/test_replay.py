@@ -1,0 +1,160 @@
+"""A changed bit is found where it was changed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import common
+
+from hil.run.recorder.recorder import Recorder
+from hil.run.replay import compare, replay
+from signals.errors import RecordingError
+from signals.samples import ImuSample
+from tests.worlds.synthetic_flight import TICK_NS, Tick, fly, make_flight
+
+TICKS = 600
+
+
+@pytest.fixture(scope="module")
+def flight() -> list[Tick]:
+    return make_flight(TICKS)
+
+
+def record(out: Path, flight: list[Tick], *, close: bool = True, event: str = "", tick_ns: int = TICK_NS) -> Path:
+    recorder = Recorder(out, mcap=True, tlog=False, tick_ns=tick_ns)
+    if event:
+        recorder.event(0, "note", event)
+    fly(recorder, flight)
+    if close:
+        recorder.close("PASS")
+    return out / "run.mcap"
+
+
+@pytest.fixture(scope="module")
+def recorded(flight: list[Tick], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("recorded"), flight)
+
+
+def with_tick(flight: list[Tick], k: int, **changes: object) -> list[Tick]:
+    return [*flight[:k], flight[k]._replace(**changes), *flight[k + 1 :]]
+
+
+def test_same_flight_is_identical_whatever_the_notes_say(flight: list[Tick], recorded: Path, tmp_path: Path) -> None:
+    assert compare(recorded, record(tmp_path, flight)) is None
+    assert compare(recorded, record(tmp_path / "noted", flight, event="took 3 s")) is None
+
+
+@pytest.mark.parametrize("k", [1, 249, 250, 433, TICKS - 1])
+def test_last_bit_of_one_sample_is_found(flight: list[Tick], recorded: Path, tmp_path: Path, k: int) -> None:
+    (port, imu), *rest = flight[k].samples
+    assert isinstance(imu, ImuSample)
+    x = imu.accel_mps2[0]
+    y = float(np.nextafter(x, 99.0))
+    moved = imu._replace(accel_mps2=(y, *imu.accel_mps2[1:]))
+    difference = compare(recorded, record(tmp_path, with_tick(flight, k, samples=[(port, moved), *rest])))
+    assert difference is not None
+    assert str(difference) == (
+        f"first difference at tick {k} (t = {k * 0.004:.3f} s), port /imu: linear_acceleration.x {x!r} != {y!r}"
+    )
+
+
+def test_the_cause_is_named_before_its_effects(flight: list[Tick], recorded: Path, tmp_path: Path) -> None:
+    tick = flight[300]
+    changed = tick._replace(
+        truth=tick.truth._replace(v_WB_W=(0.0, 0.0, 0.0)),
+        samples=[],
+        sent=b"",
+        actuators=tick.actuators._replace(armed=False),
+    )
+    later = [t._replace(sent=b"") for t in flight[301:]]
+    difference = compare(recorded, record(tmp_path, [*flight[:300], changed, *later]))
+    assert difference is not None
+    assert (difference.tick, difference.port) == (300, "/truth/velocity")
+
+
+def test_mavlink_fields_are_named(flight: list[Tick], recorded: Path, tmp_path: Path) -> None:
+    k = 77
+    autopilot = common.MAVLink(None, srcSystem=1, srcComponent=1)
+    autopilot.seq = flight[k].received[0].raw[4]
+    controls = list(flight[k].actuators.controls)
+    controls[2] = 0.125
+    raw = autopilot.hil_actuator_controls_encode(k * 4000, controls, 129, 1).pack(autopilot)
+    frame = flight[k].received[0]._replace(raw=raw)
+    difference = compare(recorded, record(tmp_path, with_tick(flight, k, received=[frame])))
+    assert difference is not None
+    assert difference.port == "/mavlink/from_autopilot"
+    assert "port /mavlink/from_autopilot: HIL_ACTUATOR_CONTROLS.controls[2] " in str(difference)
+    assert difference.fresh == 0.125
+
+
+def test_missing_and_additional_messages(flight: list[Tick], recorded: Path, tmp_path: Path) -> None:
+    fewer = record(tmp_path / "fewer", with_tick(flight, 100, samples=flight[100].samples[:1]))
+    difference = compare(recorded, fewer)
+    assert difference is not None
+    assert (difference.tick, difference.port) == (100, "/baro")
+    assert "only in the recorded run" in str(difference)
+    turned = compare(fewer, recorded)
+    assert turned is not None
+    assert (turned.tick, turned.port) == (100, "/baro")
+    assert "only in the fresh run" in str(turned)
+
+
+def test_an_earlier_end_is_a_difference_but_a_cut_is_not(flight: list[Tick], recorded: Path, tmp_path: Path) -> None:
+    ended = compare(recorded, record(tmp_path / "ended", flight[:400]))
+    assert ended is not None
+    assert ended.tick == 400
+    cut = record(tmp_path / "cut", flight, close=False)
+    assert compare(cut, recorded) is None
+    assert compare(recorded, cut) is None
+
+
+def test_values_equal_but_bits_not(flight: list[Tick], tmp_path: Path) -> None:
+    def flown(x: float) -> list[Tick]:
+        return with_tick(flight[:9], 5, truth=flight[5].truth._replace(p_WB=(x, 0.0, 0.0)))
+
+    difference = compare(record(tmp_path / "a", flown(0.0)), record(tmp_path / "b", flown(-0.0)))
+    assert difference is not None
+    assert (difference.tick, difference.port, difference.field) == (5, "/truth/pose", "bytes")
+
+
+def test_replay_runs_again_and_tells(flight: list[Tick], tmp_path: Path) -> None:
+    record(tmp_path, flight)
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+    asked = []
+
+    def same(config: Path, out: Path) -> None:
+        asked.append(config)
+        record(out, flight)
+
+    result = replay(tmp_path, same)
+    assert asked == [tmp_path / "bench.yaml"]
+    assert result.identical
+    assert result.ticks == TICKS
+    assert result.digests[0] == result.digests[1]
+    assert str(result).startswith(f"identical over {TICKS} ticks, digest ")
+    other = replay(tmp_path, lambda _, out: record(out, with_tick(flight, 9, sent=b"")), out_dir=tmp_path / "o")
+    assert not other.identical
+    assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
+
+
+def test_replay_says_why_it_cannot(flight: list[Tick], tmp_path: Path) -> None:
+    def nothing(config: Path, out: Path) -> None:
+        pass
+
+    with pytest.raises(RecordingError, match=r"lacks a recording .*run\.mcap"):
+        replay(tmp_path, nothing)
+    record(tmp_path, flight[:10])
+    with pytest.raises(RecordingError, match=r"lacks its resolved configuration: bench\.yaml"):
+        replay(tmp_path, nothing)
+    (tmp_path / "bench.yaml").write_text("seed: 1\n")
+    with pytest.raises(RecordingError, match=r"left no run\.mcap"):
+        replay(tmp_path, nothing)
+    (tmp_path / "run.json").write_text(json.dumps({"deterministic": False, "rig": "mock_hitl"}))
+    with pytest.raises(RecordingError, match=r"free-running rig \(mock_hitl\)"):
+        replay(tmp_path, nothing)
+    other_tick = record(tmp_path / "other", flight[:10], tick_ns=2 * TICK_NS)
+    with pytest.raises(RecordingError, match="ticks every"):
+        compare(tmp_path / "run.mcap", other_tick)

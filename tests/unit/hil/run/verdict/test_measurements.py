@@ -1,0 +1,176 @@
+"""Declared measurements of flights with known figures, and their effect on the verdict."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from firmware_bridge.ground_station.actions import Record
+from hil.config.missions.script import Expectation, Script
+from hil.config.schema import Limits
+from hil.run.verdict.measurements import DeclaredMeasurements, judge_scripted
+from hil.run.verdict.verdict import FlightMeasurement, Measurements
+from signals.samples import TruthState
+
+DT_NS = 10_000_000
+
+
+def truth(tick: int, **fields: Any) -> TruthState:
+    state: dict[str, Any] = {
+        "p_WB": (1.0, 2.0, 0.2),
+        "q_WB": (1.0, 0.0, 0.0, 0.0),
+        "v_WB_W": (0.0, 0.0, 0.0),
+        "w_WB_B": (0.0, 0.0, 0.0),
+        "a_WB_W": (0.0, 0.0, 0.0),
+        "alpha_WB_B": (0.0, 0.0, 0.0),
+        "rotor_speed_radps": (0.0,) * 4,
+        "in_contact": True,
+    }
+    return TruthState(tick=tick, t_ns=tick * DT_NS, **(state | fields))
+
+
+def measure(states: list[TruthState], *declared: dict[str, Any]) -> list[float | None]:
+    observer = DeclaredMeasurements([Expectation(**d) for d in declared])
+    for state in states:
+        observer.add(state)
+    return [measured.value for measured in observer.results()]
+
+
+def hop(height_m: float = 3.0, seconds: float = 10.0) -> list[TruthState]:
+    """Up and down as half a sine, drifting east by 0.1 m/s, tilting up to 20 degrees."""
+    states = [truth(0)]
+    for tick in range(1, round(seconds * 100)):
+        t = tick / 100
+        phase = math.pi * t / seconds
+        roll = math.radians(20.0) * math.sin(phase)
+        states.append(
+            truth(
+                tick,
+                p_WB=(1.0 + 0.1 * t, 2.0, 0.2 + height_m * math.sin(phase)),
+                q_WB=(math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0),
+                v_WB_W=(0.1, 0.0, height_m * math.pi / seconds * math.cos(phase)),
+                w_WB_B=(0.0, 0.0, math.radians(tick % 50)),
+                in_contact=False,
+            )
+        )
+    return [*states, truth(len(states), p_WB=(2.0, 2.0, 0.2)), truth(len(states) + 1, p_WB=(2.0, 2.0, 0.2))]
+
+
+def test_every_measure_of_a_known_flight() -> None:
+    names = ["max_tilt_deg", "max_rate_degps", "max_speed_mps", "max_climb_mps", "max_sink_mps", "max_altitude_m"]
+    names += ["max_distance_m", "flight_time_s", "time_to_complete_s"]
+    values = dict(zip(names, measure(hop(), *({"measure": name} for name in names)), strict=True))
+    climb = 3.0 * math.pi / 10.0
+    assert values == pytest.approx(
+        {
+            "max_tilt_deg": 20.0,
+            "max_rate_degps": 49.0,
+            "max_speed_mps": math.hypot(climb, 0.1),
+            "max_climb_mps": climb,
+            "max_sink_mps": climb,
+            "max_altitude_m": 3.0,
+            "max_distance_m": 1.0,
+            "flight_time_s": 10.0 - 0.32,  # 0.3 m up after 0.319 s
+            "time_to_complete_s": 10.0,
+        },
+        rel=1e-3,
+    )
+
+
+def test_windows_are_closed_and_drift_counts_from_their_start() -> None:
+    window = {"from_s": 4.0, "to_s": 6.0}
+    drift, height, least, most = measure(
+        hop(),
+        {"measure": "hover_drift_m", **window},
+        {"measure": "height_drift_m", **window},
+        {"measure": "min_altitude_m", **window},
+        {"measure": "max_altitude_m", "from_s": 0.0, "to_s": 1.0},
+    )
+    low = 3.0 * math.sin(0.4 * math.pi)
+    assert drift == pytest.approx(0.2)
+    assert height == pytest.approx(3.0 - low)
+    assert least == pytest.approx(low)
+    assert most == pytest.approx(3.0 * math.sin(0.1 * math.pi))
+
+
+def test_a_missing_measurement_is_none_and_nan_stays() -> None:
+    assert measure(hop(), {"measure": "max_speed_mps", "from_s": 60.0}) == [None]
+    assert measure(hop()[:500], {"measure": "flight_time_s"}, {"measure": "time_to_complete_s"}) == [None, None]
+    broken = [*hop(), truth(2000, v_WB_W=(math.nan, 0.0, 0.0)), truth(2001, v_WB_W=(99.0, 0.0, 0.0))]
+    (value,) = measure(broken, {"measure": "max_speed_mps"})
+    assert value is not None
+    assert math.isnan(value)
+
+
+def verdict_of(script: dict[str, Any], states: list[TruthState], records: tuple[Record, ...] = ()) -> Any:
+    parsed = Script(**script)
+    observer = DeclaredMeasurements(parsed.expect)
+    for state in states:
+        observer.add(state)
+    return judge_scripted(FlightMeasurement(()).result(), Limits(), parsed, observer.results(), records)
+
+
+def test_limits_on_measurements_decide() -> None:
+    good = verdict_of({"expect": ({"measure": "max_tilt_deg", "at_most": 21.0},)}, hop())
+    assert good.status == "PASS"
+    assert [(row.name, row.limit, row.unit, row.ok) for row in good.rows[-1:]] == [("max_tilt_deg", 21.0, "deg", True)]
+    bad = verdict_of(
+        {
+            "expect": (
+                {"measure": "max_tilt_deg", "at_most": 19.0},
+                {"measure": "max_altitude_m", "at_least": 4.0, "name": "height"},
+                {"measure": "max_speed_mps", "from_s": 50.0, "at_most": 1.0},
+                {"measure": "max_speed_mps", "from_s": 51.0, "name": "only shown"},
+            )
+        },
+        hop(),
+    )
+    assert bad.status == "FAIL"
+    assert bad.reasons == (
+        "max_tilt_deg is 20 deg, more than the 19 deg allowed",
+        "height is 3 m, less than the required 4 m",
+        "max_speed_mps has a limit but was never measured: the run ended too early or without a touch-down",
+    )
+    assert [row.ok for row in bad.rows[-4:]] == [False, False, False, True]
+    nan = verdict_of({"expect": ({"measure": "max_speed_mps", "at_most": 1e9},)}, [truth(0, v_WB_W=(math.nan, 0, 0))])
+    assert nan.status == "FAIL"
+
+
+def plan_measured(*, completed: bool) -> Measurements:
+    called_for = frozenset({"max_cross_track_m", "final_error_m"})
+    reached = 3 if completed else 1
+    value = 0.1 if completed else None
+    return Measurements(3, reached, completed, completed, False, value, None, value, None, None, called_for)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "completed", "status"),
+    [
+        ("complete", True, "PASS"),
+        ("complete", False, "FAIL"),
+        ("aborted", True, "FAIL"),
+        ("aborted", False, "PASS"),
+        ("any", True, "PASS"),
+        ("any", False, "PASS"),
+    ],
+)
+def test_the_outcome_that_a_script_expects(outcome: Any, completed: bool, status: str) -> None:
+    verdict = judge_scripted(plan_measured(completed=completed), Limits(), Script(outcome=outcome), ())
+    assert verdict.status == status
+    assert verdict.measurements.called_for  # what run.json says of the plan stays
+
+
+def test_actions_that_never_ran_fail_the_flight() -> None:
+    records = (
+        Record("a.yaml:3: set_mode HOLD", True, None, "waiting"),
+        Record("a.yaml:4: arm", True, 5, "running"),
+        Record("a.yaml:5: gust", False, None, "waiting"),
+        Record("a.yaml:6: gust", True, 7, "done"),
+    )
+    verdict = verdict_of({}, hop(), records)
+    assert verdict.reasons == (
+        "a.yaml:3: set_mode HOLD: never ran, its condition was never met",
+        "a.yaml:4: arm: not acknowledged before the run ended",
+    )

@@ -1,0 +1,241 @@
+"""Verdicts against flights whose errors are known in closed form."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.config.missions.path import Leg, LegKind
+from hil.config.schema import Limits
+from hil.run.verdict.verdict import FlightMeasurement, Measurements, horizontal_distance_m, judge
+from signals.samples import TruthState, Vec3
+
+HOME = (0.0, 0.0, 0.2)
+TICK_NS = 4_000_000
+CORNERS = [(0.0, 0.0), (40.0, 0.0), (40.0, 25.0), (0.0, 25.0), (0.0, 0.0)]
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+
+
+def rectangle(height: float = 10.2) -> list[Leg]:
+    points = [(x, y, height) for x, y in CORNERS]
+    legs = [Leg(LegKind.CLIMB, 0, HOME, (0.0, 0.0, height))]
+    before = (0.0, 0.0, height)
+    for seq, point in enumerate(points, start=1):
+        legs.append(Leg(LegKind.FLY, seq, before, point))
+        before = point
+    return [*legs, Leg(LegKind.DESCENT, 6, before, HOME)]
+
+
+def along(points: Sequence[Vec3], *, step_m: float = 0.05) -> Iterator[Vec3]:
+    """Points every `step_m` of a polyline, with its corners."""
+    for a, b in itertools.pairwise(points):
+        n = max(1, math.ceil(math.dist(a, b) / step_m))
+        for i in range(n):
+            yield tuple(p + (q - p) * i / n for p, q in zip(a, b, strict=True))  # type: ignore[misc]
+    yield points[-1]
+
+
+def flown(
+    legs: Sequence[Leg],
+    points: Sequence[Vec3],
+    *,
+    q_WB: tuple[float, ...] = UPRIGHT,
+    sink: float = 0.7,
+    limits: Limits | None = None,
+) -> Measurements:
+    """Fly through `points`; within a millimetre of the height of the start the vehicle touches the ground."""
+    measurement = FlightMeasurement(legs, limits, stride=1)
+    path = [*along(points), *[points[-1]] * 300]
+    for tick, p_WB in enumerate(path):
+        down = p_WB[2] <= HOME[2] + 1e-3
+        truth = TruthState(
+            tick=tick, t_ns=tick * TICK_NS, p_WB=p_WB, q_WB=q_WB if down and tick > 300 else UPRIGHT,  # type: ignore[arg-type]
+            v_WB_W=(0.0, 0.0, 0.0 if down else -sink), w_WB_B=(0.0, 0.0, 0.0), a_WB_W=(0.0, 0.0, 0.0),
+            alpha_WB_B=(0.0, 0.0, 0.0), rotor_speed_radps=(), in_contact=down,
+        )  # fmt: skip
+        measurement.add(truth)
+    return measurement.result()
+
+
+def tour(
+    corners: Sequence[tuple[float, float]], height: float = 10.2, end: tuple[float, float] = (0.0, 0.0)
+) -> list[Vec3]:
+    flight = [(x, y, height) for x, y in corners]
+    return [HOME, (0.0, 0.0, height), *flight, (*end, height), (*end, HOME[2])]
+
+
+def test_a_perfect_flight_passes_with_zeros() -> None:
+    measured = flown(rectangle(), tour(CORNERS))
+    assert (measured.waypoints, measured.reached, measured.completed, measured.landed) == (5, 5, True, True)
+    assert measured.max_cross_track_m == pytest.approx(0.0, abs=1e-9)
+    assert measured.altitude_error_m == pytest.approx(0.0, abs=1e-9)
+    assert measured.final_error_m == 0.0
+    assert measured.landing_speed_mps == pytest.approx(0.7)
+    assert measured.landed_tilt_deg == pytest.approx(0.0)
+    assert judge(measured, Limits()).status == "PASS"
+
+
+@given(st.floats(0.0, 1.9), st.floats(-0.9, 0.9), st.floats(0.0, 3.0), st.floats(0.0, 2 * math.pi))
+def test_known_offsets_are_measured(bulge: float, height: float, final: float, angle: float) -> None:
+    """A kink of `bulge` in the middle of one side, all of it `height` too high, landed `final` away."""
+    kinked = [CORNERS[0], CORNERS[1], (40.0 + bulge, 12.5), *CORNERS[2:]]
+    end = (final * math.cos(angle), final * math.sin(angle))
+    measured = flown(rectangle(), tour(kinked, 10.2 + height, end))
+    assert measured.reached == 5
+    assert measured.max_cross_track_m == pytest.approx(bulge, abs=1e-6)
+    assert measured.altitude_error_m == pytest.approx(abs(height), abs=1e-9)
+    assert measured.final_error_m == pytest.approx(final, abs=1e-9)
+    verdict = judge(measured, Limits(max_cross_track_m=1.0, altitude_error_m=0.5, final_error_m=0.7))
+    good = measured.max_cross_track_m <= 1.0 and measured.altitude_error_m <= 0.5 and measured.final_error_m <= 0.7
+    assert verdict.status == ("PASS" if good else "FAIL")
+
+
+def test_cut_corners_cost_what_they_cut() -> None:
+    """A chord from 1.5 m before a right angle to 1.5 m behind it: its middle is 0.75 m from either leg."""
+    cut = [(0.0, 0.0), (38.5, 0.0), (40.0, 1.5), (40.0, 25.0), (0.0, 25.0), (0.0, 0.0)]
+    measured = flown(rectangle(), tour(cut))
+    assert measured.reached == 5
+    assert measured.max_cross_track_m == pytest.approx(0.75, abs=0.03)
+
+
+def test_a_flight_that_may_be_off_its_leg_may_be_off_its_corner() -> None:
+    """All of it 3.5 m to the east and 2.5 m too high, as a standalone receiver would have it."""
+    shifted = tour([(x + 3.5, y) for x, y in CORNERS], 12.7)
+    assert flown(rectangle(), shifted).reached == 1  # the first corner, on the climb
+    limits = Limits(max_cross_track_m=4.0, altitude_error_m=3.0)
+    measured = flown(rectangle(), shifted, limits=limits)
+    assert measured.reached == 5
+    assert measured.max_cross_track_m == pytest.approx(3.5, abs=1e-6)
+    assert measured.altitude_error_m == pytest.approx(2.5, abs=1e-6)
+    assert judge(measured, limits).status == "PASS"
+    assert flown(rectangle(), shifted, limits=Limits(max_cross_track_m=None, altitude_error_m=None)).reached == 5
+
+
+def test_a_missed_waypoint_stops_the_count_and_fails() -> None:
+    measured = flown(rectangle(), tour([CORNERS[0], (36.0, 0.0), (36.0, 25.0), CORNERS[3], CORNERS[4]]))
+    assert measured.reached == 1
+    assert not measured.completed
+    assert measured.max_cross_track_m is not None
+    assert measured.max_cross_track_m > 20.0
+    verdict = judge(measured, Limits())
+    assert verdict.status == "FAIL"
+    assert "reached 1 of 5 waypoints" in verdict.reasons
+    assert any(reason.startswith("max_cross_track_m is 25 m, more than the 1 m allowed") for reason in verdict.reasons)
+
+
+def test_never_taking_off_fails_every_declared_limit() -> None:
+    verdict = judge(flown(rectangle(), [HOME, HOME]), Limits())
+    assert verdict.status == "FAIL"
+    assert {row.name for row in verdict.rows if not row.ok} == set(Limits.model_fields)
+    assert "final_error_m has a limit of 0.7 m but was never measured: the vehicle did not end on the ground" in (
+        verdict.reasons
+    )
+    assert judge(flown([], [HOME, HOME]), Limits()).status == "PASS"  # no mission, nothing to fail
+
+
+def test_hanging_in_the_air_is_no_landing() -> None:
+    measured = flown(rectangle(), tour(CORNERS)[:-1])
+    assert (measured.reached, measured.landed, measured.completed, measured.final_error_m) == (5, False, False, None)
+    assert judge(measured, Limits()).status == "FAIL"
+
+
+@pytest.mark.parametrize(("roll_deg", "tipped"), [(20.0, False), (40.0, True), (180.0, True)])
+def test_tipping_over_after_landing(roll_deg: float, tipped: bool) -> None:
+    half = math.radians(roll_deg) / 2
+    measured = flown(rectangle(), tour(CORNERS), q_WB=(math.cos(half), math.sin(half), 0.0, 0.0))
+    assert measured.landed_tilt_deg == pytest.approx(roll_deg)
+    assert measured.tipped is tipped
+    assert judge(measured, Limits()).status == ("FAIL" if tipped else "PASS")
+
+
+def test_hard_landing() -> None:
+    verdict = judge(flown(rectangle(), tour(CORNERS), sink=2.5), Limits())
+    assert verdict.reasons == ("landing_speed_mps is 2.5 m/s, more than the 2 m/s allowed",)
+
+
+def test_nan_fails() -> None:
+    measurement = FlightMeasurement(rectangle(), stride=1)
+    for tick, p_WB in enumerate(along(tour(CORNERS))):
+        p = (p_WB[0], math.nan, p_WB[2]) if tick == 500 else p_WB
+        zero = (0.0, 0.0, 0.0)
+        measurement.add(TruthState(tick, tick * TICK_NS, p, UPRIGHT, zero, zero, zero, zero, (), False))
+    measured = measurement.result()
+    assert measured.max_cross_track_m is not None
+    assert math.isnan(measured.max_cross_track_m)
+    assert judge(measured, Limits()).status == "FAIL"
+
+
+def test_sloping_legs_have_no_height_to_keep() -> None:
+    top, far = (0.0, 0.0, 10.2), (30.0, 0.0, 15.2)
+    legs = [
+        Leg(LegKind.CLIMB, 0, HOME, top),
+        Leg(LegKind.FLY, 1, top, far),
+        Leg(LegKind.FLY, 2, far, (60.0, 0.0, 10.2)),
+        Leg(LegKind.FLY, 3, (60.0, 0.0, 10.2), (90.0, 0.0, 10.2)),
+    ]
+    late = [HOME, top, far, (64.0, 0.0, 10.2), (90.0, 0.0, 10.2)]  # reaches its height 4 m late
+    measured = flown(legs, late)
+    assert measured.completed  # this plan ends in the air
+    assert measured.altitude_error_m == pytest.approx(0.0, abs=1e-9)
+    assert measured.final_error_m == pytest.approx(0.0)
+
+
+def test_one_waypoint_is_measured_on_the_way_to_it() -> None:
+    top, far = (0.0, 0.0, 10.2), (30.0, 0.0, 10.2)
+    legs = [
+        Leg(LegKind.CLIMB, 0, HOME, top),
+        Leg(LegKind.FLY, 1, top, far),
+        Leg(LegKind.DESCENT, 2, far, (30.0, 0.0, 0.2)),
+    ]
+    measured = flown(legs, [HOME, top, (15.0, 1.2, 10.5), far, (30.0, 0.0, 0.2)])
+    assert measured.max_cross_track_m == pytest.approx(1.2, abs=1e-3)
+    assert measured.altitude_error_m == pytest.approx(0.3, abs=1e-3)
+    assert measured.completed
+
+
+POINT = st.tuples(*[st.floats(-100, 100)] * 3)
+
+
+@given(POINT, POINT, POINT)
+def test_distance_to_a_leg_is_the_least_of_the_distances_to_its_points(p: Vec3, a: Vec3, b: Vec3) -> None:
+    distance = horizontal_distance_m(p, Leg(LegKind.FLY, 0, a, b))
+    sampled = min(math.hypot(p[0] - a[0] - s * (b[0] - a[0]), p[1] - a[1] - s * (b[1] - a[1])) for s in
+                  (i / 400 for i in range(401)))  # fmt: skip
+    spacing = math.hypot(b[0] - a[0], b[1] - a[1]) / 400
+    assert sampled - spacing - 1e-9 <= distance <= sampled + 1e-9
+
+
+def test_a_stride_of_ten_ticks_finds_the_touch_down_of_any_tick() -> None:
+    measurement = FlightMeasurement(rectangle(), stride=10)
+    zero = (0.0, 0.0, 0.0)
+    for tick in range(200):
+        down = tick >= 103
+        p = (0.0, 0.0, HOME[2] if down or tick < 10 else 5.0)
+        v = (0.0, 0.0, 0.0 if down else -1.0 - 0.001 * tick)
+        measurement.add(TruthState(tick, tick * TICK_NS, p, UPRIGHT, v, zero, zero, zero, (), down or tick < 10))
+    assert measurement.result().landing_speed_mps == pytest.approx(1.102)
+
+
+def test_doubled_and_close_waypoints_do_not_hide_the_leg_that_is_flown() -> None:
+    corners = [(0.0, 0.0), (40.0, 0.0), (40.0, 0.0), (40.0, 0.0), (40.0, 0.5), (40.0, 25.0)]
+    legs = [Leg(LegKind.CLIMB, 0, HOME, (0.0, 0.0, 10.2))]
+    for seq, (x, y) in enumerate(corners, start=1):
+        legs.append(Leg(LegKind.FLY, seq, legs[-1].end_W, (x, y, 10.2)))
+    measured = flown(legs, tour(corners, end=corners[-1])[:-2])
+    assert (measured.waypoints, measured.reached) == (6, 6)
+    assert measured.max_cross_track_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_mission_that_never_ends_fails_however_well_it_is_flown() -> None:
+    legs = rectangle()[:-1]
+    legs.append(Leg(LegKind.ENDLESS, 7, legs[-1].end_W, legs[-1].end_W))
+    measured = flown(legs, tour(CORNERS)[:-1])
+    assert (measured.reached, measured.completed) == (5, False)
+    verdict = judge(measured, Limits())
+    assert verdict.status == "FAIL"
+    assert verdict.reasons == ("the mission never ends: item 8 jumps back for ever",)

@@ -1,0 +1,255 @@
+"""Geolocation against closed forms: camera, ranges, pieces of a picture, and tracks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.config.companion.clients import add_client_path
+from sim.frame.mount import Mount
+
+add_client_path()
+
+from hil_companion.detect.decode import Detection  # noqa: E402
+from hil_companion.locate.geolocation import (  # noqa: E402
+    Camera,
+    Geolocation,
+    RadarView,
+    depth_in,
+    ground_range,
+)
+from hil_companion.locate.own_pose import OwnPose  # noqa: E402
+from hil_companion.locate.tiles import has_rival, pieces, without_duplicates  # noqa: E402
+from hil_companion.locate.tracks import Sighting, Tracks, box_colours, colour_difference  # noqa: E402
+from hil_companion.navigation.inertial import NavState  # noqa: E402
+
+SECOND = 1_000_000_000
+WIDTH, HEIGHT, FOCAL = 320, 240, 200.0
+PITCH_DEG = 40.0
+
+
+def calibration(coefficients: tuple[float, ...] = (0.0,) * 5) -> dict[str, Any]:
+    mount = Mount((0.1, 0.0, -0.05), (0.0, PITCH_DEG, 0.0))
+    K = [FOCAL, 0.0, WIDTH / 2 - 0.5, 0.0, FOCAL, HEIGHT / 2 - 0.5, 0.0, 0.0, 1.0]
+    told: dict[str, Any] = {"width": WIDTH, "height": HEIGHT, "camera_matrix": K, "distortion": "plumb_bob"}
+    return told | {"coefficients": list(coefficients), "p_BC": list(mount.p_BC), "q_BC": list(mount.q_BC)}
+
+
+def pose(x: float, y: float, z: float, yaw_rad: float) -> NavState:
+    return NavState(0, (x, y, z), (0.0, 0.0, 0.0), (math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)))
+
+
+def test_a_ray_through_the_middle_of_the_picture_is_the_axis_and_lenses_are_undone() -> None:
+    camera = Camera("front", calibration())
+    assert camera.rays_C([(WIDTH / 2, HEIGHT / 2)])[0] == pytest.approx((0.0, 0.0, 1.0), abs=1e-12)
+    bent = Camera("front", calibration((-0.2, 0.05, 0.001, -0.002, 0.0)))
+    places = np.array([[12.0, 20.0], [160.0, 120.0], [300.0, 200.0]])
+    assert bent.pixels(bent.rays_C(places) * 7.0) == pytest.approx(places, abs=0.02)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 1.0])
+def test_depth_is_that_of_the_thing_and_not_of_what_is_behind_it(noise_m: float) -> None:
+    rng = np.random.default_rng(1)
+    depth = np.full((HEIGHT, WIDTH), 45.0, np.float32)
+    depth[100:140, 150:170] = 20.0  # the object fills half of its box's width
+    depth += (noise_m * rng.standard_normal(depth.shape)).astype(np.float32)
+    depth[110:112, 155:158] = 3.0  # a twig
+    depth[130:133, 158:160] = np.nan
+    found = depth_in(depth, (145.0, 98.0, 178.0, 142.0))
+    assert found == pytest.approx(20.0, abs=0.01 if noise_m == 0.0 else 0.35)
+    assert depth_in(np.full((HEIGHT, WIDTH), np.inf), (10.0, 10.0, 40.0, 90.0)) is None
+
+
+def test_level_ground_is_met_where_trigonometry_says() -> None:
+    camera = Camera("front", calibration())
+    p, R = np.array([0.0, 0.0, 10.0]), camera.R_BC
+    away = ground_range(p, R, np.array([0.0, 0.0, 1.0]), 0.0)
+    assert away == pytest.approx(10.0 / math.sin(math.radians(PITCH_DEG)))
+    assert ground_range(p, R, np.array([0.0, -2.0, 1.0]), 0.0) is None  # into the sky
+
+
+@pytest.mark.parametrize("by_depth", [True, False])
+@pytest.mark.parametrize("at", [(14.0, 3.0), (9.0, -4.0)])
+def test_somebody_is_placed_where_he_stands(by_depth: bool, at: tuple[float, float]) -> None:
+    camera = Camera("front", calibration())
+    yaw, (x, y) = 0.7, (5.0, -2.0)
+    c, s = math.cos(yaw), math.sin(yaw)
+    truth = np.array([x + c * at[0] - s * at[1], y + s * at[0] + c * at[1]])
+    R_WB = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    p_WC = np.array([x, y, 10.0]) + R_WB @ camera.p_BC
+
+    def seen(z: float) -> np.ndarray:
+        return (R_WB @ camera.R_BC).T @ (np.array([*truth, z]) - p_WC)
+
+    head, foot, middle = seen(1.75), seen(0.0), seen(0.875)
+    (u0, v0), (u1, v1) = camera.pixels([head])[0], camera.pixels([foot])[0]
+    box = Detection("person", (min(u0, u1) - 5.0, v0, max(u0, u1) + 5.0, v1), 0.9)
+    depth = np.full((HEIGHT, WIDTH), middle[2], np.float32) if by_depth else None
+    (placed,) = Geolocation(camera, ground_z_m=0.0).place([box], pose(x, y, 10.0, yaw), depth, None)
+    assert placed.p_W[:2] == pytest.approx(truth, abs=0.15)
+    assert placed.range_m == pytest.approx(float(np.linalg.norm(middle if by_depth else foot)), rel=0.03)
+    (nowhere,) = Geolocation(camera, ground_z_m=0.0).place([box], None, depth, None)
+    assert nowhere.p_W is None
+    cut_off = Detection("person", (100.0, 200.0, 120.0, float(HEIGHT)), 0.9)
+    if not by_depth:  # no lower end in the picture, so no ground range
+        (headless,) = Geolocation(camera, ground_z_m=0.0).place([cut_off], pose(x, y, 10.0, yaw), None, None)
+        assert (headless.range_m, headless.p_W) == (None, None)
+
+
+def test_the_radars_speed_is_that_of_the_point_in_the_box() -> None:
+    camera = Camera("front", calibration())
+    axis_B = camera.R_BC @ np.array([0.0, 0.0, 1.0])
+    along = 15.0 * axis_B + camera.p_BC
+    beside = 15.0 * (camera.R_BC @ np.array([0.5, 0.0, 1.0])) / math.hypot(0.5, 1.0)
+    behind = 25.0 * axis_B + camera.p_BC
+    places = np.stack([along, beside, behind])
+    points = {"x_R": places[:, 0], "y_R": places[:, 1], "z_R": places[:, 2]}
+    points |= {"snr_db": np.array([12.0, 30.0, 25.0]), "speed_mps": np.array([-1.5, 9.0, 4.0])}
+    radar = RadarView(points, np.zeros(3), np.eye(3))
+    box = Detection("person", (150.0, 100.0, 170.0, 140.0), 0.9)
+    depth = np.full((HEIGHT, WIDTH), 15.0, np.float32)
+    place = Geolocation(camera, ground_z_m=0.0)
+    assert place.place([box], None, depth, radar)[0].radial_speed_mps == -1.5
+    assert place.place([box], None, None, radar)[0].radial_speed_mps == 4.0  # no range: the strongest counts
+    aside = Detection("person", (10.0, 10.0, 20.0, 30.0), 0.9)
+    assert place.place([aside], None, depth, radar)[0].radial_speed_mps is None
+
+
+def test_pieces_cover_a_picture_and_doubles_go() -> None:
+    for size, across, down in (((640, 480), 2, 2), ((641, 479), 3, 2), ((320, 240), 1, 1)):
+        covered = np.zeros(size[::-1], int)
+        for x0, y0, x1, y1 in pieces(size, across, down):
+            covered[y0:y1, x0:x1] += 1
+        assert covered.min() >= 1
+        assert len(pieces(size, across, down)) == across * down
+    whole, cut = Detection("person", (10, 10, 30, 60), 0.6), Detection("person", (10, 35, 30, 60), 0.8)
+    near, car = Detection("person", (28, 10, 48, 60), 0.5), Detection("vehicle", (10, 10, 30, 60), 0.7)
+    assert without_duplicates([whole, near, car, cut]) == [cut, car, near]
+
+
+def seen_at(x: float, y: float, look: np.ndarray | None = None) -> Sighting:
+    return Sighting("person", (x, y, 0.9), 0.4, look)
+
+
+def test_those_who_stand_and_those_who_cross_keep_their_numbers() -> None:
+    rng = np.random.default_rng(3)
+    tracks = Tracks(least=3)
+    ways = [lambda t: (5.0, 5.0), lambda t: (-6.0 + 1.3 * t, 0.3), lambda t: (6.0 - 1.3 * t, -1.4)]
+    for k in range(40):
+        t = 0.25 * k
+        tracks.add(round(t * SECOND), [seen_at(*(np.array(way(t)) + 0.15 * rng.standard_normal(2))) for way in ways])
+    found = tracks.found
+    assert [one.sightings for one in found] == [40, 40, 40]
+    for one, way in zip(found, ways, strict=True):
+        assert math.dist(one.p_W[:2], way(one.t_ns / SECOND)) < 0.4
+    assert found[1].v_W[0] == pytest.approx(1.3, abs=0.25)
+    tracks.add(60 * SECOND, [seen_at(5.1, 4.9)])  # he has not moved
+    assert [one.sightings for one in tracks.found] == [41, 40, 40]
+
+
+def test_a_walker_who_was_away_is_known_by_his_clothes() -> None:
+    red, blue = np.array([50.0, 60.0, 40.0] * 2), np.array([40.0, 10.0, -50.0] * 2)
+    for look, people in ((red + 2.0, 1), (blue, 2)):
+        tracks = Tracks(least=3)
+        for k in range(12):
+            tracks.add(k * SECOND // 4, [seen_at(1.2 * 0.25 * k, 0.0, red)])
+        for k in range(12):
+            tracks.add((15 * 4 + k) * SECOND // 4, [seen_at(17.0 + 0.3 * k, 2.0, look)])
+        assert len(tracks.found) == people
+
+
+def test_what_was_seen_once_is_nobody() -> None:
+    tracks = Tracks(least=3)
+    for k in range(20):
+        tracks.add(k * SECOND, [seen_at(10.0 * k, 50.0)])
+    assert tracks.found == []
+
+
+def test_weak_sightings_keep_somebody_going_and_make_nobody() -> None:
+    tracks = Tracks(least=3)
+    for k in range(20):
+        sure = 5 <= k < 8
+        seen = [
+            Sighting("person", (2.0, 0.0, 0.9), 0.4, None, sure),
+            Sighting("person", (9.0, 0.0, 0.9), 0.4, None, False),
+        ]
+        tracks.add(k * SECOND // 2, seen)
+    (one,) = tracks.found
+    assert (one.number, one.sightings) == (0, 20)
+
+
+def test_a_box_with_a_surer_one_of_another_label_on_it_is_has_rival() -> None:
+    person, bin_ = Detection("person", (10, 10, 30, 60), 0.5), Detection("bin", (11, 12, 31, 61), 0.6)
+    behind = Detection("house", (0, 0, 300, 200), 0.9)
+    assert has_rival(person, [person, bin_])
+    assert not has_rival(bin_, [person, bin_])
+    assert not has_rival(person, [person, behind])
+    assert not has_rival(person, [person, Detection("bench", (11, 12, 31, 61), 0.6)])
+
+
+def test_colours_tell_clothes_apart() -> None:
+    rgb = np.full((60, 60, 3), 90, np.uint8)
+    rgb[10:30, 20:40], rgb[30:50, 20:40] = (200, 30, 30), (20, 20, 90)
+    one = box_colours(rgb, (20, 10, 40, 50))
+    assert one is not None
+    shaded = box_colours((rgb * 0.8).astype(np.uint8), (20, 10, 40, 50))
+    other = box_colours(rgb[:, :, ::-1].copy(), (20, 10, 40, 50))
+    assert shaded is not None
+    assert other is not None
+    assert colour_difference(one, shaded) < 12.0 < 30.0 < colour_difference(one, other)
+    assert box_colours(rgb, (20, 10, 24, 20)) is None
+
+
+def frame(t_ns: int, **topics: Any) -> Any:
+    class Frame(dict):  # type: ignore[type-arg]
+        pass
+
+    made = Frame(topics)
+    made.t_ns = t_ns  # type: ignore[attr-defined]
+    return made
+
+
+def test_own_pose_follows_gps_and_says_when_it_is_lost() -> None:
+    from signals.geodesy import LocalFrame
+    from sim.scene.scene import Site
+
+    local = LocalFrame(Site(latitude_deg=47.0, longitude_deg=8.0, altitude_m=400.0))
+    own = OwnPose((2.0, 1.0, 0.23, 0.0))
+    assert own.at(0) is None
+    accel, speed, dt = 0.5, 0.0, 0.004
+    for k in range(1, 2501):
+        t_ns = round(k * dt * SECOND)
+        forward = accel if 250 < k <= 1250 else 0.0
+        speed += forward * dt
+        x = 2.0 + (0.0 if k <= 250 else 0.5 * accel * min((k - 250) * dt, 4.0) ** 2 + speed * max(0.0, (k - 1250) * dt))
+        topics: dict[str, Any] = {
+            "imu": {
+                "t_capture_ns": [t_ns],
+                "gyro_radps": [[0.0, 0.0, 0.0]],
+                "accel_mps2": [[forward + 0.05, 0.0, 9.80665]],
+            }
+        }
+        if k % 25 == 0 and k <= 1700:
+            latitude, longitude, altitude = local.geodetic_from_enu((x + 3.0, 1.0, 0.23))  # a receiver 3 m off
+            values = {"latitude_deg": latitude, "longitude_deg": longitude, "altitude_m": altitude, "fix_type": 3}
+            values |= {"t_capture_ns": t_ns, "horizontal_accuracy_m": 0.1, "v_W": [speed, 0.0, 0.0]}
+            topics["gps"] = {name: [value] for name, value in values.items()}
+        own.update(frame(t_ns, **topics))
+        if k == 1700:
+            then = own.at(t_ns)
+            assert then is not None
+            assert then.p == pytest.approx((x, 1.0, 0.23), abs=0.1)
+            assert own.sigma_m < 0.3
+    assert not own.ok
+    assert own.at(t_ns) is None
+
+
+@pytest.mark.parametrize("near", range(1, 36))
+def test_two_heaps_with_nothing_between_have_a_depth_all_the_same(near: int) -> None:
+    depth_m = np.full((6, 6), 30.0)
+    depth_m.ravel()[:near] = 2.0
+    for box in ((0.0, 0.0, 6.0, 6.0), (1.0, 1.0, 4.0, 5.0), (3.0, 2.0, 6.0, 4.0)):
+        assert depth_in(depth_m, box) in (2.0, 30.0)

@@ -1,0 +1,61 @@
+"""Ground: rest on the feet and on the hull. Landings and walls are swept in tests/accuracy/test_physics_contact.py."""
+
+from __future__ import annotations
+
+import pytest
+
+from signals.samples import TruthState
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.scene.scene import Scene, load_scene
+
+TICK_NS = 4_000_000
+OFF = (0.0,) * 4
+VEHICLES = vehicle_names()
+
+
+@pytest.fixture(scope="module")
+def airfield() -> Scene:
+    return load_scene("airfield")
+
+
+def upright(truth: TruthState) -> float:
+    """Cosine of the tilt."""
+    _, x, y, _ = truth.q_WB
+    return 1.0 - 2.0 * (x * x + y * y)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_stands_still(name: str, airfield: Scene) -> None:
+    physics = QuadrotorPhysics(load_vehicle(name), airfield, TICK_NS, start=FlightStart(yaw_rad=0.7))
+    start = physics.advance(0, OFF)
+    assert start.in_contact
+    for tick in range(1, 1251):
+        truth = physics.advance(tick, OFF)
+        assert truth.p_WB == pytest.approx(start.p_WB, abs=1e-6)
+        assert max(abs(v) for v in truth.v_WB_W + truth.w_WB_B) < 1e-6
+        assert truth.in_contact
+    assert start.p_WB[2] == pytest.approx(physics.vehicle.standing_height_m, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_idling_rotors_do_not_walk_it(name: str, airfield: Scene) -> None:
+    """Half the hover thrust with a yaw torque: the feet hold it."""
+    physics = QuadrotorPhysics(load_vehicle(name), airfield, TICK_NS)
+    start = physics.advance(0, OFF)
+    hover = physics.vehicle.hover_control
+    for tick in range(1, 1251):
+        truth = physics.advance(tick, (0.5 * hover, 0.5 * hover, 0.4 * hover, 0.4 * hover))
+    assert truth.p_WB == pytest.approx(start.p_WB, abs=2e-3)
+    assert abs(truth.q_WB[3]) < 5e-3
+
+
+def test_upside_down_rests_on_its_hull(airfield: Scene) -> None:
+    physics = QuadrotorPhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 0.2)))
+    physics.state[3:7] = (0.0, 1.0, 0.0, 0.0)
+    physics.advance(0, OFF)
+    for tick in range(1, 501):
+        truth = physics.advance(tick, OFF)
+    assert upright(truth) < -0.99
+    assert 0.03 < truth.p_WB[2] < 0.1

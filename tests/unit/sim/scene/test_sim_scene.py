@@ -1,0 +1,119 @@
+"""Scene files, geodesy, magnetic field, atmosphere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pygeomag
+import pymap3d
+import pytest
+
+from signals.errors import ConfigError
+from signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
+from sim.physics.contact_model import build_model
+from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
+from sim.scene.scene import Site, load_scene, scene_names
+from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.world_loader import load_world
+
+ZURICH = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
+SITES = [
+    ZURICH,
+    Site(latitude_deg=-33.86, longitude_deg=151.2, altitude_m=5.0),
+    Site(latitude_deg=0.0, longitude_deg=-180.0, altitude_m=0.0),
+    Site(latitude_deg=89.5, longitude_deg=-20.0, altitude_m=-100.0),
+]
+
+
+@pytest.mark.parametrize("site", SITES)
+def test_geodesy_agrees_with_pymap3d(site: Site) -> None:
+    frame = LocalFrame(site)
+    random = np.random.default_rng(3)
+    for scale in (10.0, 1000.0, 50_000.0):
+        for p in random.uniform(-scale, scale, (40, 3)).tolist():
+            lat, lon, alt = frame.geodetic_from_enu(tuple(p))
+            e, n, u = pymap3d.geodetic2enu(
+                lat, lon, alt, site.latitude_deg, site.longitude_deg, site.altitude_m, deg=True
+            )
+            assert (e, n, u) == pytest.approx(tuple(p), abs=2e-8)
+            assert frame.enu_from_geodetic(lat, lon, alt) == pytest.approx(tuple(p), abs=1e-8)
+
+
+def test_ecef_round_trip_and_reference() -> None:
+    random = np.random.default_rng(4)
+    for lat, lon, alt in random.uniform((-89, -180, -500), (89, 180, 50_000), (200, 3)).tolist():
+        p = ecef_from_geodetic(lat, lon, alt)
+        assert p == pytest.approx(pymap3d.geodetic2ecef(lat, lon, alt), abs=1e-8)
+        assert geodetic_from_ecef(p) == pytest.approx((lat, lon, alt), abs=1e-8)
+
+
+@pytest.mark.parametrize("site", SITES[:3])
+def test_magnetic_field_agrees_with_the_model(site: Site) -> None:
+    field = pygeomag.GeoMag().calculate(site.latitude_deg, site.longitude_deg, site.altitude_m / 1000, 2026.0)
+    east, north, up = magnetic_field_W_tesla(site)
+    assert (north * 1e9, east * 1e9, -up * 1e9) == pytest.approx((field.x, field.y, field.z), abs=1e-3)
+    assert 2e-5 < (east * east + north * north + up * up) ** 0.5 < 7e-5
+
+
+# ISO 2533 table values, by geopotential altitude.
+@pytest.mark.parametrize(
+    ("altitude_m", "pressure"), [(0, 101325.0), (1000, 89874.6), (5000, 54019.9), (11000, 22632.1)]
+)
+def test_standard_atmosphere(altitude_m: float, pressure: float) -> None:
+    assert pressure_pa(altitude_m) == pytest.approx(pressure, rel=1e-5)
+    assert pressure_altitude_m(pressure_pa(altitude_m)) == pytest.approx(altitude_m, abs=1e-8)
+
+
+def test_every_scene_and_vehicle_compiles_as_declared() -> None:
+    for scene_name in scene_names():
+        for vehicle_name in vehicle_names():
+            scene, vehicle = load_scene(scene_name), load_vehicle(vehicle_name)
+            model = build_model(scene, vehicle, contact_step_s=0.001)
+            assert (model.nq, model.nv) == (7, 6)
+            assert model.body_mass[1] == vehicle.mass_kg
+            assert tuple(model.body_inertia[1]) == vehicle.inertia_kgm2
+            assert tuple(model.body_iquat[1]) == (1.0, 0.0, 0.0, 0.0)
+            assert tuple(model.body_ipos[1]) == (0.0, 0.0, 0.0)
+            assert model.ngeom == int(load_world(scene).geom_solid.sum()) + len(vehicle.contact_spheres)
+            if scene.map is None:
+                assert model.ngeom == 1 + len(scene.boxes) + len(vehicle.contact_spheres)
+                kinds = set(model.geom_type.tolist())
+                assert kinds <= {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE}
+            assert set(model.geom_solimp[:, 4].tolist()) == {2.0}  # other powers call pow()
+
+
+def test_vehicle_file_errors_come_all_at_once_with_lines(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[4] / "rigs/vehicles/x500.yaml").read_text()
+    bad = text.replace("mass_kg: 2.064307692307692", "mass_kg: -1.0").replace("name: x500", "name: x500\nfett: []")
+    path = tmp_path / "bad.yaml"
+    path.write_text(bad)
+    with pytest.raises(ConfigError) as caught:
+        load_vehicle(path)
+    problems = {p.message.split(":")[0].split(" ")[0]: p for p in caught.value.problems}
+    assert set(problems) == {"mass_kg", "fett"}
+    lines = bad.splitlines()
+    for key, problem in problems.items():
+        assert lines[int(problem.where.rsplit(":", 1)[1]) - 1].startswith(key)
+    assert "feet" in problems["fett"].hint
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("[0.023891, 0.023891, 0.044000]", "[0.02, 0.02, 0.05]", "triangle"),
+        ("thrust_coefficient_n_per_radps2: 8.54858e-06", "thrust_coefficient_n_per_radps2: 4.0e-06", "hovers at"),
+        ("mass_kg: 2.064307692307692", "mass_kg: .nan", "finite"),
+        ("spin: ccw", "spin: left", "ccw"),
+        ("name: foot_rear_left", "name: foot_front_right", "different names"),
+    ],
+)
+def test_vehicle_physics_is_checked(old: str, new: str, says: str, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[4] / "rigs/vehicles/x500.yaml").read_text()
+    assert old in text
+    path = tmp_path / "bad.yaml"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ConfigError, match=says):
+        load_vehicle(path)

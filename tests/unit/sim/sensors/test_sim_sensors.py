@@ -1,0 +1,218 @@
+"""Sensors: means, signs and that config errors are found. Statistics are in tests/accuracy."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pydantic
+import pytest
+
+from signals.geodesy import LocalFrame
+from signals.samples import TruthState
+from sim._kernels import ideal_imu
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.atmosphere import pressure_pa
+from sim.scene.scene import load_scene
+from sim.sensors.catalog import KINDS, PRESETS, make_sensor
+from sim.sensors.drift import gauss_markov
+from sim.sensors.imu import quantise
+from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.sensor import Installation
+from tests.worlds.rotation_matrices import rotation
+
+TICK_NS = 4_000_000
+SCENE = load_scene("airfield")
+G = SCENE.gravity_mps2
+RATE_HZ = {
+    "imu": 250.0,
+    "barometer": 50.0,
+    "magnetometer": 100.0,
+    "gps": 10.0,
+    "range_finder": 50.0,
+    "optical_flow": 50.0,
+}
+NOISELESS: dict[str, dict[str, Any]] = {
+    "icm20689": {
+        "accel_noise_mps2_per_rthz": 0.0,
+        "gyro_noise_radps_per_rthz": 0.0,
+        "accel_bias_instability_mps2": 0.0,
+        "gyro_bias_instability_radps": 0.0,
+        "accel_walk_mps3_per_rthz": 0.0,
+        "gyro_walk_radps2_per_rthz": 0.0,
+        "accel_turn_on_bias_mps2": 0.0,
+        "gyro_turn_on_bias_radps": 0.0,
+        "accel_scale_error": 0.0,
+        "gyro_scale_error": 0.0,
+        "accel_misalignment_rad": 0.0,
+        "gyro_misalignment_rad": 0.0,
+        "accel_output_rate_hz": 0.0,
+        "gyro_output_rate_hz": 0.0,
+    },
+    "ms5611": {"noise_pa": 0.0, "drift_pa": 0.0, "resolution_pa": 1e-6},
+    "ist8310": {"noise_tesla": 0.0, "hard_iron_tesla": 0.0, "soft_iron": 0.0, "resolution_tesla": 2e-9},
+    "here_plus": {
+        "horizontal_noise_m": 0.0,
+        "vertical_noise_m": 0.0,
+        "horizontal_drift_m": 0.0,
+        "vertical_drift_m": 0.0,
+        "horizontal_speed_noise_mps": 0.0,
+        "vertical_speed_noise_mps": 0.0,
+    },
+}
+
+
+def sensor(preset: str, *, seed: int = 1, name: str = "s", **overrides: Any) -> Any:
+    kind = PRESETS[preset].kind
+    return make_sensor(
+        Installation(name, rate_hz=RATE_HZ.get(kind, 50.0), seed=seed, scene=SCENE, step_ns=TICK_NS),
+        preset=preset,
+        overrides=overrides,
+    )
+
+
+def at_rest(**changes: Any) -> TruthState:
+    zero = (0.0, 0.0, 0.0)
+    # Two metres up, where the ground is within reach of every downward sensor.
+    truth = TruthState(0, 0, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (0.0,) * 4, True)
+    return truth._replace(**changes)
+
+
+HALF = math.sqrt(0.5)
+NOSE_DOWN_90 = (HALF, 0.0, HALF, 0.0)  # turned about left: forward points to the ground
+ROLL_RIGHT_90 = (HALF, HALF, 0.0, 0.0)  # turned about forward: left points up
+FACING_NORTH = (HALF, 0.0, 0.0, HALF)
+
+
+@pytest.mark.parametrize(
+    ("q_WB", "force"),
+    [
+        ((1.0, 0.0, 0.0, 0.0), (0, 0, G)),
+        (NOSE_DOWN_90, (-G, 0, 0)),
+        (ROLL_RIGHT_90, (0, G, 0)),
+        (FACING_NORTH, (0, 0, G)),
+    ],
+)
+def test_imu_at_rest_feels_the_ground_push_up(q_WB: tuple[float, ...], force: tuple[float, ...]) -> None:
+    sample = sensor("icm20689", **NOISELESS["icm20689"]).sample(at_rest(q_WB=q_WB), 0)
+    assert sample.accel_mps2 == pytest.approx(force, abs=3e-3)
+    assert sample.gyro_radps == (0.0, 0.0, 0.0)
+
+
+def test_imu_in_free_fall_feels_nothing() -> None:
+    sample = sensor("icm20689", **NOISELESS["icm20689"]).sample(at_rest(a_WB_W=(0.0, 0.0, -G)), 0)
+    assert sample.accel_mps2 == (0.0, 0.0, 0.0)
+
+
+def test_imu_integrates_back_to_the_motion() -> None:
+    """Strapdown integration of noise-free samples follows the truth: means are taken and turned rightly."""
+    physics = QuadrotorPhysics(load_vehicle("x500"), SCENE, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 300.0)))
+    h = physics.vehicle.hover_control
+    truth = physics.advance(0, (h,) * 4)
+    v, q = np.array(truth.v_WB_W), np.array(truth.q_WB)
+    dt, fastest = TICK_NS * 1e-9, 0.0
+    for tick in range(1, 251):
+        swing = 0.1 * math.sin(tick * 0.05)
+        truth = physics.advance(tick, (h + swing, h - swing, h + 0.5 * swing, h - 0.3 * swing))
+        f = ideal_imu(truth.q_WB, truth.a_WB_W, truth.w_WB_B, truth.alpha_WB_B, dt, G)
+        angle = np.array(f[3:]) * dt
+        q_half = _turn(q, 0.5 * angle)
+        v = v + dt * (rotation(q_half) @ f[:3] - [0, 0, G])
+        q = _turn(q, angle)
+        fastest = max(fastest, *(abs(w) for w in truth.w_WB_B))
+    assert fastest > 1.0  # it did turn
+    # Turned with the step-end attitude instead, v would be off by some g |angle turned| dt / 2: 0.02 m/s and more.
+    assert np.linalg.norm(v - truth.v_WB_W) < 1e-3
+    assert np.linalg.norm(q - truth.q_WB) < 5e-5
+
+
+def _turn(q: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    size = float(np.linalg.norm(angle)) or 1e-300
+    w, (x, y, z) = math.cos(size / 2), math.sin(size / 2) * angle / size
+    a, b, c, d = q
+    return np.array(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ]
+    )
+
+
+def test_imu_rounds_to_16_bits_and_saturates() -> None:
+    assert quantise(0.26, 0.1) == pytest.approx(0.3)
+    assert quantise(-0.26, 0.1) == pytest.approx(-0.3)
+    imu = sensor("icm20689", **NOISELESS["icm20689"])
+    sample = imu.sample(at_rest(a_WB_W=(1e4, -1e4, 0.0)), 0)
+    assert sample.accel_mps2[0] == pytest.approx(16 * 9.80665 * 32767 / 32768)
+    assert sample.accel_mps2[1] == pytest.approx(-16 * 9.80665)
+    lsb = imu.resolution["gyro_radps"]
+    assert lsb == pytest.approx(math.radians(1 / 16.4), rel=1e-12)
+    sample = imu.sample(at_rest(w_WB_B=(0.1234, 0.0, 0.0)), 0)
+    assert sample.gyro_radps[0] / lsb == pytest.approx(round(sample.gyro_radps[0] / lsb), abs=1e-9)
+
+
+def test_barometer_follows_the_standard_atmosphere() -> None:
+    baro = sensor("ms5611", **NOISELESS["ms5611"])
+    sample = baro.sample(at_rest(p_WB=(0.0, 0.0, 12.0)), 0)
+    assert sample.pressure_pa == pytest.approx(pressure_pa(500.0), abs=1e-5)
+    assert sample.pressure_altitude_m == pytest.approx(500.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("q_WB", "axes"),
+    [((1.0, 0.0, 0.0, 0.0), (0, 1, 2)), (FACING_NORTH, (1, -1, 2))],
+)
+def test_magnetometer_sees_the_field_from_the_body(q_WB: tuple[float, ...], axes: tuple[int, ...]) -> None:
+    """Facing east, forward reads east and left reads north; facing north, forward reads north and left reads west."""
+    east, north, up = magnetic_field_W_tesla(SCENE.site)
+    expected = (east, north, up) if axes[0] == 0 else (north, -east, up)
+    mag = sensor("ist8310", **NOISELESS["ist8310"])
+    assert mag.sample(at_rest(q_WB=q_WB), 0).field_tesla == pytest.approx(expected, abs=1.1e-9)
+
+
+def test_gps_without_errors_is_the_truth() -> None:
+    gps = sensor("here_plus", **NOISELESS["here_plus"])
+    sample = gps.sample(at_rest(p_WB=(120.0, -40.0, 15.0), v_WB_W=(1.0, 2.0, 3.0)), 0)
+    at = LocalFrame(SCENE.site).enu_from_geodetic(sample.latitude_deg, sample.longitude_deg, sample.altitude_m)
+    assert at == pytest.approx((120.0, -40.0, 15.0), abs=1e-8)
+    assert sample.v_W == (1.0, 2.0, 3.0)
+
+
+def test_drift_does_not_depend_on_how_it_was_read() -> None:
+    installation = Installation("d", 10.0, 1, SCENE, TICK_NS)
+    steady, jumping = (gauss_markov(installation, lanes=2, sigma=1.0, time_constant_s=3.0) for _ in range(2))
+    read = {k: steady.at(k) for k in range(600)}
+    for k in (0, 599, 3, 3, 300, 599, 0):
+        assert jumping.at(k) == read[k]
+
+
+def test_config_errors_are_found() -> None:
+    with pytest.raises(KeyError):
+        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), preset="here_pluss")
+    with pytest.raises(ValueError, match="not a imu"):
+        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), preset="ms5611", kind="imu")
+    with pytest.raises(ValueError, match="preset or a kind"):
+        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS))
+    with pytest.raises(pydantic.ValidationError, match="noise_paa"):
+        sensor("ms5611", noise_paa=1.0)
+    with pytest.raises(pydantic.ValidationError, match="latency_s"):
+        sensor("ms5611", latency_s=-1.0)
+    with pytest.raises(pydantic.ValidationError):
+        make_sensor(Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS), kind="gps")
+
+
+def test_a_kind_with_all_its_parameters_needs_no_preset() -> None:
+    for preset in PRESETS.values():
+        if KINDS[preset.kind].needs_frames:
+            continue
+        made = make_sensor(
+            Installation("x", rate_hz=10.0, seed=1, scene=SCENE, step_ns=TICK_NS),
+            kind=preset.kind,
+            overrides=preset.parameters.model_dump(),
+        )
+        assert isinstance(made, KINDS[preset.kind].sensor)

@@ -1,0 +1,44 @@
+"""Sizes that keep the product readable: entries of a folder and parameters of a function."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "tools")
+MOST_ENTRIES = 12
+MOST_PARAMETERS = 8
+
+
+def entries(folder: Path) -> list[str]:
+    """Return the files and folders that a reader sees side by side, without what only makes a package of them."""
+    ignored = {"__init__.py", "__main__.py", "__pycache__"}
+    return sorted(p.name for p in folder.iterdir() if p.name not in ignored and not p.name.startswith("."))
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Return the number of parameters, `self` and `cls` not counted."""
+    arguments = function.args
+    names = [a.arg for a in arguments.posonlyargs + arguments.args + arguments.kwonlyargs]
+    bound = names[:1] in (["self"], ["cls"])
+    return len(names) - bound + (arguments.vararg is not None) + (arguments.kwarg is not None)
+
+
+def test_no_folder_of_hil_is_crowded() -> None:
+    folders = [ROOT / "hil", *(p for p in (ROOT / "hil").rglob("*") if p.is_dir() and p.name != "__pycache__")]
+    assert len(folders) > 10
+    crowded = {str(f.relative_to(ROOT)): len(entries(f)) for f in folders if len(entries(f)) > MOST_ENTRIES}
+    assert not crowded, f"more than {MOST_ENTRIES} entries side by side: {crowded}"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_function_has_too_many_parameters(package: str) -> None:
+    paths = sorted((ROOT / package).rglob("*.py"))
+    assert paths
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                assert parameters(node) <= MOST_PARAMETERS, f"{path}:{node.lineno}: {node.name}"

@@ -1,0 +1,104 @@
+"""A board in HITL for tests: the mock on a pseudo-terminal whose port stays, so that it can be unplugged and come back.
+
+The board's program runs on a thread; its clock is the wall clock.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import threading
+import tty
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from fastcrc.crc16 import mcrf4xx
+
+from firmware_bridge.codecs.dialect import SHAPES
+from firmware_bridge.codecs.mavlink_frame import FrameSplitter, message_id
+from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board
+from firmware_bridge.mock_pixhawk.line import serve
+
+
+class Tap:
+    """The mock, and what it was sent; `mute` names messages that it does not send, or says everything: "all"."""
+
+    def __init__(self, mock: MockPixhawk, mute: Sequence[str]) -> None:
+        self.mock = mock
+        self.mute = set(mute)
+        self.heard: list[int] = []
+        self.gone = False
+        self.spoil = 0  # so many of the next commands are no numbers, with good checksums
+        self._in, self._out = FrameSplitter(), FrameSplitter()
+
+    @property
+    def next_due_us(self) -> int | None:
+        return self.mock.next_due_us
+
+    def boot(self) -> bytes:
+        return self._spoken(self.mock.boot())
+
+    def feed(self, data: bytes) -> bytes:
+        if self.gone:
+            raise OSError("unplugged")
+        self.heard += [message_id(unit) for unit in self._in.feed(data)]
+        return self._spoken(self.mock.feed(data))
+
+    def _spoken(self, data: bytes) -> bytes:
+        if not self.mute and not self.spoil:
+            return data
+        if "all" in self.mute:
+            return b""
+        ids = {MSGID[name] for name in self.mute}
+        return b"".join(self._spoilt(unit) for unit in self._out.feed(data) if message_id(unit) not in ids)
+
+    def _spoilt(self, unit: bytes) -> bytes:
+        if self.spoil == 0 or message_id(unit) != MSGID["HIL_ACTUATOR_CONTROLS"]:
+            return unit
+        self.spoil -= 1
+        # time_usec and flags, then the controls; ten bytes of header before, a checksum behind.
+        body = unit[1:26] + b"\0\0\xc0\x7f" + unit[30:-2]
+        return (
+            unit[:1]
+            + body
+            + mcrf4xx(body + bytes((SHAPES[MSGID["HIL_ACTUATOR_CONTROLS"]].crc_extra,))).to_bytes(2, "little")
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.mock, name)
+
+
+class HitlBoard:
+    """`port` is its serial port."""
+
+    def __init__(self, *, params: Sequence[str] = (), mute: Sequence[str] = (), baud: int = DEFAULT_BAUD) -> None:
+        self._near, self._far = pty.openpty()  # the far end stays open: the board outlives the bench's use of its port
+        tty.setraw(self._far)
+        self.port = os.ttyname(self._far)
+        self.mock = MockPixhawk(board=Board(baud=baud), params=params)
+        self.tap = Tap(self.mock, mute)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        serve(self.tap, self._near)  # type: ignore[arg-type]
+
+    def wait_for(self, what: Callable[[], bool], limit_s: float = 30.0) -> bool:
+        done = threading.Event()
+        for _ in range(int(limit_s / 0.02)):
+            if what():
+                return True
+            done.wait(0.02)
+        return False
+
+    def unplug(self) -> None:
+        """Off the line for good: whoever has the port open sees it hang up."""
+        self.tap.gone = True
+        self._thread.join(30.0)
+        assert not self._thread.is_alive()
+        for fd in (self._far, self._near):
+            if fd >= 0:
+                os.close(fd)
+        self._far = self._near = -1

@@ -1,0 +1,71 @@
+"""The world of `mock_pixhawk_world` around a mock in HITL: simulated time, arrivals late as a test wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board, BoardClock
+from tests.worlds.mock_pixhawk_world import TICK_NS, World
+
+OUTPUT = MSGID["HIL_ACTUATOR_CONTROLS"]
+
+
+class SimulatedTime:
+    """A source of nanoseconds for a board's clock."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+class Cable:
+    """Between bench and board: brings each write `delay_us(tick)` late, in order, while the board runs by its clock."""
+
+    def __init__(self, board: MockPixhawk, time: SimulatedTime) -> None:
+        self.board, self.time = board, time
+        self.delay_us: Callable[[int], int] = lambda tick: 300
+        self.cut = False  # nothing gets through to the board
+        self._start_ns = 0  # when the bench's next tick begins
+        self._tick = 0
+        self._under_way: list[tuple[int, bytes]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.board, name)
+
+    def feed(self, data: bytes) -> bytes:
+        """The bench writes `data` now; what the board writes until the bench's next tick."""
+        if not self.cut:
+            at_ns = self._start_ns + self.delay_us(self._tick) * 1000
+            if self._under_way:
+                at_ns = max(at_ns, self._under_way[-1][0])
+            self._under_way.append((at_ns, data))
+        self._tick += 1
+        return self.wait(TICK_NS)
+
+    def wait(self, duration_ns: int) -> bytes:
+        """The board alone goes on, as when the bench's machine is busy; what it writes."""
+        end_ns = self._start_ns = self._start_ns + duration_ns
+        out = b""
+        while True:
+            due_us = self.board.next_due_us
+            due_ns = end_ns if due_us is None else self.board.clock.source_ns(due_us)
+            arrival_ns = self._under_way[0][0] if self._under_way else end_ns
+            next_ns = min(due_ns, arrival_ns)
+            if next_ns >= end_ns:
+                return out
+            self.time.now_ns = max(next_ns, self.time.now_ns)
+            out += self.board.feed(self._under_way.pop(0)[1] if arrival_ns <= due_ns else b"")
+
+
+def hitl_world(*, offset_us: int = 0, drift_ppm: float = 0.0, baud: int = DEFAULT_BAUD, **settings: Any) -> World:
+    """A world whose `autopilot` is a `Cable` to a board in HITL."""
+    time = SimulatedTime()
+    clock = BoardClock(time, offset_us=offset_us, drift_ppm=drift_ppm)
+    world = World(board=Board(clock, baud), **settings)
+    world.autopilot = Cable(world.autopilot, time)
+    return world
