@@ -19,7 +19,9 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         table.add_row("waypoints", f"{mission['reached']} of {mission['waypoints']}")
     for row in verdict["rows"]:
         if row["value"] is not None:
-            limit = f"(limit {row['limit']:g})" if row["limit"] is not None else "(not judged)"
+            limit = "(not judged)" if row["ok"] else "(failed)"
+            if row["limit"] is not None:
+                limit = f"(limit {row['limit']:g})"
             table.add_row(
                 str(row["name"]).rsplit("_", 1)[0].replace("_", " "), f"{row['value']:.3f} {row['unit']} {limit}"
             )

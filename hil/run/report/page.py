@@ -100,6 +100,13 @@ def _realtime_rows(realtime: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
+def _limit(row: Mapping[str, Any]) -> str:
+    """Return the limit of a measurement; a part may fail a measurement that has none."""
+    if row["limit"] is None:
+        return "not judged" if row["ok"] else ""
+    return text(float(row["limit"]), row["unit"])
+
+
 def _verdict(run: Mapping[str, Any]) -> str:
     """Return the reasons of a FAIL, and a table of every measurement beside its limit."""
     verdict = run.get("verdict") or {}
@@ -107,7 +114,7 @@ def _verdict(run: Mapping[str, Any]) -> str:
         (
             ("\N{CHECK MARK} " if r["ok"] else "\N{BALLOT X} ") + r["name"].rsplit("_", 1)[0].replace("_", " "),
             text(r["value"], r["unit"]),
-            "not judged" if r["limit"] is None else text(float(r["limit"]), r["unit"]),
+            _limit(r),
         )
         for r in verdict.get("rows") or []
     ]

@@ -282,7 +282,7 @@ def _greater(so_far: float | None, value: float) -> float:
 
 @dataclass(frozen=True)
 class Row:
-    """One measurement beside its limit. `limit` None: not judged."""
+    """One measurement beside its limit. `limit` None: not judged, or judged by a part in its own way."""
 
     name: str
     value: float | None

@@ -131,7 +131,9 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
     try:
         with path.open("rb") as file:
             begin = max(0, t_ns - _WINDOW_NS)
-            found = make_reader(file).iter_messages(sorted(topics), begin, t_ns + 1, log_time_order=True, reverse=True)
+            found = make_reader(file).iter_messages(
+                sorted(topics), starting_at=begin, ending_at=t_ns, log_time_order=True, reverse=True
+            )
             for schema, channel, message in found:
                 if schema is not None and channel.topic not in newest:
                     newest[channel.topic] = RecordedMessage(
