@@ -179,8 +179,8 @@ inline double log(double x) {
     return dk * kLn2Hi - ((hfsq - (s * (hfsq + r) + dk * kLn2Lo)) - f);
 }
 
-// x^y for x > 0, as exp(y log x): relative error about (1 + |y log x|) * 2e-16, which the barometric formula
-// (|y log x| < 2) can afford. x <= 0 gives NaN.
+// x^y for x > 0, as exp(y log x): relative error about (1 + |y log x|) * 2e-16, sufficient for the barometric formula
+// (|y log x| < 2). x <= 0 gives NaN.
 inline double pow(double x, double y) { return x > 0.0 ? exp(y * log(x)) : std::numeric_limits<double>::quiet_NaN(); }
 
 // Arc tangent. Error < 1 ulp.

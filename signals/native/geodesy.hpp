@@ -22,7 +22,7 @@ inline constexpr double kA = 6378137.0, kF = 1.0 / 298.257223563, kE2 = kF * (2.
 inline constexpr double kDeg = det::kPi / 180.0;
 }  // namespace wgs84
 
-// Tangent plane at one origin, whose trigonometry is evaluated once.
+// Tangent plane at one origin. The trigonometry of the origin is evaluated once.
 class LocalTangentPlane {
    public:
     void set_origin(Geodetic origin) {
@@ -47,8 +47,8 @@ class LocalTangentPlane {
                 origin_.alt_m - g.alt_m};
     }
 
-    // Newton with the metric at the origin. Each pass reduces the error by distance / radius: within 100 km, four
-    // passes reach the rounding of a degree in a double, below 1e-8 m.
+    // Newton's method with the metric at the origin. Each pass multiplies the error by about distance / earth radius:
+    // within 100 km, four passes reach the rounding of a degree in a double, below 1e-8 m.
     Geodetic to_geodetic(Vec3 p_N) const {
         Geodetic g{origin_.lat_deg, origin_.lon_deg, origin_.alt_m - p_N.z};
         for (int pass = 0; pass < 5; ++pass) {

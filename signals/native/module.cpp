@@ -88,11 +88,13 @@ NB_MODULE(_kernel, m) {
              },
              "key"_a, "lanes"_a)
         .def("normal", &normal, "index"_a, "Return the `lanes` standard normals of a sample.");
-    m.def("rotate_into_body", &rotated<hil::rotate_into_body>, "q_WB"_a, "v_W"_a, "Return R(q)^T v: a vector of W in B.");
-    m.def("rotate_into_world", &rotated<hil::rotate_into_world>, "q_WB"_a, "v_B"_a, "Return R(q) v: a vector of B in W.");
+    m.def("rotate_into_body", &rotated<hil::rotate_into_body>, "q_WB"_a, "v_W"_a,
+          "Return R(q)^T v: the vector v_W in B.");
+    m.def("rotate_into_world", &rotated<hil::rotate_into_world>, "q_WB"_a, "v_B"_a,
+          "Return R(q) v: the vector v_B in W.");
     m.def("roll_pitch_yaw", &euler, "q"_a, "Return roll, pitch, yaw [rad] of a unit quaternion: yaw first, then pitch, then roll.");
     m.def("quaternion_of_axes", &quaternion_of_axes, "x"_a, "y"_a, "z"_a, "Return the unit quaternion of a frame with these orthonormal axes.");
     m.def("tangent_ned", &tangent_ned, "origin"_a, "place"_a,
-          "Return the NED position [m] of a place about an origin, both latitude, longitude [deg] and altitude [m]: north "
-          "and east of the exact difference on WGS-84, down the difference of altitudes.");
+          "Return the NED position [m] of a place relative to an origin, both (latitude, longitude [deg], altitude [m]): "
+          "north and east are exact on WGS-84, down is the difference of altitudes.");
 }

@@ -5,7 +5,7 @@
 namespace hil {
 namespace {
 
-// 64 x 64 -> 128 bits: one instruction if the compiler has the type, else by 32-bit halves. Integers: same bits.
+// Product of 64 x 64 bits in 128: one instruction if the compiler has the type, else by 32-bit halves. Same bits.
 inline std::uint64_t multiply(std::uint64_t a, std::uint64_t b, std::uint64_t &high) {
 #ifdef __SIZEOF_INT128__
     __extension__ using Wide = unsigned __int128;
@@ -94,10 +94,10 @@ void NoiseStream::fill(std::uint64_t piece) {
     constexpr std::uint64_t kPieces = kBlock / kPiece;
     std::uint64_t counter[4] = {piece % kPieces * lanes_, 0, piece / kPieces, 0}, bits[4];
     for (std::size_t i = 0; i < values_.size(); i += 4) {
-        counter[0] += 1;  // as in numpy, whose generator counts before it draws
+        counter[0] += 1;  // as in numpy, whose generator increments its counter before it draws
         philox(counter, key_, bits);
         for (int lane = 0; lane < 4; ++lane) {
-            // 52 bits and half a step: never 0, never 1, and 1 - p is exact.
+            // 52 bits plus half a step: p is never 0 or 1, and 1 - p is exact.
             values_[i + static_cast<std::size_t>(lane)] =
                 normal_from_uniform((static_cast<double>(bits[lane] >> 12) + 0.5) * 0x1p-52);
         }

@@ -1,8 +1,8 @@
 // Named, counter-based noise: the generator of signals.noise.NoiseStream and of the kernels that draw noise themselves.
 //
 // A draw is a pure function of (key, index, lane): Philox4x64-10 (Salmon et al., SC 2011) on the counter
-// (0, 0, block, 0) gives 64 bits, 52 of them a uniform on (0, 1), and algorithm AS 241 (Wichura, 1988) a standard
-// normal. `key` is the BLAKE2b digest of seed and name that signals.noise.noise_key makes.
+// (0, 0, block, 0) gives 64 bits. 52 of them form a uniform on (0, 1), which algorithm AS 241 (Wichura, 1988) maps to a
+// standard normal. `key` is the BLAKE2b digest of seed and name that signals.noise.noise_key makes.
 //
 // Determinism: integers, + - * / sqrt and comparisons only. One allocation, at construction. Not thread-safe.
 #pragma once

@@ -1,6 +1,7 @@
 // 3-vectors, quaternions (w-x-y-z) and rotation matrices for the vehicle, its sensors, estimator and controller.
 //
-// q_WB rotates vectors of B into W: v_W = rotate(q_WB, v_B). Heading, roll, pitch and yaw are of a body FRD in NED.
+// q_WB rotates vectors of B into W: v_W = rotate(q_WB, v_B). Heading, roll, pitch and yaw are those of an FRD body in
+// NED.
 // Pure functions that use + - * / sqrt and detmath only: same bits on every machine.
 #pragma once
 
@@ -94,7 +95,8 @@ inline Quat from_euler(double roll, double pitch, double yaw) {
             cr * cp * sy - sr * sp * cy};
 }
 
-// Quaternion of the rotation matrix with orthonormal columns (bx, by, bz), by Shepperd (1978): divide by the largest.
+// Quaternion of the rotation matrix with orthonormal columns (bx, by, bz), after Shepperd (1978): the largest
+// component is computed first and divides the others.
 inline Quat from_axes(Vec3 bx, Vec3 by, Vec3 bz) {
     const double trace = bx.x + by.y + bz.z;
     Quat q;

@@ -26,7 +26,7 @@ struct BatteryParams {
     double resistance_ohm = 0.0;
     double efficiency = 1.0;       // electrical to shaft
     double auxiliary_w = 0.0;      // P_0
-    double nominal_voltage_v = 0.0;  // at which max_speed_radps holds
+    double nominal_voltage_v = 0.0;  // voltage at which rotors reach max_speed_radps
 };
 
 inline double open_circuit_v(const BatteryParams &b, double drawn_c) {

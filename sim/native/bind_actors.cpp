@@ -1,5 +1,5 @@
-// sim._kernels.SceneActors, Vicinity, FieldOfView: actors and their reach. Contracts: frame/actors.hpp,
-// frame/reach.hpp.
+// sim._kernels.SceneActors, Vicinity, FieldOfView: actors, and regions in which they can affect a sensor. Contracts:
+// frame/actors.hpp, frame/reach.hpp.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 
@@ -86,7 +86,7 @@ void bind_actors(nb::module_ &m) {
                 }
                 actors.add(actor_of(std::move(actor)), std::move(on_bodies));
             },
-            "actor"_a, "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "Geom i sits on body bodies[i] of the actor.")
+            "actor"_a, "geoms"_a, "bodies"_a, "p_BG"_a, "R_BG"_a, "Add an actor. Geom geoms[i] is fixed to its body bodies[i].")
         .def("pose_within", &fr::Actors::pose_within, "t_ns"_a, "reach"_a.none(), "Pose the actors within reach at `t_ns`; return their number.")
         .def("absent", &fr::Actors::absent, "t_ns"_a, "Return the number of actors that are not posed at `t_ns`.");
 }

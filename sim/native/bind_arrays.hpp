@@ -1,5 +1,5 @@
-// Argument types of the bindings of sim._kernels: arrays are views, C-contiguous and in the CPU's memory, -1 is any
-// length.
+// Argument types of the bindings of sim._kernels. Arrays are C-contiguous views of CPU memory; a shape of -1 accepts
+// any length.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -25,7 +25,7 @@ using Vec3 = std::array<double, 3>;
 using Mat3 = std::array<double, 9>;
 using Key = std::array<std::uint64_t, 2>;  // key of a noise stream
 
-// Throws std::invalid_argument unless an array has a row for each ray.
+// Throws std::invalid_argument unless an array has one row per ray.
 template <class Array>
 void expect_rows(const Array &array, std::size_t rays, const char *what) {
     if (array.shape(0) == rays) return;
@@ -33,7 +33,7 @@ void expect_rows(const Array &array, std::size_t rays, const char *what) {
                                 std::to_string(rays) + " rays");
 }
 
-// Throws std::invalid_argument unless an array is as high and as wide as a picture.
+// Throws std::invalid_argument unless two arrays have the same height and width.
 template <class A, class B>
 void same_size(const A &a, const B &b, const char *what) {
     if (a.shape(0) != b.shape(0) || a.shape(1) != b.shape(1)) {
@@ -47,7 +47,7 @@ inline double as_double(PyObject *item) {
     return value;
 }
 
-// A tuple of N numbers, converted by hand: it is part of calls that take a microsecond.
+// Converts a tuple of N numbers to an array. Written without nanobind's casters, because the calls take a microsecond.
 template <std::size_t N>
 void unpack(const nb::tuple &source, double (&out)[N], const char *what) {
     if (source.size() != N) {

@@ -66,8 +66,8 @@ private:
         row[kRight] = std::max(row[kRight], end - 1), row[kBottom] = y;
     }
 
-    // Neighbours `at` and `at + step` of different ids, seen from the first; the second may be in front.
-    // `beyond`: at + 2 step is in the picture. This is the inequality of kInFront, times all three depths.
+    // Counts the pair of neighbours `at` and `at + step`, of different ids, for the instance at `at`. The test is the
+    // inequality of kInFront, multiplied by all three depths. `beyond`: at + 2 step is in the picture.
     void pair(std::int32_t at, std::int32_t step, bool beyond) {
         if (!ids_[at]) return;
         Row &row = row_of(ids_[at]);
@@ -133,7 +133,7 @@ void normal_values(const In<float, -1, -1, 3> &normal, const Out<std::uint8_t, -
         const float above = x[i] >= -1.0f ? x[i] : -1.0f;  // NaN: -1
         v[i] = static_cast<std::uint8_t>(static_cast<std::int32_t>((above <= 1.0f ? above : 1.0f) * 127.0f + 128.5f));
     }
-    for (std::size_t i = 0; i < n; i += 3) {  // a unit vector has a part above 0.5
+    for (std::size_t i = 0; i < n; i += 3) {  // only the zero vector: a unit vector has a component above 0.5 in magnitude
         if (v[i] == 128 && v[i + 1] == 128 && v[i + 2] == 128) v[i] = v[i + 1] = v[i + 2] = 0;
     }
 }
@@ -142,10 +142,10 @@ void normal_values(const In<float, -1, -1, 3> &normal, const Out<std::uint8_t, -
 
 void bind_dataset_pictures(nb::module_ &m) {
     m.def("scan_instances", scan_instances, "instance"_a.noconvert(), "depth_m"_a.noconvert().none(),
-          "Rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by rising id, without 0. `rim`: pairs of neighbours "
-          "of which one pixel is the instance's; `hidden`: pairs in which the other pixel is in front.");
+          "Return rows (id, area, x_min, y_min, x_max, y_max, rim, hidden) by rising id, without 0. `rim`: pairs of "
+          "neighbours of which one pixel is the instance's; `hidden`: pairs in which the other pixel is in front.");
     m.def("run_length_texts", run_length_texts, "instance"_a.noconvert(), "ids"_a,
-          "Masks of ids in the picture as COCO's run lengths: column by column, background first, separated by commas.");
+          "Return the mask of each id as COCO run lengths: column by column, background first, separated by commas.");
     m.def("normal_values", normal_values, "normal"_a.noconvert(), "out"_a.noconvert(),
-          "floor(127 n + 128.5) of each component, clipped to -1 to 1; (0, 0, 0) for the zero vector.");
+          "Write floor(127 n + 128.5) of each component, clipped to -1 to 1; (0, 0, 0) for the zero vector.");
 }

@@ -12,5 +12,5 @@ void bind_extinction(nb::module_ &m) {
             hil::sim::extinguish(range_m.data(), extinction_per_m, range_m.shape(0), strength.data());
         },
         "range_m"_a.noconvert(), "extinction_per_m"_a, "strength"_a.noconvert(),
-        "Multiply each strength by exp(-extinction_per_m range); without a finite range it is unchanged.");
+        "Multiply each strength by exp(-extinction_per_m range); leave it unchanged if the range is not finite.");
 }

@@ -25,7 +25,7 @@ fr::RasterCamera camera_of(const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W) 
 
 void set(float *to, const Rgb &from) { std::copy(from.begin(), from.end(), to); }
 
-// A channel's array if it was given: right type, right shape, contiguous; else null.
+// Returns the data of a requested channel, else null. Throws nb::type_error for a wrong type, shape or layout.
 template <class T>
 T *channel(const nb::dict &out, const char *name, int height, int width, int depth) {
     if (!out.contains(name)) return nullptr;
@@ -53,8 +53,10 @@ int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1,
     if (levels.empty() || levels.size() > 16) throw std::invalid_argument("a texture needs 1 to 16 levels");
     for (const auto &level : levels) {
         const auto h = level.shape(0), w = level.shape(1);
-        if (w > 4096 || h > 6 * 4096) throw std::invalid_argument("a texture has an edge of more than 4096 texels");
-        if (w < 4 || h < 4 || w % 4 != 0 || h % 4 != 0) throw std::invalid_argument("a level of a texture is smaller than 4 x 4");
+        if (w > 4096 || h > 6 * 4096)
+            throw std::invalid_argument("a texture must have at most 4096 texels along each edge");
+        if (w < 4 || h < 4 || w % 4 != 0 || h % 4 != 0)
+            throw std::invalid_argument("each edge of a texture level must be a multiple of 4 texels");
         t.offset[t.levels++] = static_cast<std::int32_t>(t.texel.size());
         for (std::size_t i = 0; i < w * h; ++i) {
             const std::size_t square = i / 16, y = square / (w / 4) * 4 + i % 16 / 4, x = square % (w / 4) * 4 + i % 4;
@@ -115,7 +117,7 @@ void bind_frame(nb::module_ &m) {
                bool visible, std::uint8_t class_id, std::uint16_t instance, std::uint8_t surface) {
                 fr::Geom geom{};
                 const bool known = shape == 0 || (shape >= 2 && shape <= 7);
-                if (!known) throw std::invalid_argument("unknown shape");
+                if (!known) throw std::invalid_argument("shape must be 0 or 2 to 7, as in MuJoCo's mjtGeom");
                 geom.shape = static_cast<fr::Shape>(shape);
                 std::copy(size.begin(), size.end(), geom.size);
                 std::copy(p_WG.begin(), p_WG.end(), geom.p_WG);
@@ -142,7 +144,7 @@ void bind_frame(nb::module_ &m) {
                 for (std::size_t i = 0; i < n; ++i) {
                     const int geom = geoms.data()[i];
                     if (geom < 0 || static_cast<std::size_t>(geom) >= g.geoms().size()) {
-                        throw std::out_of_range("no such geom");
+                        throw std::out_of_range("a geom index is out of range");
                     }
                     g.move(geom, p.data() + 3 * i, R.data() + 9 * i, v.data() + 3 * i, w.data() + 3 * i);
                 }
@@ -156,7 +158,8 @@ void bind_frame(nb::module_ &m) {
         .def(
             "add_geom",
             [](fr::Scenery &s, const Rgb &rgb, float emission, int texture, float repeat_u, float repeat_v, bool per_metre) {
-                if (texture >= static_cast<int>(s.textures.size())) throw std::invalid_argument("no such texture");
+                if (texture >= static_cast<int>(s.textures.size()))
+                    throw std::invalid_argument("texture index is out of range");
                 fr::Appearance a;
                 set(a.rgb, rgb);
                 a.emission = emission;
@@ -206,7 +209,7 @@ void bind_frame(nb::module_ &m) {
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery, int width, int height, double fx,
                double fy, double cx, double cy, const std::string &isa) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
-                    throw std::invalid_argument("the scenery must hold every geom");
+                    throw std::invalid_argument("the scenery needs an entry for every geom");
                 }
                 new (self) fr::Picture(std::make_unique<fr::Raster>(geometry, width, height, fr::Projection::kPinhole, fx, fy,
                                                                     cx, cy, fr::isa_by_name(isa)),
@@ -219,7 +222,7 @@ void bind_frame(nb::module_ &m) {
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery,
                const In<double, -1, -1, 3> &directions_C, const std::string &isa) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
-                    throw std::invalid_argument("the scenery must hold every geom");
+                    throw std::invalid_argument("the scenery needs an entry for every geom");
                 }
                 new (self) fr::Picture(
                     std::make_unique<fr::Raster>(geometry, static_cast<int>(directions_C.shape(1)),

@@ -45,7 +45,7 @@ class Imu {
         truth.rotors = 0;
         if (imu_.rotors_with_phase() != 0) {
             const std::size_t n = rotor_speed_radps.size();
-            if (n > kMostRotors) throw std::invalid_argument("at most 16 rotors");
+            if (n > kMostRotors) throw std::invalid_argument("rotor_speed_radps must hold at most 16 rotors");
             for (std::size_t i = 0; i < n; ++i) {
                 speed[i] = as_double(PyTuple_GetItem(rotor_speed_radps.ptr(), static_cast<Py_ssize_t>(i)));
             }

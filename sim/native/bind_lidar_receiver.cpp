@@ -40,11 +40,12 @@ std::size_t receive(const LidarReceiver &receiver, std::uint64_t first, In<std::
     expect_rows(class_out, n, "out segmentation");
     for (std::size_t i = 0; i < n; ++i) {
         const std::int32_t at = place.data()[i];
-        if (at < 0 || static_cast<std::size_t>(at) >= n) throw std::invalid_argument("place is out of range");
+        if (at < 0 || static_cast<std::size_t>(at) >= n)
+            throw std::invalid_argument("place holds an index that is out of range");
         const bool met = range.data()[at] < std::numeric_limits<double>::infinity();
         const std::int32_t g = geom.data()[at];
         if (met && (g < 0 || static_cast<std::size_t>(g) >= geom_class.shape(0))) {
-            throw std::invalid_argument("an echo has a geom without a class");
+            throw std::invalid_argument("an echo's geom has no entry in geom_class");
         }
     }
     const LidarEchoes in{n,           place.data(),    range.data(), strength.data(), geom.data(),
@@ -81,7 +82,7 @@ void bind_lidar_receiver(nb::module_ &m) {
             expect_rows(normal, n, "normal_W"), expect_rows(direction, n, "directions_W"), expect_rows(strength, n, "strength");
             for (std::size_t i = 0; i < n; ++i) {
                 if (geom.data()[i] >= 0 && static_cast<std::size_t>(geom.data()[i]) >= reflectivity.shape(0)) {
-                    throw std::invalid_argument("a geom has no reflectivity");
+                    throw std::invalid_argument("a ray's geom has no entry in reflectivity");
                 }
             }
             nb::gil_scoped_release release;

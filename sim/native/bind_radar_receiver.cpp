@@ -11,7 +11,7 @@ using hil::sim::radar::Converter;
 using hil::sim::radar::ReceiverChain;
 using hil::sim::radar::ReceiverNoise;
 
-// Empty, or one value for each receiver.
+// Returns the value of a receiver. `values` is empty, for a default value, or holds one value per receiver.
 template <typename T>
 T one_of(const std::vector<T> &values, std::size_t receiver, std::size_t receivers, const char *what) {
     if (values.empty()) return T{};

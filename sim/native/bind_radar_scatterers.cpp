@@ -25,7 +25,8 @@ bool has_shape(const A &array, std::size_t height, std::size_t width) {
 }
 
 rd::ReflectingSurface surface_of(double eps_r, double eps_i, double phase_height, double facet_slope) {
-    need(eps_r > 0.0 && eps_i >= 0.0 && phase_height >= 0.0 && facet_slope > 0.0, "not the properties of a surface");
+    need(eps_r > 0.0 && eps_i >= 0.0 && phase_height >= 0.0 && facet_slope > 0.0,
+         "a surface needs eps_r and facet_slope above 0, eps_i and phase_height of 0 or more");
     return {eps_r, eps_i, phase_height, facet_slope};
 }
 
@@ -97,8 +98,8 @@ void bind_radar_scatterers(nb::module_ &m) {
                      (!segmentation || has_shape(*segmentation, height, width)),
                  "the channels of a picture differ in size");
             need(direction_R.shape(0) == pixels && blocks.shape(0) == (pixels + rd::kLanes - 1) / rd::kLanes,
-                 "the picture does not have the size of the camera of the plan");
-            need(class_kept.has_value() == segmentation.has_value(), "selecting classes needs the channel segmentation");
+                 "the picture's size differs from that of the plan's camera");
+            need(class_kept.has_value() == segmentation.has_value(), "class_kept and segmentation must be given together");
             const std::size_t room = range_m.shape(0);
             need(room >= pixels && speed_mps.shape(0) == room && echo_direction_R.shape(0) == room &&
                      amplitude.shape(0) == room,

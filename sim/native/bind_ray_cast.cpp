@@ -45,7 +45,7 @@ void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> direct
 void bind_ray_cast(nb::module_ &m) {
     nb::class_<RayCaster>(m, "RayCaster")
         .def(nb::init<const Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>(),
-             "Caster of rays against a finished `geometry`; static geoms are prepared here.")
+             "Prepare the static geoms of a finished `geometry`.")
         .def("cast", &cast, "origins_W"_a, "directions_W"_a, "t_min"_a, "t_max"_a, "range_m"_a.noconvert(),
              "geom"_a.noconvert(), "normal_W"_a.noconvert() = nb::none(),
              "radial_velocity_mps"_a.noconvert() = nb::none(), nb::kw_only(), "order"_a = nb::none(), "threads"_a = 1,

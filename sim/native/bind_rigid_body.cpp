@@ -95,7 +95,7 @@ class RigidBody {
     }
 
     void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm) {
-        if (rotor < 0 || rotor >= params_.rotor_count) throw nb::index_error("no such rotor");
+        if (rotor < 0 || rotor >= params_.rotor_count) throw nb::index_error("rotor index is out of range");
         params_.thrust_left[rotor] = thrust_left;
         params_.forced_speed_radps[rotor] = forced_speed_radps;
         params_.imbalance_kgm[rotor] = imbalance_kgm;
@@ -164,10 +164,10 @@ class RigidBody {
         qacc_ = qacc;
     }
 
-    // The pose at `share` of the way from before to after that sub-step: 1 is exactly the pose after it. In between it
-    // is linear, with an error of a h^2 / 8.
+    // Writes the pose at `share` of a sub-step to qpos: 0 is the pose before it, 1 exactly the pose after it. Between
+    // them it is interpolated linearly, with an error of a h^2 / 8.
     void pose_in_substep(int substep, double share) {
-        if (substep < 0 || substep >= steps_) throw nb::index_error("no such sub-step");
+        if (substep < 0 || substep >= steps_) throw nb::index_error("sub-step index is out of range");
         const double *to = path_.data() + 7 * static_cast<std::size_t>(substep);
         double *q = qpos_.data();
         if (share == 1.0) {
@@ -179,7 +179,7 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
-    // `substep` of the tick, 0 first, selects the time of the wind.
+    // `substep`, counted from 0, selects the time at which the wind is taken.
     void contact_load(int substep, bool hard) {
         const double *s = state();
         const double h = tick_s_ / contact_substeps_[hard];
@@ -334,9 +334,9 @@ void bind_rigid_body(nb::module_ &m) {
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
              "over the tick [A]. See battery.hpp.")
-        .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind over the coming tick, which is linear.")
+        .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind of the coming tick, linear from start to end.")
         .def("set_rotor", &RigidBody::set_rotor, "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a,
-             "imbalance_kgm"_a, "Set the state of a rotor from the next tick on; forced speed < 0: it follows its command.")
+             "imbalance_kgm"_a, "Set the state of a rotor from the next tick on; with a forced speed < 0 it follows its command.")
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
@@ -355,7 +355,7 @@ void bind_rigid_body(nb::module_ &m) {
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
              "Write the state to qpos and qvel, rotor and air wrench to qfrc_applied.")
         .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),
-             "qfrc_applied"_a.noconvert(), "Make this vehicle the one that mujoco_callback() computes.")
+             "qfrc_applied"_a.noconvert(), "Make mujoco_callback() compute the forces of this vehicle.")
         .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Return the address of a MuJoCo control callback.")
         .def("contact_update", &RigidBody::contact_update, "hard"_a, "Advance one contact sub-step with qacc.");
 

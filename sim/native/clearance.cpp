@@ -61,7 +61,7 @@ double solid_distance(const Solid &solid, const double *p) {
     return 0.0;
 }
 
-// Half edges of the box along the shape's own axes that encloses it.
+// Half edges of the enclosing box along the shape's axes.
 std::array<double, 3> own_half(const Solid &solid) {
     const double *s = solid.size;
     switch (solid.kind) {
@@ -83,7 +83,7 @@ frame::Aabb bounds_of(const Solid &solid) {
         const double *row = solid.R + 3 * i;
         const double reach =
             (std::fabs(row[0]) * half[0] + std::fabs(row[1]) * half[1]) + std::fabs(row[2]) * half[2];
-        // Margin for rounding in the sum above: the box must enclose the shape.
+        // Margin for rounding in `reach`: the box must enclose the shape.
         const double slack = 1e-12 * (std::fabs(solid.center[i]) + reach);
         low[i] = solid.center[i] - reach - slack;
         high[i] = solid.center[i] + reach + slack;
@@ -114,7 +114,8 @@ bool known(const Solid &solid) {
 
 SolidTree::SolidTree(std::vector<Solid> solids) {
     for (const Solid &solid : solids) {
-        if (!known(solid)) throw std::invalid_argument("a solid has an unknown kind or is not finite");
+        if (!known(solid))
+            throw std::invalid_argument("each solid must be a plane, sphere, capsule, ellipsoid, cylinder or box, and finite");
         (solid.kind == SolidKind::kPlane ? planes_ : solids_).push_back(solid);
     }
     std::vector<frame::Aabb> boxes;

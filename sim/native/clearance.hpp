@@ -1,11 +1,11 @@
-// Lower bound of the gap between a sphere and the static scene, over a tree of its solid shapes. In W [m].
+// Lower bound of the gap between a sphere and the static scene, from a tree of its solid shapes. All in W [m].
 //
 // The bound is the exact distance for planes, boxes, spheres, capsules and cylinders; for an ellipsoid with radii r the
 // greater of the distance to its box and min(r) (|p / r| - 1), since |x| >= min(r) |x / r|. Meshes and height fields
 // are given as boxes that enclose them. Inside a shape the distance is 0 or less.
 //
-// A node of the tree is an axis-aligned box; nodes farther than the nearest shape so far are skipped, so the cost grows
-// with the logarithm of the count. Building allocates; a query allocates nothing and only reads.
+// A node of the tree is an axis-aligned box. Nodes farther than the nearest shape so far are skipped, so the cost grows
+// with the logarithm of the number of shapes. Queries are const and do not allocate.
 // Deterministic: + - * / sqrt and comparisons; the minimum does not depend on the order of the search.
 #pragma once
 

@@ -11,12 +11,12 @@ namespace {
 constexpr double kMetresPerFoot = 0.3048;
 constexpr double kSqrt3 = 1.73205080756887729353, kInvSqrt2 = 0.70710678118654752440;
 
-// Step of a pair of states over d = dt / T.
+// Advances a pair of states by d = dt / T.
 void second_order(double *x, double d, const double *n) {
     const double e = det::exp(-d);
     const double q11 = 1.0 - e * e;
     const double q12 = 0.5 - (e * e) * (0.5 + d);
-    // 1/2 - e^{-2d} (1/2 + d + d^2) loses all its digits for small d, where it is 2/3 d^3.
+    // 1/2 - e^{-2d} (1/2 + d + d^2) cancels for small d, where it is about 2/3 d^3.
     const double q22 = d > 0.02 ? 0.5 - (e * e) * (0.5 + d + d * d)
                                 : d * d * d * (2.0 / 3.0 + d * (-1.0 + d * (0.8 - d * (4.0 / 9.0))));
     const double l11 = std::sqrt(q11);

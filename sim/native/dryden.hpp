@@ -6,7 +6,7 @@
 //   H_u(s) = sigma_u sqrt(2 L_u / pi V) 1 / (1 + L_u s / V)
 //   H_v(s) = sigma_v sqrt(L_v / pi V) (1 + sqrt(3) L_v s / V) / (1 + L_v s / V)^2,  H_w likewise with sigma_w, L_w
 //
-// Discretised exactly, not by a bilinear rule. With T = L / V, d = dt / T, e = e^{-d} and unit-variance states
+// The filters are discretised exactly. With T = L / V, d = dt / T, e = e^{-d} and unit-variance states
 //   x1' = e x1 + n1,  x2' = e (x2 + d x1) + n2,   cov(n) from the stationary covariance ((1, 1/2), (1/2, 1/2))
 //   u = sigma x1,   v, w = sigma (sqrt(3) x1 + (1 - sqrt(3)) x2) / sqrt(2)
 // so variance and spectrum are those of the continuous filters for any tick, also while h and V change.

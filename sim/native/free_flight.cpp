@@ -15,7 +15,7 @@ constexpr double kTurnPerStep = 0.1;   // rad
 constexpr double kWayPerStep = 0.06;   // m
 constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
 constexpr double kLagsPerStep = 2.0;   // motor time constants
-constexpr double kWhirlPerStep = 1.0;  // rad of a rotor out of balance
+constexpr double kWhirlPerStep = 1.0;  // rad of an unbalanced rotor
 
 double largest(const double *v) {
     double most = v[0];
@@ -26,7 +26,7 @@ double largest(const double *v) {
 
 double length(const double *v) { return std::sqrt((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]); }
 
-// Rotors over a tick. With a constant command each speed is monotone, so up or down is decided once.
+// Rotors over a tick. With a constant command each speed is monotone, so the choice of tau_up or tau_down is made once.
 struct Rotors {
     int count;
     bool whirling;
@@ -38,7 +38,7 @@ struct Rotors {
 
     double decay(int i, RotorDecay d) const { return up[i] ? d.up : d.down; }
 
-    // At `t` after the start of the step, `d` = decay over t.
+    // Writes the rotors at `t` after the start of the step to `out`; `d` is the decay over t.
     void at(const RigidBodyParams &params, double t, RotorDecay d, RotorStage &out) const {
         for (int i = 0; i < count; ++i) {
             const double lag_now = lag[i] * decay(i, d);
@@ -149,7 +149,7 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
-// Number of times to halve the steps; `fastest` = greatest speed of a rotor out of balance.
+// Number of times to halve the steps; `fastest` is the greatest speed of an unbalanced rotor.
 int level_for(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind, double fastest,
               const double *s) {
     double air2 = 0.0;

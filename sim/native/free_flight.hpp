@@ -17,9 +17,9 @@
 //   lambda h <= 2         the fastest damping and the gyroscopic rate, for stability of a light vehicle in a gale:
 //                         lambda = 2 d2 |a| / m + d1 / m + (k_d + k_z) O_max (n / m + sum |r|^2 / I_min)
 //                                  + n J O_max / I_min                                     (classical: lambda h <= 1)
-//   h <= 2 tau            thrust that changes much within a step                   (not the classical)
+//   h <= 2 tau            fast change of thrust                                    (not the classical)
 //   O h <= 1              an unbalanced rotor
-// The choice is a function of the state alone: the same bits on every machine, with contact skipping on or off.
+// The choice depends only on the state: same bits on every machine, with contact skipping on or off.
 //
 // Wind within the tick: wind(t) = start + t slope.
 #pragma once
@@ -48,9 +48,9 @@ struct TickWind {
     bool changes;       // true if any slope is not zero
 };
 
-// One tick without contact. `state` in and out; `command`: steady speeds of the rotors; `phase` [n]: of unbalanced
-// rotors, in and out; `path` receives p and q after each step, [steps][7], and needs room for base * 2^(kLevels-1)
-// steps; `steps` receives their number. Returns the length of the polygon through the positions [m].
+// Advances `state` by one tick without contact. `command`: steady speeds of the rotors. `phase` [n]: phases of
+// unbalanced rotors, updated. `path` receives p and q after each step, [steps][7], and needs space for
+// base * 2^(kLevels-1) steps. `steps` receives their number. Returns the length of the polygon through the positions [m].
 double free_flight_tick(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind,
                         const double *command, double *state, double *phase, double *path, int &steps);
 

@@ -16,7 +16,7 @@ constexpr double kFlatFrom = 0.18, kFlatTo = 0.58;  // shares of stance during w
 constexpr double kLean = 0.04;
 constexpr double kElbow = 0.22, kElbowSwing = 0.35;
 constexpr double kTorsoYaw = 0.07, kPelvisYaw = 0.10;
-constexpr double kReach = 0.992;  // longest hip-to-ankle distance as a share of the leg: the knee never locks
+constexpr double kReach = 0.992;  // greatest hip-to-ankle distance / leg: the knee is never fully extended
 constexpr int kTries = 9;         // number of tries for the start of a flat foot before the hip
 
 using Row = LimbRow;
@@ -133,7 +133,7 @@ void place_feet(GaitShape &g, double ahead) {
     g.swing_from_x = from.x, g.swing_from_z = from.z, g.swing_to_x = to.x, g.swing_to_z = to.z;
 }
 
-// Base height of the pelvis that keeps the leg in reach at `count` phases, evenly spaced over a cycle.
+// Highest base height of the pelvis at which the leg reaches the ankle at `count` phases evenly spaced over a cycle.
 double highest_hip(const GaitShape &g, int count) {
     const double reach = kReach * (g.thigh + g.shank);
     double lowest = INFINITY;
@@ -144,7 +144,7 @@ double highest_hip(const GaitShape &g, int count) {
         const double x = foot.x + g.hip_half * det::sin(at.yaw);
         const double high = foot.z + std::sqrt(reach * reach - x * x) - at.bob;
         if (!(high > 0.0)) {
-            throw std::invalid_argument("steps longer than the legs: lower the walker's speed");
+            throw std::invalid_argument("the walker's steps are longer than its legs: lower its speed");
         }
         lowest = std::min(lowest, high);
     }
@@ -242,8 +242,8 @@ void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W,
     gait_rows(shape_, phase_at(progress.s_m), rows);
     const double c = place.cos, s = place.sin;
     const double rate = progress.speed_mps * cycles_per_m_, yaw_rate = progress.speed_mps * place.yaw_per_m;
-    // Half of the heading, without trigonometry. At cos = -1 the sign is arbitrary: both quaternions are the same
-    // attitude.
+    // Cosine and sine of half the heading, without trigonometry. At cos = -1 the sign is arbitrary, because both
+    // quaternions are the same attitude.
     const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
     double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
     if (s < 0.0) {

@@ -9,9 +9,8 @@
 //     pelvis  z = z_0 + 0.015 v' leg sin(4 pi phi - 0.7 pi)        arm swing 9.88 v' degrees
 //
 // With their tables of joint angles the feet slide by centimetres. Here the path of the foot is given: in stance it
-// rolls over heel, sole and ball, each at rest on the ground (in H: moving at -s'), in swing it follows a polynomial.
-// Hip and knee angles follow by two-link inverse kinematics. Foot pitch and path have continuous
-// second derivatives.
+// rolls over heel, sole and ball, each at rest on the ground (in H: moving at -s'); in swing it follows a polynomial.
+// Hip and knee angles follow by two-link inverse kinematics. Foot pitch and path have continuous second derivatives.
 //
 // Angles are about y, positive turns z towards x. Each limb is a row (x, y, z, cos theta/2, sin theta/2, cos yaw/2,
 // sin yaw/2, dx, dy, dz, dtheta, dyaw) with derivatives by phi; rotation R = Rz(yaw) Ry(theta). No allocation; arrays
@@ -43,12 +42,13 @@ struct GaitShape : FigureLengths {
     double cycle, stance, bob, arm_rad, lift, ahead, swing_from_x, swing_from_z, swing_to_x, swing_to_z, hip;
 };
 
-// Steps of one figure at one cruising speed; `cycle_m` is close to the natural one. The start of a flat foot before the
-// hip is chosen for the highest pelvis, so that knees are straightest. Throws std::invalid_argument for legs too short.
+// Fits the steps of a figure at a cruising speed; `cycle_m` should be near the natural length. The distance at which a
+// foot lands ahead of the hip is chosen for the highest pelvis, so that knees are straightest. Throws
+// std::invalid_argument if the legs are too short for the steps.
 GaitShape fit_gait(const FigureLengths &figure, double speed_mps, double cycle_m);
 
-// All limbs at `phase` in [0, 1), where the left foot strikes at 0, by the walker's own frame H; derivatives by phase.
-// In the order of sim/scene/maps/figure.py's LIMBS.
+// Writes the rows of all limbs in frame H at `phase` in [0, 1), in the order of LIMBS in sim/scene/maps/figure.py. The
+// left foot strikes at phase 0. Derivatives are by phase.
 void gait_rows(const GaitShape &shape, double phase, LimbRows &rows);
 
 // Thigh, shank and foot of a person at rest with flat feet: hip at (0, y, hip_z), ankle at (ankle_x, y, ankle_z).
@@ -60,7 +60,7 @@ void resting_arm(const FigureLengths &figure, double y, double z, double upper_r
 // Walker: a step cycle along a path. Its bodies are its limbs.
 class Walker : public Actor {
 public:
-    // `bound_z_m`, `bound_radius_m`: of the sphere that encloses all limbs; its centre is above the path of the pelvis.
+    // `bound_z_m`, `bound_radius_m`: height and radius of a sphere around all limbs, centred above the path.
     Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
            double bound_radius_m);
 

@@ -53,7 +53,7 @@ float normal_of(std::uint32_t bits, const Tables &table) {
     return table.normal[cell] + within * (table.normal[cell + 1] - table.normal[cell]);
 }
 
-// Normals of positions [first, first + count); `first` a multiple of 8, room in `out` for count rounded up to 8.
+// Writes the normals of positions [first, first + count). `first` is a multiple of 8; `out` holds count rounded up to 8.
 void fill_normals(ImageKey key, std::uint64_t index, std::size_t first, std::size_t count, float *out,
                   const Tables &table) {
     for (std::size_t i = 0; i < count; i += 8) {
@@ -110,11 +110,11 @@ void blur_depth(float *depth_m, const DepthErrors &errors, ImageKey key, std::ui
         for (std::size_t i = 0; i < here; ++i) {
             const float z = depth_m[first + i];
             float measured = kNothing;
-            // Far beyond its range a camera measures nothing, for errors of any size.
+            // Outside its range a camera measures nothing, whatever the error.
             if (z >= errors.min_m && z <= errors.max_m && z < kNothing) {
                 measured = z + (errors.sigma_m + errors.sigma_per_m * z * z) * normals[i];
                 if (errors.disparity_scale_m > 0.0f) {
-                    // A measured distance at or behind the camera has no disparity and counts as the nearest.
+                    // A measured distance of 0 or less has no disparity and counts as the nearest.
                     const float steps = measured > 0.0f ? std::floor(errors.disparity_scale_m / measured + 0.5f)
                                                         : kNothing;
                     measured = steps > 0.0f ? errors.disparity_scale_m / steps : kNothing;

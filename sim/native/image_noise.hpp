@@ -44,10 +44,10 @@ struct DepthErrors {
     float sigma_per_m;         // b [1/m]: sigma = a + b z^2
     float step_m;              // rounding of the distance; 0: none
     float disparity_scale_m;   // f B / step of disparity: rounding of 1/z; 0: none
-    float min_m, max_m;        // a true or measured distance outside, or at or below 0, becomes inf
+    float min_m, max_m;        // true or measured distances outside, or not above 0, become inf
 };
 
-// In place; inf stays inf.
+// Adds errors to depth in place; inf stays inf.
 void blur_depth(float *depth_m, const DepthErrors &errors, ImageKey key, std::uint64_t index, std::size_t pixels);
 
 // Standard normals of picture `index`, for tests.

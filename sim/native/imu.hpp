@@ -9,12 +9,12 @@
 // Errors of channel i (0..2 accel, 3..5 gyro), y = M f or M w with its vibration:
 //   out_i = Q(y_i + b_i + c_i (T(t) - T_ref) + k_i[n] + sum_p x_ip[n] + sigma_i w_i[n])
 //   k[n]   = k[n-1] + K_i sqrt(period) n,                   k[0] = 0     rate (acceleration) random walk
-//   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability, (table: flicker.py)
+//   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability (table: flicker.py)
 //   T(t)   = T_end - rise e^{-t / tau}                                   temperature of the warming sensor
 // Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i.
 //
-// State advances with `index`: reading sample n advances the processes to n, one step per index; an earlier index
-// replays from 0. The rotor phases advance with the time between samples.
+// State advances with `index`: reading sample n advances the processes to n, one step per index. For an index before the
+// last one, they restart from 0. The rotor phases advance with the time between samples.
 //
 // Determinism: + - * / sqrt and detmath.hpp only. Nothing is allocated after construction. Not thread-safe.
 #pragma once

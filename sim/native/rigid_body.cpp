@@ -16,7 +16,7 @@ void quaternion_rate(const double *q, const double *w, double *dq) {
     dq[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
 }
 
-// dw/dt of Euler's equations under `torque` (all zero: torque-free).
+// dw/dt by Euler's equations.
 void rate_of_spin(const double *I, const double *w, const double *torque, double *dw) {
     dw[0] = (torque[0] - (I[2] - I[1]) * w[1] * w[2]) / I[0];
     dw[1] = (torque[1] - (I[0] - I[2]) * w[2] * w[0]) / I[1];
@@ -81,7 +81,7 @@ void wrench_in(const RigidBodyParams &params, const double R[9], const double *s
     }
 }
 
-// (q, w) without torque for h: one RK4 step.
+// Advances (q, w) without torque by h, in one RK4 step.
 void turn_freely(const double *I, double h, double *q, double *w) {
     static constexpr double kFree[3] = {0.0, 0.0, 0.0};
     double y[7], k[4][7], mid[7];
@@ -189,8 +189,8 @@ void ideal_imu(const double *q_WB, const double *a_WB_W, const double *w_WB_B, c
     double turn[3];
     for (int j = 0; j < 3; ++j) {
         out[3 + j] = w_WB_B[j] - 0.5 * dt_s * alpha_WB_B[j];
-        // Mean rate over the second half of the step, times that half, is the turn from mid-step to its end;
-        // half of it is the vector part of the quaternion, to third order in the angle.
+        // The mean rate over the second half of the step, times its duration, is the rotation from mid-step to the end.
+        // Half of it is the vector part of the quaternion, to third order in the angle.
         turn[j] = -0.25 * dt_s * (w_WB_B[j] - 0.25 * dt_s * alpha_WB_B[j]);
     }
     const Quat mid = Quat{q_WB[0], q_WB[1], q_WB[2], q_WB[3]} * Quat{1.0, turn[0], turn[1], turn[2]};

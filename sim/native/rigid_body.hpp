@@ -56,7 +56,7 @@ struct RigidBodyParams {
     double gravity_mps2;
     RotorAir air;
     BatteryParams battery;
-    // State of each rotor, which faults change between ticks.
+    // State of each rotor; faults may change it between ticks.
     double thrust_left[kMaxRotors];       // k_i = thrust_left k, m_i = thrust_left m_ratio k
     double forced_speed_radps[kMaxRotors];  // < 0: follows its command
     double imbalance_kgm[kMaxRotors];     // b_i
@@ -104,7 +104,7 @@ Wrench contact_wrench(const RigidBodyParams &params, RotorDecay substep, double 
 //   v += h dv/dt, then p += h v                                   semi-implicit Euler, loses energy in free fall
 //   w += h (dw/dt + I^-1 w x I w), then (q, w) turn freely for h    the gyroscopic part by RK4: an explicit step
 //                                                                 would add energy to a tumbling vehicle
-// Rotors in closed form.
+// Rotor speeds advance in closed form.
 void contact_update(const RigidBodyParams &params, RotorDecay substep, double substep_s, const double *command,
                     const double *accel, double *state);
 
@@ -113,8 +113,8 @@ void normalise_quaternion(double *q);
 // Mean specific force [m/s2] and mean angular rate [rad/s] in B over the step of dt_s that just ended.
 //   rate   w(end) - alpha dt/2                      exact mean when w changes linearly
 //   force  R(q_mid)^T (a + g z_W),  q_mid = attitude at mid-step
-// The attitude is that at mid-step: f is a mean over the step, and the attitude at its end would add an error of
-// |w| dt/2 (0.01 rad at 5 rad/s and 250 Hz, or 0.1 m/s2 of gravity sideways). At mid-step the error is O(dt^2).
+// f is a mean over the step, so the attitude at its end would add an error of |w| dt/2 (0.01 rad at 5 rad/s and 250 Hz,
+// or 0.1 m/s2 of gravity sideways). At mid-step the error is O(dt^2).
 // `out` = force[3], rate[3].
 void ideal_imu(const double *q_WB, const double *a_WB_W, const double *w_WB_B, const double *alpha_WB_B, double dt_s,
                double gravity_mps2, double *out);

@@ -9,8 +9,8 @@
 // It has a pole at z = R/4, so here the height has a lower limit and the effect is faded out:
 //   G = 1 / (1 - s / (b + (4z/R)^2)),   b = G0 / (G0 - 1)
 //   s = max(0, cos tilt)^4 (1 - (z/z_c)^2)^4  v_h^2 / (v_h^2 + V^2),   0 at and above z_c = 32 R
-// G0 is the ratio at z = 0. For z >> R the result equals theirs up to (R/4z)^4; it is within 0.02 above z = R for G0 =
-// 2. z is the hub's height over the ground plane; boxes have no ground effect.
+// G0 is the ratio at z = 0. For z >> R the result equals theirs up to (R/4z)^4; above z = R it is within 0.02 for
+// G0 = 2. z is the hub's height over the ground plane; boxes have no ground effect.
 //
 // Descent: in the vortex ring state the thrust at given speed falls. With a = max(0, -u_z) the descent along the
 // rotor's axis and V the speed across it,

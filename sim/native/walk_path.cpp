@@ -16,7 +16,7 @@ struct ValueSlope {
     double value, slope;
 };
 
-// Value at t of the quintic with these values, slopes and second derivatives at 0 and 1.
+// Value and slope at t of the quintic with these values, slopes and second derivatives at 0 and 1.
 ValueSlope hermite(double p0, double v0, double a0, double p1, double v1, double a1, double t) {
     const double d = p1 - p0 - v0 - 0.5 * a0, e = v1 - v0 - a0, f = a1 - a0;
     const double c3 = 10.0 * d - 4.0 * e + 0.5 * f, c4 = -15.0 * d + 7.0 * e - f, c5 = 6.0 * d - 3.0 * e + 0.5 * f;
@@ -56,7 +56,7 @@ WalkPath::WalkPath(std::vector<WalkPiece> pieces, std::vector<WalkStraight> stra
     : pieces_(std::move(pieces)), straights_(std::move(straights)), corners_(std::move(corners)), lap_s_(lap_s),
       offset_s_(offset_s) {
     if (pieces_.empty() || straights_.empty() || corners_.size() != straights_.size()) {
-        throw std::invalid_argument("a path needs pieces, and as many corners as straights");
+        throw std::invalid_argument("a path needs pieces and straights, and as many corners as straights");
     }
     if (!(lap_s > 0.0) || !std::isfinite(lap_s) || !std::isfinite(offset_s)) {
         throw std::invalid_argument("a lap needs a finite duration above 0 and a finite offset");
@@ -66,7 +66,7 @@ WalkPath::WalkPath(std::vector<WalkPiece> pieces, std::vector<WalkStraight> stra
 WalkProgress WalkPath::progress(std::int64_t t_ns) const {
     double t_s = static_cast<double>(t_ns) / 1e9 + offset_s_;
     const double rest_s = std::fmod(t_s, lap_s_);
-    double laps = std::floor((t_s - rest_s) / lap_s_ + 0.5);  // a whole number but for rounding
+    double laps = std::floor((t_s - rest_s) / lap_s_ + 0.5);  // the quotient is an integer up to rounding
     if (rest_s < 0.0) {
         laps -= 1.0;
     }

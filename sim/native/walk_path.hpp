@@ -1,7 +1,7 @@
 // Closed walking path, evaluated from its tables: distance along the path at a time, and position at a distance.
 //
-// Equations and tables: sim/scene/maps/walk_path.py. A Python version with the same bits:
-// tests/reference/walker_reference.py. No allocation after construction.
+// Equations and tables: sim/scene/maps/walk_path.py. tests/reference/walker_reference.py is a Python version with the
+// same bits. No allocation after construction.
 #pragma once
 
 #include <array>
@@ -18,7 +18,7 @@ struct WalkPiece {
     double start_s, duration_s, start_m, speed_before_mps, speed_after_mps;
 };
 
-// From (x, y) in the direction (cos, sin).
+// Straight from (x, y) in the direction (cos, sin).
 struct WalkStraight {
     double start_m, x_m, y_m, cos, sin;
 };

@@ -11,10 +11,10 @@ void Actors::add(std::shared_ptr<const Actor> actor, std::vector<BodyGeom> geoms
     for (const BodyGeom &g : geoms) {
         const auto &known = geometry_.geoms();
         if (g.geom < 0 || static_cast<std::size_t>(g.geom) >= known.size() || !known[g.geom].moving) {
-            throw std::invalid_argument("an actor's geoms are such as were added as moving ones");
+            throw std::invalid_argument("an actor's geom must exist and be moving: call add_geom with moving=True");
         }
         if (g.body < 0 || static_cast<std::size_t>(g.body) >= bodies) {
-            throw std::invalid_argument("an actor's geom on a body that it has not");
+            throw std::invalid_argument("an actor's geom names a body index that the actor does not have");
         }
     }
     if (q_WB_.size() < 4 * bodies) {

@@ -1,8 +1,8 @@
-// The actors of a geometry: posed at a time, with the geoms on their bodies, and only where they matter.
+// Actors of a geometry. Moves the geoms on their bodies to the poses at a time, if they can affect a sensor.
 //
 //     T_WG(t) = T_WB(t) T_BG
 //
-// Not for two threads at a time. The geometry must outlive this.
+// Not thread-safe. The geometry must outlive this object.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +16,7 @@
 
 namespace hil::sim::frame {
 
-// A geom that sits on an actor's body.
+// A geom that is fixed to an actor's body.
 struct BodyGeom {
     int geom, body;
     double p_BG[3], R_BG[9];  // row-major
@@ -26,28 +26,28 @@ class Actors {
 public:
     explicit Actors(Geometry &geometry) : geometry_(geometry) {}
 
-    // std::invalid_argument for a geom that stands still or does not exist, and for a body that the actor has not.
+    // Throws std::invalid_argument for a geom that is static or does not exist, and for a body that does not exist.
     void add(std::shared_ptr<const Actor> actor, std::vector<BodyGeom> geoms);
 
-    // Poses those that are not yet where they are at `t_ns`; returns how many. Those that `reach` misses are hidden
-    // instead, until they are brought.
+    // Poses the actors that are not yet posed at `t_ns`; returns their number. Actors that `reach` misses are hidden
+    // until a later call poses them. A null `reach` misses none.
     int pose_within(std::int64_t t_ns, const Reach *reach);
 
-    // How many are not where they are at `t_ns`.
+    // Number of actors that are not posed at `t_ns`.
     int absent(std::int64_t t_ns) const;
 
 private:
     struct Member {
         std::shared_ptr<const Actor> actor;
         std::vector<BodyGeom> geoms;
-        std::optional<std::int64_t> posed_ns;  // none: hidden, or never posed
+        std::optional<std::int64_t> posed_ns;  // no value: hidden, or never posed
     };
 
     void move(const Member &member, std::int64_t t_ns);
 
     Geometry &geometry_;
     std::vector<Member> members_;
-    std::vector<double> p_WB_, q_WB_, v_WB_W_, w_WB_W_;  // of the actor at hand
+    std::vector<double> p_WB_, q_WB_, v_WB_W_, w_WB_W_;  // buffers of `move`
 };
 
 }  // namespace hil::sim::frame

@@ -1,4 +1,4 @@
-// Bounds of many rays, and their common walk through a tree. For use in *.isa.cpp alone.
+// Bounds of many rays (a beam), and the traversal of a tree with a beam. For use in *.isa.cpp only.
 #pragma once
 
 #include "lane_memory.hpp"
@@ -8,25 +8,25 @@ namespace hil::sim::frame::HIL_ISA {
 namespace {
 
 constexpr double kInf = __builtin_inf();
-constexpr double kSameWay = 1e-9;    // direction components below it count as of either sign
+constexpr double kSameWay = 1e-9;    // direction components below this may have either sign
 
-// Bounds of rays, per axis, made so that a node needs no choices.
+// Bounds of rays per axis, stored so that the test of a node has no branches.
 //
-// Where all rays point the same way, `near` and `away` are the rows of a node (low or high faces) that a ray passes
-// first and last, each with the bound of the origins that makes the interval widest, and inverse directions
-// in [i_lo, i_hi]. Where they do not, the inverses are zero and `open` is infinite: no constraint from faces.
+// If all rays have the same sign along an axis, `near` and `away` are the rows of a node (low or high faces) that a ray
+// passes first and last. Each comes with the bound of the origins that makes the interval widest; the inverse directions
+// are in [i_lo, i_hi]. If signs differ, the inverses are zero and `open` is infinite: the faces constrain nothing.
 struct Beam {
     double o_near[3], o_away[3], i_lo[3], i_hi[3], open[3];
     int near[3], away[3];
     double o_lo[3], o_hi[3], d_lo[3], d_hi[3];
-    unsigned both_ways;  // one bit an axis
+    unsigned both_ways;  // bit per axis: rays of both signs
     double t_min;
 };
 
 HIL_INLINE double smaller(double a, double b) { return a < b ? a : b; }
 HIL_INLINE double larger(double a, double b) { return a > b ? a : b; }
 
-// Of lanes without NaN; which of several equal ones is of no account.
+// Largest and smallest lane; no lane may be NaN.
 HIL_INLINE double largest(const D &a) {
 #if defined(__AVX512F__)
     return _mm512_reduce_max_pd((__m512d)a.r[0]);
@@ -50,7 +50,7 @@ HIL_INLINE double smallest(const D &a) {
 #endif
 }
 
-// Eight floats as doubles.
+// Load eight floats as doubles.
 HIL_INLINE D load_floats(const float *p) {
     D v;
 #if defined(__AVX512F__)
@@ -98,7 +98,8 @@ HIL_INLINE Beam beam_of(const Vec<D> &o, const Vec<D> &d, double t_min) {
     return b;
 }
 
-// Which of a node's eight boxes any ray of the beam may meet before `far`, and from when on.
+// Return a bit for each of a node's eight boxes that a ray of the beam may meet before `far`; `entry` receives a lower
+// bound of the t at which it does.
 HIL_INLINE unsigned reached(const WideNode &node, const Beam &b, double far, D &entry) {
     D enter = splat<D>(b.t_min), leave = splat<D>(far);
 #pragma GCC unroll 3
@@ -109,7 +110,7 @@ HIL_INLINE unsigned reached(const WideNode &node, const Beam &b, double far, D &
         leave = min(leave, max(away * b.i_lo[a], away * b.i_hi[a]) + b.open[a]);
     }
     unsigned met = bits(enter <= leave);
-    // Directions of both signs: what the beam sweeps over up to where it leaves.
+    // Axes with directions of both signs: compare the box with the region that the beam sweeps up to `leave`.
     if (b.both_ways != 0 && met != 0) {
         for (int a = 0; a < 3; ++a) {
             if ((b.both_ways >> a & 1u) == 0) continue;
@@ -121,7 +122,7 @@ HIL_INLINE unsigned reached(const WideNode &node, const Beam &b, double far, D &
     return met;
 }
 
-// Near to far over the items that the beam reaches before `far`, which `on_item` brings nearer.
+// Visit the items that the beam reaches before `far`, near to far. `on_item` may reduce `far`.
 template <class OnItem>
 HIL_INLINE void walk(const WideNode *nodes, const Beam &beam, StackEntry *stack, const double &far, OnItem on_item) {
     int top = 0;

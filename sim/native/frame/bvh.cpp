@@ -93,7 +93,7 @@ struct Builder {
             }
         }
         const auto from = order.begin() + begin, to = order.begin() + end;
-        if (best_axis < 0) return begin + (end - begin) / 2;  // all centres in one point: halve as they come
+        if (best_axis < 0) return begin + (end - begin) / 2;  // all centres coincide: split the list in half
         const auto middle = std::stable_partition(from, to, [&](std::int32_t i) {
             return bin(boxes[static_cast<std::size_t>(i)], best_axis, centres) < best_bin;
         });

@@ -19,7 +19,7 @@ inline float half_area(const Aabb &box) {
     return x < 0.0f ? 0.0f : x * y + y * z + z * x;
 }
 
-// Outward: the float box holds the double one.
+// Box in float, rounded outward so that it contains the box [lo, hi] in double.
 Aabb outward(const double *lo, const double *hi);
 
 struct BvhNode {
@@ -33,7 +33,7 @@ struct Bvh {
     std::vector<std::int32_t> order;   // items, leaf by leaf
 };
 
-// Items whose box is not finite are refused by the caller; `leaf_size` items at most in a leaf.
+// Boxes must be finite, which the caller checks. A leaf holds `leaf_size` items at most.
 Bvh build_bvh(const std::vector<Aabb> &boxes, int leaf_size);
 
 }  // namespace hil::sim::frame

@@ -25,7 +25,7 @@ void local_box(Geom &g, const std::vector<Mesh> &meshes) {
     };
     switch (g.shape) {
         case Shape::kPlane: {
-            // As the kernels read it: what rounds to nothing, or is too far to matter, is without end.
+            // The kernels' rule: a half length that is not above 0 in float, or is kFarthest or more, is infinite.
             const auto edge = [](double size) {
                 return static_cast<float>(size) > 0.0f && size < kFarthest ? size : kInf;
             };
@@ -103,14 +103,14 @@ void pack(Mesh &mesh) {
 }
 
 bool is_closed(const Mesh &mesh) {
-    // Corners at the same place are the same corner, however often the file has it.
+    // Corners at the same position are one corner, also if the file repeats it.
     std::map<std::array<float, 3>, std::int32_t> places;
     std::vector<std::int32_t> corner(mesh.triangle.size());
     for (std::size_t i = 0; i < corner.size(); ++i) {
         const float *v = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[i])];
         corner[i] = places.try_emplace({v[0] + 0.0f, v[1] + 0.0f, v[2] + 0.0f}, static_cast<std::int32_t>(places.size())).first->second;
     }
-    std::vector<std::int32_t> parent(places.size());  // union-find: which corners hang together
+    std::vector<std::int32_t> parent(places.size());  // union-find over connected corners
     std::iota(parent.begin(), parent.end(), 0);
     const auto root = [&](std::int32_t i) {
         while (parent[static_cast<std::size_t>(i)] != i) {
@@ -132,7 +132,7 @@ bool is_closed(const Mesh &mesh) {
     std::sort(edges.begin(), edges.end());
     std::sort(reversed.begin(), reversed.end());
     if (edges != reversed || std::adjacent_find(edges.begin(), edges.end()) != edges.end()) return false;
-    std::map<std::int32_t, double> volume;  // six times that of each part
+    std::map<std::int32_t, double> volume;  // six times the volume of each connected part
     for (std::size_t t = 0; t < corner.size(); t += 3) {
         const float *v[3];
         for (std::size_t k = 0; k < 3; ++k) v[k] = &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[t + k])];
@@ -179,7 +179,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
         for (int corner = 0; corner < 3; ++corner) {
             const std::int32_t v = triangle[3 * t + static_cast<std::size_t>(corner)];
             if (v < 0 || static_cast<std::size_t>(v) >= vertices) {
-                throw std::invalid_argument("a triangle names a vertex that the mesh has not");
+                throw std::invalid_argument("a triangle names a vertex index that the mesh does not have");
             }
             for (int i = 0; i < 3; ++i) {
                 const double x = vertex[3 * v + i];
@@ -188,7 +188,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
                 hi[i] = std::max(hi[i], x);
             }
         }
-        if (!good) continue;  // a triangle with a vertex that is no number is nowhere
+        if (!good) continue;  // drop a triangle with a vertex that is not finite or too far away
         for (std::size_t k = 0; k < 3; ++k) mesh.triangle.push_back(triangle[3 * t + k]);
         if (uv != nullptr) mesh.uv.insert(mesh.uv.end(), uv + 6 * t, uv + 6 * t + 6);
         if (corner_normal != nullptr) {
@@ -198,7 +198,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
     }
     mesh.tree = build_bvh(boxes, kTrianglesPerLeaf);
     mesh.box = boxes.empty() ? Aabb{{0, 0, 0}, {0, 0, 0}} : mesh.tree.nodes[0].box;
-    // Triangles in the order of the leaves: what is drawn together lies together.
+    // Store triangles in the order of the leaves, so that those drawn together are contiguous.
     Mesh sorted = mesh;
     for (std::size_t i = 0; i < mesh.tree.order.size(); ++i) {
         const auto from = static_cast<std::size_t>(mesh.tree.order[i]);
@@ -217,7 +217,7 @@ int Geometry::add_geom(const Geom &geom) {
     if (finished_) throw std::invalid_argument("the geometry is finished: nothing can be added");
     Geom g = geom;
     if (g.shape == Shape::kMesh && (g.mesh < 0 || static_cast<std::size_t>(g.mesh) >= meshes_.size())) {
-        throw std::invalid_argument("a geom names a mesh that does not exist");
+        throw std::invalid_argument("a geom names a mesh index that does not exist: add meshes first");
     }
     if (!usable_size(g) || (g.shape == Shape::kMesh && meshes_[static_cast<std::size_t>(g.mesh)].triangle.empty())) {
         g.visible = false;
@@ -270,7 +270,7 @@ void Geometry::move(int index, const double *p_WG, const double *R_WG, const dou
 
 Geom &Geometry::moving_geom(int index) {
     Geom &g = geoms_.at(static_cast<std::size_t>(index));
-    if (!g.moving) throw std::invalid_argument("this geom stands still: it was not added as a moving one");
+    if (!g.moving) throw std::invalid_argument("this geom is static: add it with moving=True to move or hide it");
     return g;
 }
 

@@ -1,7 +1,7 @@
-// What every exteroceptive sensor looks at: geoms with their poses and velocities, meshes, and the trees over them.
+// Scene as exteroceptive sensors see it: geoms with their poses and velocities, meshes, and the trees over them.
 //
-// Geoms that never move are in one tree over world boxes, built once. Moving ones keep a world box each, renewed by
-// `move`. Planes without end are in no tree. What is invisible (and what has no finite pose or box) is in none either.
+// Static geoms are in one tree over world boxes, built once. Each moving geom has a world box, updated by `move`.
+// Infinite planes, invisible geoms and geoms without a finite pose or box are in no tree.
 // World frame W [m]; G is a geom's own frame; sizes are MuJoCo's.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace hil::sim::frame {
 
-// Whether all are less than 1e7 from zero, and none NaN: a pose with others is taken for none.
+// Returns true if all values are below 1e7 in magnitude and none is NaN. A pose with other values counts as not finite.
 bool within_world(const double *x, int n);
 
 enum class Shape : std::uint8_t { kPlane = 0, kSphere = 2, kCapsule = 3, kEllipsoid = 4, kCylinder = 5, kBox = 6, kMesh = 7 };
@@ -24,18 +24,18 @@ struct Mesh {
     std::vector<std::int32_t> triangle;  // [triangles][3], into `vertex`
     std::vector<float> uv;               // [triangles][3][2], or empty
     std::vector<float> corner_normal;    // [triangles][3][3], or empty: flat
-    float uv_per_m = 1.0f;               // how much of texture space a metre of surface takes, on average
+    float uv_per_m = 1.0f;               // texture coordinates per metre of surface, on average
     Bvh tree;
     Aabb box;
-    // The same triangles 16 at a time for the raster: [packets][corner][x y z][16], and a tree over the packets.
-    // The last packet is filled up with its last triangle.
+    // The same triangles in packets of 16 for the raster: [packets][corner][x y z][16], and a tree over the packets.
+    // The last packet is padded with its last triangle.
     std::vector<float> packed;
     std::vector<float> normal;  // [triangles][3], unit; zero for a triangle without area
     // [triangles][2][3]: gradients of the barycentric coordinates of the second and third corner; zero at the first.
     std::vector<float> barycentric;
     Bvh packed_tree;
-    // Every edge belongs to two triangles that run along it in opposite directions, and every part of it that hangs
-    // together faces outwards: from outside, no ray meets the back of a triangle first.
+    // True if every edge belongs to two triangles that traverse it in opposite directions, and every connected part
+    // faces outwards. From outside, no ray then meets the back of a triangle first.
     bool closed = false;
 };
 
@@ -51,28 +51,29 @@ struct Geom {
     double v_W[3];    // of G's origin
     double w_W[3];
     double centre[3];  // of the local box, in G
-    double half[3];    // its half extents; infinite for a plane without end
+    double half[3];    // its half extents; infinite for an infinite plane
 };
 
 class Geometry {
 public:
-    // Meshes first, then geoms, then `finish`; after it nothing is added. Indices are in the order of adding.
-    // std::invalid_argument: a triangle or geom that names what does not exist, anything added too late.
+    // Add meshes first, then geoms, then call `finish`; nothing can be added after it. Indices count in the order of
+    // adding. Throws std::invalid_argument for an unknown vertex or mesh index, and for additions after `finish`.
     int add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle, std::size_t triangles,
                  const float *uv, const float *corner_normal);
     int add_geom(const Geom &geom);  // centre, half, v_W, w_W are filled in here
     void finish();
 
-    // New pose and velocity of moving geom `index`; std::invalid_argument for one that stands still. A pose that is not finite hides it until the next.
+    // Sets pose and velocity of a moving geom. A pose that is not finite hides it until the next one. Throws
+    // std::invalid_argument for a static geom.
     void move(int index, const double *p_WG, const double *R_WG, const double *v_W, const double *w_W);
 
-    // Nowhere until it is moved again.
+    // Hides a moving geom until `move` is called for it.
     void hide(int index);
 
     const std::vector<Mesh> &meshes() const { return meshes_; }
     const std::vector<Geom> &geoms() const { return geoms_; }
     const Bvh &tree() const { return tree_; }                                // over static geoms; items are geoms
-    const std::vector<std::int32_t> &unbounded() const { return unbounded_; }  // planes without end, static
+    const std::vector<std::int32_t> &unbounded() const { return unbounded_; }  // infinite planes, static
     const std::vector<std::int32_t> &moving() const { return moving_; }
     const Aabb &world_box(int geom) const { return boxes_[static_cast<std::size_t>(geom)]; }
     bool shown(int geom) const { return shown_[static_cast<std::size_t>(geom)] != 0; }

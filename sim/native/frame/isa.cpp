@@ -13,11 +13,11 @@ namespace hil::sim::frame {
 
 bool has_isa(Isa isa) {
 #if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__))
-    // By hand: what __builtin_cpu_supports calls cannot be linked into a module by every compiler (zig's).
+    // __builtin_cpu_supports is not used: with some compilers (zig) its support library cannot be linked into a module.
     if (isa == Isa::kBase) return true;
     unsigned a = 0, b = 0, c = 0, d = 0, state = 0, high = 0;
     if (!__get_cpuid(1, &a, &b, &c, &d) || (c & bit_OSXSAVE) == 0) return false;
-    __asm__("xgetbv" : "=a"(state), "=d"(high) : "c"(0));  // registers that the system keeps for a thread
+    __asm__("xgetbv" : "=a"(state), "=d"(high) : "c"(0));  // register sets that the operating system saves
     if (!__get_cpuid_count(7, 0, &a, &b, &c, &d)) return false;
     const unsigned wanted = isa == Isa::kAvx2 ? bit_AVX2 : bit_AVX512F | bit_AVX512DQ | bit_AVX512BW | bit_AVX512VL;
     const unsigned kept = isa == Isa::kAvx2 ? 0x06u : 0xe6u;

@@ -1,6 +1,6 @@
-// Which instruction set the frame kernels use: the best that this CPU has, or one that a test asks for.
+// Choice of the instruction set of the frame kernels: the best of this CPU, or one that a test names.
 //
-// Every set gives the same bits (docs/determinism.md), so the choice is about speed alone.
+// Every set gives the same bits (docs/determinism.md), so the choice affects speed only.
 #pragma once
 
 #include <string>
@@ -13,13 +13,13 @@ enum class Isa { kBase, kAvx2, kAvx512 };
 Isa best_isa();
 bool has_isa(Isa isa);
 const char *isa_name(Isa isa);
-// "" is the best of this CPU. std::invalid_argument for a name that is none, or that this CPU has not.
+// Set with this name; "" is the best of this CPU. Throws std::invalid_argument if it is unknown or this CPU lacks it.
 Isa isa_by_name(const std::string &name);
 
 }  // namespace hil::sim::frame
 
-// Defines `const Type &function(Isa)`: what each instruction set's *.isa.cpp defines under the name `object`. For use
-// within namespace hil::sim::frame.
+// Defines `const Type &function(Isa)`, which returns the `object` that the *.isa.cpp of that instruction set defines.
+// For use within namespace hil::sim::frame.
 #if defined(__x86_64__) || defined(_M_X64)
 #define HIL_BY_ISA(Type, function, object)                     \
     namespace base { extern const Type object; }               \

@@ -2,7 +2,7 @@
 //
 //     exp(-x) = 2^-k exp(-r),  k = floor(x / ln 2 + 1/2),  r = x - k ln 2 in [-0.35, 0.35]
 //
-// exp(-r) by its series up to r^6, within 2e-7 of the value; x above 87 counts as 87, where the result is 2e-38.
+// exp(-r) is its series up to r^6, relative error 2e-7; x above 87 counts as 87, where the result is 2e-38.
 #pragma once
 
 #include "lane_memory.hpp"

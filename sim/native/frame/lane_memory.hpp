@@ -1,4 +1,4 @@
-// Packs of lanes from memory and back: loads, stores, gathers, tables and rows of pixels. For use in *.isa.cpp alone.
+// Loads, stores, gathers, table look-ups and rows of pixels for packs of lanes. For use in *.isa.cpp only.
 #pragma once
 
 #include "lanes.hpp"
@@ -7,7 +7,7 @@ namespace hil::sim::frame::HIL_ISA {
 
 template <class V>
 HIL_INLINE V load(const ScalarOf<V> *p) {
-    // Register by register: of a whole pack GCC 12 may make a copy in memory.
+    // Register by register: GCC 12 may copy a whole pack through memory.
     V v;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) __builtin_memcpy(&v.r[i], p + i * (V::kCount / kParts), sizeof v.r[i]);
     return v;
@@ -17,7 +17,7 @@ HIL_INLINE void store(T *p, const Pack<T> &a) {
     HIL_UNROLL for (int i = 0; i < kParts; ++i) __builtin_memcpy(p + i * (a.kCount / kParts), &a.r[i], sizeof a.r[i]);
 }
 
-// from[index], lane by lane; every index must be good.
+// from[index], lane by lane; every index must be in range.
 HIL_INLINE I gather(const std::int32_t *from, const I &index) {
     I v;
 #if defined(__AVX512F__)
@@ -56,7 +56,7 @@ HIL_INLINE F gather(const float *from, const I &index) {
     return v;
 }
 
-// Four pixels in a row of lanes to 12 bytes: the lowest three of each lane. Row r goes to to[r], `stride` bytes apart.
+// Stores the lowest three bytes of each lane: four rows of four pixels, 12 bytes a row, rows `stride` bytes apart.
 HIL_INLINE void store_triples(std::uint8_t *to, long stride, const I &a) {
 #if defined(__AVX512F__)
     const __m512i order = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1));
@@ -83,7 +83,7 @@ HIL_INLINE void store_triples(std::uint8_t *to, long stride, const I &a) {
 #endif
 }
 
-// Four pixels in a row of lanes to x y z x y z ... Row r goes to to[r], `stride` floats apart.
+// Stores four rows of four pixels as x y z x y z ..., rows `stride` floats apart.
 HIL_INLINE void store_triples(float *to, long stride, const Vec<F> &v) {
     typedef float Quad __attribute__((vector_size(16)));
     typedef std::int32_t Order __attribute__((vector_size(16)));
@@ -94,7 +94,7 @@ HIL_INLINE void store_triples(float *to, long stride, const Vec<F> &v) {
         __builtin_memcpy(&z, (const float *)&v.z + 4 * r, 16);
         const Quad low = HIL_SHUFFLE(x, y, Order, 0, 4, 1, 5), high = HIL_SHUFFLE(x, y, Order, 2, 6, 3, 7);
         const Quad middle = HIL_SHUFFLE(low, high, Order, 3, 3, 4, 5);
-        // Each on its own: put together in memory first, they would be waited for there.
+        // Three separate stores: assembled in memory first, a row would wait for store forwarding.
         const Quad a = HIL_SHUFFLE(low, z, Order, 0, 1, 4, 2), b = HIL_SHUFFLE(middle, z, Order, 0, 5, 2, 3),
                    c = HIL_SHUFFLE(high, z, Order, 6, 2, 3, 7);
         __builtin_memcpy(to + r * stride, &a, 16);

@@ -1,12 +1,13 @@
 // SIMD lanes: 16 floats (F) or 8 doubles (D), 64 bytes either way, on the compilers' vector extensions.
 //
-// One source for every instruction set: 64 bytes are one AVX-512 register, two of AVX2, four of SSE2 or NEON, and a
-// pack of lanes is an array of them (the compilers take wider vectors apart lane by lane). Only + - * / sqrt, comparisons and bit operations, which IEEE 754 rounds the same everywhere, and the build forbids
-// fusing them: the lanes of a block hold the same bits whatever the width of the machine.
+// One source for every instruction set: 64 bytes are one AVX-512 register, two of AVX2, four of SSE2 or NEON. A pack of
+// lanes is an array of registers, because compilers split wider vectors lane by lane. The operations are + - * / sqrt,
+// comparisons and bit operations, which IEEE 754 rounds the same everywhere, and the build forbids fusing them: results
+// have the same bits for every register width.
 //
 // Files named *.isa.cpp are compiled once per instruction set, each into the namespace HIL_ISA. They and this header
-// may use no function of the standard library that is not always inlined: the linker would keep one copy for all,
-// and that might be the one for a newer machine.
+// may use only functions of the standard library that are always inlined: of others the linker would keep one copy
+// for all sets, possibly one compiled for a newer CPU.
 #pragma once
 
 #include <cstdint>
@@ -16,18 +17,18 @@
 #endif
 
 #ifndef HIL_ISA
-#error "HIL_ISA, the namespace of this instruction set, is set by CMakeLists.txt"
+#error "HIL_ISA, the namespace of this instruction set, must be defined: CMakeLists.txt does so"
 #endif
 
 #define HIL_INLINE inline __attribute__((always_inline))
 #define HIL_NOINLINE __attribute__((noinline))
-// Elements of two vectors by their numbers; `Index` is the vector of integers that GCC wants for it.
+// Vector of elements of two vectors, given by their numbers; `Index` is the integer vector type that GCC needs.
 #if defined(__clang__)
 #define HIL_SHUFFLE(a, b, Index, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 #else
 #define HIL_SHUFFLE(a, b, Index, ...) __builtin_shuffle(a, b, (Index){__VA_ARGS__})
 #endif
-// A pack is at most four registers: always all of them at once.
+// A pack has at most four registers: loops over them are unrolled completely.
 #define HIL_UNROLL _Pragma("GCC unroll 4")
 
 namespace hil::sim::frame::HIL_ISA {
@@ -82,7 +83,7 @@ using F = Pack<float>;
 using D = Pack<double>;
 using I = Pack<std::int32_t>;
 using L = Pack<std::int64_t>;
-constexpr int kLanes = D::kCount;  // of what is done in double
+constexpr int kLanes = D::kCount;  // lanes in double
 
 template <class V>
 struct ScalarIn;
@@ -99,8 +100,8 @@ template <class V>
 struct LaneTraits;
 template <>
 struct LaneTraits<F> {
-    static constexpr float kTiny = 1e-20f;   // a direction component below this is taken for this
-    static constexpr float kTiny2 = 1e-30f;  // and a squared one
+    static constexpr float kTiny = 1e-20f;   // smaller direction components are replaced by this
+    static constexpr float kTiny2 = 1e-30f;  // the same for squares
     static constexpr float kInf = __builtin_inff();
 };
 template <>
@@ -113,7 +114,7 @@ struct LaneTraits<D> {
 template <class V>
 HIL_INLINE V splat(ScalarOf<V> x) {
     V v;
-    // x - 0 is x for every x; x + 0 is not for -0, and would cost an addition each time.
+    // x - 0 is x for every x and costs nothing; x + 0 changes -0, so the compiler could not remove it.
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = x - (typename V::Register){};
     return v;
 }
@@ -180,7 +181,7 @@ HIL_INLINE Pack<T> &operator|=(Pack<T> &a, const Pack<T> &b) {
     return a;
 }
 
-// Lane by lane: a where m is all ones, b where it is zero.
+// In each lane: a if m is all ones, b if m is zero.
 template <class T>
 HIL_INLINE Pack<T> select(const typename Pack<T>::Mask &m, const Pack<T> &a, const Pack<T> &b) {
     Pack<T> v;
@@ -189,7 +190,7 @@ HIL_INLINE Pack<T> select(const typename Pack<T>::Mask &m, const Pack<T> &a, con
         v.r[i] = m.r[i] ? a.r[i] : b.r[i];
 #elif defined(__AVX2__)
         v.r[i] = (typename Pack<T>::Register)_mm256_blendv_ps((__m256)b.r[i], (__m256)a.r[i], (__m256)m.r[i]);
-#else  // SSE2 compares no 64-bit integers
+#else  // SSE2 has no comparison of 64-bit integers
         using Bits = typename Pack<T>::Mask::Register;
         v.r[i] = (typename Pack<T>::Register)((m.r[i] & (Bits)a.r[i]) | (~m.r[i] & (Bits)b.r[i]));
 #endif
@@ -197,7 +198,7 @@ HIL_INLINE Pack<T> select(const typename Pack<T>::Mask &m, const Pack<T> &a, con
     return v;
 }
 
-// Where a comparison with NaN is false the second operand is taken, as x86 has it.
+// If either operand is NaN, the result is the second one, as on x86.
 template <class T>
 HIL_INLINE Pack<T> min(const Pack<T> &a, const Pack<T> &b) {
     Pack<T> v;
@@ -231,7 +232,7 @@ HIL_INLINE D copysign(const D &a, const D &s) {
                  (as<L>(s) & (std::int64_t)0x8000000000000000ULL));
 }
 
-// Towards zero; what no int32 holds gives no promised value.
+// Rounds towards zero; the result is undefined for values outside the range of int32.
 HIL_INLINE I truncate(const F &a) {
     I v;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = __builtin_convertvector(a.r[i], IntRegister);
@@ -242,7 +243,7 @@ HIL_INLINE F to_float(const I &a) {
     HIL_UNROLL for (int i = 0; i < kParts; ++i) v.r[i] = __builtin_convertvector(a.r[i], FloatRegister);
     return v;
 }
-// Of what an int32 holds.
+// For values in the range of int32.
 HIL_INLINE F floor(const F &a) {
 #if defined(__AVX512F__)
     F v;
@@ -312,7 +313,7 @@ HIL_INLINE D sqrt(const D &a) {
     return v;
 }
 
-// One bit a lane, lane 0 lowest.
+// Bit mask of the lanes, lane 0 in the lowest bit.
 HIL_INLINE unsigned bits(const I &m) {
     unsigned found = 0;
     HIL_UNROLL for (int i = 0; i < kParts; ++i) {
@@ -351,7 +352,7 @@ HIL_INLINE bool any(const M &m) {
     return bits(m) != 0;
 }
 
-// Greatest lane; of NaNs nothing is promised.
+// Greatest lane; undefined if a lane is NaN.
 HIL_INLINE float greatest(const F &a) {
 #if defined(__AVX512F__)
     return _mm512_reduce_max_ps((__m512)a.r[0]);

@@ -1,4 +1,4 @@
-// Eight rays of a sweep at once through a LiDAR's receiver. Contract: lidar_receiver.hpp.
+// Receiver of a LiDAR for eight rays at once. Contract: lidar_receiver.hpp.
 #include "lidar_receiver.hpp"
 
 #include "noise_stream.hpp"
@@ -9,10 +9,10 @@ namespace hil::sim::frame::HIL_ISA {
 namespace {
 
 constexpr double kInf = __builtin_inf();
-constexpr double kSure = 0.9, kNever = 1.1;  // of the limit
-constexpr double kReference = 0.1;           // reflectivity that the limit is stated for
+constexpr double kSure = 0.9, kNever = 1.1;  // range / range limit: always seen below, never seen above
+constexpr double kReference = 0.1;           // reflectivity for which the limit is given
 
-// Largest whole number not above x. Beyond 2^51 it adds nothing: there the steps are halves at least.
+// Largest integer not above x; x itself from |x| = 2^51 on.
 HIL_INLINE D whole(const D &x) {
     const D shift = splat<D>(0x1.8p52), one = splat<D>(1.0);
     const D near = (x + shift) - shift;
@@ -44,7 +44,7 @@ HIL_INLINE D uniforms(const std::uint64_t key[2], std::uint64_t index) {
     const std::uint64_t from = index - skip;
     for (std::uint64_t group = 0; group < (skip == 0 ? 2u : 3u); ++group) {
         const std::uint64_t at = from + 4 * group;
-        // numpy's generator counts before it draws: hence the one.
+        // + 1, because numpy's generator increments its counter before it draws.
         const std::uint64_t counter[4] = {at % NoiseStream::kBlock / 4 + 1, 0, at / NoiseStream::kBlock, 0};
         philox(counter, key, drawn + 4 * group);
     }
@@ -59,7 +59,7 @@ HIL_INLINE D polynomial(const double *coefficient, const D &x) {
     return v;
 }
 
-// Standard normals, good where `wanted`.
+// Standard normals; lanes that are not `wanted` are undefined.
 HIL_INLINE D normals(const D &uniform, unsigned wanted) {
     const D q = uniform - 0.5;
     const D r = 0.180625 - q * q;
@@ -81,7 +81,7 @@ HIL_INLINE D normals(const D &uniform, unsigned wanted) {
 HIL_INLINE D loss(const LidarReceiver &receiver, const D &true_m, const D &strength) {
     const D zero = splat<D>(0.0), one = splat<D>(1.0);
     const D limit = receiver.range_at_10_percent_m * sqrt(strength / splat<D>(kReference));
-    // A black surface has no limit to divide by: lost.
+    // A black surface has limit 0: its echo is lost.
     const D fraction = true_m / max(limit, splat<D>(1e-9));
     const D lost = min(max((fraction - kSure) / splat<D>(kNever - kSure), zero), one);
     return lost + (one - lost) * receiver.dropout;
@@ -112,7 +112,7 @@ std::size_t receive(const LidarReceiver &receiver, const LidarEchoes &in, std::u
         if (kept == 0) continue;
         if (limited || receiver.dropout > 0.0) {
             const D lost = limited ? loss(receiver, true_m, strength) : splat<D>(receiver.dropout);
-            // Nothing is drawn where all are lost for sure: a uniform is below one.
+            // No draw if all echoes are lost with probability 1: a uniform is below 1.
             kept &= bits(lost < splat<D>(1.0));
             if (kept == 0) continue;
             kept &= bits(uniforms(receiver.loss_key, first + at) >= lost);

@@ -11,15 +11,16 @@ HIL_BY_ISA(ResolveKernels, resolve_kernels, resolve_kernels_of_isa)
 
 namespace {
 
-constexpr double kMargin = 2.0;          // metres around what casts shadows
-constexpr double kWidest = 2000.0;       // shadows are kept for so much of a scene
+constexpr double kMargin = 2.0;          // [m] around the geoms that cast shadows
+constexpr double kWidest = 2000.0;       // [m] greatest extent of a scene with shadows
 
 }  // namespace
 
 SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolution, Isa isa) : geometry_(geometry) {
     const double length = std::sqrt(static_cast<double>(sun_W[0]) * sun_W[0] + static_cast<double>(sun_W[1]) * sun_W[1] +
                                     static_cast<double>(sun_W[2]) * sun_W[2]);
-    if (!(length > 1e-6) || !(sun_W[2] > 0.0f)) throw std::invalid_argument("the sun must stand above the horizon");
+    if (!(length > 1e-6) || !(sun_W[2] > 0.0f))
+        throw std::invalid_argument("the sun must be above the horizon: sun_W needs a positive z");
     double z[3], x[3], y[3];
     for (int i = 0; i < 3; ++i) z[i] = -sun_W[i] / length;
     // x level, y completes a right-handed frame.
@@ -36,7 +37,7 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
     std::fill(hi, hi + 3, -std::numeric_limits<double>::infinity());
     for (std::size_t g = 0; g < geometry.geoms().size(); ++g) {
         const Geom &geom = geometry.geoms()[g];
-        // What moves counts for nothing: the map must not depend on where it happens to be now.
+        // Moving geoms are left out: the extent of the map must not depend on their current poses.
         if (geom.moving || !geometry.shown(static_cast<int>(g)) || std::isinf(geom.half[0]) || std::isinf(geom.half[1])) continue;
         const Aabb &box = geometry.world_box(static_cast<int>(g));
         for (int corner = 0; corner < 8; ++corner) {
@@ -52,7 +53,7 @@ SunShadows::SunShadows(const Geometry &geometry, const float *sun_W, int resolut
     }
     for (int k = 0; k < 3; ++k) {
         if (!(lo[k] <= hi[k])) lo[k] = hi[k] = 0.0;
-        lo[k] -= kMargin * (k == 2 ? 50.0 : 1.0), hi[k] += kMargin;  // what moves may rise above the rest
+        lo[k] -= kMargin * (k == 2 ? 50.0 : 1.0), hi[k] += kMargin;  // moving geoms may be higher than static ones
     }
     const double extent = std::max(hi[0] - lo[0], hi[1] - lo[1]);
     pixels_per_m_ = resolution / extent;
@@ -113,7 +114,7 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
             shadow.x0 = std::min(shadow.x0, g.x0), shadow.x1 = std::max(shadow.x1, g.x1);
             shadow.y0 = std::min(shadow.y0, g.y0), shadow.y1 = std::max(shadow.y1, g.y1);
         }
-        // In pixels; a point reads the pixel to the right of it and the one below too.
+        // In pixels; a point also reads the next pixel to the right and below.
         shadow.x0 *= 4, shadow.y0 *= 4;
         shadow.x1 = std::min(4 * shadow.x1, shadow.buffer->width) - 1;
         shadow.y1 = std::min(4 * shadow.y1, shadow.buffer->height) - 1;

@@ -1,4 +1,4 @@
-// A camera that makes pictures: draws what is visible, then resolves the channels asked for, with the sun's shadows.
+// Camera: draws the visibility buffer, then resolves the requested channels, with the sun's shadows.
 #pragma once
 
 #include <memory>
@@ -8,15 +8,15 @@
 
 namespace hil::sim::frame {
 
-// The scene as the sun sees it. What stands still is drawn once; what moves, when it has moved.
+// Shadow maps of the sun. Static geoms are drawn once, moving ones after each move.
 class SunShadows {
 public:
-    // `resolution`: pixels along the longer edge of what is finite in the scene. Raises std::invalid_argument for a sun at
+    // `resolution`: pixels along the longer edge of the finite static geoms. Throws std::invalid_argument for a sun at
     // or below the horizon.
     SunShadows(const Geometry &geometry, const float *sun_W, int resolution, Isa isa);
 
     void update(bool reuse_static);
-    // How a camera at `camera` reads the maps.
+    // Writes to `job` how a camera at `camera` reads the maps.
     void fill(ResolveJob &job, const RasterCamera &camera) const;
 
 private:

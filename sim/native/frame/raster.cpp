@@ -26,7 +26,7 @@ void halves(const Aabb &box, double *centre, double *half) {
     }
 }
 
-// Whether two cones (axis, cosine of the half angle; below -1: all directions) share a direction; 1e-3 to spare.
+// Returns true if two cones (axis, cosine of the half angle; below -1: all directions) overlap, with a margin of 1e-3.
 bool cones_meet(const float *a, const float *b) {
     if (a[3] < -1.0f || b[3] < -1.0f || a[3] + b[3] <= 0.0f) return true;
     const double sine2 = (1.0 - static_cast<double>(a[3]) * a[3]) * (1.0 - static_cast<double>(b[3]) * b[3]);
@@ -52,7 +52,7 @@ int clamp_to_int(double x, int lo, int hi) {
     return x > lo ? (x < hi ? static_cast<int>(x) : hi) : lo;  // NaN: lo
 }
 
-// One picture, or the rows of one thread, on its way.
+// Drawing of one picture, or of one thread's rows of it.
 class Pass {
 public:
     Pass(const Geometry &geometry, const RasterCamera &camera, const RasterOptions &options, const View &view,
@@ -140,7 +140,7 @@ private:
         return blocks.empty() || hidden(blocks, nearest);
     }
 
-    // Whether everything in these blocks is nearer.
+    // Returns true if everything drawn in these blocks is nearer.
     bool hidden(const BlockRect &r, float nearest) {
         for (int ty = r.y0 / kTile; ty <= (r.y1 - 1) / kTile; ++ty) {
             for (int tx = r.x0 / kTile; tx <= (r.x1 - 1) / kTile; ++tx) {
@@ -156,7 +156,7 @@ private:
         return true;
     }
 
-    // The same for a table of rays: by tiles alone.
+    // The same for a table of rays, by tiles only.
     bool cone_hidden(const float *cone, float nearest) {
         for (int ty = row0_ / kTile; ty <= (row1_ - 1) / kTile; ++ty) {
             for (int tx = 0; tx < buffer_.tiles_x; ++tx) {
@@ -212,7 +212,7 @@ private:
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
             const View local = view_.in(g.p_WG, g.R_WG);
-            // From farther than the near limit reaches the camera is outside, and no front is cut away.
+            // If the mesh is beyond the reach of the near limit, the camera is outside it and no front is clipped.
             d.backs_hidden = options_.hide_backs && d.mesh->closed &&
                              (view_.projection == Projection::kParallel ||
                               distance_to_box(local.p, d.mesh->box) > 1.001 * view_.near_reach_m + 1e-4);
@@ -243,7 +243,7 @@ private:
         d.radius = static_cast<float>(g.size[0]);
         for (int i = 0; i < 3; ++i) d.half[i] = static_cast<float>(g.size[i]);
         if (g.shape == Shape::kCapsule || g.shape == Shape::kCylinder) d.half[2] = static_cast<float>(g.size[1]);
-        // v of the rigid body at the camera's origin, relative to the camera: there w x (t d) has no part along d.
+        // v of the rigid body at the camera's origin, relative to the camera: w x (t d) has no component along d.
         double v[3];
         for (int i = 0; i < 3; ++i) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;

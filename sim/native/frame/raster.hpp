@@ -1,19 +1,19 @@
-// The visibility buffer: which geom each pixel sees, and how far away, exact to rounding for every primitive.
+// Visibility buffer: the geom that each pixel sees, and its distance, exact to rounding for every primitive.
 //
-// No triangles are made of spheres, capsules, ellipsoids, cylinders, boxes and planes: each pixel's ray meets the shape
-// itself (shapes.hpp), 16 pixels at a time. Geoms are drawn nearest first; a block of 4 x 4 pixels remembers its
-// farthest depth, so what lies behind is left out block by block, and whole branches of the tree at once.
+// Spheres, capsules, ellipsoids, cylinders, boxes and planes are not converted to triangles: each pixel's ray is
+// intersected with the shape itself (shapes.hpp), 16 pixels at a time. Geoms are drawn nearest first. A block of 4 x 4
+// pixels stores its farthest depth, so that hidden geoms and whole branches of the tree are skipped block by block.
 //
-// What a pixel sees is the least t, of equal ones the geom (then the triangle) of lower index: a function of the
-// pixel's ray and the geoms alone. So the picture does not depend on the order of drawing, on what was culled, on the
-// number of threads (each has rows of its own) or on the instruction set.
+// A pixel sees the hit of least t; of equal ones that of the lower geom, then triangle index. This depends only on the
+// pixel's ray and the geoms, so the picture does not depend on the order of drawing, on culling, on the number of
+// threads (each draws its own rows) or on the instruction set.
 //
 // Rays. Camera frame C: x right, y down, z forward; the ray of a pixel is d_C, and t its parameter. Pinhole:
-// d_C = ((u - cx) / fx, (v - cy) / fy, 1), t is the planar depth. Any other camera brings a table of unit d_C, t is the
+// d_C = ((u - cx) / fx, (v - cy) / fy, 1), t is the planar depth. Other cameras: a table of unit d_C, t is the
 // range. Parallel (for shadow maps): d_C = (0, 0, 1), the origin moves in x and y.
 //
-// Blocks: pixel (x, y) is lane 4 (y % 4) + x % 4 of block (x / 4, y / 4). Not thread-safe; no allocation in `draw`
-// once the largest scene was seen.
+// Blocks: pixel (x, y) is lane 4 (y % 4) + x % 4 of block (x / 4, y / 4). Not thread-safe. `draw` allocates only when a
+// scene is larger than all before.
 #pragma once
 
 #include <cstdint>
@@ -34,18 +34,17 @@ enum class Projection { kPinhole, kTable, kParallel };
 struct RasterCamera {
     double p_WC[3];
     double R_WC[9];
-    double v_W[3];  // velocity of the camera's origin; its own turning moves no point along a ray
+    double v_W[3];  // velocity of the camera's origin; the camera's rotation has no effect along a ray
 };
 
 struct RasterOptions {
     float near_t = 0.05f, far_t = 10000.0f;
     bool frustum_culling = true;
     bool occlusion_culling = true;
-    bool hide_backs = true;  // of closed meshes seen from outside
-    // Which geoms are drawn.
+    bool hide_backs = true;  // skip back faces of closed meshes seen from outside
     bool draw_static = true, draw_moving = true;
-    // Clear only what the picture before has touched: for pictures of a few moving geoms. Only without occlusion culling,
-    // in one thread, and always the whole picture.
+    // Clear only what the previous picture has touched, for pictures of a few moving geoms. Needs one thread, the whole
+    // picture and no occlusion culling.
     bool sparse = false;
 };
 
@@ -53,7 +52,7 @@ struct RasterCounts {  // of the last picture
     std::int64_t nodes = 0, geoms = 0;
 };
 
-// What the kernels need of one geom in one picture. Local frame: the geom's, divided by the semi-axes for ellipsoids.
+// One geom in one picture, as the kernels read it. Local frame: the geom's, divided by the semi-axes for ellipsoids.
 struct DrawnGeom {
     std::int32_t geom;
     Shape shape;
@@ -61,12 +60,12 @@ struct DrawnGeom {
     float o[3];    // camera origin in local
     float half[3];
     float radius;
-    float t_min_bound;         // no point of it is nearer
+    float t_min_bound;         // lower bound of t over the geom
     std::int32_t x0, x1, y0, y1;  // blocks it may touch, ends excluded
-    float cone[4];             // table: direction of its bounding sphere in C and cosine of its half angle; < -1: all
+    float cone[4];             // table: cone of its bounding sphere, axis in C and cosine of the half angle; < -1: all
     float velocity_C[3];       // of the point of its rigid body at the camera's origin, relative to the camera
     const Mesh *mesh;
-    bool backs_hidden;         // a closed mesh seen from outside
+    bool backs_hidden;         // back faces are skipped
 };
 
 // Pixels of one picture, in blocks.
@@ -92,7 +91,7 @@ struct RayTable {
 
 // Kernels of one instruction set.
 struct RasterKernels {
-    // Draws one geom into block rows [row0, row1). `packets` (meshes): which packets of triangles.
+    // Draws one geom into block rows [row0, row1). `packets`: indices of the triangle packets of a mesh to draw.
     void (*draw)(const DrawnGeom &, const RayTable &, VisibilityBuffer &, const RasterOptions &, int row0, int row1,
                  const std::int32_t *packets, int packet_count);
 };
@@ -106,7 +105,7 @@ public:
     // Table: unit directions [height][width][3] in C.
     Raster(const Geometry &geometry, int width, int height, const double *directions_C, Isa isa = best_isa());
 
-    // Block rows that one thread draws, and what it drew there.
+    // Block rows of one thread, and its results there.
     struct Band {
         int row0 = 0, row1 = 0;
         std::vector<DrawnGeom> drawn;
@@ -116,8 +115,8 @@ public:
         RasterCounts counts;
     };
 
-    // Pixel rows [row0, row1) anew; row0 and row1 are multiples of 4 or the height. `threads` >= 1; each calls `then`
-    // with its rows when they are drawn. A camera pose that is not finite sees nothing.
+    // Draws pixel rows [row0, row1); row0 and row1 are multiples of 4 or the height. Each of `threads` >= 1 threads
+    // calls `then` with its rows after it has drawn them. A camera with a pose that is not finite sees nothing.
     void draw(const RasterCamera &camera, const RasterOptions &options, int row0, int row1, int threads,
               const std::function<void(const Band &)> &then);
 

@@ -1,4 +1,4 @@
-// The inner loops of the raster: one geom against the blocks it may touch. See raster.hpp.
+// Inner loops of the raster: one geom against the blocks it may touch. Contract: raster.hpp.
 #include "raster.hpp"
 #include "shapes.hpp"
 
@@ -14,7 +14,7 @@ struct Block {
 };
 
 HIL_INLINE bool cones_meet(const float *a, const float *b) {
-    // angle(a, b) <= alpha + beta, with 1e-3 to spare; half angles that add up to more than a half turn always meet.
+    // angle(a, b) <= alpha + beta, with a margin of 1e-3; cones with alpha + beta of a half turn or more always overlap.
     if (a[3] < -1.0f || b[3] < -1.0f || a[3] + b[3] <= 0.0f) return true;
     const float sine2 = (1.0f - a[3] * a[3]) * (1.0f - b[3] * b[3]);
     const float sine = sine2 > 0.0f ? __builtin_sqrtf(sine2) : 0.0f;
@@ -63,7 +63,7 @@ HIL_INLINE void note_farthest(VisibilityBuffer &buffer, const Block &block, cons
     }
 }
 
-// Keeps what is nearer; of equally near ones the geom of lower index.
+// Stores the hits that are nearer than the stored ones, or as near and of a geom with a lower index.
 HIL_INLINE void keep(VisibilityBuffer &buffer, const Block &block, const F &t, std::int32_t geom) {
     float *const at = buffer.t.data() + 16 * block.index;
     std::int32_t *const ids = buffer.geom.data() + 16 * block.index;
@@ -126,7 +126,7 @@ HIL_INLINE void store3(float (*to)[16], const Vec<F> &v) {
     store(to[2], v.z);
 }
 
-// Returns the lanes that have an area, and may hold the centre of a pixel.
+// Returns the lanes whose triangle has an area and may cover the centre of a pixel.
 template <Projection P>
 HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, int width, int height,
                             const float *packed, Packet &packet) {
@@ -165,8 +165,8 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         store(packet.reach, sqrt(reach2));
         store(packet.nearest, splat<F>(0));
     } else {
-        // A margin of 1/64 pixel: what rounding may let a ray see beyond the edge belongs to the triangle too. Of a
-        // triangle that reaches behind the camera, the part in front of z = near counts.
+        // A margin of 1/64 pixel covers rays that hit slightly beyond an edge by rounding. A triangle that extends
+        // behind the camera is clipped at z = near.
         const float far = 1e9f;
         const F z_near = splat<F>(P == Projection::kParallel ? -far : 0.5f * near_t);
         F low_x = splat<F>(far), high_x = splat<F>(-far), low_y = low_x, high_y = high_x;
@@ -191,7 +191,7 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
                 take(crosses, a.x + s * (b.x - a.x), a.y + s * (b.y - a.y), z_near);
             }
         }
-        // Pixels whose centres lie within: ceil(low - 1/2) to floor(high - 1/2); the picture's own are blocks x0..x1.
+        // Pixels whose centres are inside: ceil(low - 1/2) to floor(high - 1/2), limited to the blocks of the picture.
         const float margin = 1.0f / 64.0f;
         const auto limited = [](const F &x, int most) { return min(max(x, splat<F>(-8.0f)), splat<F>((float)most + 8.0f)); };
         const F left = floor(limited(low_x - margin, width) + 0.5f), right = floor(limited(high_x + margin, width) - 0.5f);

@@ -1,4 +1,4 @@
-// The rays of a camera's pixels, made once (raster.hpp).
+// Rays of a camera's pixels, computed once (raster.hpp).
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -36,7 +36,7 @@ Raster::Raster(const Geometry &geometry, int width, int height, Projection proje
     if (!(fx > 0.0) || !(fy > 0.0) || !within_world(&fx, 1) || !within_world(&fy, 1) || !within_world(&cx, 1) || !within_world(&cy, 1)) {
         throw std::invalid_argument("focal lengths must be finite and above 0, the principal point finite");
     }
-    if (projection == Projection::kTable) throw std::invalid_argument("a table of rays needs directions");
+    if (projection == Projection::kTable) throw std::invalid_argument("a table of rays needs directions_C");
     allocate(width, height);
     pixel_angle_rad_ = 1.0 / fx;
     rays_.projection = projection;
@@ -64,7 +64,7 @@ Raster::Raster(const Geometry &geometry, int width, int height, const double *di
         const double *from = directions_C + 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x));
         std::copy_n(from, 3, d);
     };
-    // The cone of a rectangle of pixels: around the mean direction, as wide as its widest pixel.
+    // Cone of a rectangle of pixels: its axis is the mean direction, its half angle that of the farthest pixel.
     const auto cone = [&](int x0, int y0, int columns, int rows, float *to) {
         double sum[3] = {}, d[3];
         for (int y = y0; y < y0 + rows; ++y) {

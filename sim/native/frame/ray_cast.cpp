@@ -11,9 +11,9 @@ namespace hil::sim::frame {
 namespace {
 
 constexpr std::size_t kLanes = 8;
-constexpr std::size_t kRaysPerThread = 512;  // below it a thread costs more than it does
+constexpr std::size_t kRaysPerThread = 512;  // with fewer, a thread costs more than it saves
 constexpr int kMostThreads = 64;
-constexpr double kDriftedApart = 1.5;  // growth of the moving tree at which it is built anew
+constexpr double kDriftedApart = 1.5;  // growth of the moving tree's area at which it is rebuilt
 
 CastGeom cast_geom(const Geom &g, bool shown) {
     CastGeom c{};
@@ -29,7 +29,7 @@ CastGeom cast_geom(const Geom &g, bool shown) {
     return c;
 }
 
-// The leaves of a mesh's tree as blocks, and the same tree with the blocks for items.
+// Returns the leaves of a mesh's tree as blocks; `tree` and `boxes` receive the same tree with blocks as items.
 std::vector<TriangleBlock> blocks_of(const Mesh &mesh, Bvh &tree, std::vector<Aabb> &boxes) {
     std::vector<TriangleBlock> blocks;
     tree = mesh.tree;
@@ -71,7 +71,7 @@ Aabb everywhere() {
 
 const WideNode *root(const WideTree &tree) { return tree.nodes.empty() ? nullptr : tree.nodes.data(); }
 
-// Speed of the surface point p along a ray in direction d.
+// Speed of the surface point p along direction d.
 double receding(const Geom &g, const double p[3], const double d[3]) {
     const double r[3] = {p[0] - g.p_WG[0], p[1] - g.p_WG[1], p[2] - g.p_WG[2]};
     const double *w = g.w_W;
@@ -127,7 +127,7 @@ void RayCaster::refresh() {
         geoms_[i] = cast_geom(g, shown);
         boxes_[i] = !shown ? inside_out() : bounded(g) ? geometry_.world_box(item) : everywhere();
     }
-    // The tree of what moves keeps its shape until things have drifted apart: it changes speed, never the result.
+    // The tree of moving geoms keeps its topology until its boxes have grown. This affects speed, never the result.
     if (!fresh_ || refit(moving_, boxes_) > kDriftedApart * moving_area_) {
         std::vector<Aabb> boxes;
         for (const std::int32_t item : items) boxes.push_back(boxes_[static_cast<std::size_t>(item)]);

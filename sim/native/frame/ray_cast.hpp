@@ -1,16 +1,16 @@
-// Rays against a Geometry in double precision: LiDAR, and the reference for whatever draws the same scene faster.
+// Ray casting against a Geometry in double precision: for LiDAR, and as the reference for faster renderers.
 //
-// For each ray p(t) = o + t d the nearest t in [t_min, t_max] at which it meets a surface, and whose. Surfaces are
-// those of mj_ray: planes from above only, solids from within where the ray leaves them, triangles from either side;
-// invisible geoms do not exist. Of geoms met at the same t the one of lower index counts, of triangles likewise, so
-// the result is a function of the rays and the scene alone: not of the tree, the grouping, the threads or the CPU.
+// For each ray p(t) = o + t d: the nearest t in [t_min, t_max] at which it hits a surface, and the geom. Surfaces are
+// those of mj_ray: planes are hit from above only, solids from within where the ray leaves them, triangles from either
+// side; invisible geoms are ignored. Of hits at the same t that of the lower geom, then triangle index counts, so the
+// result depends only on the rays and the scene, not on the tree, the grouping, the threads or the CPU.
 //
-// How. Rays are sorted by direction and taken eight at a time, four such packets side by side. Their common beam (bounds
-// of origins and directions) walks a tree of eight boxes a node, near to far, one node a few instructions; shapes are met
-// by eight rays at once (shapes.hpp), triangles eight at once by each ray that enters their box. A beam drops whatever
-// lies behind the farthest hit it still needs.
+// Method: rays are sorted by direction and taken eight at a time, in groups of four such packets. Their common beam
+// (bounds of origins and directions) traverses a tree with eight boxes a node, near to far. Shapes are intersected with
+// eight rays at once (shapes.hpp), triangles eight at once with each ray that enters their box. A beam skips nodes
+// behind the farthest hit that it still needs.
 //
-// Outputs are the caller's. `refresh` after the geometry moved; `cast` is const and may run in several threads.
+// Outputs are caller-owned. Call `refresh` after the geometry moved. `cast` is const and may run in several threads.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@
 
 namespace hil::sim::frame {
 
-// A geom as the kernel wants it.
+// Geom as the kernel reads it.
 struct CastGeom {
     double p_WG[3], R_WG[9];
     double size[3];
@@ -33,10 +33,10 @@ struct CastGeom {
     bool shown;
 };
 
-// Up to eight triangles side by side: a leaf of a mesh's tree. Places beyond `count` repeat the last one.
+// Leaf of a mesh's tree: up to eight triangles, lane by lane. Lanes beyond `count` repeat the last one.
 struct alignas(64) TriangleBlock {
     float corner[3][3][kWide];  // [corner][x y z]
-    float lo[3], hi[3];         // padded like the boxes of the tree
+    float lo[3], hi[3];         // padded as the boxes of the tree are
     std::int32_t first, count;  // triangles of the mesh
 };
 
@@ -50,30 +50,30 @@ struct CastMesh {
 };
 
 struct CastScene {
-    const WideNode *fixed, *moving;  // null: nothing there
+    const WideNode *fixed, *moving;  // null: no such geoms
     const std::int32_t *unbounded;
     const CastGeom *geoms;
     const CastMesh *meshes;
     std::int32_t unbounded_count, geom_count;
-    int stack_entries;  // that a walk needs, a mesh's within it included
+    int stack_entries;  // needed by a traversal, including that of a mesh within it
 };
 
-// What can be left out without changing the result; each can be switched on its own.
+// Shortcuts that do not change the result; each can be switched off separately.
 struct CastSkips {
-    bool tree = true;       // only what the beam's boxes reach, instead of every geom and triangle
-    bool max_range = true;  // nothing beyond t_max is looked at, instead of looked at and dropped
+    bool tree = true;       // false: every geom and triangle is tested
+    bool max_range = true;  // false: hits beyond t_max are computed, then dropped
 };
 
 struct RayBatch {
     const double *origin;        // [count][3], or [3] for all [m, W]
     bool one_origin;
-    const double *direction;     // [count][3]; t counts in its length
-    const std::int32_t *order;   // [count] rays in the order they are taken
+    const double *direction;     // [count][3]; t is in units of its length
+    const std::int32_t *order;   // [count] indices of rays in processing order
     double t_min, t_max;
     CastSkips skips;
-    double *range;               // [count] t, +inf where nothing is met
-    std::int32_t *geom;          // [count] -1 where nothing is met
-    double *normal;              // [count][3] unit, against the ray; zeros where nothing is met. May be null
+    double *range;               // [count] t, +inf without a hit
+    std::int32_t *geom;          // [count] -1 without a hit
+    double *normal;              // [count][3] unit, against the ray; zeros without a hit. May be null
 };
 
 struct StackEntry {
@@ -81,7 +81,7 @@ struct StackEntry {
     std::int32_t child;
 };
 
-// Positions [begin, end) of `order`; begin is a multiple of eight. `stack` has scene.stack_entries.
+// Casts the rays at positions [begin, end) of `order`; begin is a multiple of eight. `stack` has scene.stack_entries.
 using CastKernel = void (*)(const CastScene &scene, const RayBatch &rays, std::size_t begin, std::size_t end,
                             StackEntry *stack);
 namespace base {
@@ -100,22 +100,22 @@ CastKernel cast_kernel(Isa isa);
 struct CastOutput {
     double *range;            // [count]
     std::int32_t *geom;       // [count]
-    double *normal;           // [count][3] unit, against the ray; zeros where nothing is met. May be null
-    double *radial_velocity;  // [count] [m/s] of the surface point along the ray, + = receding; NaN: nothing. Or null
+    double *normal;           // [count][3] unit, against the ray; zeros without a hit. May be null
+    double *radial_velocity;  // [count] [m/s] of the surface point along the ray, + = receding, NaN without a hit. May be null
 };
 
 class RayCaster {
   public:
-    // The geometry must outlive the caster and be finished; what does not move is prepared here, once.
+    // The geometry must outlive the caster and be finished. Static geoms are prepared here, once.
     explicit RayCaster(const Geometry &geometry);
 
-    // Take over the poses of what moves; does nothing if nothing moved since.
+    // Copies the poses of moving geoms; does nothing if none has moved since.
     void refresh();
 
-    // `count` rays; origin [count][3] or, with one_origin, [3]. Rays that are not finite, have no direction or start
-    // farther out than 1e7 m meet nothing, nor does any if t_min or t_max is NaN or t_max < t_min; t_min < 0 is 0.
-    // `order`, a permutation such as `coherent_order` gives, spares its sorting for rays that come again and again
-    // (speed alone); null: sorted here.
+    // Casts `count` rays; origin is [count][3] or, with one_origin, [3]. Rays that are not finite, have no direction or
+    // start beyond 1e7 m hit nothing, nor does any ray if t_min or t_max is NaN or t_max < t_min; t_min < 0 counts as 0.
+    // `order`: a permutation from `coherent_order`, to save the sorting for rays that are cast repeatedly; affects speed
+    // only. Null: sorted here.
     void cast(const double *origin, bool one_origin, const double *direction, std::size_t count, double t_min,
               double t_max, const CastSkips &skips, const std::int32_t *order, int threads, Isa isa,
               const CastOutput &out) const;
@@ -135,8 +135,8 @@ class RayCaster {
     bool fresh_ = false;
 };
 
-// Directions into an order in which neighbours look the same way: cells of a cube map along a Morton curve, stable.
-// Directions that are no numbers go last. `order` holds `count`.
+// Writes to `order` [count] a permutation in which neighbours have similar directions: cells of a cube map along a
+// Morton curve, by a stable sort. Directions that are NaN come last.
 void coherent_order(const double *direction, std::size_t count, std::int32_t *order);
 
 }  // namespace hil::sim::frame

@@ -1,4 +1,4 @@
-// Eight rays at once through the trees of a scene. Contract: ray_cast.hpp.
+// Ray casting through the trees of a scene, eight rays at once. Contract: ray_cast.hpp.
 #include "beam.hpp"
 #include "ray_cast.hpp"
 #include "shapes.hpp"
@@ -8,17 +8,17 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-constexpr double kBeyond = 1e30;     // far end of a walk without limit: finite, so that times zero is zero
-constexpr double kFarthest = 1e7;    // as geometry.cpp has it
-constexpr int kFewBlocks = 4;        // of a mesh: a beam and a walk cost more than to look at each
-constexpr int kTogether = 4;         // packets that walk the trees of the scene as one beam
+constexpr double kBeyond = 1e30;     // stands for an infinite t: finite, so that its product with 0 is 0
+constexpr double kFarthest = 1e7;    // as in geometry.cpp
+constexpr int kFewBlocks = 4;        // a mesh with so few blocks is tested without its tree
+constexpr int kTogether = 4;         // packets that traverse the trees of the scene as one beam
 
-// Eight rays and the nearest each has met so far.
+// Eight rays and their nearest hits so far.
 struct Packet {
     Vec<D> o, d;
     D t_min;
-    D t, geom, part;  // geom and part are whole numbers: ties are settled by comparing them
-    double far;       // nothing beyond is of use to any of them
+    D t, geom, part;  // geom and part are integers: ties are decided by comparing them
+    double far;       // no hit beyond it can be the nearest of any ray
 };
 
 HIL_INLINE Beam beam_of(const Packet *const *packets, int count, double t_min) {
@@ -36,7 +36,7 @@ HIL_INLINE Beam beam_of(const Packet *const *packets, int count, double t_min) {
     return b;
 }
 
-// Nearer than what was there, or as near and first by number.
+// Replaces the hits that are farther, or as far and of a higher number; returns true if any was replaced.
 HIL_INLINE bool take(Packet &p, const D &t, double geom, double part) {
     if (!any(t <= p.t)) return false;
     const D g = splat<D>(geom), k = splat<D>(part);
@@ -67,13 +67,13 @@ HIL_INLINE D inverse_of(const D &d) {
     return 1.0 / select(abs(d) < tiny, copysign(tiny, d), d);
 }
 
-// What a mesh needs of each ray of a packet, in its own frame, and what each has met.
+// Rays of a packet in the frame of a mesh, and their nearest hits.
 struct Lanes {
     double o[3][kLanes], d[3][kLanes];
     double t[kLanes], geom[kLanes], part[kLanes];
 };
 
-// One ray against eight triangles; true if it met one of them sooner.
+// Intersects one ray with eight triangles; returns true if a hit is nearer than before.
 HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_min, int lane, Lanes &rays) {
     Vec<D> v[3];
     for (int c = 0; c < 3; ++c) {
@@ -95,8 +95,8 @@ HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_mi
     return true;
 }
 
-// All rays of a packet against the triangles of a block, one by one; true if any met one sooner. `meet_block` finds the
-// same: a ray and a triangle give the same bits whichever of them lies in the lanes.
+// Intersects all rays of a packet with the triangles of a block, one by one; returns true if any hit is nearer than
+// before. The result has the same bits as that of `meet_block`.
 HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
                                const D &t_min, Packet &p) {
     bool met = false;
@@ -111,13 +111,13 @@ HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const V
     return met;
 }
 
-// Those rays of a packet that enter a block's box, against its triangles; true if any met one sooner.
+// Intersects the rays that enter a block's box with its triangles; returns true if any hit is nearer than before.
 HIL_INLINE bool enter_block(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
                             const Vec<D> &inverse, double t_min, Lanes &rays, Packet &p) {
     const Interval<D> in = within(o, inverse, block.lo, block.hi);
     unsigned entering = bits((in.enter <= in.leave) & (in.leave >= p.t_min) & (in.enter <= p.t));
     if (entering == 0) return false;
-    // Whichever is fewer, rays or triangles, is taken one by one.
+    // Loop over the smaller of the two sets, rays or triangles.
     if (block.count <= __builtin_popcount(entering)) return meet_triangles(block, index, o, d, p.t_min, p);
     store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
     bool met = false;
@@ -131,7 +131,7 @@ HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o,
                                          bool tree, StackEntry *stack, Packet &p, double t_min) {
     const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
     const Interval<D> box = within(o, inverse, mesh.lo, mesh.hi);
-    // Rays that the mesh's box does not concern neither widen the beam nor keep it from ending.
+    // Rays that miss the mesh's box neither widen the beam nor delay its end.
     const auto concerned = (box.enter <= box.leave) & (box.leave >= p.t_min) & (box.enter <= p.t);
     const unsigned active = tree ? bits(concerned) : (1u << kLanes) - 1;
     if (active == 0) return;
@@ -195,13 +195,13 @@ HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree,
     if (take(p, t, (double)index, -1.0)) p.far = smaller(largest(p.t), kBeyond);
 }
 
-// As meet_geom, where a call costs little beside what it does: inlined there it would only be compiled again.
+// meet_geom, not inlined, for callers that need no second compiled copy.
 HIL_NOINLINE void meet_listed(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
                               double t_min) {
     meet_geom(scene, index, tree, stack, p, t_min);
 }
 
-// Column `axis` of eight rows, put together in registers.
+// Column `axis` of eight rows, assembled in registers.
 HIL_INLINE D column(const double *const *row, int axis) {
     D v;
     for (int i = 0; i < kParts; ++i) {
@@ -224,21 +224,21 @@ HIL_INLINE Vec<D> rows(const double *from, const std::int32_t *ray, bool in_a_ro
     return {column(row, 0), column(row, 1), column(row, 2)};
 }
 
-// Rays that can be cast: finite, with a direction, from within the world.
+// Mask of the rays that can be cast: finite, with a direction and an origin within kFarthest.
 HIL_INLINE MaskOf<D> usable(const Vec<D> &o, const Vec<D> &d) {
     const D world = splat<D>(kFarthest), longest = splat<D>(1e6);
     return (abs(o.x) < world) & (abs(o.y) < world) & (abs(o.z) < world) & (abs(d.x) < longest) &
            (abs(d.y) < longest) & (abs(d.z) < longest) & (dot(d, d) > splat<D>(1e-12));
 }
 
-// Which rays eight places of the order name; places from `count` on repeat the first.
+// Rays at eight positions of the order; positions from `count` on repeat the first.
 struct Places {
     std::int32_t ray[kLanes];
     int count;
-    bool in_a_row;  // as a caller has them that casts the same rays again and again
+    bool in_a_row;  // the rays are contiguous in memory
 };
 
-// Takes up to eight rays; false where none of them can be cast. All that cannot have met nothing, now and later.
+// Loads up to eight rays; returns false if none of them can be cast. Rays that cannot be cast hit nothing.
 HIL_INLINE bool load_packet(const RayBatch &rays, const Places &places, double t_min, Packet &p) {
     p.d = rows(rays.direction, places.ray, places.in_a_row);
     if (rays.one_origin) {
@@ -249,7 +249,7 @@ HIL_INLINE bool load_packet(const RayBatch &rays, const Places &places, double t
     const auto good = usable(p.o, p.d);
     const unsigned valid = bits(good);
     if (valid != 0 && valid != (1u << kLanes) - 1) {
-        // A lane without a ray looks where another one does, and takes nothing.
+        // A lane without a ray copies another ray and takes no hits.
         const int other = __builtin_ctz(valid);
         const auto lane = [&](D v) {
             double x[kLanes];
@@ -284,7 +284,7 @@ HIL_INLINE void write(const CastScene &scene, const RayBatch &rays, const Places
         for (int a = 0; a < 3; ++a) rays.normal[3 * (std::size_t)places.ray[i] + a] = row[3 * i + a];
 }
 
-// All of these packets against what their common beam reaches.
+// Intersects these packets with the geoms that their common beam reaches.
 HIL_INLINE void meet_scene(const CastScene &scene, Packet *const *packets, int count, bool tree, double t_min,
                            StackEntry *stack) {
     if (!tree) {

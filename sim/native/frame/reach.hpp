@@ -1,4 +1,5 @@
-// Where something must be to matter to a sensor. What is said to be missed surely is; the reverse need not hold.
+// Regions in which an object can affect a sensor. An object that `misses` reports is outside for certain; one that it
+// does not report may also be outside.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +17,7 @@ public:
     virtual bool misses(const Sphere &sphere) const = 0;
 };
 
-// What is no farther than `range_m` from a box in W; nothing where that is -infinity.
+// Points within `range_m` of a box in W; none if range_m is -infinity.
 class Vicinity : public Reach {
 public:
     Vicinity(const double *low_W, const double *high_W, double range_m) : range_m_(range_m) {
@@ -36,7 +37,7 @@ private:
     double low_W_[3], high_W_[3], range_m_;
 };
 
-// What a pinhole camera may see: in front of it, and between the planes through its eye and the edges of the picture.
+// Points that a pinhole camera may see: in front of it, between the planes through its centre and the picture's edges.
 class FieldOfView : public Reach {
 public:
     // Edges as tangents in C: x of left and right, y of top and bottom.

@@ -1,15 +1,15 @@
-// Channels of a picture from its visibility buffer: only those that are asked for are computed.
+// Channels of a picture from its visibility buffer. Only requested channels are computed.
 //
-//     depth            t of a pinhole, t z of other cameras: along the camera's axis [m], +inf where nothing is
-//     range            t |d|: along the ray [m], +inf where nothing is
-//     segmentation, instance, material, geom: labels of what is seen; 0, and -1 for geom, where nothing is
-//     normal           unit, in C, towards the camera's side of the surface; 0 where nothing is
-//     radial_velocity  (v_P - v_C) . d / |d| [m/s], + receding; 0 where nothing is. With v of the rigid body taken at the
+//     depth            t of a pinhole, t z of other cameras: along the camera's axis [m], +inf without a hit
+//     range            t |d|: along the ray [m], +inf without a hit
+//     segmentation, instance, material, geom: labels of the surface; without a hit 0, and -1 for geom
+//     normal           unit, in C, towards the camera's side of the surface; 0 without a hit
+//     radial_velocity  (v_P - v_C) . d / |d| [m/s], + receding; 0 without a hit. With v of the rigid body taken at the
 //                      camera's origin this needs no position: w x (t d) is normal to d.
-//     rgb              sRGB: Lambert's law, sun with or without shadow, light of the sky by how far up a surface faces,
-//                      haze by Koschmieder's law (scenery.hpp), in linear light, the sky's too
+//     rgb              sRGB: Lambert's law, sun with or without shadow, sky light by the surface's upward component,
+//                      haze by Koschmieder's law (scenery.hpp), for surfaces and sky in linear light
 //
-// A block of 4 x 4 pixels that sees one geom is resolved at once, else once for each geom in it.
+// A block of 4 x 4 pixels that sees one geom is resolved at once, any other block once for each of its geoms.
 #pragma once
 
 #include <cstdint>
@@ -19,20 +19,20 @@
 
 namespace hil::sim::frame {
 
-struct ChannelOutputs {  // row-major, width wide; null: not asked for
+struct ChannelOutputs {  // row-major, width wide; null: not requested
     float *depth = nullptr, *range = nullptr, *normal = nullptr, *radial_velocity = nullptr;
     std::uint8_t *segmentation = nullptr, *material = nullptr, *rgb = nullptr;
     std::uint16_t *instance = nullptr;
     std::int32_t *geom = nullptr;
 };
 
-// One shadow map as the kernel reads it: picture of the scene from the sun, parallel rays.
+// Shadow map as the kernel reads it: picture of the scene from the sun with parallel rays.
 struct ShadowMap {
     const VisibilityBuffer *buffer = nullptr;
     const RayTable *rays = nullptr;
     const DrawnGeom *drawn = nullptr;         // transforms sun camera -> local
     const std::int32_t *drawn_of_geom = nullptr;
-    std::int32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // pixels that hold anything
+    std::int32_t x0 = 0, x1 = 0, y0 = 0, y1 = 0;  // pixels that may hold a geom
 };
 
 struct ResolveJob {

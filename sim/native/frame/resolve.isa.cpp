@@ -1,4 +1,4 @@
-// The inner loops that make channels of visible surfaces. See resolve.hpp.
+// Inner loops that compute the channels of visible surfaces. Contract: resolve.hpp.
 #include "lane_exp.hpp"
 #include "resolve.hpp"
 #include "sunlight.hpp"
@@ -21,7 +21,7 @@ HIL_INLINE Vec<F> gradient(const DrawnGeom &g, const Vec<F> &p) {
     const F zero = splat<F>(0), one = splat<F>(1);
     switch (g.shape) {
         case Shape::kBox: {
-            // The face that the point is nearest to, from inside or outside.
+            // The face nearest to the point, which may be slightly inside or outside.
             const F x = abs(p.x) - g.half[0], y = abs(p.y) - g.half[1], z = abs(p.z) - g.half[2];
             const I is_x = (x >= y) & (x >= z), is_y = ~is_x & (y >= z), is_z = ~is_x & ~is_y;
             return {select(is_x, copysign(one, p.x), zero), select(is_y, copysign(one, p.y), zero),
@@ -42,11 +42,11 @@ HIL_INLINE Vec<F> gradient(const DrawnGeom &g, const Vec<F> &p) {
 }
 
 struct MeshPoint {
-    Vec<F> flat, smooth;  // normals in the local frame; smooth only where the mesh has normals of its own
+    Vec<F> flat, smooth;  // normals in the local frame; smooth: set if the mesh has corner normals
     F u, v;
 };
 
-// Triangle by triangle: its normal and, if `look`, what is interpolated over it.
+// Normal of each pixel's triangle and, if `look`, the interpolated normal and texture coordinates.
 HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangles, const I &mask, const Vec<F> &p, bool look) {
     const F zero = splat<F>(0);
     const Mesh &mesh = *g.mesh;
@@ -89,8 +89,8 @@ HIL_INLINE Rgb sky(const Daylight &light, const F &up) {
     return {mix(0), mix(1), mix(2)};
 }
 
-// What haze leaves of the light of a block, and what the air between adds. Not inlined: in clear air, which is most
-// pictures, its registers would be missing elsewhere.
+// Attenuates the light of a block by haze and adds the light of the air. Not inlined, because its registers would be
+// lost to the pictures in clear air, which are most.
 __attribute__((noinline)) void put_haze(const ResolveJob &job, const Vec<F> &d, const F &t, const I &seen, Rgb &c) {
     const Daylight &light = *job.light;
     const F length = length_of(d);
@@ -109,7 +109,7 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
     const F zero = splat<F>(0);
     F sun = normal.x * job.sun_C[0] + normal.y * job.sun_C[1] + normal.z * job.sun_C[2];
     const F up = normal.x * job.up_C[0] + normal.y * job.up_C[1] + normal.z * job.up_C[2];
-    // Shadow by the true normal: an interpolated one may face a sun that the surface does not.
+    // Shading by the flat normal: an interpolated one may face the sun although the surface does not.
     const I faces = s.mask & (s.normal.x * job.sun_C[0] + s.normal.y * job.sun_C[1] + s.normal.z * job.sun_C[2] > zero);
     sun = select(faces, max(sun, zero), zero);
     if (job.shadows > 0 && any(faces)) sun = sun * sunlight(job, g, s, triangles, faces);
@@ -134,7 +134,7 @@ HIL_INLINE void put(T *picture, int width, int x, int y, int columns, int rows, 
     }
 }
 
-// The same value for all of a block that is four columns wide.
+// Writes one value to all pixels of a block that is four columns wide.
 template <class T>
 HIL_INLINE void put_one(T *picture, int width, int x, int y, int rows, int value) {
     const T four[4] = {(T)value, (T)value, (T)value, (T)value};
@@ -239,7 +239,7 @@ void resolve(const ResolveJob &job) {
                     s.gradient = gradient(g, s.local);
                 }
                 const auto into_camera = [&](const Vec<F> &q, bool unit) {
-                    // Normals go by the transpose of what points go by, which also undoes an ellipsoid's scaling.
+                    // Normals transform by the transpose of the points' matrix, which includes an ellipsoid's scaling.
                     const Vec<F> n{q.x * m[0] + q.y * m[3] + q.z * m[6], q.x * m[1] + q.y * m[4] + q.z * m[7],
                                    q.x * m[2] + q.y * m[5] + q.z * m[8]};
                     if (unit) return n;
@@ -251,7 +251,7 @@ void resolve(const ResolveJob &job) {
                 };
                 const bool unit = g.shape == Shape::kBox || g.shape == Shape::kPlane || g.shape == Shape::kMesh;
                 const Vec<F> outward = into_camera(s.gradient, unit);
-                const I away = dot(outward, d) > zero;  // seen from within, or the back of a triangle
+                const I away = dot(outward, d) > zero;  // seen from inside, or the back of a triangle
                 s.normal = facing(outward, away);
                 if (out.normal) {
                     normals = {select(s.mask, s.normal.x, normals.x), select(s.mask, s.normal.y, normals.y),

@@ -6,7 +6,7 @@ namespace hil::sim::frame {
 
 namespace {
 
-// The curve by which the resolve kernel reads colours of geoms, and its inverse by halving: additions and products only.
+// The resolve kernel's decoding of geom colours, and its inverse by bisection, with additions and products only.
 double decode(double c) { return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878); }
 
 double encode(double linear) {
@@ -18,7 +18,7 @@ double encode(double linear) {
     return 0.5 * (low + high);
 }
 
-// Linear light of a texture on the whole, by colour: the mean of its finest level.
+// Mean linear colour of a texture's finest level.
 void mean_of(const Texture &texture, double *rgb) {
     const std::size_t end = texture.levels > 1 ? static_cast<std::size_t>(texture.offset[1]) : texture.texel.size();
     std::int64_t sum[3] = {0, 0, 0};

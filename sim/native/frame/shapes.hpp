@@ -1,25 +1,25 @@
-// A ray against each primitive, in lanes: p(t) = o + t d, both in the shape's own frame, d of any length > 0.
+// Intersection of rays with each primitive, in lanes: p(t) = o + t d in the shape's frame, d of any length > 0.
 //
-// Every function returns the nearest t >= t_min at which the ray meets the surface, +inf where there is none; from
-// within a shape that is where the ray leaves it (as mj_ray has it). Sizes are MuJoCo's: radius; half lengths along z.
+// Every function returns the nearest t >= t_min at which the ray meets the surface, +inf without a hit. From within a
+// shape, that is where the ray leaves it, as in mj_ray. Sizes are MuJoCo's: radius, half lengths along z.
 //
-// Precision. A quadratic solved as b^2 - 4ac loses twice the digits of the distance. Here the ray's nearest point to
-// the axis or centre comes first,
+// Precision: a quadratic solved as b^2 - 4ac loses twice the digits of the distance. Here the ray's nearest point to
+// the axis or centre is computed first,
 //
 //     t0 = -(o.d)/(d.d),   p = o + t0 d,   h^2 = r^2 - p.p,   t = t0 -+ sqrt(h^2 / d.d)
 //
 // so that the error of t is that of p, a few units in the last place of the distance (4e-6 m at 60 m in float),
 // divided by the cosine of incidence (Haines et al., Ray Tracing Gems, ch. 7, 2019).
 //
-// The solids are convex: what a ray has within them is one interval, and that of a cylinder or a box is the
-// intersection of the intervals of its slabs (Kay and Kajiya, SIGGRAPH 1986).
+// The solids are convex: a ray is inside over one interval. The interval of a cylinder or a box is the intersection of
+// the intervals of its slabs (Kay and Kajiya, SIGGRAPH 1986).
 #pragma once
 
 #include "lane_memory.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
 
-// [enter, leave] within a convex solid; empty where enter > leave.
+// Interval [enter, leave] of t within a convex solid; empty if enter > leave.
 template <class V>
 struct Interval {
     V enter, leave;
@@ -61,7 +61,7 @@ HIL_INLINE Interval<V> within_sphere(const Vec<V> &o, const Vec<V> &d, ScalarOf<
     return from_nearest_point<V>(t0, radius * radius - dot(p, p), dd);
 }
 
-// The infinite cylinder around z.
+// Interval within the infinite cylinder around z.
 template <class V>
 HIL_INLINE Interval<V> within_tube(const Vec<V> &o, const Vec<V> &d, ScalarOf<V> radius) {
     const V dd = max(d.x * d.x + d.y * d.y, splat<V>(LaneTraits<V>::kTiny2));
@@ -85,7 +85,7 @@ HIL_INLINE V ray_cylinder(const Vec<V> &o, const Vec<V> &d, ScalarOf<V> radius, 
     return nearest(both(within_tube(o, d, radius), slab(o.z, d.z, half)), t_min);
 }
 
-// A ray that enters the tube beyond an end can enter the capsule through the sphere of that end only; leaving likewise.
+// A ray that enters the tube beyond an end can enter the capsule only through the sphere at that end; likewise leaving.
 template <class V>
 HIL_INLINE V ray_capsule(const Vec<V> &o, const Vec<V> &d, ScalarOf<V> radius, ScalarOf<V> half, V t_min) {
     const V inf = splat<V>(LaneTraits<V>::kInf), end = splat<V>(half);
@@ -105,13 +105,13 @@ HIL_INLINE V ray_capsule(const Vec<V> &o, const Vec<V> &d, ScalarOf<V> radius, S
     return nearest(in, t_min);
 }
 
-// o and d divided by the semi-axes: the unit sphere.
+// o and d are divided by the semi-axes, so the shape is the unit sphere.
 template <class V>
 HIL_INLINE V ray_ellipsoid(const Vec<V> &o, const Vec<V> &d, V t_min) {
     return nearest(within_sphere(o, d, ScalarOf<V>(1)), t_min);
 }
 
-// z = 0, seen from above only; half[0], half[1] <= 0: without end.
+// Plane z = 0, hit from above only; half[0], half[1] <= 0: infinite.
 template <class V>
 HIL_INLINE V ray_plane(const Vec<V> &o, const Vec<V> &d, const ScalarOf<V> *half, V t_min) {
     const V inf = splat<V>(LaneTraits<V>::kInf), zero = splat<V>(0);
@@ -125,7 +125,7 @@ HIL_INLINE V ray_plane(const Vec<V> &o, const Vec<V> &d, const ScalarOf<V> *half
 
 // Triangle a b c given relative to the ray's origin (v = vertex - o), from either side. The edge functions are
 //     e0 = (vb x vc) . d,  e1 = (vc x va) . d,  e2 = (va x vb) . d,   t = va . n / (e0 + e1 + e2),  n = (b-a) x (c-a)
-// and a ray through an edge that two triangles share sees exactly opposite numbers for it in both: no cracks.
+// and at an edge that two triangles share, a ray gets exactly opposite values in both, so there are no cracks.
 template <class V>
 struct Triangle {
     Vec<V> e0, e1, e2, n;
@@ -146,7 +146,7 @@ HIL_INLINE Triangle<V> triangle(const Vec<V> &va, const Vec<V> &vb, const Vec<V>
     r.volume = dot(va, r.n);
     return r;
 }
-// Most triangles are met by none of the rays: their normals are not needed.
+// Most triangles are hit by no ray: their normals are then not computed.
 template <class V>
 HIL_INLINE V ray_triangle(const Vec<V> &va, const Vec<V> &vb, const Vec<V> &vc, const Vec<V> &d, V t_min) {
     const V e0 = dot(cross(vb, vc), d), e1 = dot(cross(vc, va), d), e2 = dot(cross(va, vb), d);

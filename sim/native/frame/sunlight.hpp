@@ -1,4 +1,4 @@
-// Which pixels of a surface the sun reaches. For use in *.isa.cpp alone.
+// Sunlight on the pixels of a surface. For use in *.isa.cpp only.
 #pragma once
 
 #include "shapes.hpp"
@@ -9,7 +9,8 @@ namespace {
 
 HIL_INLINE bool convex(Shape shape) { return shape != Shape::kMesh; }
 
-// Whether a ray towards the sun (-z of the sun's camera) from p meets one triangle of a mesh; all in that camera's frame.
+// Mask of the points p from which a ray towards the sun (-z of the sun's camera) hits one triangle of a mesh; all in
+// that camera's frame.
 HIL_INLINE I meets_triangle(const DrawnGeom &g, std::int32_t triangle, const Vec<F> &p, float near) {
     const float *m = g.m;
     float v[3][3];
@@ -29,7 +30,7 @@ HIL_INLINE I meets_triangle(const DrawnGeom &g, std::int32_t triangle, const Vec
     return in & (p.z - z > splat<F>(near));
 }
 
-// Whether a ray towards the sun meets a primitive.
+// Mask of the points from which a ray towards the sun hits a primitive.
 HIL_INLINE I meets(const DrawnGeom &g, const Vec<F> &p, float near) {
     const float *m = g.m;
     const Vec<F> o{g.o[0] + (p.x * m[0] + p.y * m[1] + p.z * m[2]), g.o[1] + (p.x * m[3] + p.y * m[4] + p.z * m[5]),
@@ -47,17 +48,17 @@ HIL_INLINE I meets(const DrawnGeom &g, const Vec<F> &p, float near) {
 }
 
 struct Caster {
-    std::int32_t geom, triangle;  // triangle < 0: all of it
+    std::int32_t geom, triangle;  // triangle < 0: the whole geom
 };
 
 HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
 
-// 1 where the sun is seen, 0 where not. The four pixels of the sun's picture around a point decide where they name the
-// same geom, and not the point's own mesh; elsewhere the point's own ray is tried against the shapes and triangles that they
-// name, so the edge of a shadow is as sharp as the shape, whatever the resolution of the sun's picture.
+// Returns 1 where the sun is visible, else 0. If the four pixels of the shadow map around a point name the same geom,
+// and it is not the point's own mesh, they decide. Otherwise a ray from the point is intersected with the shapes and
+// triangles that they name: the edge of a shadow is then as sharp as the shape, at any resolution of the map.
 HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
-    constexpr int kMost = 64;   // casters asked in one block
-    constexpr int kWhole = 32;  // triangles of a mesh that is asked as a whole
+    constexpr int kMost = 64;   // casters tested for one block
+    constexpr int kWhole = 32;  // greatest number of triangles of a mesh that is tested as a whole
     F light = splat<F>(1);
     const float *m = job.camera_to_sun;
     const Vec<F> c{s.d.x * s.t, s.d.y * s.t, s.d.z * s.t};
@@ -74,7 +75,7 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
         if (!any(inside)) continue;
         const I nowhere = splat<I>(0), column = select(inside, truncate(fx), nowhere), row = select(inside, truncate(fy), nowhere);
         const F limit = p.z - 0.02f;
-        // Most points have nothing before them in any of the four.
+        // Most points have no caster in any of the four pixels.
         I before = nowhere, taps[4];
         for (int tap = 0; tap < 4; ++tap) {
             const I tx = column + (tap & 1), ty = row + (tap >> 1);

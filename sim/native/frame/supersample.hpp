@@ -1,4 +1,4 @@
-// Pictures of half the size: each pixel the mean of 2 x 2 in linear light. In integers: the same on every machine.
+// Pictures of half the size: each pixel is the mean of 2 x 2 in linear light, in integers: same bits on every machine.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// What the pixels of one geom see, and the colour of its surface there: textures, linear light and sRGB. For use in
-// *.isa.cpp alone.
+// Surface points of one geom under the pixels of a block, and their colour: textures, linear light and sRGB. For use in
+// *.isa.cpp only.
 #pragma once
 
 #include "lane_memory.hpp"
@@ -8,7 +8,7 @@
 namespace hil::sim::frame::HIL_ISA {
 namespace {
 
-struct Surface {  // what the pixels of one geom see within a block
+struct Surface {  // points of one geom under the pixels of a block
     F t;
     I mask;
     Vec<F> d;   // ray in C
@@ -25,8 +25,8 @@ struct Rgb {
 // sRGB code / 255 to linear, by a cubic (within 1.2e-3 of the curve of IEC 61966-2-1 up to 1).
 HIL_INLINE float decode(float c) { return c * (c * (c * 0.305306011f + 0.682171111f) + 0.012522878f); }
 
-// Linear to sRGB codes 0..255 in three bytes, with s = sqrt(x): a rational fit, within 0.7 of a code of the curve. The
-// three quotients share one division.
+// Linear to sRGB codes 0..255 in three bytes: a rational fit in sqrt(x), within 0.7 of a code of the curve. The three
+// quotients share one division.
 HIL_INLINE I encode(const Rgb &c) {
     const F zero = splat<F>(0), one = splat<F>(1);
     const auto root = [&](const F &x) { return sqrt(min(max(x, zero), one)); };
@@ -39,7 +39,7 @@ HIL_INLINE I encode(const Rgb &c) {
            shift_left(code(over(b) * (rg * per)), 16);
 }
 
-// Place of a texel in an image 2^power wide: images are stored in squares of 4 x 4, a cache line each.
+// Index of a texel in an image 2^power wide. Images are stored in squares of 4 x 4, one cache line each.
 HIL_INLINE I texel_at(const I &row, const I &column, const I &power) {
     return shift_left(shift_left(shift_right(row, 2), power - (std::int32_t)2) + shift_right(column, 2), 4) +
            shift_left(row & (std::int32_t)3, 2) + (column & (std::int32_t)3);
@@ -51,7 +51,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     const float base[3] = {look.rgb[0], look.rgb[1], look.rgb[2]};
     if (look.texture < 0) return {splat<F>(decode(base[0])), splat<F>(decode(base[1])), splat<F>(decode(base[2]))};
     const Texture &texture = scenery.textures.data()[look.texture];
-    // Along which axis of the geom the surface looks, and the two others as coordinates [m].
+    // The geom's axis nearest to the normal; the two others give the coordinates [m].
     const F nx = abs(s.gradient.x), ny = abs(s.gradient.y), nz = abs(s.gradient.z);
     const I along_z = (nz >= nx) & (nz >= ny), along_x = ~along_z & (nx >= ny);
     Vec<F> p = s.local;
@@ -73,7 +73,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
         du = splat<F>(look.repeat[0] * g.mesh->uv_per_m);
         dv = splat<F>(look.repeat[1] * g.mesh->uv_per_m);
     } else if (texture.cube) {
-        // By direction from the middle of the geom's box, faces and their axes as OpenGL has them.
+        // Cube map by direction from the middle of the geom's box; faces and their axes as in OpenGL.
         const auto per_half = [&](const F &x, int i) { return x * (edge[i] > 0.0f && edge[i] < 1e6f ? 2.0f / edge[i] : 1.0f); };
         const F qx = per_half(p.x, 0), qy = per_half(p.y, 1), qz = per_half(p.z, 2);
         const F ax = abs(qx), ay = abs(qy), az = abs(qz);
@@ -84,7 +84,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
         v = select(face_x | face_z, qy, -copysign(splat<F>(1), qy) * qz);
         u = u * half_per + 0.5f;
         v = v * half_per + 0.5f;
-        // The far rim of a face is its own, not the near rim of the next copy.
+        // Keep u and v below 1: the far edge belongs to this face, not to the next copy.
         u = min(u, splat<F>(0.99999f));
         v = min(v, splat<F>(0.99999f));
         const float largest = edge[0] > edge[1] ? (edge[0] > edge[2] ? edge[0] : edge[2]) : (edge[1] > edge[2] ? edge[1] : edge[2]);
@@ -111,14 +111,14 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
         v = (v - select(along_z, half(1), half(2))) * dv;
     }
     const int width = texture.width, height = texture.cube ? texture.width : texture.height;
-    // Texels that one pixel covers, across: the finest level that has no more than about one and a half.
+    // Level by the texels that one pixel covers: the finest level with at most about 1.5 along an edge.
     const F length = length_of(s.d), range = s.t * length;
     const F facing = max(abs(dot(s.normal, s.d)) * (1.0f / length), splat<F>(0.15f));
     const F covered = range * pixel_angle_rad * max(du * (float)width, dv * (float)height) / facing * 0.7f;
     I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
     level = select(covered < splat<F>(1), splat<I>(0), level);
     level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
-    // What no int holds (a mesh may come with any numbers) would be another texel on another machine.
+    // A mesh may have any texture coordinates; converting those out of the range of an int depends on the machine.
     u = select(abs(u) < splat<F>(1e6f), u - floor(u), splat<F>(0));
     v = select(abs(v) < splat<F>(1e6f), v - floor(v), splat<F>(0));
     const I one = splat<I>(1), w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);

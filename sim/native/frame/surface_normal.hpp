@@ -1,4 +1,4 @@
-// Unit normals where eight rays met surfaces, each turned against its ray. Included in ray_cast.isa.cpp alone.
+// Unit normals at the hits of eight rays, each turned against its ray. Included in ray_cast.isa.cpp only.
 #pragma once
 
 #include "lane_memory.hpp"
@@ -18,12 +18,12 @@ HIL_INLINE Vec<D> solid_normal(const CastGeom &g, const Vec<D> &q) {
         }
         case Shape::kEllipsoid: return {q.x / splat<D>(s[0] * s[0]), q.y / splat<D>(s[1] * s[1]), q.z / splat<D>(s[2] * s[2])};
         case Shape::kCylinder: {
-            // Side or end: whichever surface is nearer.
+            // The nearer surface, side or end.
             const auto end = abs(abs(q.z) - s[1]) < abs(sqrt(q.x * q.x + q.y * q.y) - s[0]);
             return {select(end, zero, q.x), select(end, zero, q.y), select(end, q.z, zero)};
         }
         case Shape::kBox: {
-            // The nearest face, of equally near ones the first.
+            // The nearest face; the first of equally near ones.
             const D x = abs(abs(q.x) - s[0]), y = abs(abs(q.y) - s[1]), z = abs(abs(q.z) - s[2]);
             const auto past_x = y < x, is_z = z < select(past_x, y, x);
             return {select(past_x | is_z, zero, q.x), select(past_x & ~is_z, q.y, zero), select(is_z, q.z, zero)};
@@ -40,14 +40,14 @@ HIL_INLINE Vec<D> triangle_normal(const CastMesh &mesh, std::int32_t part) {
     return {splat<D>(e[1] * f[2] - e[2] * f[1]), splat<D>(e[2] * f[0] - e[0] * f[2]), splat<D>(e[0] * f[1] - e[1] * f[0])};
 }
 
-// Where `hit`, the normal of geom (triangle `part` of its mesh) at p + t d; zeros elsewhere. All in W.
+// Normal of each ray's geom (triangle `part` of its mesh) at o + t d if `hit`, else zeros. All in W.
 HIL_INLINE Vec<D> surface_normals(const CastScene &scene, const MaskOf<D> &hit, const D &geom, const D &part, const Vec<D> &o,
                                   const Vec<D> &d, const D &t) {
     const D zero = splat<D>(0.0);
     double geoms[D::kCount], parts[D::kCount];
     store(geoms, geom), store(parts, part);
     Vec<D> found{zero, zero, zero};
-    // Neighbours mostly meet the same thing.
+    // Neighbouring rays mostly hit the same geom.
     for (unsigned left = bits(hit); left != 0;) {
         const int lane = __builtin_ctz(left);
         const auto here = hit & (geom == splat<D>(geoms[lane])) & (part == splat<D>(parts[lane]));
@@ -66,7 +66,7 @@ HIL_INLINE Vec<D> surface_normals(const CastScene &scene, const MaskOf<D> &hit, 
                          R[6] * n.x + R[7] * n.y + R[8] * n.z};
         const D length = sqrt(dot(n_W, n_W)), k = 1.0 / length;
         const auto away = dot(n_W, d) > zero, pointed = length > zero;
-        // A point without a normal: as if met head on.
+        // A point without a normal gets the reverse of the ray's direction.
         const D head_on = -1.0 / sqrt(dot(d, d));
         const auto against = [&](const D &n_i, const D &d_i) {
             const D unit = n_i * k;

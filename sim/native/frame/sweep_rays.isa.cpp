@@ -1,4 +1,4 @@
-// Eight rays of a sweep at once, each with a pose of its own. Contract: sweep_rays.hpp.
+// Rays of a sweep, eight at once, each with its own pose. Contract: sweep_rays.hpp.
 #include "sweep_rays.hpp"
 
 #include "lane_memory.hpp"
@@ -8,7 +8,7 @@ namespace hil::sim::frame::HIL_ISA {
 namespace {
 
 
-// (-1)^k / (2k)! and (-1)^k / (2k + 1)!, highest power first: up to |x| = 1 the first term left out is 1 / 20!.
+// (-1)^k / (2k)! and (-1)^k / (2k + 1)!, highest power first. Up to |x| = 1 the first omitted term is at most 1 / 20!.
 constexpr double kCos[10] = {-1.0 / 6402373705728000.0, 1.0 / 20922789888000.0, -1.0 / 87178291200.0,
                              1.0 / 479001600.0,         -1.0 / 3628800.0,       1.0 / 40320.0,
                              -1.0 / 720.0,              1.0 / 24.0,             -1.0 / 2.0,
@@ -18,7 +18,7 @@ constexpr double kSinc[10] = {-1.0 / 121645100408832000.0, 1.0 / 355687428096000
                               -1.0 / 5040.0,               1.0 / 120.0,             -1.0 / 6.0,
                               1.0};
 
-// cos x and sin x / x of x^2: series up to |x| = 1, the functions beyond.
+// cos x and sin x / x from x^2: series up to |x| = 1, detmath beyond.
 HIL_INLINE void cos_and_sinc(const D &x2, D &cosine, D &sinc) {
     cosine = splat<D>(kCos[0]), sinc = splat<D>(kSinc[0]);
 #pragma GCC unroll 9
@@ -61,7 +61,7 @@ HIL_INLINE Poses poses_at(const SweepMotion &m, const D &s) {
     return out;
 }
 
-// Eight whole numbers; lanes beyond `count` repeat the last one.
+// Loads eight integers; lanes beyond `count` repeat the last one.
 HIL_INLINE D load_offsets(const std::int32_t *from, int count) {
     std::int32_t some[kLanes];
     if (count < kLanes) {

@@ -1,4 +1,4 @@
-// Eight rows of three numbers to and from lanes, x y z x y z ... in memory.
+// Loads and stores of eight rows of three numbers, x y z x y z ... in memory.
 #pragma once
 
 #include "lane_memory.hpp"

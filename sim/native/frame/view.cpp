@@ -28,7 +28,7 @@ struct Range {
 };
 constexpr Range kNothing{1e300, -1e300};
 
-// Image of the ellipsoid (x - c)' A^-1 (x - c) = 1, wholly in front of the camera: with the dual conic
+// Bounds of the image of the ellipsoid (x - c)' A^-1 (x - c) = 1, wholly in front of the camera: with the dual conic
 // C = c c' - A, the least and greatest x are (C13 -+ sqrt(C13^2 - C33 C11)) / C33; likewise y. (Hartley and Zisserman,
 // Multiple View Geometry, ch. 8.)
 bool quadric_bounds(const double *c, double a11, double a13, double a22, double a23, double a33, Range &x, Range &y) {
@@ -97,7 +97,7 @@ bool View::outside(const double *centre, const double *half) const {
     }
     const double z = dot(axis[2], c), hz = reach(axis[2], half);
     if (z + hz < near_t || z - hz > far_t) return true;
-    // A quarter of a pixel and a little more on every side.
+    // A quarter of a pixel on every side, and 1e-6 for rounding.
     const double margin = projection == Projection::kParallel ? 0.25 / fx + 1e-6 : 0.25 * (std::fabs(z) + hz) / fx + 1e-6;
     for (int k = 0; k < 4; ++k) {
         if (dot(side[k], c) + side_offset[k] + reach(side[k], half) + margin < 0.0) return true;
@@ -141,7 +141,7 @@ bool View::pixels(const double *centre, const double *half, PixelRect &rect) con
         rect = {cx + fx * rx.lo, cx + fx * rx.hi, cy + fy * ry.lo, cy + fy * ry.hi};
         return true;
     }
-    // Of a box that reaches behind the camera, the part in front of half the near limit counts.
+    // A box that extends behind the camera is clipped at half the near limit.
     const double z_near = 0.5 * near_t;
     for (int i = 0; i < 8; ++i) {
         const double *p0 = corner[i];

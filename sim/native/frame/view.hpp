@@ -1,7 +1,7 @@
-// What part of a picture a box or a shape can touch, and how near it can be: the conservative side of the raster.
+// Conservative bounds of the raster: the part of a picture that a box or a shape can touch, and its least distance.
 //
-// All in double, from the camera's axes expressed in the frame the box is given in. Bounds hold a quarter of a pixel
-// and 1e-5 of the depth more than the shape does: what rounding lets a ray of the float kernels see is inside.
+// Computed in double from the camera's axes in the frame of the box. Bounds are a quarter of a pixel and 1e-5 of the
+// depth larger than the shape, so that they contain every hit of the float kernels.
 #pragma once
 
 #include "geometry.hpp"
@@ -13,7 +13,7 @@ struct PixelRect {
     double lo_x, hi_x, lo_y, hi_y;  // in pixels, unclipped; pixel i covers [i, i + 1)
 };
 
-// The camera in some frame A: origin, axes, and the side planes of the rows that are drawn.
+// Camera in a frame A: origin, axes, and the side planes of the rows that are drawn.
 struct View {
     Projection projection;
     double p[3];
@@ -23,14 +23,14 @@ struct View {
     double cone[4];      // table: axis in A and cosine of the half angle of the whole picture; < -1: all
     double fx, fy, cx, cy;
     double near_t, far_t;
-    double near_reach_m;  // what the near limit cuts off within the picture is no farther from the camera
+    double near_reach_m;  // greatest distance from the camera of points that the near limit clips within the picture
 
     // The same camera in the frame of a geom at (p_WG, R_WG).
     View in(const double *p_AG, const double *R_AG) const;
     bool outside(const double *centre, const double *half) const;
     // Least t of any point of the box, with margin.
     double nearest(const double *centre, const double *half) const;
-    // Pixels of the part of the box before the camera; false if any pixel may see it.
+    // Pixels of the part of the box in front of the camera. Returns false if every pixel may see it.
     bool pixels(const double *centre, const double *half, PixelRect &rect) const;
     // Direction in A and cosine of the half angle of the box's bounding sphere.
     void cone_of(const double *centre, const double *half, float *cone) const;

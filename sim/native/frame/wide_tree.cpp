@@ -10,8 +10,8 @@ namespace hil::sim::frame {
 namespace {
 
 constexpr double kPad = 1e-6;            // [m]
-constexpr double kRelativePad = 1.2e-7;  // twice what rounding to float can take away
-constexpr std::int32_t kNobody = std::numeric_limits<std::int32_t>::min();  // the child of an empty place
+constexpr double kRelativePad = 1.2e-7;  // twice the relative error of rounding to float
+constexpr std::int32_t kNobody = std::numeric_limits<std::int32_t>::min();  // child of an empty slot
 
 // One child: a node of the binary tree, an item, or (box only) a node of this tree.
 struct Child {
@@ -47,7 +47,7 @@ struct Widener {
 
     const BvhNode &at(std::int32_t node) const { return tree.nodes[static_cast<std::size_t>(node)]; }
 
-    // Number of children that opening gives; 1: it cannot be opened.
+    // Number of children that replace a child when it is opened; 1: it cannot be opened.
     int parts(const Child &child) const {
         if (child.node < 0) return 1;
         return at(child.node).count > 0 ? at(child.node).count : 2;
@@ -75,7 +75,7 @@ struct Widener {
             float largest = -1.0f;
             for (std::size_t i = 0; i < children.size(); ++i) {
                 const int more = parts(children[i]) - 1;
-                // The node itself is opened whatever it holds: leaves of more than eight do not occur.
+                // The first child, the node itself, always fits: leaves of more than eight items do not occur.
                 if (children[i].node < 0 || children.size() + static_cast<std::size_t>(more) > kWide) continue;
                 const float area = half_area(children[i].box);
                 if (area > largest) largest = area, best = i;
@@ -116,13 +116,13 @@ WideTree widen(const Bvh &tree, const std::vector<Aabb> &boxes) {
 
 double refit(WideTree &tree, const std::vector<Aabb> &boxes) {
     double area = 0.0;
-    // Children come after their parents: from the back, each node finds its children done.
+    // Children are stored after their parents: going backwards, a node's children are already refitted.
     for (std::size_t n = tree.nodes.size(); n-- > 0;) {
         WideNode &node = tree.nodes[n];
         for (int i = 0; i < kWide; ++i) {
             const std::int32_t child = node.child[i];
             if (child >= 0) {
-                // Their boxes are padded already; the padding of this level on top only makes it safer.
+                // These boxes are already padded; padding them again is harmless.
                 const WideNode &below = tree.nodes[static_cast<std::size_t>(child)];
                 Aabb box = inside_out();
                 for (int a = 0; a < 3; ++a) {

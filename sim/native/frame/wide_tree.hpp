@@ -1,8 +1,8 @@
-// Bounding volume tree with eight boxes a node, side by side, so that one beam meets all eight at once.
+// Bounding volume tree with eight boxes per node, lane by lane, so that a beam is tested against all eight at once.
 //
-// Boxes are stored a little larger than they are (kPad, and 1.2e-7 of the coordinate): the rounding of ray and
-// shape, at most 1e-8 m within 1e7 m, can then never put a hit outside its box, and what is found by the tree is what
-// a test of every item finds. Children that are not there have inside-out boxes, which nothing meets.
+// Boxes are enlarged by kPad and 1.2e-7 of the coordinate. The rounding of ray and shape, at most 1e-8 m within 1e7 m,
+// then never puts a hit outside its box, and the tree finds the same hits as a test of every item. Missing children
+// have inside-out boxes, which no ray meets.
 #pragma once
 
 #include <cstdint>
@@ -21,20 +21,19 @@ struct alignas(64) WideNode {
 
 struct WideTree {
     std::vector<WideNode> nodes;  // [0] the root; empty without items
-    int depth = 0;                // of nodes; a walk has at most 7 * depth + 8 entries open
+    int depth = 0;                // of nodes; a traversal has at most 7 * depth + 8 open entries
 };
 
-// The same tree with its nodes opened until they have eight children; `boxes` by item.
+// Returns the same tree with nodes opened until they have up to eight children; `boxes` by item.
 WideTree widen(const Bvh &tree, const std::vector<Aabb> &boxes);
 
-// New boxes of the items into the same tree. Returns how much there is to search, the area of all its boxes: what has
-// moved apart makes it grow.
+// Puts new boxes of the items into the tree. Returns the total area of its boxes, which grows as items move apart.
 double refit(WideTree &tree, const std::vector<Aabb> &boxes);
 
-// A box as the nodes hold it: padded, outward.
+// Box as nodes store it: padded and rounded outward.
 Aabb padded(const Aabb &box);
 
-// The box of what is not there.
+// Box of a missing child.
 Aabb inside_out();
 
 }  // namespace hil::sim::frame
