@@ -75,7 +75,7 @@ class _Codec:
                 if kind == "s":
                     data = value.encode() if isinstance(value, str) else bytes(value)
                     if len(data) > count:
-                        raise struct.error(f"{len(data)} bytes of text, room for {count}")
+                        raise struct.error(f"{len(data)} bytes of text, at most {count}")
                     values.append(data)
                 elif count:
                     if len(value) != count:
@@ -165,7 +165,7 @@ def _blame(codec: _Codec, msg: tuple[Any, ...]) -> str | None:
             if kind == "s":
                 size = len(value.encode() if isinstance(value, str) else bytes(value))
                 if size > count:
-                    return f"{where}: {size} bytes of text, room for {count}"
+                    return f"{where}: {size} bytes of text, at most {count}"
             elif count:
                 if len(value) != count:
                     return f"{where}: {len(value)} elements, must be {count}"

@@ -189,7 +189,7 @@ class CompanionServer:
     def _send_to(
         self, client: Client, out: Outgoing, slot: int | None, within: frozenset[str], t_begun_ns: int
     ) -> bool:
-        """Send to one client. Return False, and count a drop, if its buffer is full or the ring had no room.
+        """Send to one client. Return False, and count a drop, if its buffer or the ring is full.
 
         `slot` of the ring contains the block of the topics `within`.
         """
@@ -433,7 +433,7 @@ class CompanionServer:
         self._on_event(kind, f"{client.name}: {why}")
 
     def _send_message(self, identity: bytes, message: bytes, group: str = CONTROL) -> None:
-        """Send one message to a client if it is connected and its buffer has room."""
+        """Send one message to a client if it is connected and its buffer is not full."""
         with suppress(Unreachable):
             self._push(identity, group, [message])
 

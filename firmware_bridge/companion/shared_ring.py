@@ -80,7 +80,7 @@ class SharedRing:
         self._slots: list[tuple[int, int, set[str]]] = []  # start, end, holders; by start
 
     def put(self, block: Block, holders: Iterable[str]) -> int | None:
-        """Copy a block in. Return where it begins, or None if there is no room."""
+        """Copy a block in. Return where it begins, or None if no slot fits."""
         size = max(block.size, ALIGN)
         place = self._gap(size)
         if place is None or self._view is None:

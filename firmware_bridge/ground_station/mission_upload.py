@@ -22,7 +22,7 @@ _RETRIED_REFUSALS = 20
 
 # Remedies for common refusals.
 _HINTS = {
-    "MAV_MISSION_NO_SPACE": "the autopilot has no room for that many items: shorten the mission",
+    "MAV_MISSION_NO_SPACE": "the autopilot cannot store that many items: shorten the mission",
     "MAV_MISSION_UNSUPPORTED": "it does not support one of the commands: remove it",
     "MAV_MISSION_UNSUPPORTED_FRAME": "it does not support the coordinate frame of an item: use another",
     "MAV_MISSION_INVALID_PARAM7": "an altitude is out of range: correct it",

@@ -27,7 +27,7 @@ _MAX_DRIFT_PPM = 10_000.0
 
 
 def _whole_number(least: int, most: int) -> Callable[[str], int]:
-    """Type of an argument from `least` to `most`."""
+    """Return an argument type for whole numbers from `least` to `most`."""
 
     def parse(text: str) -> int:
         if not text.isdecimal() or not least <= int(text) <= most:
@@ -38,7 +38,7 @@ def _whole_number(least: int, most: int) -> Callable[[str], int]:
 
 
 def _ppm(text: str) -> float:
-    """Type of a clock's drift."""
+    """Parse the drift of a clock."""
     try:
         value = float(text)
     except ValueError:
@@ -50,34 +50,36 @@ def _ppm(text: str) -> float:
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m firmware_bridge.mock_pixhawk", description="Mock Pixhawk.")
-    parser.add_argument("--port", required=True, help="serial device to talk on, such as /dev/pts/7")
+    parser.add_argument("--port", required=True, help="serial device, such as /dev/pts/7")
     parser.add_argument(
         "--baud",
         type=_whole_number(1200, 12_000_000),
         default=DEFAULT_BAUD,
-        help=f"of a real serial line (default {DEFAULT_BAUD}); with --hitl a slow line means no HIL, as on PX4",
+        help=f"baud rate of a real serial line (default {DEFAULT_BAUD}); as on PX4, --hitl ignores HIL on a slow line",
     )
     parser.add_argument("--airframe", default="x500", help=f"one of {', '.join(airframes())} (default x500)")
     parser.add_argument(
-        "--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first answer"
+        "--boot-sensors", type=_whole_number(0, 100_000), default=20, help="HIL_SENSORs before the first reply"
     )
     parser.add_argument("--sysid", type=_whole_number(1, 250), help="MAVLink system id (default: MAV_SYS_ID, 1)")
     parser.add_argument(
         "--param", action="append", default=[], metavar="NAME=VALUE", help="set a parameter; repeatable"
     )
-    parser.add_argument("--fault", action="append", default=[], metavar="KIND@S", help="misbehave from that second on")
+    parser.add_argument(
+        "--fault", action="append", default=[], metavar="KIND@S", help="inject a fault from that second on"
+    )
     parser.add_argument(
         "--answer-offboard",
         action="store_true",
-        help="do not fall silent, as PX4 does, when OFFBOARD is selected while disarmed without set-points",
+        help="go on answering when OFFBOARD is selected while disarmed without set-points; PX4 falls silent",
     )
     parser.add_argument(
         "--hitl",
         action="store_true",
-        help="run by the board's own clock, as a real board with SYS_HITL=1; without it in lockstep, as PX4 SITL",
+        help="run by its own clock, as a real board with SYS_HITL=1 (default: in lockstep, as PX4 SITL)",
     )
     parser.add_argument(
-        "--clock-offset-us", type=_whole_number(0, 1 << 50), default=0, help="HITL: what the clock shows at power-on"
+        "--clock-offset-us", type=_whole_number(0, 1 << 50), default=0, help="HITL: reading of the clock at power-on"
     )
     parser.add_argument("--clock-drift-ppm", type=_ppm, default=0.0, help="HITL: how much too fast the clock runs")
     return parser.parse_args(argv)
@@ -88,7 +90,7 @@ def _end(signum: int, frame: object) -> None:  # noqa: ARG001
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run until the line hangs up. Returns the exit status."""
+    """Run until the line hangs up. Return the exit status."""
     signal.signal(signal.SIGTERM, _end)
     arguments = _arguments(argv)
     clock = BoardClock(offset_us=arguments.clock_offset_us, drift_ppm=arguments.clock_drift_ppm)

@@ -1,11 +1,11 @@
 """The mock autopilot without I/O: bytes in, bytes out.
 
-`MockPixhawk.feed(data)` takes what arrived on the wire and returns what the autopilot writes because of it.
+`MockPixhawk.feed(data)` takes received bytes and returns the bytes that the autopilot writes.
 
-`lockstep` (as PX4 SITL): the clock is HIL_SENSOR.time_usec, nothing else: fed the same bytes, however they are cut, it
-answers the same bytes. `hitl` (as a real board with SYS_HITL=1): the board has a clock of its own and writes at its own
-pace; `feed(b"")` does what is due by now, and `next_due_us` says when to call again. With a clock of simulated time
-that is as repeatable.
+`lockstep` (as PX4 SITL): the only clock is HIL_SENSOR.time_usec. The same input gives the same output, however it is
+cut into reads. `hitl` (as a real board with SYS_HITL=1): the board has its own clock and writes at its own times;
+`feed(b"")` runs what is due now, and `next_due_us` says when to call again. With simulated time as its clock it is
+deterministic too.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from firmware_bridge import _native
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
-from firmware_bridge.mock_pixhawk.faults import Fault, Misbehaviour
+from firmware_bridge.mock_pixhawk.faults import Fault, FaultInjector
 from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.flight.commander import Commander
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
@@ -32,10 +32,10 @@ class MockPixhawk:
 
     `airframe` names a file in `airframes/`, `params` are NAME=VALUE strings on top of it (ConfigError if wrong), and
     `sysid`, if given, overrides their MAV_SYS_ID.
-    Lockstep only: `boot_sensors` HIL_SENSORs are left unanswered; `offboard_silence`: fall silent, as PX4 does, when
-    OFFBOARD is selected while disarmed without set-points.
-    With a `board` it runs in HITL, without in lockstep. In HITL SYS_HITL is 1 unless `params` set it, and takes effect
-    at boot.
+    Lockstep only: the first `boot_sensors` HIL_SENSORs get no reply; with `offboard_silence` the mock falls silent,
+    as PX4 does, when OFFBOARD is selected while disarmed without set-points.
+    With a `board` it runs in HITL, else in lockstep. In HITL, SYS_HITL is 1 unless `params` sets it; it takes effect at
+    boot.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class MockPixhawk:
         self._board = board
         self.clock = None if board is None else board.clock  # in lockstep HIL_SENSOR is the clock
         self._boot_sensors, self._offboard_silence = boot_sensors, offboard_silence
-        self._misbehaviour = Misbehaviour(tuple(faults))
+        self._fault_injector = FaultInjector(tuple(faults))
         self.params = ParamTable(_native_params(), hitl=board is not None)
         self.params.load_airframe(airframe)
         given = [] if sysid is None else [f"MAV_SYS_ID={sysid}"]
@@ -61,11 +61,11 @@ class MockPixhawk:
         self._power_on([])
 
     def _power_on(self, mission: list[MissionItem]) -> None:
-        """Everything anew but the parameters and the mission, which a board keeps on its card."""
+        """Boot. Parameters and mission are kept, as on a board's SD card."""
         self.boots += 1
         self._reboot = False
-        # Nobody listens to changes before the new software runs.
-        self.params.forget_listeners()
+        # The callbacks of the firmware before the reboot.
+        self.params.clear_callbacks()
         self._parser = FrameParser()
         sysid = int(self.params["MAV_SYS_ID"])
         outbox = self._outbox = Outbox(FrameEncoder(sysid, COMPONENT_AUTOPILOT))
@@ -79,47 +79,47 @@ class MockPixhawk:
             offboard_silence=self._offboard_silence and self._board is None,
         )
         if self._board is not None:
-            self.clocking: Lockstep | Hitl = Hitl(self.firmware, outbox, self._misbehaviour, self._board)
+            self.timing: Lockstep | Hitl = Hitl(self.firmware, outbox, self._fault_injector, self._board)
         else:
-            self.clocking = Lockstep(self.firmware, outbox, self._misbehaviour, self._boot_sensors)
-        self._take = self.clocking.take
+            self.timing = Lockstep(self.firmware, outbox, self._fault_injector, self._boot_sensors)
+        self._take = self.timing.take
 
     # -- the wire -----------------------------------------------------------------------------------------------
 
     def boot(self) -> bytes:
-        """What it writes before it has heard anything."""
-        self.clocking.greet()
+        """Return what the autopilot writes before it has received anything."""
+        self.timing.send_boot_messages()
         return self._outbox.take()
 
     def feed(self, data: bytes) -> bytes:
-        """Take `data` and return what the autopilot writes because of it. Raises `faults.Died` only."""
+        """Take `data` and return what the autopilot writes in reply. Raises only `faults.Died`."""
         out = self._take(self._parser.feed(data))
-        return out + self._start_over() if self._reboot else out
+        return out + self._restart() if self._reboot else out
 
     @property
     def next_due_us(self) -> int | None:
-        """HITL: when `feed` should be called next, by the board's clock. Lockstep: None."""
-        return self.clocking.next_due_us()
+        """HITL: time of the next call of `feed`, by the board's clock. Lockstep: None."""
+        return self.timing.next_due_us()
 
-    # -- the board, as its software sees it ---------------------------------------------------------------------
+    # -- functions of the board ----------------------------------------------------------------------------------
 
     def fall_silent(self) -> None:
         """See `Lockstep.fall_silent`, `Hitl.fall_silent`."""
-        self.clocking.fall_silent()
+        self.timing.fall_silent()
 
     def request_reboot(self) -> None:
-        """MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: start over as soon as what arrived is done with."""
+        """Reboot (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN) after the received data are handled."""
         self._reboot = True
-        self.clocking.fall_silent()
-        self.clocking.silent = True
+        self.timing.fall_silent()
+        self.timing.silent = True
 
-    def _start_over(self) -> bytes:
+    def _restart(self) -> bytes:
         if self.clock is not None:
             self.clock.restart()
         self._power_on(self.firmware.missions.items)
         return self.boot()
 
-    # -- for those who look into it -----------------------------------------------------------------------------
+    # -- state, for tests and the process -----------------------------------------------------------------------
 
     @property
     def vehicle(self) -> Vehicle:
@@ -135,18 +135,18 @@ class MockPixhawk:
 
     @property
     def silent(self) -> bool:
-        """It will not answer any more."""
-        return self.clocking.silent
+        """True once the autopilot does not answer any more."""
+        return self.timing.silent
 
     @property
     def steps(self) -> int:
-        """HIL_SENSORs taken."""
-        return self.clocking.steps
+        """Number of HIL_SENSORs taken."""
+        return self.timing.steps
 
     @property
     def ignored(self) -> int:
-        """Messages that had no effect."""
-        return self.clocking.ignored + self.firmware.ignored
+        """Number of messages without effect."""
+        return self.timing.ignored + self.firmware.ignored
 
 
 def _native_params() -> list[tuple[str, float, float, float]]:

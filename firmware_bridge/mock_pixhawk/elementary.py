@@ -15,7 +15,7 @@ sin, cos, asin, atan2, exp, log = det_sin, det_cos, det_asin, det_atan2, det_exp
 
 
 def wrap_pi(angle_rad: float) -> float:
-    """The same direction in [-pi, pi]; any finite angle."""
+    """Return the same direction in [-pi, pi], for any finite angle."""
     if -pi <= angle_rad <= pi:
         return angle_rad
     return angle_rad - TURN_RAD * floor((angle_rad + pi) / TURN_RAD)

@@ -1,8 +1,8 @@
-"""Faults the mock commits on purpose, at a simulated time, so that tests can see what the bench makes of them.
+"""Faults that the mock injects at a simulated time, to test how the bench handles them.
 
 `KIND@SECONDS`: die (the process ends, exit status 70), stall (no output any more), wrong_time (replies answer another
 step), garbage (random bytes in place of each reply), noise (random bytes between the frames; the frames survive).
-The same run has the same garbage.
+The random bytes are the same in every run.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ class Died(Exception):
 
 
 class Fault(NamedTuple):
-    """What happens from when on."""
+    """A kind of fault and the time from which on it acts."""
 
     kind: str
     t_us: int
 
 
 def parse_fault(text: str) -> Fault:
-    """`KIND@SECONDS`, or ConfigError."""
+    """Parse `KIND@SECONDS`. Raises ConfigError."""
     kind, at, when = text.partition("@")
     try:
         t_us = round(float(when) * 1e6) if at else -1
@@ -45,28 +45,28 @@ def parse_fault(text: str) -> Fault:
 
 
 def random_bytes(counter: int) -> bytes:
-    """Random bytes, a pure function of `counter`, without MAVLink start bytes: such would make the receiver wait."""
+    """Return random bytes, a function of `counter`, without MAVLink start bytes, which would make a receiver wait."""
     return random.Random(counter).randbytes(_LENGTH).translate(None, _FRAME_STARTS)
 
 
-class Misbehaviour:
-    """Applies faults to replies. `earliest_us` lets the hot path skip it with one comparison."""
+class FaultInjector:
+    """Injected faults of the replies. `earliest_us` lets the hot path skip them with one comparison."""
 
     def __init__(self, faults: tuple[Fault, ...]) -> None:
         self._faults = faults
         self.earliest_us = min((fault.t_us for fault in faults), default=1 << 62)
 
     def reply_time_us(self, now_us: int) -> int:
-        """The time stamp to answer with."""
+        """Return the time stamp of the reply."""
         wrong = any(f.kind == "wrong_time" and now_us >= f.t_us for f in self._faults)
         return now_us - 4000 if wrong and now_us >= 4000 else now_us
 
     def stalled(self, now_us: int) -> bool:
-        """Nothing is said any more."""
+        """Return True if nothing is sent any more."""
         return any(f.kind == "stall" and now_us >= f.t_us for f in self._faults)
 
     def output(self, now_us: int, telemetry: bytes, reply: bytes) -> bytes:
-        """What is written instead of `telemetry + reply`. Raises `Died`."""
+        """Return the bytes to write instead of `telemetry + reply`. Raises `Died`."""
         for fault in self._faults:
             if now_us < fault.t_us:
                 continue

@@ -1,7 +1,7 @@
-"""One boot of the autopilot's software: its parts, wired together.
+"""The autopilot's software from boot to reboot: its parts and their connections.
 
-It knows no wire and has no clock: a clocking (`lockstep`, `hitl`) hands it samples, other messages and the time, and
-writes what its outbox holds. Parameters and the mission come from before the boot and outlast it.
+It does no I/O and has no clock: the timing (`lockstep`, `hitl`) hands it samples, other messages and the time, and
+writes the messages of its outbox. Parameters and mission outlast a reboot.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NEVER_US = 1 << 62
 
 
 class Timer:
-    """One callback and when it is due next. `period_us` 0 = off."""
+    """A callback and its next due time. `period_us` 0 = off."""
 
     __slots__ = ("action", "due_us", "period_us")
 
@@ -55,10 +55,10 @@ class Timer:
 
 
 class Timers:
-    """Every timer of one autopilot, in simulated time, served in the order in which they were made.
+    """Timers of one autopilot, in simulated time, run in the order in which they were added.
 
     A timer of period P fires on the first step at or after each multiple of P (integer microseconds): the rate is exact
-    on average and missed instants are not made up for. Between due times a step costs one comparison, `now_us >=
+    on average and missed instants are skipped. Between due times a step costs one comparison, `now_us >=
     timers.next_due_us`.
     """
 
@@ -69,7 +69,7 @@ class Timers:
         self.next_due_us = NEVER_US
 
     def add(self, action: Callable[[int], None]) -> Timer:
-        """A new timer, off. `action(now_us)` may start and stop timers, itself included."""
+        """Add a timer, off. `action(now_us)` may start and stop timers, itself included."""
         timer = Timer(action)
         self._timers.append(timer)
         return timer
@@ -81,12 +81,12 @@ class Timers:
         self.next_due_us = min(self.next_due_us, timer.due_us)
 
     def stop(self, timer: Timer) -> None:
-        """Silence `timer`."""
+        """Stop `timer`."""
         timer.period_us = 0
         timer.due_us = NEVER_US
 
     def run(self, now_us: int) -> None:
-        """Fire what is due at `now_us`."""
+        """Run the timers due at `now_us`."""
         for timer in self._timers:
             if timer.due_us <= now_us:
                 period = timer.period_us
@@ -96,17 +96,17 @@ class Timers:
 
 
 class Host(Protocol):
-    """What the software needs of the board it runs on."""
+    """Functions of the board on which the software runs."""
 
     def fall_silent(self) -> None:
-        """Stop answering for good, after what is in the outbox now."""
+        """Stop answering until the next boot, after writing the outbox."""
 
     def request_reboot(self) -> None:
-        """Start over, after what is in the outbox now."""
+        """Reboot, after writing the outbox."""
 
 
 class Firmware:
-    """`hitl`: SYS_HITL was on at boot. `offboard_silence`: see `MockPixhawk`."""
+    """The parts of the autopilot. `hitl`: SYS_HITL was on at boot. `offboard_silence`: see `MockPixhawk`."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class Firmware:
         self.native_index = {name: index for index, name in enumerate(names)}
         try:
             self.core = _native.FlightCore(np.array([float(params[name]) for name in names]))
-        except ValueError as error:  # each value is in range, but together they make no vehicle
+        except ValueError as error:  # each value is in range, but their combination is not a vehicle
             raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
         self.rotors = int(params["CA_ROTOR_COUNT"])
 
@@ -193,18 +193,18 @@ class Firmware:
         self._streams: dict[int, Timer] = {}
         for msgid, maker in self.telemetry.makers.items():
 
-            def tell(now_us: int, maker: Any = maker) -> None:
+            def send(now_us: int, maker: Any = maker) -> None:
                 self.estimate.refresh(now_us)
                 message = maker(now_us)
                 if message is not None:
                     self.outbox.send(message)
 
-            self._streams[msgid] = timers.add(tell)
+            self._streams[msgid] = timers.add(send)
 
-    # -- what a clocking calls ----------------------------------------------------------------------------------
+    # -- called by the timing -----------------------------------------------------------------------------------
 
     def begin(self, now_us: int) -> None:
-        """The clock starts."""
+        """Start the timers at the first time of the clock."""
         self.vehicle.now_us = now_us
         self.preflight.begin(now_us, hitl=self.hitl)
         self.timers.start(self._guidance_timer, PERIOD_US, now_us)
@@ -214,7 +214,7 @@ class Firmware:
                 self.timers.start(self._streams[msgid], period_us, now_us)
 
     def handle(self, frame: Frame) -> None:
-        """Any message but those of HIL."""
+        """Handle any message but those of HIL."""
         handler = self.handlers.get(frame.msgid)
         if handler is None:
             self.ignored += 1
@@ -222,14 +222,14 @@ class Firmware:
         try:
             handler(frame, self.vehicle.now_us)
         except (CodecError, ArithmeticError, ValueError, IndexError, KeyError):
-            # A backstop: whatever one frame holds, it does not end the autopilot.
+            # No received frame may end the autopilot.
             self.ignored += 1
 
     def send_heartbeat(self) -> None:
-        """Say HEARTBEAT now, out of turn."""
+        """Send a HEARTBEAT now, besides the periodic ones."""
         self.outbox.send(self.telemetry.makers[HEARTBEAT](self.vehicle.now_us))
 
-    # -- what the parts need of the whole -----------------------------------------------------------------------
+    # -- callbacks of the parts ---------------------------------------------------------------------------------
 
     def _guide(self, now_us: int) -> None:
         self.estimate.publish(now_us)
@@ -238,7 +238,7 @@ class Firmware:
         self.commander.step(now_us)
 
     def _on_origin(self) -> None:
-        """The first fix says where on Earth this is, and with that where magnetic north is."""
+        """Set the magnetic declination for the position of the first fix."""
         self._origin_known = True
         if self.params["EKF_MAG_DECL"] == 0.0:
             lat_deg, lon_deg, _ = self.estimate.geodetic(0.0, 0.0, 0.0)
@@ -266,19 +266,19 @@ class Firmware:
         self.outbox.send(_Reached(seq))
         self.send_once(MSGID["MISSION_CURRENT"], self.vehicle.now_us)
 
-    def _set_home(self, place: tuple[float, float, float] | None) -> None:
-        if not self.commander.set_home(place):
+    def _set_home(self, position: tuple[float, float, float] | None) -> None:
+        if not self.commander.set_home(position):
             self.outbox.warn("Home not set: no position")
 
-    # -- streams, as commands ask for them ----------------------------------------------------------------------
+    # -- streams ------------------------------------------------------------------------------------------------
 
     def add_stream(self, msgid: int, action: Callable[[int], None], period_us: int, now_us: int) -> None:
-        """One more stream, which acts last of all that is due at an instant."""
+        """Add a stream that runs after all others due at the same time."""
         self._streams[msgid] = timer = self.timers.add(action)
         self.timers.start(timer, period_us, now_us)
 
     def set_interval(self, msgid: int, period_us: int, now_us: int) -> bool:
-        """Send `msgid` every `period_us` (0: never). False if the mock has no such message."""
+        """Send `msgid` every `period_us` (0: never). Return False if the mock does not have that message."""
         timer = self._streams.get(msgid)
         if timer is None:
             return False
@@ -289,11 +289,11 @@ class Firmware:
         return True
 
     def default_interval_us(self, msgid: int) -> int:
-        """The period a message has by default."""
+        """Return the default period of a message."""
         return self.telemetry.periods_us.get(msgid, 0)
 
     def send_once(self, msgid: int, now_us: int) -> bool:
-        """Send `msgid` now. False if the mock has no such message or nothing to say in it."""
+        """Send `msgid` now. Return False if the mock does not have that message or its data."""
         if msgid == AUTOPILOT_VERSION:
             self.outbox.send(autopilot_version(self._sysid))
             return True

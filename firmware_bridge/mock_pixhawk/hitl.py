@@ -1,11 +1,11 @@
-"""HITL, as a real Pixhawk with SYS_HITL=1 has it: the board runs by its own clock, and nothing waits for anything.
+"""HITL, as on a real Pixhawk with SYS_HITL=1: the board runs by its own clock and waits for nothing.
 
-HIL_ACTUATOR_CONTROLS goes out at 200 Hz whatever comes in. HIL_SENSOR and HIL_GPS are stamped when they arrive;
-`time_usec` and `id` are not looked at, so a second IMU corrupts the first. HIL messages count only if SYS_HITL was on
-at boot and the link is fast enough; otherwise PX4 ignores them without a word, and sends no actuator controls.
+HIL_ACTUATOR_CONTROLS is sent at 200 Hz in any case. HIL_SENSOR and HIL_GPS are time-stamped on arrival;
+`time_usec` and `id` are not read, so a second IMU corrupts the first. HIL messages are used only if SYS_HITL was on
+at boot and the link is fast enough; otherwise PX4 ignores them without a message and sends no actuator controls.
 
-HIL_STATE_QUATERNION overwrites what the estimator works with. PX4 cannot fly on that; here the estimate counts as
-invalid from then on.
+HIL_STATE_QUATERNION overwrites the estimator's inputs. PX4 cannot fly with that; in the mock the estimate is invalid
+from then on.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from firmware_bridge._native import FlightCore
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.estimate.sensors import IMU_BITS
-from firmware_bridge.mock_pixhawk.faults import Misbehaviour
+from firmware_bridge.mock_pixhawk.faults import FaultInjector
 from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.services.outbox import CHANNELS, HIL_ACTUATOR_CONTROLS, Outbox, push_controls
@@ -43,7 +43,7 @@ _unpack_sensor = struct.Struct("<Q13fIB").unpack
 
 
 def fast_enough(baud: int) -> bool:
-    """PX4 takes HIL on a link of that baud rate."""
+    """Return True if PX4 takes HIL on a link of that baud rate."""
     return baud / _BAUD_PER_RATE > _LEAST_RATE_BPS
 
 
@@ -51,8 +51,8 @@ class BoardClock:
     """The board's own clock: microseconds since power-on.
 
     It runs from any source of nanoseconds: the monotonic wall clock in the process, simulated time in tests.
-    `offset_us` is what it shows at power-on, `drift_ppm` how much too fast it runs: so that time synchronisation has
-    something to find.
+    `offset_us` is its reading at power-on, `drift_ppm` how much too fast it runs: the errors that time
+    synchronisation has to find.
     """
 
     def __init__(
@@ -64,23 +64,23 @@ class BoardClock:
         self._zero_ns = source_ns()
 
     def restart(self) -> None:
-        """Power-on again."""
+        """Set the clock to its reading at power-on."""
         self._zero_ns = self._source_ns()
 
     def now_us(self) -> int:
-        """What it shows. Integer arithmetic: the same source gives the same microseconds on every machine."""
+        """Return its reading. Integer arithmetic: the same source gives the same microseconds on every machine."""
         elapsed_ns = self._source_ns() - self._zero_ns
         return self.offset_us + (elapsed_ns + elapsed_ns * self._drift_ppb // _PPB) // 1000
 
     def source_ns(self, t_us: int) -> int:
-        """The first nanosecond of the source at which it shows `t_us`."""
+        """Return the first nanosecond of the source at which the clock reads `t_us`."""
         own_ns = (t_us - self.offset_us) * 1000
-        # Rounded up, so that whoever sleeps until then does not wake a microsecond early.
+        # Rounded up, so that a caller that sleeps until then does not wake a microsecond early.
         elapsed_ns = -(-own_ns * _PPB // (_PPB + self._drift_ppb)) + (1 if self._drift_ppb else 0)
         return self._zero_ns + elapsed_ns
 
     def until_s(self, t_us: int) -> float:
-        """Seconds of the source until it shows `t_us`; 0 if it does already."""
+        """Return the source's seconds until the clock reads `t_us`; 0 if that is past."""
         return max(0.0, (self.source_ns(t_us) - self._source_ns()) * 1e-9)
 
 
@@ -93,7 +93,7 @@ class Board:
 
 
 class HitlOutputs:
-    """HIL_ACT_FUNC1..16: which function each slot carries. As in PX4 a change takes effect while disarmed."""
+    """Control slots by HIL_ACT_FUNC1..16. As in PX4, a change takes effect while disarmed."""
 
     def __init__(self, params: ParamTable, vehicle: Vehicle, core: FlightCore, rotors: int) -> None:
         self._params, self._vehicle = params, vehicle
@@ -101,7 +101,7 @@ class HitlOutputs:
         self._functions = [0] * CHANNELS
 
     def controls(self) -> list[float]:
-        """The 16 values of this instant, 0..1. Disarmed and terminated: all zero."""
+        """Return the 16 values of this instant, 0..1. Disarmed or terminated: all zero."""
         vehicle = self._vehicle
         if not vehicle.armed:
             self._functions = [int(self._params[f"HIL_ACT_FUNC{slot}"]) for slot in range(1, CHANNELS + 1)]
@@ -119,10 +119,10 @@ class HitlOutputs:
 
 
 class Hitl:
-    """Runs `firmware` by the clock of `board`."""
+    """Timing of HITL: runs `firmware` by the clock of `board`."""
 
-    def __init__(self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, board: Board) -> None:
-        self._firmware, self._outbox, self._misbehaviour, self._clock = firmware, outbox, misbehaviour, board.clock
+    def __init__(self, firmware: Firmware, outbox: Outbox, fault_injector: FaultInjector, board: Board) -> None:
+        self._firmware, self._outbox, self._fault_injector, self._clock = firmware, outbox, fault_injector, board.clock
         self.hil_on = firmware.hitl and fast_enough(board.baud)
         self.silent = False  # only while it reboots
         self.steps = 0
@@ -136,19 +136,19 @@ class Hitl:
             self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core, firmware.rotors)
             firmware.add_stream(HIL_ACTUATOR_CONTROLS, self._output, OUTPUT_PERIOD_US, now_us)
 
-    def greet(self) -> None:
-        """A board that is on says who it is."""
+    def send_boot_messages(self) -> None:
+        """Send a first HEARTBEAT."""
         self._firmware.send_heartbeat()
 
     def fall_silent(self) -> None:
-        """Without lockstep nothing silences the board: it goes on telling what became of it."""
+        """Do nothing: without lockstep the board goes on sending."""
 
     def next_due_us(self) -> int | None:
-        """When something is due next, by the board's clock."""
+        """Return the time of the next due timer, by the board's clock."""
         return self._firmware.timers.next_due_us
 
     def take(self, frames: list[Frame]) -> bytes:
-        """Take what arrived by now, do what is due by now, and return what is written."""
+        """Handle the received frames, run what is due, and return the bytes to write."""
         for frame in frames:
             if self.silent:
                 break
@@ -160,7 +160,7 @@ class Hitl:
         if not self.silent:
             self._run()
         out = self._outbox.take()
-        return b"" if self._misbehaviour.stalled(self._firmware.vehicle.now_us) else out
+        return b"" if self._fault_injector.stalled(self._firmware.vehicle.now_us) else out
 
     def _run(self) -> None:
         firmware = self._firmware
@@ -172,7 +172,7 @@ class Hitl:
         if not self.hil_on:
             self.ignored += 1
             return
-        # Two samples of one read arrive at almost one instant; the estimator wants time to advance.
+        # Two samples of one read arrive at almost the same time; the estimator needs increasing times.
         firmware = self._firmware
         t_us = self._last_stamp_us = max(firmware.vehicle.now_us, self._last_stamp_us + 1)
         if frame[0] == HIL_SENSOR:
@@ -197,4 +197,4 @@ class Hitl:
     def _output(self, now_us: int) -> None:
         controls = self._firmware.telemetry.controls = self._outputs.controls()
         mode = _MODE_ARMED if self._firmware.vehicle.armed else _MODE_DISARMED
-        push_controls(self._outbox, self._misbehaviour, now_us, 0, controls, mode)
+        push_controls(self._outbox, self._fault_injector, now_us, 0, controls, mode)

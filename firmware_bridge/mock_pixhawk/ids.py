@@ -1,4 +1,4 @@
-"""The MAVLink numbers the mock autopilot speaks (https://mavlink.io/en/messages/common.html), by pymavlink's names."""
+"""MAVLink numbers that the mock autopilot uses (https://mavlink.io/en/messages/common.html), by pymavlink's names."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from firmware_bridge.codecs.dialect import dialect
 
 
 class Numbers:
-    """The entries of one enum as plain integers, by name without the prefix: `Cmd.NAV_LAND` is MAV_CMD_NAV_LAND."""
+    """Entries of one enum as plain integers, by name without the prefix: `Cmd.NAV_LAND` is MAV_CMD_NAV_LAND."""
 
     def __init__(self, enum: str, prefix: str) -> None:
         self.__dict__.update({entry.name.removeprefix(prefix): value for value, entry in dialect.enums[enum].items()})
 
     def __getattr__(self, name: str) -> int:
-        raise AttributeError(f"pymavlink has no {name} here")
+        raise AttributeError(f"pymavlink has no entry {name} in this enum")
 
 
 Cmd = Numbers("MAV_CMD", "MAV_CMD_")

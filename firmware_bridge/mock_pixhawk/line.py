@@ -1,6 +1,6 @@
 """The serial line of the mock's process: waiting, reading, writing.
 
-In lockstep the process answers what it reads. In HITL it also wakes by itself, and never waits for a reader: like a
+In lockstep the process only answers. In HITL it also sends at its own times, and never waits for a reader: like a
 UART with a full buffer it drops what does not fit.
 """
 
@@ -14,13 +14,13 @@ from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.hitl import BoardClock
 
 _READ_SIZE = 65536
-_PARENT_CHECK_S = 1.0  # how often the parent process is looked for; in lockstep only while the line is silent
+_PARENT_CHECK_S = 1.0  # period of the check for the parent process; in lockstep only while the line is silent
 _HANG_UP = select.POLLHUP | select.POLLERR | select.POLLNVAL
 _BUFFER_SIZE = 16384  # bytes that may wait for a slow reader, about 0.5 s of HITL
 
 
 def serve(autopilot: MockPixhawk, fd: int) -> None:
-    """Be `autopilot` on `fd` until the other side hangs up or the parent is gone. Raises `faults.Died` only."""
+    """Run `autopilot` on `fd` until the other side hangs up or the parent ends. Raises only `faults.Died`."""
     parent = os.getppid()
     try:
         if autopilot.clock is None:
@@ -28,7 +28,7 @@ def serve(autopilot: MockPixhawk, fd: int) -> None:
         else:
             _run_free(autopilot, autopilot.clock, fd, parent)
     except OSError:
-        # EIO: the other end of the line was closed. There is nobody left to tell.
+        # EIO: the other end of the line was closed.
         return
 
 
@@ -83,7 +83,7 @@ def _run_free(autopilot: MockPixhawk, clock: BoardClock, fd: int, parent: int) -
 
 
 class SendBuffer:
-    """Bytes on their way to a descriptor that does not block. A write that does not fit is dropped whole."""
+    """Buffer in front of a non-blocking descriptor. A write that does not fit is dropped whole."""
 
     def __init__(self, fd: int, size: int = _BUFFER_SIZE) -> None:
         self._fd, self._size = fd, size
@@ -91,7 +91,7 @@ class SendBuffer:
         self.dropped = 0  # bytes
 
     def write(self, data: bytes) -> None:
-        """Append `data` if there is room, and send what the descriptor takes."""
+        """Append `data` if it fits, and write as much as the descriptor takes."""
         if len(self.pending) + len(data) > self._size:
             self.dropped += len(data)
         else:

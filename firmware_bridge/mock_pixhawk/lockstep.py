@@ -1,15 +1,15 @@
-"""Lockstep, as PX4 SITL has it: the clock is HIL_SENSOR.time_usec, nothing else, and each step has one answer.
+"""Lockstep, as in PX4 SITL: the only clock is HIL_SENSOR.time_usec, and each step has one reply.
 
-One HIL_SENSOR (id 0), in this order:
-    1 the clock moves; a clock that goes backwards silences the autopilot for good, as in PX4
-    2 sensors go to the estimator; the flight core predicts, controls and mixes with the set-point it has
-    3 timers that are due: guidance (failsafes, mode, set-point for the next step), then telemetry
-    4 HIL_ACTUATOR_CONTROLS with the same time_usec
-Until `boot_sensors` samples have come nothing at all is written; what other messages gave rise to waits.
+Steps of one HIL_SENSOR (id 0):
+    1 the clock is set; if it goes backwards the autopilot is silent from then on, as in PX4
+    2 sensors go to the estimator; the flight core predicts, controls and mixes with the current set-point
+    3 due timers run: guidance (failsafes, mode, set-point for the next step), then telemetry
+    4 HIL_ACTUATOR_CONTROLS is written with the same time_usec
+Until `boot_sensors` samples have arrived nothing is written; replies to other messages wait.
 
-What silences PX4 is told by its last words. Flight termination in the air: STATUSTEXT "Flight termination active" and
-a HEARTBEAT of system_status 8 (MAV_STATE_FLIGHT_TERMINATION), armed. OFFBOARD selected while disarmed: a HEARTBEAT of
-that mode, disarmed, system_status 3. A clock that went backwards: none.
+The last messages of a silent PX4 tell the cause. Flight termination in the air: STATUSTEXT "Flight termination active"
+and a HEARTBEAT of system_status 8 (MAV_STATE_FLIGHT_TERMINATION), armed. OFFBOARD selected while disarmed: a HEARTBEAT
+of that mode, disarmed, system_status 3. A clock that went backwards: no message.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import struct
 
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
-from firmware_bridge.mock_pixhawk.faults import Misbehaviour
+from firmware_bridge.mock_pixhawk.faults import FaultInjector
 from firmware_bridge.mock_pixhawk.firmware import Firmware
 from firmware_bridge.mock_pixhawk.ids import Cmd
 from firmware_bridge.mock_pixhawk.services.outbox import CHANNELS, Outbox, push_controls
@@ -28,42 +28,42 @@ HIL_SENSOR, HIL_GPS = MSGID["HIL_SENSOR"], MSGID["HIL_GPS"]
 _unpack_sensor = struct.Struct("<Q13fIB").unpack
 _FLAGS_LOCKSTEP = 1
 _MODE_DISARMED, _MODE_ARMED = 1, 129
-_LATEST_US = 1 << 60  # times beyond are no times: 36,000 years
+_LATEST_US = 1 << 60  # later times are invalid: 36,000 years
 _HIL_SENSOR_INTERVAL_US = 5000.0  # what PX4 asks the simulator for: message 115 every 5 ms
 _HIL_STATE_QUATERNION = 115
 _CommandLong = message_class("COMMAND_LONG")
 
 
 class Lockstep:
-    """Steps `firmware` by what arrives."""
+    """Timing of lockstep: steps `firmware` with each HIL_SENSOR."""
 
-    def __init__(self, firmware: Firmware, outbox: Outbox, misbehaviour: Misbehaviour, boot_sensors: int) -> None:
-        self._firmware, self._outbox, self._misbehaviour = firmware, outbox, misbehaviour
+    def __init__(self, firmware: Firmware, outbox: Outbox, fault_injector: FaultInjector, boot_sensors: int) -> None:
+        self._firmware, self._outbox, self._fault_injector = firmware, outbox, fault_injector
         self._boot_left = boot_sensors
         self._last_us = -1
         self.silent = False
-        self._last_words = False
+        self._final_output = False
         self.steps = 0
         self.ignored = 0
 
-    def greet(self) -> None:
-        """What PX4 says before it has heard anything: it asks for HIL_STATE_QUATERNION, and one HEARTBEAT."""
+    def send_boot_messages(self) -> None:
+        """Send PX4's first messages: a request for HIL_STATE_QUATERNION and a HEARTBEAT."""
         request = (0, 0, Cmd.SET_MESSAGE_INTERVAL, 0, float(_HIL_STATE_QUATERNION), _HIL_SENSOR_INTERVAL_US)
         self._outbox.send(_CommandLong(*request, 0.0, 0.0, 0.0, 0.0, 0.0))
         self._firmware.send_heartbeat()
 
     def fall_silent(self) -> None:
-        """Time stands still from here on. What was queued so far, and a HEARTBEAT, are still written."""
+        """Stop time and replies. Messages queued so far and a HEARTBEAT are still written."""
         if not self.silent:
-            self.silent = self._last_words = True
+            self.silent = self._final_output = True
             self._firmware.send_heartbeat()
 
     def next_due_us(self) -> int | None:
-        """Nothing is ever due by itself."""
+        """Return None: nothing happens without input."""
         return None
 
     def take(self, frames: list[Frame]) -> bytes:
-        """Take what arrived and return what is written because of it."""
+        """Handle the received frames and return the bytes to write."""
         for frame in frames:
             msgid = frame[0]
             if msgid == HIL_SENSOR:
@@ -76,9 +76,9 @@ class Lockstep:
             else:
                 self._firmware.handle(frame)
         outbox = self._outbox
-        if not outbox or outbox.holding or (self.silent and not self._last_words):
+        if not outbox or outbox.holding or (self.silent and not self._final_output):
             return b""
-        self._last_words = False
+        self._final_output = False
         return outbox.take()
 
     def _on_sensor(self, payload: bytes) -> None:
@@ -89,7 +89,7 @@ class Lockstep:
             return
         last_us = self._last_us
         if now_us <= last_us:
-            # The same instant twice is a duplicate; an earlier one is a clock that PX4 cannot follow.
+            # An equal time is a duplicate; an earlier one is a clock going backwards, which silences PX4.
             self.silent = now_us < last_us
             self.ignored += 1
             return
@@ -115,5 +115,5 @@ class Lockstep:
             controls = [0.0] * CHANNELS
             mode = _MODE_DISARMED
         firmware.telemetry.controls = controls
-        push_controls(self._outbox, self._misbehaviour, now_us, _FLAGS_LOCKSTEP, controls, mode)
+        push_controls(self._outbox, self._fault_injector, now_us, _FLAGS_LOCKSTEP, controls, mode)
         self._outbox.holding = False

@@ -1,4 +1,4 @@
-"""What the autopilot's parts share about the vehicle: one blackboard, each field written by one part."""
+"""State of the vehicle that the parts of the autopilot share. Each field is written by one part."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from firmware_bridge.mock_pixhawk.modes import Mode
 
 
 class Home(NamedTuple):
-    """Where the vehicle was armed. Local position is that of the estimator, NED."""
+    """Position at which the vehicle was armed. n, e, d in the estimator's local frame, NED."""
 
     lat_deg: float
     lon_deg: float

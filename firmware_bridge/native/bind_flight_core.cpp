@@ -1,4 +1,4 @@
-// Python face of the flight core. Thin and strict: shapes and types are checked here, refusals say what to do.
+// Python bindings of the flight core. They check shapes and types; their errors tell what to do.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -27,7 +27,7 @@ using ParamArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::devi
 Params checked(const ParamArray &values) {
     if (values.shape(0) != hil::flight::kParamCount) {
         throw nb::value_error(("params has " + std::to_string(values.shape(0)) + " entries, PARAM_NAMES has " +
-                               std::to_string(hil::flight::kParamCount) + ": lay it out by PARAM_NAMES")
+                               std::to_string(hil::flight::kParamCount) + ": give one value per name, in this order")
                                   .c_str());
     }
     Params params;
@@ -45,7 +45,7 @@ void set_param(FlightCore &core, std::size_t index, double value) {
     }
     if (!core.set_param(index, value)) {
         throw nb::value_error((std::string(hil::flight::kParamTable[index].name) +
-                               ": the rotors could no longer produce roll, pitch, yaw and thrust; kept as it was")
+                               ": with this value the rotors cannot produce roll, pitch, yaw and thrust; unchanged")
                                   .c_str());
     }
 }
@@ -74,8 +74,8 @@ void bind_flight_core(nb::module_ &m) {
                            "sample; `state` and `controls` are read-only views rewritten in place. Not thread-safe.")
         .def(
             "__init__", [](FlightCore *self, const ParamArray &params) { new (self) FlightCore(checked(params)); },
-            "params"_a.noconvert(), "params: float64[len(PARAM_NAMES)], each between PARAM_MIN and PARAM_MAX. ValueError if they make no vehicle.")
-        .def("set_param", &set_param, "index"_a, "value"_a, "IndexError or ValueError, and nothing changed, if refused.")
+            "params"_a.noconvert(), "params: float64[len(PARAM_NAMES)], each between PARAM_MIN and PARAM_MAX. ValueError if the rotors cannot produce all torques and thrust.")
+        .def("set_param", &set_param, "index"_a, "value"_a, "Set a parameter. IndexError or ValueError if it is refused; nothing is changed then.")
         .def(
             "get_param",
             [](const FlightCore &core, std::size_t index) {
@@ -89,7 +89,7 @@ void bind_flight_core(nb::module_ &m) {
                 core.step(t_us, {gx, gy, gz}, {ax, ay, az});
             },
             "t_us"_a, "gx"_a, "gy"_a, "gz"_a, "ax"_a, "ay"_a, "az"_a,
-            "One IMU sample ending at t_us: gyro rad/s, specific force m/s^2, FRD, means since the last sample.")
+            "Take one IMU sample ending at t_us: gyro rad/s, specific force m/s^2, FRD, means since the last sample.")
         .def(
             "step_fifo",
             [](FlightCore &core, std::int64_t t_us, double gx, double gy, double gz, double ax, double ay, double az) {
@@ -99,18 +99,18 @@ void bind_flight_core(nb::module_ &m) {
                 return numbers;
             },
             "t_us"_a, "gx"_a, "gy"_a, "gz"_a, "ax"_a, "ay"_a, "az"_a,
-            "As `step`, with the sample in the steps and limits of an int16 FIFO. False, and no step, where one is NaN.")
+            "As `step`, with the sample in the steps and limits of an int16 FIFO. Return False, without a step, if one is NaN.")
         .def(
             "update_gps",
             [](FlightCore &core, std::int64_t t_us, double lat, double lon, double alt, double vn, double ve, double vd,
                double eph, double epv) { core.update_gps({t_us, {lat, lon, alt}, {vn, ve, vd}, eph, epv}); },
             "t_us"_a, "lat_deg"_a, "lon_deg"_a, "alt_m"_a, "vn"_a, "ve"_a, "vd"_a, "eph_m"_a, "epv_m"_a,
-            "A fix that arrived at t_us and was measured EKF_GPS_DELAY before.")
-        .def("update_baro", &FlightCore::update_baro, "t_us"_a, "alt_m"_a, "Pressure altitude, m.")
+            "Take a fix that arrived at t_us and was measured EKF_GPS_DELAY before.")
+        .def("update_baro", &FlightCore::update_baro, "t_us"_a, "alt_m"_a, "Take a pressure altitude, m.")
         .def(
             "update_mag",
             [](FlightCore &core, std::int64_t t_us, double mx, double my, double mz) { core.update_mag(t_us, {mx, my, mz}); },
-            "t_us"_a, "mx"_a, "my"_a, "mz"_a, "Magnetic field, gauss, FRD.")
+            "t_us"_a, "mx"_a, "my"_a, "mz"_a, "Take a magnetic field, gauss, FRD.")
         .def(
             "set_setpoint",
             [](FlightCore &core, int kind, double x, double y, double z, double vx, double vy, double vz, double yaw,
@@ -121,22 +121,22 @@ void bind_flight_core(nb::module_ &m) {
             "kind"_a, "x"_a = nan, "y"_a = nan, "z"_a = nan, "vx"_a = nan, "vy"_a = nan, "vz"_a = nan, "yaw"_a = nan,
             "yawspeed"_a = nan, "ax"_a = nan, "ay"_a = nan, "az"_a = nan,
             "kind: 0 off, 1 idle, 2 position, 3 velocity, 4 attitude (x roll, y pitch, z thrust), 5 rate (x y z rad/s, vx "
-            "thrust). NaN: not asked for. ax ay az: acceleration feed-forward of 2 and 3. False, and the old "
-            "set-point stays, if a value is infinite or absurd.")
+            "thrust). NaN: not commanded. ax ay az: acceleration feed-forward of 2 and 3. Return False, and keep the old "
+            "set-point, if a value is infinite or too large.")
         .def(
             "geodetic_to_ned",
             [](const FlightCore &core, double lat, double lon, double alt) {
                 const Vec3 p = core.plane().to_ned({lat, lon, alt});
                 return nb::make_tuple(p.x, p.y, p.z);
             },
-            "lat_deg"_a, "lon_deg"_a, "alt_m"_a, "Local NED, m, from the estimator's origin.")
+            "lat_deg"_a, "lon_deg"_a, "alt_m"_a, "Return local NED, m, from the estimator's origin.")
         .def(
             "ned_to_geodetic",
             [](const FlightCore &core, double north, double east, double down) {
                 const auto g = core.plane().to_geodetic({north, east, down});
                 return nb::make_tuple(g.lat_deg, g.lon_deg, g.alt_m);
             },
-            "north_m"_a, "east_m"_a, "down_m"_a, "Latitude deg, longitude deg, altitude m.")
+            "north_m"_a, "east_m"_a, "down_m"_a, "Return latitude deg, longitude deg, altitude m.")
         .def(
             "covariance",
             [](const FlightCore &core, int row, int column) {
@@ -146,7 +146,7 @@ void bind_flight_core(nb::module_ &m) {
                 return core.ekf().covariance(row, column);
             },
             "row"_a, "column"_a,
-            "Entry of the error covariance: attitude, velocity, position, gyro bias, accelerometer bias (3 each), baro offset.")
+            "Return an entry of the error covariance: attitude, velocity, position, gyro bias, accelerometer bias (3 each), baro offset.")
         .def_prop_ro(
             "state",
             [](FlightCore &core) {
@@ -170,7 +170,7 @@ void bind_flight_core(nb::module_ &m) {
                 }
                 return commands;
             },
-            "rotors"_a, "The first `rotors` of `controls` in PX4's steps of 1/1000; the other slots are 0.")
+            "rotors"_a, "Return the first `rotors` of `controls` in PX4's steps of 1/1000; the other slots are 0.")
         .def_prop_ro("landed", &FlightCore::landed);
 
     m.def(
@@ -185,5 +185,5 @@ void bind_flight_core(nb::module_ &m) {
             return nb::make_tuple(commands, s.roll_pitch, s.yaw);
         },
         "params"_a, "roll"_a, "pitch"_a, "yaw"_a, "thrust"_a,
-        "The mixer by itself: (motor commands, share of roll and pitch given, share of yaw given).");
+        "Run the mixer alone. Return (motor commands, share of roll and pitch produced, share of yaw produced).");
 }

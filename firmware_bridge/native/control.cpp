@@ -85,7 +85,7 @@ Vec3 Controller::velocity_loop(const Setpoint &sp, const Motion &m, Vec3 v_targe
     a_sp_ = a_sp_ + limit_norm(want - before_jerk, params_[MPC_JERK_MAX] * dt);
 
     const double most = params_[MPC_THR_MAX], margin = params_[MPC_THR_XY_MARG];
-    // What the vertical integrator has learned about the hover thrust serves the horizontal axes too.
+    // The vertical integrator's correction of the hover thrust applies to the horizontal axes too.
     const double learned = clamp(1.0 - integral_.z / g, 0.6, 1.6);
     Vec3 thrust = (hover / g) * Vec3{learned * a_sp_.x, learned * a_sp_.y, a_sp_.z - g};
     const double up_most = std::sqrt(std::max(0.0, most * most - margin * margin));
@@ -101,7 +101,7 @@ Vec3 Controller::velocity_loop(const Setpoint &sp, const Motion &m, Vec3 v_targe
     thrust = limit_horizontal(thrust, level_most);
 
     if (!on_ground && m.velocity_ok) {
-        // Saturated: integrate only what turns the demand back.
+        // Saturated: integrate only errors that reduce the demand.
         const bool outward = e.x * a_sp_.x + e.y * a_sp_.y > 0.0;
         if (!(xy_saturated && outward)) {
             integral_.x += params_[MPC_XY_VEL_I_ACC] * e.x * dt;
@@ -129,7 +129,7 @@ double Controller::slew_yaw(const Setpoint &sp, const Motion &m, bool on_ground,
         yaw_rate_ff_ = ff;
         return yaw_sp_;
     }
-    // Rate-limited, and slowing down as it comes close (4 /s: quicker than the yaw loop that follows).
+    // Rate-limited, with a gain of 4 /s near the target: faster than the yaw loop that follows it.
     const double error = wrap_pi(sp.yaw - yaw_sp_);
     const double rate = clamp(ff + 4.0 * error, -most, most);
     yaw_sp_ = wrap_pi(yaw_sp_ + rate * dt);
@@ -141,14 +141,14 @@ Vec3 Controller::attitude_loop(const Motion &m, double yawspeed) const {
     const Quat q = m.q_NF, qd = q_sp_;
     const Vec3 down{0.0, 0.0, 1.0};
     const Vec3 e_z = rotate(q, down), e_z_d = rotate(qd, down);
-    // Shortest rotation from the actual to the wanted body z, in the world, then the remaining yaw by weight.
+    // Shortest rotation from the actual to the desired body z, in the world, then the remaining yaw by weight.
     const double c = dot(e_z, e_z_d);
     Quat reduced;
     if (c > -0.9999) {
         const Vec3 axis = cross(e_z, e_z_d);
         reduced = normalized(Quat{1.0 + c, axis.x, axis.y, axis.z}) * q;
     } else {
-        reduced = qd;  // upside down: any way round is as long as another
+        reduced = qd;  // upside down: all rotations are equally long
     }
     Quat mix = conjugate(reduced) * qd;
     if (mix.w < 0.0) mix = {-mix.w, -mix.x, -mix.y, -mix.z};
@@ -178,7 +178,7 @@ void Controller::rate_loop(const Motion &m, bool on_ground, double dt, Demand &o
         const bool tilt_short = saturation_.roll_pitch < 1.0, yaw_short = saturation_.yaw < 1.0;
         const auto integrate = [dt](double &i, double error, double gain, double most, bool saturated) {
             if (saturated && i * error > 0.0) return;
-            // Large errors are manoeuvres, not trim (PX4 fades out at 400 deg/s likewise).
+            // Large errors are manoeuvres, not trim: fade out the integrator, at 400 deg/s as in PX4.
             const double fade = std::max(0.0, 1.0 - (error / 7.0) * (error / 7.0));
             i = clamp(i + fade * gain * error * dt, -most, most);
         };
@@ -236,18 +236,18 @@ Demand Controller::step(const Setpoint &sp, const Motion &m, bool on_ground, dou
         Vec3 body_x = cross(right, body_z);
         body_x = (1.0 / norm(body_x)) * body_x;
         q_sp_ = from_axes(body_x, cross(body_z, body_x), body_z);
-        // Along the body z that is, not the one that will be: a vehicle still tilting must not shoot up.
+        // Along the actual body z, not the desired one: a vehicle that is still tilting must not climb.
         const Vec3 actual = rotate(m.q_NF, Vec3{0.0, 0.0, 1.0});
         collective_ = clamp(-dot(thrust, actual), params_[MPC_THR_MIN], params_[MPC_THR_MAX]);
         w_sp_ = attitude_loop(m, yaw_rate_ff_);
     }
     if (on_ground && !wants_up_) {
-        collective_ = 0.0;  // stands: motors idle until asked to climb
+        collective_ = 0.0;  // landed: motors idle until a climb is commanded
         a_sp_ = integral_ = Vec3{};
     }
     collective_ = std::min(collective_, thrust_limit);
     rate_loop(m, on_ground, dt, out);
-    if (on_ground && collective_ < 0.3 * hover) out = Demand{};  // nothing to steer with, nothing to steer
+    if (on_ground && collective_ < 0.3 * hover) out = Demand{};  // too little thrust to steer, and on the ground
     out.thrust = collective_;
     return out;
 }

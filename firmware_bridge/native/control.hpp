@@ -9,9 +9,9 @@
 //                                              control", ETH 2013; reduced attitude first, yaw by weight)
 //   torque = P (w_sp - w) + I - D dw/dt + FF w_sp     normalised, as the mixer takes it
 //
-// NED/FRD, SI. Everything runs at the IMU rate. Set-points jump as they like: velocity, acceleration and yaw
-// set-points are slew-limited here as a safety (smooth trajectories come from outside). Integrators stop when what
-// they ask for cannot be given, and are zero on the ground. detmath only; no allocation.
+// NED/FRD, SI. Everything runs at the IMU rate. Set-points may jump: velocity, acceleration and yaw
+// set-points are slew-limited here for safety (smooth trajectories come from guidance). Integrators stop when their
+// demand cannot be met, and are zero on the ground. detmath only; no allocation.
 #pragma once
 
 #include "mixer.hpp"
@@ -24,11 +24,11 @@ enum class SetpointKind : int { Off = 0, Idle = 1, Position = 2, Velocity = 3, A
 
 struct Setpoint {
     SetpointKind kind = SetpointKind::Off;
-    Vec3 p, v, a;  // NaN component: that axis is not asked for
+    Vec3 p, v, a;  // NaN component: that axis is not commanded
     double yaw = 0.0, yawspeed = 0.0;
 };
 
-// What the controller knows about the vehicle, from the estimator.
+// State of the vehicle for the controller, from the estimator.
 struct Motion {
     Vec3 p_N, v_N, a_N;
     Quat q_NF;
@@ -44,20 +44,20 @@ class Controller {
    public:
     explicit Controller(const Params &params) : params_(params) {}
 
-    // Forgets integrators, filters and slewed set-points; the next step starts from the vehicle's own motion.
+    // Resets integrators, filters and slewed set-points; the next step starts from the vehicle's motion.
     void reset();
 
     // `on_ground`: integrators stay zero, tilt and yaw are not corrected against the ground.
-    // `thrust_limit`: ceiling of the collective (take-off ramp, touch-down).
+    // `thrust_limit`: upper limit of the collective (take-off ramp, touch-down).
     Demand step(const Setpoint &sp, const Motion &m, bool on_ground, double thrust_limit, double dt);
 
-    // Tells the rate and vertical loops what the mixer could not give, for the integrators of the next step.
+    // Takes the part of the demand that the mixer could not produce, for the integrators of the next step.
     void saturated(const Saturation &s) { saturation_ = s; }
 
     Vec3 velocity_setpoint() const { return v_sp_; }
     Quat attitude_setpoint() const { return q_sp_; }
     double collective() const { return collective_; }
-    // True if the pilot or the position loop asks to climb.
+    // True if the pilot or the position loop commands a climb.
     bool wants_up() const { return wants_up_; }
     bool wants_down() const { return wants_down_; }
 

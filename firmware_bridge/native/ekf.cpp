@@ -10,11 +10,11 @@
 namespace hil::flight {
 namespace {
 
-// Beyond these a sample is a wire fault, not motion: 4000 deg/s, 80 g.
+// A sample beyond these is a fault, not motion: 4000 deg/s, 80 g.
 constexpr double kMaxRate = 70.0, kMaxForce = 800.0;
-constexpr double kLongestStep = 0.1;  // s; a longer gap is propagated as this and the rest left to the noise
+constexpr double kLongestStep = 0.1;  // s; a longer gap is propagated over this time only; noise covers the rest
 
-// Bounds of the variances: floors keep gains alive, ceilings keep a long outage from overflowing.
+// Bounds of the variances: the lower ones keep gains above zero, the upper ones prevent overflow in a long outage.
 constexpr double kFloor[kErrors] = {1e-9, 1e-9, 1e-9, 1e-7, 1e-7, 1e-7, 1e-7,  1e-7,
                                     1e-7, 1e-14, 1e-14, 1e-14, 1e-9, 1e-9, 1e-9, 1e-8};
 constexpr double kCeiling[kErrors] = {10.0, 10.0, 10.0, 1e4, 1e4, 1e4, 1e8, 1e8,
@@ -130,7 +130,7 @@ void Ekf::predict(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F, bool may_rest) {
         return;
     }
     if (!sane) {
-        // Time goes on: carry the last good sample, and let the noise say that it is a guess.
+        // Bad sample: propagate with the last good one and increased noise.
         ++rejections_.imu;
         ++bad_imu_run_;
         gyro_F = last_gyro_;
@@ -255,8 +255,8 @@ void Ekf::bound_covariance() {
     }
 }
 
-// Sanity of last resort: inputs are screened and gains bounded, so this has no known way to fire; if it does, the
-// filter starts over rather than hand NaN to the controller.
+// Last safeguard: inputs are checked and gains bounded, so no known case reaches this. If one does, the
+// filter restarts instead of passing NaN to the controller.
 void Ekf::check_finite() {
     double sum = baro_offset_;
     for (const double v : x_) sum += v;

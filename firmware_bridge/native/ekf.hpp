@@ -1,19 +1,19 @@
 // Error-state extended Kalman filter: IMU, delayed GPS, barometer, magnetic heading.
 //
-// Model and Jacobians: firmware_bridge/mock_pixhawk/estimate/ekf_model.py (the build makes C++ of it with CasADi). Error state, 16:
+// Model and Jacobians: mock_pixhawk/estimate/ekf_model.py, from which CasADi generates C++ at build. Error state, 16:
 // attitude (3, body frame), velocity (3), position (3), gyro bias (3), accelerometer bias (3), barometer offset (1).
 // NED/FRD, SI, double. The covariance is kept exactly symmetric (upper triangle computed, then mirrored) and its
 // diagonal bounded; a fusion that would make a variance negative is skipped and counted.
 //
-// Delay. A GPS fix is tau = EKF_GPS_DELAY old when it comes. The innovation is taken against the velocity and
-// position that a ring of the last 256 ms holds for that instant, and the measurement row is carried back to it:
+// Delay. A GPS fix is tau = EKF_GPS_DELAY old when it arrives. The innovation is taken against the velocity and
+// position at that time, from a ring buffer of the last 256 ms, and the measurement row is transformed to that time:
 // p(t-tau) = p - tau v + ..., which ties the fix to velocity, attitude and accelerometer bias as well (ekf_model.py,
 // "ekf_delayed"). Corrections are applied to the ring too. This costs one row per scalar instead of a second filter
-// on a delayed horizon; what it neglects is the change of attitude error within tau (gyro noise and bias over
+// on a delayed horizon; it neglects the change of attitude error within tau (gyro noise and bias over
 // 100 ms: 1e-4 rad).
 //
 // Measurements are fused one scalar at a time; the three of a group are gated together on the prior, so that one
-// outlier rejects its group. Test ratio = innovation^2 / (gate^2 S): 1 is the limit.
+// outlier rejects its group. Test ratio = innovation^2 / (gate^2 S), limit 1.
 //
 // Phases: RESTING (averaging gyro, accelerometer and field while the vehicle is still), RUNNING. Yaw comes with the
 // first 5 field samples after levelling; the origin with the first acceptable GPS fix after that.
@@ -48,17 +48,17 @@ class Ekf {
    public:
     explicit Ekf(const Params &params) : params_(params) { restart(); }
 
-    // Forgets everything, as at power-up; counters stay.
+    // Resets the state as at power-up; counters are kept.
     void restart();
 
     // One IMU sample ending at t_us: gyro [rad/s], specific force [m/s^2], FRD, means over the interval.
-    // `may_rest`: the vehicle stands on the ground, so lack of GPS may be bridged by "does not move".
+    // `may_rest`: the vehicle is on the ground, so that without GPS its velocity may be taken as zero.
     void predict(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F, bool may_rest);
 
     void fuse_gps(const GpsFix &fix);
     void fuse_baro(std::int64_t t_us, double altitude_m);
     void fuse_mag(std::int64_t t_us, Vec3 field_F_gauss, bool on_ground);
-    // Declination changed on the ground: take yaw from the compass again.
+    // Takes yaw from the compass again after the declination changed on the ground.
     void realign_yaw();
 
     bool tilt_aligned() const { return tilt_aligned_; }
@@ -94,7 +94,7 @@ class Ekf {
         Vec3 v, p;
     };
     static constexpr int kRing = 64;
-    static constexpr std::int64_t kRingSpacing_us = 3500;  // least distance of entries: 64 of 4 ms are 256 ms
+    static constexpr std::int64_t kRingSpacing_us = 3500;  // smallest spacing of entries; 64 entries at 4 ms are 256 ms
     // First index of each part of the error state.
     static constexpr int kTheta = 0, kVel = 3, kPos = 6, kGyroBias = 9, kAccelBias = 12, kBaro = 15;
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kDeg = det::kPi / 180.0;
 
-// Beyond these a sample is a wire fault: 1 km/s, 2 gauss; below 0.05 gauss there is no Earth's field.
+// A sample beyond these is a fault: 1 km/s, 2 gauss; the Earth's field is above 0.05 gauss.
 constexpr double kMaxSpeed = 1000.0, kMaxField = 2.0, kMinField = 0.05;
 constexpr double kFieldGain = 0.005;  // per sample: the field's mean over some seconds
 constexpr int kYawSamples = 5;        // field samples averaged into the first yaw
@@ -40,7 +40,7 @@ void Ekf::fuse_gps(const GpsFix &fix) {
     Past past;
     const auto measured_us = fix.t_us - static_cast<std::int64_t>(params_[EKF_GPS_DELAY] * 1000.0);
     if (!past_at(measured_us, past)) {
-        if (ring_count_ == kRing) ++rejections_.gps;  // older than the ring remembers
+        if (ring_count_ == kRing) ++rejections_.gps;  // older than the ring buffer
         return;
     }
     const double tau = std::max(0.0, 1.0e-6 * static_cast<double>(t_us_ - measured_us));
@@ -88,7 +88,7 @@ void Ekf::fuse_gps(const GpsFix &fix) {
     const double patience_us = 1.0e6 * params_[EKF_REJECT_T];
     if (!p_ok || !v_ok || !d_ok) {
         ++rejections_.gps;
-        // A fix that is good by its own account but keeps disagreeing: the state is what is wrong.
+        // Fixes of good reported accuracy are rejected again and again: the state is wrong.
         const auto agreed_us = std::min(p_ok && d_ok ? t_us_ : last_gps_ok_us_, v_ok ? t_us_ : last_gps_v_ok_us_);
         if (static_cast<double>(t_us_ - agreed_us) > patience_us) {
             reset_to_gps(fix, p_N, tau, var_h, var_d, var_v);
@@ -152,7 +152,7 @@ void Ekf::reset_to_gps(const GpsFix &fix, Vec3 p_N, double tau, double var_h, do
     ++resets_;
 }
 
-// Without GPS and on the ground: the velocity is zero, give or take 0.1 m/s.
+// Without GPS and on the ground: the velocity is zero with 0.1 m/s deviation.
 void Ekf::hold_still() {
     last_hold_us_ = t_us_;
     double dx[kErrors] = {};
@@ -201,7 +201,7 @@ void Ekf::fuse_baro(std::int64_t t_us, double altitude_m) {
     if (ratio_baro > 1.0) {
         ++rejections_.baro;
         if (static_cast<double>(t_us_ - last_baro_ok_us_) > 1.0e6 * params_[EKF_REJECT_T]) {
-            // Its offset has changed (pressure, sealing); the height itself has GPS to lean on.
+            // The barometer's offset has changed (pressure, sealing); GPS still measures the height.
             baro_offset_ += row.innovation;
             set_variance(kBaro, P_[kPos + 2][kPos + 2] + square(params_[EKF_BARO_NOISE]));
             last_baro_ok_us_ = t_us_;
@@ -236,8 +236,8 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
     }
     const double innovation = wrap_pi(params_[EKF_MAG_DECL] * kDeg - det::atan2(seen_N.y, seen_N.x));
     const double var = square(params_[EKF_HEAD_NOISE]);
-    // The Jacobian is taken at the smoothed field, not at this sample: a row that jitters with the sample's own noise
-    // pretends to see the tilt, which a dipping field couples to heading, and biases it within seconds.
+    // The Jacobian is taken at the smoothed field, not at this sample: a row with the sample's own noise
+    // appears to measure the tilt, which a dipping field couples to heading, and biases it within seconds.
     const auto heading_row = [&](double value) {
         const Vec3 smooth_F = rotate(conjugate(q_NF()), field_N_);
         const double q[4] = {x_[0], x_[1], x_[2], x_[3]}, field[3] = {smooth_F.x, smooth_F.y, smooth_F.z};
@@ -286,7 +286,7 @@ void Ekf::fuse_mag(std::int64_t t_us, Vec3 field_F, bool on_ground) {
     ratio_mag = ratio_of(row, params_[EKF_HEAD_GATE]);
     if (ratio_mag > 1.0) {
         ++rejections_.mag;
-        // In the air a disturbed compass is the likelier culprit: the gyro carries yaw. On the ground believe it.
+        // In the air a disturbed compass is the likelier cause: keep the gyro's yaw. On the ground use the compass.
         if (on_ground && static_cast<double>(t_us_ - last_mag_ok_us_) > 1.0e6 * params_[EKF_REJECT_T]) {
             take_heading();
             ++resets_;

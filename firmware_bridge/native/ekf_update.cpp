@@ -1,4 +1,4 @@
-// Ekf: one scalar measurement into state, covariance and ring, and the ring's past. See ekf.hpp.
+// Ekf: fusion of one scalar measurement into state, covariance and ring buffer, and look-up in the ring. See ekf.hpp.
 #include <algorithm>
 #include <cmath>
 
@@ -24,8 +24,8 @@ double Ekf::ratio_of(const Row &row, double gate) const {
     return square(row.innovation) / (gate * gate * innovation_variance(row));
 }
 
-// One scalar. dx collects the correction of the whole group, so the innovation is taken against what the rows
-// before it have already moved. Returns false (nothing changed) if a variance would become negative.
+// Fuses one scalar. dx sums the corrections of the group, so the innovation is taken against the state that the rows
+// before it have corrected. Returns false (nothing changed) if a variance would become negative.
 bool Ekf::fuse_row(const Row &row, double (&dx)[kErrors]) {
     double PHt[kErrors] = {};
     double innovation = row.innovation;

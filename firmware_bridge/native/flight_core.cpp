@@ -13,7 +13,7 @@ void put(double *out, Vec3 v) {
     out[2] = v.z;
 }
 
-// A component of a set-point: a number of sane size, or NaN for "not asked for".
+// A component of a set-point: a number within limits, or NaN for "not commanded".
 bool acceptable(double x, double most) { return std::isnan(x) || std::fabs(x) <= most; }
 bool acceptable(Vec3 v, double most) { return acceptable(v.x, most) && acceptable(v.y, most) && acceptable(v.z, most); }
 

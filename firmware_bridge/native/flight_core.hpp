@@ -4,8 +4,8 @@
 // and are rewritten by every step (state also by the update_* calls). No allocation after construction, no clock, no
 // randomness, detmath only: the same sequence of calls gives the same bytes on every machine.
 //
-// Order within a tick, as messages arrive: update_gps / update_baro / update_mag for what came, and step() for the
-// IMU sample; step() predicts, controls and mixes, so what is fused after it acts in the next tick.
+// Order within a tick, as messages arrive: update_gps / update_baro / update_mag for new samples, and step() for the
+// IMU sample; step() predicts, controls and mixes, so a sample fused after it acts in the next tick.
 #pragma once
 
 #include <cstdint>
@@ -46,7 +46,7 @@ inline constexpr StateField kStateFields[] = {
     {"tilt_aligned", 42, 1},
     {"yaw_aligned", 43, 1},
     {"resets", 44, 1},          // count of state resets
-    {"rejected", 45, 5},        // count of samples: imu, gps, baro, mag; and fusions refused on numerical grounds
+    {"rejected", 45, 5},        // count of samples: imu, gps, baro, mag; and fusions skipped for numerical reasons
     {"rejected_setpoints", 50, 1},
     {"euler", 51, 3},           // roll, pitch, yaw, rad
     {"euler_sp", 54, 3},        // roll, pitch, yaw set-point, rad
@@ -55,7 +55,7 @@ inline constexpr StateField kStateFields[] = {
     {"ground_contact", 59, 1},
     {"baro_offset", 60, 1},     // m, barometer minus GPS altitude
     {"nis_gps", 61, 2},         // normalised innovation squared of position and of velocity, 3 degrees of freedom each
-    {"saturation", 63, 1},      // what the mixer gave of roll and pitch, 0..1
+    {"saturation", 63, 1},      // share of roll and pitch that the mixer produced, 0..1
 };
 
 class FlightCore {
@@ -64,7 +64,7 @@ class FlightCore {
     FlightCore(const FlightCore &) = delete;
     FlightCore &operator=(const FlightCore &) = delete;
 
-    // Of an entry of kParamTable, whose limits the caller has seen to. False, and nothing changed, if the rotors could no
+    // Sets an entry of kParamTable; the caller checks its limits. False, and nothing changed, if the rotors could no
     // longer produce roll, pitch, yaw and thrust.
     bool set_param(std::size_t index, double value);
     double param(std::size_t index) const { return params_[index]; }
@@ -73,7 +73,7 @@ class FlightCore {
     void update_gps(const GpsFix &fix);
     void update_baro(std::int64_t t_us, double altitude_m);
     void update_mag(std::int64_t t_us, Vec3 field_F_gauss);
-    // False, and the old set-point stays, if a component is infinite or absurd.
+    // False, and the old set-point stays, if a component is infinite or too large.
     bool set_setpoint(const Setpoint &setpoint);
 
     double *state() { return state_; }

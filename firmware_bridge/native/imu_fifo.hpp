@@ -1,4 +1,4 @@
-// An IMU as PX4's simulator passes it on: an int16 FIFO, accelerometer in steps of g/2048 within +-16 g, gyro in steps of
+// IMU samples as in PX4's simulator: an int16 FIFO, accelerometer in steps of g/2048 within +-16 g, gyro in steps of
 // 2000/32768 deg/s. Plain functions of doubles; NaN stays NaN.
 #pragma once
 
@@ -11,7 +11,7 @@ namespace hil::flight {
 inline double fifo_value(double x, double step) {
     const double most = 32767.0 * step, per_step = 1.0 / step;
     const double words = std::nearbyint(clamp(x, -most, most) * per_step);
-    return (words + 0.0) * step;  // a word has no negative zero
+    return (words + 0.0) * step;  // no negative zero, as in an integer
 }
 
 inline Vec3 fifo_force(Vec3 force_mps2) {

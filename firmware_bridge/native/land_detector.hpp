@@ -1,11 +1,11 @@
-// Is the vehicle on the ground? Two phases, as in PX4's multicopter land detector:
+// Land detector with two phases, as PX4's multicopter land detector:
 //
-//   contact   it is told to descend, yet does not, for LNDMC_TRIG_TIME: the collective is then let down to zero
-//             within kLetDown seconds; a vehicle that was in the air after all starts to fall, which ends the contact
-//   landed    after contact, with the thrust gone and neither moving nor turning, for another LNDMC_TRIG_TIME
+//   contact   a descent is commanded but does not happen for LNDMC_TRIG_TIME: the collective is then lowered to zero
+//             within kLetDown seconds; a vehicle that is still in the air starts to fall, which ends the contact
+//   landed    after contact, without thrust and neither moving nor turning, for another LNDMC_TRIG_TIME
 //
-// Leaves `landed` when asked to climb and 0.1 m above the ground or rising at 0.2 m/s with most of the hover thrust
-// on. At start, and whenever disarmed, the vehicle counts as landed (as PX4 has it). Integer time in, no clock.
+// Leaves `landed` when a climb is commanded, at 0.1 m above the ground or rising at 0.2 m/s with most of the hover thrust
+// on. At start, and whenever disarmed, the vehicle counts as landed, as in PX4. Integer time in, no clock.
 #pragma once
 
 #include <algorithm>
@@ -51,7 +51,7 @@ class LandDetector {
         const double speed = std::sqrt(v_N.x * v_N.x + v_N.y * v_N.y);
         const bool slow = std::fabs(v_N.z) < params_[LNDMC_Z_VEL_MAX] && speed < params_[LNDMC_XY_VEL_MAX];
         if (!contact_) {
-            // The follower of a descent is at 40 % of it within 0.2 s; one that is not stands on something.
+            // In the air a vehicle reaches 40 % of a commanded descent speed within 0.2 s; else it is on the ground.
             const bool stopped = wants_down && slow && v_N.z < 0.4 * std::max(v_down_setpoint, 0.15);
             time_ = stopped ? time_ + dt : 0.0;
             if (time_ > params_[LNDMC_TRIG_TIME]) {

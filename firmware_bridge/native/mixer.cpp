@@ -22,7 +22,7 @@ bool invert4(const double (&a)[4][4], double (&inverse)[4][4]) {
         for (int row = col + 1; row < 4; ++row) {
             if (std::fabs(m[row][col]) > std::fabs(m[pivot][col])) pivot = row;
         }
-        // Yaw moments are the smallest scale: (0.016 m)^2 * 4 = 1e-3; anything 1e-9 of the largest is no geometry.
+        // Yaw moments are the smallest scale: (0.016 m)^2 * 4 = 1e-3; a pivot below 1e-9 of the largest is singular.
         if (!(std::fabs(m[pivot][col]) > 1.0e-9 * largest)) return false;
         for (int j = 0; j < 8; ++j) std::swap(m[col][j], m[pivot][j]);
         const double scale = m[col][col];

@@ -10,10 +10,10 @@
 //     1. roll and pitch are scaled down only if max r - min r exceeds the whole range 1 - T_min;
 //     2. thrust is lowered until thrust + max r <= 1 (roll and pitch win over thrust);
 //     3. if thrust + min r < T_min, roll and pitch are scaled down (thrust is never raised for them);
-//     4. yaw gets what room is left.
+//     4. yaw gets the remaining range.
 // Motor command u from thrust T by the inverse of T = f u^2 + (1 - f) u, f = THR_MDL_FAC.
 //
-// No allocation, no aliasing demands; + - * / sqrt only, Gauss elimination with pivoting in fixed order.
+// No allocation; arguments may alias; + - * / sqrt only, Gauss elimination with pivoting in fixed order.
 #pragma once
 
 #include <array>
@@ -22,10 +22,10 @@
 
 namespace hil::flight {
 
-// What the mixer could not give; 1 means everything.
+// Share of the demand that the mixer produced; 1 is all of it.
 struct Saturation {
     double roll_pitch = 1.0, yaw = 1.0;
-    double thrust_excess = 0.0;  // asked minus given, > 0 when thrust was lowered
+    double thrust_excess = 0.0;  // demanded minus produced, > 0 when thrust was lowered
 };
 
 class Mixer {

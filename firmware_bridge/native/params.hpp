@@ -14,7 +14,7 @@ namespace hil::flight {
 // X(name, default, minimum, maximum, unit, meaning)
 #define HIL_FLIGHT_PARAMS(X)                                                                                        \
     X(EKF_GPS_DELAY, 100.0, 0.0, 220.0, "ms", "age of a GPS fix when it arrives")                                   \
-    X(EKF_GPS_P_NOISE, 0.02, 0.001, 10.0, "m", "smallest GPS position noise believed, whatever eph/epv say")        \
+    X(EKF_GPS_P_NOISE, 0.02, 0.001, 10.0, "m", "lower limit of the GPS position noise from eph and epv")            \
     X(EKF_GPS_V_NOISE, 0.10, 0.01, 5.0, "m/s", "GPS velocity noise")                                                \
     X(EKF_GPS_T_NOISE, 0.005, 0.0, 0.1, "s", "uncertainty of EKF_GPS_DELAY: adds speed times this to the noise")    \
     X(EKF_GPS_GATE, 5.0, 1.0, 100.0, "SD", "innovation gate of GPS position and velocity")                          \

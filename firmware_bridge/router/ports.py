@@ -69,16 +69,16 @@ class Client:
         return components is not None and (not component or component in components)
 
     def enqueue(self, raw: bytes) -> bool:
-        """Queue a frame for the autopilot. Return False if there is no room."""
+        """Queue a frame for the autopilot. Return False if the queue is full."""
         if self._queued_bytes + len(raw) > _QUEUE_LIMIT:
             return False
         self._queue.append(raw)
         self._queued_bytes += len(raw)
         return True
 
-    def take(self, room: int) -> bytes | None:
-        """Return the next frame for the autopilot, or None if there is none that fits into `room` bytes."""
-        if not self._queue or len(self._queue[0]) > room:
+    def take(self, limit: int) -> bytes | None:
+        """Return the next frame for the autopilot, or None if there is none of at most `limit` bytes."""
+        if not self._queue or len(self._queue[0]) > limit:
             return None
         raw = self._queue.popleft()
         self._queued_bytes -= len(raw)

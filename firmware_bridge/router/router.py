@@ -34,7 +34,7 @@ _HEARTBEAT = MSGID["HEARTBEAT"]
 # Only between the bench and the autopilot: neither forwarded to clients nor accepted from them.
 HIL_FAMILY = frozenset(msgid for name, msgid in MSGID.items() if name.startswith("HIL_"))
 
-_BYTES_PER_TICK = 2048  # to the autopilot: at 921600 baud a 4 ms tick has room for 368 bytes, at USB speed for more
+_BYTES_PER_TICK = 2048  # to the autopilot: at 921600 baud a 4 ms tick carries 368 bytes, at USB speed more
 _BETWEEN_CLIENTS_LIMIT = 4096
 _ECHO_NS = 500_000_000  # of wall clock: how long an echo through another router may take
 _ECHOES_REMEMBERED = 512
@@ -61,7 +61,7 @@ class RouterStats:
     replayed: int = 0
     unroutable: int = 0  # from the autopilot, to a system that no client is
     damaged_bytes: int = 0  # bytes from clients outside of valid frames
-    dropped: int = 0  # frames to or from clients for which a buffer had no room
+    dropped: int = 0  # frames to or from clients, because a buffer was full
     turned_away: int = 0  # refused datagrams and connections
     repeated_heartbeats: int = 0
     repeated_setpoints: int = 0
@@ -322,7 +322,7 @@ class Router:
             self._hold.add(client, frame, self._t_ns, wall_ns)
 
     def _interleaved(self) -> bytes:
-        """Return one frame of each waiting client in turn, as long as there is room."""
+        """Return one frame of each waiting client in turn, up to the limit of a tick."""
         data: list[bytes] = []
         room = _BYTES_PER_TICK
         waiting = self._waiting

@@ -9,7 +9,7 @@ import time
 from signals.errors import LinkClosed
 
 _READ_SIZE = 65536
-# Both sides may write at once. Bytes that arrive while a long write waits for room are kept, up to this many: a far
+# Both sides may write at once. Bytes that arrive while a long write waits are kept, up to this many: a far
 # side that sends more without ever reading is broken.
 _INBOX_LIMIT = 4 * 1024 * 1024
 _WRITE_STALL_S = 5.0

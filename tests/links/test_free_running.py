@@ -102,7 +102,7 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Bo
     assert None not in far.tap.heard
     assert "TIMESYNC" in heard
     assert "HIL_STATE_QUATERNION" not in heard
-    assert far.mock.clocking.state_quaternions == 0  # type: ignore[union-attr]
+    assert far.mock.timing.state_quaternions == 0  # type: ignore[union-attr]
     # Armed by force, its commands come through, whatever they are.
     driven.step(driven.command(ARM, 1.0, FORCE))
     driven.run_until(lambda: driven.seen[-1].armed)

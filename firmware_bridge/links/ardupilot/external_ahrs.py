@@ -146,7 +146,7 @@ class ExternalAhrsLink(RealtimeLink):
 
     # ---- one tick
 
-    def observe(self, truth: TruthState, wind_W: Vec3 = (0.0, 0.0, 0.0)) -> None:  # noqa: ARG002 (it feels none)
+    def observe(self, truth: TruthState, wind_W: Vec3 = (0.0, 0.0, 0.0)) -> None:  # noqa: ARG002 (no wind sensor)
         """Take the vehicle's true state, from which the next `send` makes the device's solution."""
         self._truth = truth
 

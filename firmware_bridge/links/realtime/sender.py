@@ -50,7 +50,7 @@ class SendStats:
     sent: int = 0
     dropped: int = 0  # stale, or the line was full until a period after the deadline
     refused: int = 0  # by `push`: too many frames were pending
-    stalled: int = 0  # had to wait for room in the line
+    stalled: int = 0  # had to wait because the line was full
     pending: int = 0
     longest_gap_ns: int = 0  # between two samples written
     late_2ms: int = 0
@@ -113,7 +113,7 @@ class RealtimeSender:
         if self._stopped or self.error is not None or stats.pending >= self._most_pending:
             stats.refused += 1
             return False
-        self._control.setblocking(True)  # there is room for it
+        self._control.setblocking(True)  # the socket's buffer is large enough
         with suppress(OSError):  # the process has ended: its last report says why
             self._control.sendall(FRAME.pack(deadline_ns, len(frame), keep) + frame)
         self._control.setblocking(False)

@@ -9,7 +9,7 @@ where the user may have one.
 Frames leave in the order in which they were pushed: a deadline that lies before the previous one, or in the past, is
 simply late. A stale sample is worse than a missing one. The process drops a frame that is more than `stale_ns` late
 before its turn comes (the process itself was held up), rather than send it in a burst with the next ones. On a full
-line it waits for room until one period after the deadline, then drops the frame. Neither applies to frames pushed with
+line it waits until one period after the deadline, then drops the frame. Neither applies to frames pushed with
 `keep` (commands), and a frame that was partly written is always finished. A line that takes nothing for
 `stall_limit_ns`, fails or hangs up ends the sending.
 """
@@ -32,7 +32,7 @@ FRAME = struct.Struct("<qiB")  # deadline, size, keep; the frame's bytes follow
 REPORT = struct.Struct("<Bqq")  # one of the kinds below and its two numbers
 READY, SENT, SENT_KEPT, DROPPED, STALLED, FAILED = range(6)
 _NEAR_NS = 3_000_000  # below this a deadline is slept for exactly; the unit of poll is a millisecond
-_ROOM_NS = 10_000_000  # longest wait for room in the line before the process checks whether to stop
+_WRITABLE_NS = 10_000_000  # longest wait on a full line before the process checks whether to stop
 _GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 
@@ -74,9 +74,9 @@ class _Process:
         self._control = socket.socket(fileno=control_fd)
         self._bench_left = select.poll()
         self._bench_left.register(control_fd, getattr(select, "POLLRDHUP", 0))
-        self._hang_up, self._room = select.poll(), select.poll()
+        self._hang_up, self._writable = select.poll(), select.poll()
         self._hang_up.register(fd, 0)
-        self._room.register(fd, select.POLLOUT)
+        self._writable.register(fd, select.POLLOUT)
         self._blocked_since_ns = 0  # 0: the last write succeeded
 
     def run(self) -> None:
@@ -140,9 +140,9 @@ class _Process:
                 if may_drop and now_ns >= give_up_ns:
                     self._report(DROPPED, 0, 0)
                     return
-                wait_ns = min(_ROOM_NS, give_up_ns - now_ns) if may_drop else _ROOM_NS
+                wait_ns = min(_WRITABLE_NS, give_up_ns - now_ns) if may_drop else _WRITABLE_NS
                 # Milliseconds, rounded up: a short wait must not become a busy loop.
-                if any(events & _GONE for _, events in self._room.poll(-(-wait_ns // 1_000_000))):
+                if any(events & _GONE for _, events in self._writable.poll(-(-wait_ns // 1_000_000))):
                     self._fail(errno.EIO, deadline_ns)
                 if self._bench_left.poll(0):
                     sys.exit()

@@ -1,1 +1,1 @@
-"""The mock autopilot's estimator: its model, its inputs and its state by name."""
+"""The mock autopilot's estimator: model, inputs and named state."""

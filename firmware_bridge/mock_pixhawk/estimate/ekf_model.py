@@ -13,7 +13,7 @@ Transition over one IMU sample of length dt (gyro and specific force f are means
 exp is its Taylor polynomial to the fifth order: at 2000 deg/s and 4 ms the angle is 0.14 rad and the remainder
 1e-10 rad. So the generated C holds only + - * / sqrt, no C library function whose last bit depends on the CPU.
 
-The build runs this file with the folder where `ekf_jacobians.cpp` and `ekf_jacobians.h` go (CMakeLists.txt).
+The build runs this file with the output folder of `ekf_jacobians.cpp` and `ekf_jacobians.h` (CMakeLists.txt).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ THETA, VEL, POS, GYRO_BIAS, ACCEL_BIAS = (slice(3 * i, 3 * i + 3) for i in range
 
 
 def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Hamilton product a (x) b, w-x-y-z."""
+    """Return the Hamilton product a (x) b, w-x-y-z."""
     return ca.vertcat(
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -40,7 +40,7 @@ def quaternion_product(a: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def rotation_matrix(q: ca.SX) -> ca.SX:
-    """R with v_N = R v_F, for a unit quaternion q_NF."""
+    """Return R with v_N = R v_F, for a unit quaternion q_NF."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     return ca.vertcat(
         ca.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -50,18 +50,18 @@ def rotation_matrix(q: ca.SX) -> ca.SX:
 
 
 def quaternion_exp(phi: ca.SX) -> ca.SX:
-    """exp of the rotation vector phi [rad] as a quaternion, Taylor series of cos(|phi|/2) and sin(|phi|/2)/|phi|."""
+    """Return exp(phi [rad]) as a quaternion, by the Taylor series of cos(|phi|/2) and sin(|phi|/2)/|phi|."""
     s = ca.dot(phi, phi)
     return ca.vertcat(1 - s / 8 + s * s / 384, (0.5 - s / 48 + s * s / 3840) * phi)
 
 
 def normalized(q: ca.SX) -> ca.SX:
-    """q / |q|."""
+    """Return q / |q|."""
     return q / ca.sqrt(ca.dot(q, q))
 
 
 def retract(x: ca.SX, e: ca.SX) -> ca.SX:
-    """The true state whose error against the nominal x is e."""
+    """Return the true state whose error against the nominal x is e."""
     return ca.vertcat(
         quaternion_product(x[0:4], normalized(ca.vertcat(1, e[THETA] / 2))),
         x[4:16] + e[3:15],
@@ -69,14 +69,14 @@ def retract(x: ca.SX, e: ca.SX) -> ca.SX:
 
 
 def local_error(x: ca.SX, x_true: ca.SX) -> ca.SX:
-    """e such that retract(x, e) = x_true, to first order and exactly invertible: dtheta = 2 dq_xyz / dq_w."""
+    """Return e with retract(x, e) = x_true, to first order and exactly invertible: dtheta = 2 dq_xyz / dq_w."""
     conjugate = ca.vertcat(x[0], -x[1], -x[2], -x[3])
     dq = quaternion_product(conjugate, x_true[0:4])
     return ca.vertcat(2 * dq[1:4] / dq[0], x_true[4:16] - x[4:16])
 
 
 def propagate(x: ca.SX, imu: ca.SX, dt: ca.SX, gravity: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """One IMU sample (gyro rad/s, specific force m/s^2). Returns x' and the mean acceleration a_N [m/s^2]."""
+    """Apply one IMU sample (gyro rad/s, specific force m/s^2). Return x' and the mean acceleration a_N [m/s^2]."""
     phi = (imu[0:3] - x[10:13]) * dt
     force = imu[3:6] - x[13:16]
     q_mid = quaternion_product(x[0:4], quaternion_exp(phi / 2))
@@ -91,7 +91,7 @@ def _row_major(block: ca.SX) -> ca.SX:
 
 
 def transition_matrix(x: ca.SX, imu: ca.SX, dt: ca.SX, gravity: ca.SX) -> ca.SX:
-    """F = d e' / d e at e = 0, 15x15."""
+    """Return F = d e' / d e at e = 0, 15x15."""
     e = ca.SX.sym("e", ERROR_SIZE)
     x_next, _ = propagate(x, imu, dt, gravity)
     x_true_next, _ = propagate(retract(x, e), imu, dt, gravity)
@@ -100,7 +100,7 @@ def transition_matrix(x: ca.SX, imu: ca.SX, dt: ca.SX, gravity: ca.SX) -> ca.SX:
 
 
 def functions() -> list[ca.Function]:
-    """Everything the native estimator takes from this model. Matrices come out as dense row-major 3x3 blocks."""
+    """Return the functions for the native estimator. Matrices are dense row-major 3x3 blocks."""
     x = ca.SX.sym("x", STATE_SIZE)
     imu = ca.SX.sym("imu", 6)
     dt, gravity, tau = ca.SX.sym("dt"), ca.SX.sym("gravity"), ca.SX.sym("tau")
@@ -138,8 +138,8 @@ def functions() -> list[ca.Function]:
     heading_row = ca.substitute(ca.jacobian(ca.atan2(m_N[1], m_N[0]), dtheta), dtheta, ca.SX.zeros(3))
     heading = ca.Function("ekf_heading", [q, field], [ca.densify(ca.vec(heading_row.T))], ["q", "field"], ["h_theta"])
 
-    # A measurement of velocity and position tau ago, as a function of the error now: the mean specific force
-    # over the interval, force_N, is carried back with the attitude and accelerometer-bias errors of now.
+    # A measurement of velocity and position at t - tau as a function of the error at t: the mean specific force
+    # over the interval, force_N, is corrected by the attitude and accelerometer-bias errors at t.
     #   v(t - tau) = v - tau a_N,   p(t - tau) = p - tau v + tau^2/2 a_N,   a_N = R (R_hat^T force_N - db_a) + g
     dba = ca.SX.sym("dba", 3)
     a_true = rotation_matrix(q_true) @ (rotation_matrix(q).T @ force_N - dba)

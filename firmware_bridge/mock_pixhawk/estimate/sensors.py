@@ -1,8 +1,8 @@
-"""Taking in HIL_SENSOR and HIL_GPS as PX4's `simulator_mavlink` does, and watching the sensors' health.
+"""Input of HIL_SENSOR and HIL_GPS as in PX4's `simulator_mavlink`, and health of the sensors.
 
 PX4 takes a sensor only if its whole group of `fields_updated` bits is set. The IMU passes an int16 FIFO: accel in
 steps of g/2048 within +-16 g, gyro in steps of 0.061 deg/s. A sensor whose value does not change for 100 samples is
-STALE (noise-free data is no data). Units here: m/s2, rad/s, gauss, hPa, NED/FRD.
+STALE. Units here: m/s2, rad/s, gauss, hPa, NED/FRD.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ ACCEL, GYRO, MAG, BARO, GPS = range(5)
 LABELS = ("ACCEL", "GYRO", "MAG", "BARO", "GPS")
 
 STALE_SAMPLES = 100
-TIMEOUT_US = (100_000, 100_000, 1_000_000, 1_000_000, 2_000_000)  # without a sample that long: lost
-# Samples by serial line come less evenly: PX4 gives accelerometer and gyro half a second in HITL.
+TIMEOUT_US = (100_000, 100_000, 1_000_000, 1_000_000, 2_000_000)  # a sensor without a sample for this long is lost
+# Samples over a serial line arrive less evenly: PX4's limit in HITL is half a second for accelerometer and gyro.
 HITL_TIMEOUT_US = (500_000, 500_000, *TIMEOUT_US[2:])
 
-# The estimator's drivers run at these periods at most; a sensor that comes with every IMU sample is thinned out.
+# Shortest periods of the estimator's inputs; samples in between are skipped.
 _MAG_PERIOD_US, _BARO_PERIOD_US = 10_000, 20_000
 
 _HIL_GPS = struct.Struct("<QiiiHHHhhhHBBBH").unpack
@@ -41,21 +41,21 @@ _EXPONENT = _LAPSE * 287.05 / STANDARD_GRAVITY_MPS2
 
 LATE_US = 20_000
 _WINDOW = 500  # samples: 2 s at 250 Hz
-_BAD, _GOOD = 10, 5  # late samples in the window: 2 %, and 1 % to be well again
+_BAD, _GOOD = 10, 5  # late samples in the window: bad from 2 % on, good again below 1 %
 _MEAN_OVER = 256  # samples
-_USUAL_US = 4_000.0  # pace before any is known
-_LONGEST_US = 100_000.0  # of an interval, in the mean: longer ones are pauses
+_USUAL_US = 4_000.0  # initial mean interval
+_LONGEST_US = 100_000.0  # longest interval in the mean: longer ones are pauses
 
 
 class Arrivals:
-    """How regularly the samples of one stream arrive.
+    """Monitor of the regularity of the samples of one stream.
 
-    In HITL a sample is stamped when it arrives, so a late one is a wrong one: PX4 integrates it over the wrong interval
-    and takes what results for an accelerometer bias. On PX4, 2.6 % of samples more than 20 ms late were enough.
+    In HITL a sample is time-stamped on arrival, so PX4 integrates a late one over the wrong interval and takes the
+    error for an accelerometer bias. On PX4, 2.6 % of samples more than 20 ms late were enough.
 
-    Nobody tells the board when a sample should have come. Lateness is followed instead: a gap makes the samples behind
-    it late by what it was too long, samples that come faster than usual work that off (they had queued), and samples at
-    the usual pace show that the bench has merely paused.
+    The board does not know when a sample was due, so lateness is estimated: an interval longer than the mean adds its
+    excess, shorter ones (samples that had queued) subtract theirs, and intervals near the mean halve the lateness (the
+    bench had only paused).
     """
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class Arrivals:
         self._window: deque[bool] = deque([False] * _WINDOW, _WINDOW)
 
     def note(self, t_us: int) -> None:
-        """A sample arrived at `t_us`."""
+        """Record the arrival of a sample at `t_us`."""
         last, self._last_us = self._last_us, t_us
         if last is None:
             return
@@ -97,7 +97,7 @@ class GpsFix:
 
     @property
     def usable(self) -> bool:
-        """Good enough for PX4's estimator. eph and epv are read as accuracy in cm; 65535 fails like any large one."""
+        """True if PX4's estimator accepts the fix. eph and epv are accuracies in cm; 65535 (unknown) is rejected."""
         return (
             self.fix_type >= MIN_FIX
             and self.satellites >= MIN_SATELLITES
@@ -107,19 +107,19 @@ class GpsFix:
 
 
 def pressure_altitude_m(pressure_hpa: float) -> float:
-    """Altitude in the standard atmosphere at `pressure_hpa` > 0."""
+    """Return the altitude in the standard atmosphere at `pressure_hpa` > 0."""
     return (_T0 / _LAPSE) * (1.0 - el.exp(_EXPONENT * el.log(pressure_hpa / _P0_HPA)))
 
 
 class SensorIntake:
-    """Feeds the estimator and keeps one health record per sensor."""
+    """Input of the estimator, with one health record per sensor."""
 
     def __init__(self, estimator: FlightCore, timeout_us: Sequence[int] = TIMEOUT_US) -> None:
         self._estimator = estimator
         self._timeout_us = timeout_us
-        self.arrivals = Arrivals()  # of IMU samples; followed in HITL only
+        self.arrivals = Arrivals()  # of IMU samples; used in HITL only
         self._last: list[bytes] = [b""] * 5  # bytes of the last sample
-        self._same = [0] * 5  # samples in a row that were equal
+        self._same = [0] * 5  # equal samples in a row
         self.last_us: list[int | None] = [None] * 5
         self.incomplete_groups = 0
         self.not_finite = 0
@@ -129,21 +129,21 @@ class SensorIntake:
         self._next_baro_us = 0
 
     def stale(self, sensor: int) -> bool:
-        """The sensor has repeated itself too often."""
+        """Return True if the last `STALE_SAMPLES` samples were equal."""
         return self._same[sensor] >= STALE_SAMPLES
 
     def lost(self, sensor: int, now_us: int) -> bool:
-        """No sample came for too long, or never."""
+        """Return True if the last sample is older than the timeout, or none ever came."""
         last = self.last_us[sensor]
         return last is None or now_us - last > self._timeout_us[sensor]
 
     def lost_since_us(self, sensor: int, now_us: int) -> int:
-        """For how long a sensor that was there once has given nothing."""
+        """Return the time since the last sample; 0 if none ever came."""
         last = self.last_us[sensor]
         return 0 if last is None else now_us - last
 
     def healthy(self, sensor: int, now_us: int) -> bool:
-        """Present, not stale; for GPS also good enough."""
+        """Return True if the sensor is present and not stale and, for GPS, its fix usable."""
         if self.lost(sensor, now_us) or self.stale(sensor):
             return False
         return sensor != GPS or (self.gps is not None and self.gps.usable)
@@ -157,7 +157,7 @@ class SensorIntake:
         self.last_us[sensor] = t_us
 
     def take(self, t_us: int, values: tuple[Any, ...], payload: bytes) -> bool:
-        """One HIL_SENSOR (`values`: all its fields, `payload`: its bytes). True if the estimator made a step."""
+        """Take a HIL_SENSOR (`values`: all fields, `payload`: its bytes). Return True if the estimator made a step."""
         (_, ax, ay, az, gx, gy, gz, mx, my, mz, pressure, _, _, _, fields, _) = values
         stepped = False
         if fields & IMU_BITS == IMU_BITS:
@@ -202,7 +202,7 @@ class SensorIntake:
         return stepped
 
     def take_gps(self, payload: bytes, now_us: int) -> None:
-        """One HIL_GPS; stamped with the clock at arrival, as PX4 does."""
+        """Take a HIL_GPS, time-stamped on arrival as in PX4."""
         fix = GpsFix(payload, now_us)
         self.gps = fix
         self.last_us[GPS] = now_us

@@ -28,7 +28,7 @@ _YAW = _F["euler"][0] + 2
 
 
 class Estimate:
-    """A copy of the estimator's state: NED/FRD, SI. Call `refresh` before reading."""
+    """Copy of the estimator's state: NED/FRD, SI. Call `refresh` before reading."""
 
     def __init__(self, core: _native.FlightCore, vehicle: Vehicle) -> None:
         self._core = core
@@ -36,7 +36,7 @@ class Estimate:
         self._vehicle = vehicle
         self._state: list[float] = self._view.tolist()
         self._copied_at_us = -1
-        self.overwritten = False  # by HIL_STATE_QUATERNION: nothing here is an estimate any more
+        self.overwritten = False  # by HIL_STATE_QUATERNION: the estimate is invalid
 
     def refresh(self, now_us: int) -> None:
         """Copy the state, once per `now_us`."""
@@ -96,7 +96,7 @@ class Estimate:
 
     @property
     def test_ratios(self) -> list[float]:
-        """GPS position, GPS velocity, baro, mag: above 1 the sample was rejected."""
+        """Test ratios of GPS position, GPS velocity, baro, mag: above 1 the sample was rejected."""
         return self._state[_RATIOS]
 
     @property
@@ -106,11 +106,11 @@ class Estimate:
         return max(n, e), d
 
     def ned(self, lat_deg: float, lon_deg: float, alt_m: float) -> tuple[float, float, float]:
-        """Local position of a geodetic one. Only with an origin."""
+        """Return the local position (n, e, d) [m] of a geodetic one. Only with an origin."""
         return self._core.geodetic_to_ned(lat_deg, lon_deg, alt_m)
 
     def geodetic(self, n_m: float, e_m: float, d_m: float) -> tuple[float, float, float]:
-        """Latitude, longitude [deg], altitude [m] of a local position. Only with an origin."""
+        """Return latitude, longitude [deg] and altitude [m] of a local position. Only with an origin."""
         return self._core.ned_to_geodetic(n_m, e_m, d_m)
 
 
@@ -123,10 +123,10 @@ def _table() -> list[list[int]]:
 
 
 def declination_deg(lat_deg: float, lon_deg: float) -> float:
-    """Angle from true to magnetic north, east positive, bilinear in a coarse table, as PX4's `geo_mag_declination`.
+    """Return the angle from true to magnetic north, east positive, interpolated as in PX4's `geo_mag_declination`.
 
     Within 0.7 degrees of the World Magnetic Model from 49 degrees south to 55 north, 1.5 degrees down to 55 south;
-    towards the poles the table's edge is used.
+    beyond the table its edge is used.
     """
     table = _table()
     y = min(max((lat_deg - _SOUTH_DEG) / _STEP_DEG, 0.0), len(table) - 1.0)

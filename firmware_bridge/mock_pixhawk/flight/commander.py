@@ -1,7 +1,7 @@
-"""Arming, modes and flight: decides what the vehicle does, from commands and failsafes.
+"""Arming, mode changes and the end of a flight, from commands and failsafes.
 
 As PX4: while disarmed every mode may be chosen and the pre-flight checks decide on arming; while armed a mode must be
-able to run. Refusals are said as STATUSTEXT.
+able to run. Refusals are sent as STATUSTEXT.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _READY_PERIOD_US = 100_000
 
 @dataclass(frozen=True)
 class Output:
-    """The autopilot's output, as far as the commander uses it."""
+    """Output functions for the commander."""
 
     say: Callable[[int, str], None]  # severity, text: STATUSTEXT
     silence: Callable[[], None]  # ends all output
@@ -34,7 +34,7 @@ class Output:
 
 
 class Commander:
-    """Decides on arming, the mode and the end of a flight."""
+    """Commander of one vehicle: arming, mode and the end of a flight."""
 
     def __init__(
         self,
@@ -55,16 +55,16 @@ class Commander:
         self._say, self._silence = output.say, output.silence
         self._offboard_silence = output.offboard_silence
         self._hitl = hitl
-        self._bias_said = False
-        self._sensors_came = False  # all of them, in HITL
+        self._bias_reported = False
+        self._sensors_came = False  # all sensors have been healthy once, in HITL
         self.hold, self.takeoff = modes.hold, modes.takeoff
         self._next_ready_us = 0
-        self._said: set[str] = set()  # sensor failures already reported; membership only, never iterated
+        self._reported: set[str] = set()  # sensor failures already reported; membership only, never iterated
 
     # -- home ---------------------------------------------------------------------------------------------------
 
     def set_home_here(self) -> bool:
-        """Home is where the vehicle is. False without a position."""
+        """Set home to the current position. Return False if there is none."""
         estimate = self._estimate
         if not estimate.position_ok:
             return False
@@ -72,19 +72,19 @@ class Commander:
         self._vehicle.home = Home(*estimate.geodetic(n, e, d), n, e, d)
         return True
 
-    def set_home(self, place: tuple[float, float, float] | None) -> bool:
-        """Home at (degrees, degrees, metres above sea level), or here for None."""
-        if place is None:
+    def set_home(self, position: tuple[float, float, float] | None) -> bool:
+        """Set home to (degrees, degrees, metres above sea level), or to the current position for None."""
+        if position is None:
             return self.set_home_here()
         if not self._estimate.has_origin:
             return False
-        self._vehicle.home = Home(*place, *self._estimate.ned(*place))
+        self._vehicle.home = Home(*position, *self._estimate.ned(*position))
         return True
 
     # -- modes --------------------------------------------------------------------------------------------------
 
     def _runnable(self, mode: Mode, now_us: int) -> str | None:
-        """Why `mode` cannot run in flight, or None."""
+        """Return why `mode` cannot run in flight, or None."""
         traits = mode.value
         if traits.needs_position and not self._estimate.position_ok:
             return "no valid position"
@@ -97,7 +97,7 @@ class Commander:
         return None
 
     def set_mode(self, mode: Mode, now_us: int) -> int:
-        """A mode asked for by an operator."""
+        """Change to the mode that an operator requests."""
         vehicle = self._vehicle
         if not vehicle.armed:
             vehicle.mode = mode
@@ -132,7 +132,7 @@ class Commander:
     # -- arming -------------------------------------------------------------------------------------------------
 
     def arm(self, now_us: int, *, force: bool = False) -> int:
-        """Arm in the present mode, or say why not."""
+        """Arm in the current mode, or send the reasons for refusal."""
         vehicle = self._vehicle
         if vehicle.armed:
             return Result.ACCEPTED
@@ -185,9 +185,9 @@ class Commander:
         self._next_ready_us = now_us
 
     def terminate(self, now_us: int) -> None:
-        """Flight termination, once and for all: motors off until the next boot.
+        """Terminate the flight: motors off until the next boot.
 
-        In lockstep PX4 falls silent in the air: its last answer holds hover thrust and the armed bit.
+        In lockstep PX4 falls silent in the air: its last reply has hover thrust and the armed bit.
         """
         vehicle = self._vehicle
         if vehicle.terminated:
@@ -204,7 +204,7 @@ class Commander:
     # -- every guidance step ------------------------------------------------------------------------------------
 
     def step(self, now_us: int) -> None:
-        """Land detector, failsafes, the present mode, automatic disarming."""
+        """Run the checks, the failsafes, the current mode and automatic disarming."""
         vehicle = self._vehicle
         if now_us >= self._next_ready_us:
             self._next_ready_us = now_us + _READY_PERIOD_US
@@ -234,19 +234,19 @@ class Commander:
         failures = self._preflight.sensor_failures(now_us)
         if self._hitl and not failures:
             self._sensors_came = True
-            self._said.clear()
+            self._reported.clear()
         for failure in failures:
-            # Before the bench has connected, samples that do not come are no news.
-            news = failure.endswith("STALE") or self._sensors_came
-            if news and failure not in self._said:
-                self._said.add(failure)
+            # Missing samples are not reported before the bench has connected.
+            is_new = failure.endswith("STALE") or self._sensors_came
+            if is_new and failure not in self._reported:
+                self._reported.add(failure)
                 self._say(Severity.CRITICAL, f"Preflight Fail: {failure}")
 
     def _check_arrivals(self) -> None:
         bad = self._preflight.arrivals_bad
-        if bad and not self._bias_said:
+        if bad and not self._bias_reported:
             self._say(Severity.CRITICAL, BIAS if self._vehicle.armed else f"Preflight Fail: {BIAS}")
-        self._bias_said = bad
+        self._bias_reported = bad
 
     def _act(self, action: Action | None, now_us: int) -> None:
         if action is None:
@@ -266,7 +266,7 @@ class Commander:
             self._enter(mode, now_us)
 
     def _descend_blind(self) -> None:
-        """Without position: down at landing speed; without velocity too the flight core keeps the vehicle level."""
+        """Descend at landing speed without position. Without velocity the flight core keeps the vehicle level."""
         guidance = self._guidance
         if self._vehicle.landed:
             guidance.idle()

@@ -1,4 +1,4 @@
-"""What can go wrong in flight and what is done about it, after PX4's failsafe parameters."""
+"""Failsafes in flight and their actions, by PX4's failsafe parameters."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG
 
 _TERMINATION_BREAKER = 121212
-_HITL_IMU_PATIENCE_US = 2_000_000
+_HITL_IMU_TIMEOUT_US = 2_000_000
 
 
 class Action(Enum):
-    """What a failsafe does."""
+    """Action of a failsafe."""
 
     HOLD = auto()
     RETURN = auto()
@@ -30,10 +30,10 @@ class Action(Enum):
     DISARM = auto()
 
 
-# Parameter values -> action; values that are missing only warn.
+# Parameter values -> action; other values only warn.
 _DATA_LINK = {1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM}
 _MANUAL_LOSS = {1: Action.HOLD, 2: Action.RETURN, 3: Action.LAND, 5: Action.TERMINATE, 6: Action.DISARM}
-# COM_OBL_RC_ACT: 0..2 are manual modes, which without sticks become Hold.
+# COM_OBL_RC_ACT: 0..2 are manual modes; without manual control input they become Hold.
 _OFFBOARD_LOSS = {
     0: Action.HOLD,
     1: Action.HOLD,
@@ -48,7 +48,7 @@ _LOW_BATTERY = {2: Action.LAND, 3: Action.RETURN}
 
 
 class Failsafe:
-    """Watches one armed vehicle. `say(severity, text)` is STATUSTEXT."""
+    """Failsafes of one armed vehicle. `say(severity, text)` sends a STATUSTEXT."""
 
     def __init__(
         self,
@@ -63,8 +63,8 @@ class Failsafe:
     ) -> None:
         self._vehicle, self._estimate, self._sensors = vehicle, estimate, sensors
         self._offboard, self._params, self._say = offboard, params, say
-        # A bench that pauses for a moment is no reason to fall: in HITL a lost IMU is only said at first.
-        self._imu_patience_us = _HITL_IMU_PATIENCE_US if hitl else 0
+        # The bench may pause for a moment: in HITL a lost IMU is only reported until this time has passed.
+        self._imu_timeout_us = _HITL_IMU_TIMEOUT_US if hitl else 0
         self.last_gcs_us: int | None = None
         self.descending_blind = False
         self._raised: dict[str, bool] = {}
@@ -72,30 +72,30 @@ class Failsafe:
         self._attitude_reported = False
 
     def armed(self, now_us: int) -> None:  # noqa: ARG002
-        """A new flight begins: forget the old one."""
+        """Reset all failsafes for a new flight."""
         self.descending_blind = False
         self._raised = {}
         self._tilted_since_us = None
         self._attitude_reported = False
 
     def operator_took_over(self) -> None:
-        """An operator chose a mode that can run."""
+        """Clear the failsafe after an operator chose a mode that can run."""
         self.descending_blind = False
         self._vehicle.failsafe = False
 
     def manual_control_ok(self, now_us: int) -> bool:
-        """MANUAL_CONTROL came within COM_RC_LOSS_T."""
+        """Return True if MANUAL_CONTROL arrived within COM_RC_LOSS_T."""
         manual = self._vehicle.manual
         return manual is not None and now_us - manual.t_us <= int(self._params["COM_RC_LOSS_T"] * US_PER_S)
 
     def _edge(self, name: str, present: bool) -> bool:
-        """True when condition `name` has just become true."""
+        """Return True if condition `name` has just become true."""
         was = self._raised.get(name, False)
         self._raised[name] = present
         return present and not was
 
     def check(self, now_us: int) -> Action | None:
-        """Look at everything once. The first failsafe that demands an action wins."""
+        """Run the checks in order. Return the first action demanded, or None."""
         for check in (
             self._attitude,
             self._imu,
@@ -129,13 +129,13 @@ class Failsafe:
     def _imu(self, now_us: int) -> Action | None:
         sensors = self._sensors
         lost = sensors.lost(ACCEL, now_us) or sensors.lost(GYRO, now_us)
-        if lost and self._imu_patience_us:
+        if lost and self._imu_timeout_us:
             for sensor in (ACCEL, GYRO):
                 if self._edge(LABELS[sensor], sensors.lost(sensor, now_us)):
                     self._say(Severity.EMERGENCY, f"{LABELS[sensor]} #0 failed: TIMEOUT!")
             silent_us = max(sensors.lost_since_us(ACCEL, now_us), sensors.lost_since_us(GYRO, now_us))
-            lost = silent_us > self._imu_patience_us
-        elif self._imu_patience_us:
+            lost = silent_us > self._imu_timeout_us
+        elif self._imu_timeout_us:
             self._raised[LABELS[ACCEL]] = self._raised[LABELS[GYRO]] = False
         if self._edge("imu", lost):
             self._say(Severity.EMERGENCY, "Failsafe activated: IMU timeout")

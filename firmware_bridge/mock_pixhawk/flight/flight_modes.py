@@ -1,7 +1,7 @@
 """The automatic modes besides missions: take-off, hold, return, land.
 
 Each mode is an object with `start(now_us)`, called when the mode is entered (or the vehicle armed in it), and
-`step(now_us)`, called at guidance rate while armed; `step` returns the mode to go to, or None.
+`step(now_us)`, called at guidance rate while armed; `step` returns the mode to change to, or None.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from signals.units import RAD_PER_DEG
 
 
 class FlightMode(Protocol):
-    """What the autopilot needs of a mode."""
+    """Interface of a flight mode."""
 
     def start(self, now_us: int) -> None: ...
 
@@ -28,14 +28,14 @@ class FlightMode(Protocol):
 
 
 class Landing:
-    """Straight down over one point: fast high up, slow near the ground (PX4's MPC_LAND_* altitudes above home)."""
+    """Vertical landing at a point, slower near the ground (PX4's MPC_LAND_* altitudes above home)."""
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable) -> None:
         self._guidance, self._vehicle, self._params = guidance, vehicle, params
         self._point: Point | None = None
 
     def start(self, point: Point | None) -> None:
-        """Begin over `point`, or where the vehicle comes to rest."""
+        """Begin over `point`; None: at the position where the vehicle stops."""
         self._point = point
         if point is None:
             self._guidance.brake()
@@ -57,7 +57,7 @@ class Landing:
         return slow + (fast - slow) * (height - low) / (high - low)
 
     def step(self) -> bool:
-        """One guidance step. True once the vehicle is on the ground."""
+        """Run one guidance step. Return True once the vehicle is on the ground."""
         guidance = self._guidance
         if self._vehicle.landed:
             guidance.idle()
@@ -73,7 +73,7 @@ class Landing:
 
 
 class TakeoffClimb:
-    """Spool up on the ground, then climb straight up to an altitude."""
+    """Take-off: spool-up on the ground, then a vertical climb to an altitude."""
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable) -> None:
         self._guidance, self._vehicle, self._params = guidance, vehicle, params
@@ -87,7 +87,7 @@ class TakeoffClimb:
         self._climbing = False
 
     def step(self, now_us: int) -> bool:
-        """One guidance step. True when the altitude is reached."""
+        """Run one guidance step. Return True when the altitude is reached."""
         guidance, vehicle = self._guidance, self._vehicle
         assert self._target is not None
         if not self._climbing:
@@ -114,7 +114,7 @@ class TakeoffClimb:
 
 
 class Hold:
-    """AUTO.LOITER: stop and stay; on the ground, idle. Also carries out DO_REPOSITION."""
+    """AUTO.LOITER and DO_REPOSITION: stop and hold position; on the ground, idle."""
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle) -> None:
         self._guidance, self._vehicle = guidance, vehicle
@@ -174,8 +174,8 @@ class Land:
 class Return:
     """AUTO.RTL: climb to the return altitude, fly home, descend, land.
 
-    PX4's cone: within RTL_MIN_DIST of home the altitude is RTL_DESCEND_ALT at most; further away it is that of a cone
-    of half-angle RTL_CONE_ANG over home, RTL_RETURN_ALT at most; never lower than where the vehicle is.
+    PX4's cone: within RTL_MIN_DIST of home the altitude is at most RTL_DESCEND_ALT; further away it is that of a cone
+    of half-angle RTL_CONE_ANG over home, at most RTL_RETURN_ALT. The vehicle never descends on the way.
     """
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable) -> None:

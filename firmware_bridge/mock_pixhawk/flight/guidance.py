@@ -1,10 +1,10 @@
-"""From "go there" to setpoints for the flight core: trajectories, holding, descending, heading.
+"""Set-points for the flight core: trajectories, holding, descending, heading.
 
-One `Guidance` per vehicle. Flight modes (`flight_modes`, `navigator`) tell it what to do; each guidance step it moves
-the setpoint on and hands it to the flight core. Local NED, m, m/s, rad.
+One `Guidance` per vehicle. Flight modes (`flight_modes`, `navigator`) command it; each guidance step it advances the
+set-point and passes it to the flight core. Local NED, m, m/s, rad.
 
-Position, velocity and acceleration of the trajectory all go to the flight core, which needs no position error to fly
-a corner whose acceleration it is told.
+The flight core gets position, velocity and acceleration of the trajectory, so that it needs no position error to fly
+a corner.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ OFF, IDLE, POSITION, VELOCITY, ATTITUDE, RATE = range(6)  # FlightCore.set_setpo
 
 PERIOD_US = 20_000  # guidance step: 50 Hz, as PX4's flight tasks
 
-_CORNER_DEVIATION_M = 0.12  # rounding of mission corners; a mission's cross-track error begins with this
+_CORNER_DEVIATION_M = 0.12  # rounding of mission corners, part of the cross-track error
 _ACCEL_LATERAL_SHARE = 0.3  # of MPC_ACC_HOR in corners
 _LAG_FREE_M, _HOLD_SPEED_MPS = 0.6, 0.3
 _YAW_GAIN = 2.0  # 1/s
 
 
 class Guidance:
-    """The moving setpoint of one vehicle."""
+    """The moving set-point of one vehicle."""
 
     def __init__(self, core: FlightCore, vehicle: Vehicle, params: ParamTable) -> None:
         self._core = core
@@ -43,7 +43,7 @@ class Guidance:
         self.yaw = 0.0
         self._yaw_rate = 0.0
         self.yaw_target: float | None = None  # None: keep
-        self.course_yaw = True  # look where one goes
+        self.course_yaw = True  # heading along the path
         self.refresh_params()
 
     def refresh_params(self) -> None:
@@ -64,15 +64,15 @@ class Guidance:
         self._yaw_accel = p["MPC_YAWRAUTO_ACC"] * RAD_PER_DEG
         self._hover = p["MPC_THR_HOVER"]
 
-    # -- what to do: called by flight modes ---------------------------------------------------------------------
+    # -- commands of the flight modes ---------------------------------------------------------------------------
 
     def here(self) -> Point:
-        """The estimated position."""
+        """Return the estimated position."""
         v = self._vehicle
         return (v.pos_n, v.pos_e, v.pos_d)
 
     def take_over(self) -> None:
-        """A mode begins: look where the vehicle looks, keep nothing of the mode before."""
+        """Reset for a new mode, with the vehicle's heading as set-point."""
         self.yaw = self._vehicle.yaw
         self._yaw_rate = 0.0
         self.yaw_target = None
@@ -81,7 +81,7 @@ class Guidance:
         self._hold = None
 
     def fly(self, points: Sequence[Point], speeds: Sequence[float] | None = None) -> Trajectory:
-        """Follow the line through `points` (the first one is where the setpoint is now)."""
+        """Follow the line through `points`. The first one is the current set-point."""
         v = self._vehicle
         if speeds is None:
             speeds = [min(self.cruise_mps, self._speed_max)] * (len(points) - 1)
@@ -95,7 +95,7 @@ class Guidance:
         return trajectory
 
     def setpoint_position(self) -> Point:
-        """Where the position setpoint is: on the trajectory or held; else where the vehicle is."""
+        """Return the position set-point: on the trajectory or held, else the vehicle's position."""
         if self.trajectory is not None:
             return self.trajectory.position
         return self._hold or self.here()
@@ -120,7 +120,7 @@ class Guidance:
         self._hold = point
 
     def distance_to(self, point: Point) -> tuple[float, float]:
-        """Horizontal and vertical distance of the vehicle from `point`."""
+        """Return the horizontal and vertical distance of the vehicle from `point`."""
         v = self._vehicle
         dn, de = v.pos_n - point[0], v.pos_e - point[1]
         return sqrt(dn * dn + de * de), abs(v.pos_d - point[2])
@@ -128,12 +128,12 @@ class Guidance:
     # -- the guidance step: exactly one of these per step -------------------------------------------------------
 
     def idle(self) -> None:
-        """Motors at idle, on the ground."""
+        """Run the motors at idle, on the ground."""
         self.yaw = self._vehicle.yaw
         self._core.set_setpoint(IDLE)
 
     def off(self) -> None:
-        """Motors off."""
+        """Turn the motors off."""
         self._core.set_setpoint(OFF)
 
     def follow(self) -> None:
@@ -162,7 +162,7 @@ class Guidance:
         self._core.set_setpoint(POSITION, n, e, d, vn, ve, vd, self.yaw, self._yaw_rate, an, ae, ad)
 
     def descend(self, point: Point, speed_mps: float) -> None:
-        """Go down at `speed_mps` over `point` (its altitude does not matter)."""
+        """Descend at `speed_mps` over `point`. Its altitude is not used."""
         step = self.limits.accel_mps2 * 0.5 * self._dt_s
         now = self._landing_speed
         self._landing_speed = min(max(speed_mps, now - step), now + step)
@@ -172,26 +172,26 @@ class Guidance:
         )
 
     def start_descent(self) -> None:
-        """The next `descend` begins with the present speed down."""
+        """Start the next `descend` with the current vertical speed."""
         self._landing_speed = max(self._vehicle.v_d, 0.0)
 
     def velocity(self, n: float, e: float, d: float, vn: float, ve: float, vd: float, yaw_rate: float) -> None:
-        """Velocity control on axes whose position is NaN, turning at `yaw_rate`."""
+        """Control velocity on axes whose position is NaN, turning at `yaw_rate`."""
         self.yaw = el.wrap_pi(self.yaw + yaw_rate * self._dt_s)
         self._core.set_setpoint(POSITION, n, e, d, vn, ve, vd, self.yaw, yaw_rate)
 
     def attitude(self, roll: float, pitch: float, thrust: float, yaw_rate: float) -> None:
-        """Attitude and thrust 0..1, turning at `yaw_rate`."""
+        """Control attitude and thrust 0..1, turning at `yaw_rate`."""
         self.yaw = el.wrap_pi(self.yaw + yaw_rate * self._dt_s)
         self._core.set_setpoint(ATTITUDE, roll, pitch, thrust, 0.0, 0.0, 0.0, self.yaw, yaw_rate)
 
     def climb_thrust(self, v_down_mps: float) -> float:
-        """Collective thrust 0..1 that brings the vertical speed to `v_down_mps`, from hover thrust."""
+        """Return the collective thrust 0..1 for the vertical speed `v_down_mps`: hover thrust plus a P controller."""
         error = v_down_mps - self._vehicle.v_d
         return min(max(self._hover * (1.0 - 0.3 * error), 0.5 * self._hover), 1.5 * self._hover)
 
     def _turn(self, target: float | None) -> None:
-        """Turn the heading setpoint towards `target` at limited rate and acceleration; None: stop turning."""
+        """Turn the heading set-point towards `target` at limited rate and acceleration; None: stop turning."""
         wanted = 0.0
         if target is not None:
             error = el.wrap_pi(target - self.yaw)

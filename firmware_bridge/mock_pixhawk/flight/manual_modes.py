@@ -1,4 +1,4 @@
-"""Modes flown by hand with MANUAL_CONTROL: attitude, altitude, position; and offboard setpoints.
+"""Manual modes with MANUAL_CONTROL: attitude, altitude, position.
 
 Same interface as in `flight_modes`.
 """
@@ -17,27 +17,29 @@ from signals.units import RAD_PER_DEG
 _DEAD_ZONE = 0.1  # MPC_HOLD_DZ
 _YAW_RATE_SHARE = 0.5  # full yaw stick in position mode, as a share of MPC_MAN_Y_MAX
 _LOCK_SPEED_MPS = 0.8  # MPC_HOLD_MAX_XY
-_LAND_STICK = -0.5  # in altitude mode the pilot who pushes this far down and does not sink stands on the ground,
-_LAND_SPEED_SHARE = 0.2  # which is sinking less than this share of what is asked
-_LAND_AFTER_US = 300_000  # for this long;
-_LAND_THRUST_SHARE = 0.2  # then thrust falls to this share of hover's, and the land detector finds out
+# Altitude mode on the ground: if the stick is below _LAND_STICK and the vehicle sinks at less than _LAND_SPEED_SHARE of
+# the commanded speed for _LAND_AFTER_US, thrust falls to _LAND_THRUST_SHARE of hover, and the land detector triggers.
+_LAND_STICK = -0.5
+_LAND_SPEED_SHARE = 0.2
+_LAND_AFTER_US = 300_000
+_LAND_THRUST_SHARE = 0.2
 _CENTRE = ManualControl(0, 0.0, 0.0, 0.5, 0.0)
 
 
-def _dead(stick: float) -> float:
-    """Stick with a dead zone round its centre, continuous, still reaching +-1."""
+def _with_dead_zone(stick: float) -> float:
+    """Apply a dead zone around the centre of a stick: continuous, and still reaching +-1."""
     if abs(stick) <= _DEAD_ZONE:
         return 0.0
     return (stick - _DEAD_ZONE if stick > 0.0 else stick + _DEAD_ZONE) / (1.0 - _DEAD_ZONE)
 
 
-class ByAttitude:
+class ManualAttitude:
     """MANUAL and STABILIZED (sticks are roll, pitch, yaw rate and thrust) and ALTCTL (climb rate for thrust)."""
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable, *, holds_altitude: bool) -> None:
         self._guidance, self._vehicle, self._params = guidance, vehicle, params
         self._holds_altitude = holds_altitude
-        self._sinking_us = 0  # when the vehicle last sank as asked, or was not asked to
+        self._sinking_us = 0  # time when the vehicle last sank as commanded, or no descent was commanded
 
     def start(self, now_us: int) -> None:
         self._sinking_us = now_us
@@ -51,9 +53,9 @@ class ByAttitude:
             guidance.idle()
             return None
         tilt = p["MPC_MAN_TILT_MAX"] * RAD_PER_DEG
-        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * RAD_PER_DEG
+        yaw_rate = _with_dead_zone(sticks.yaw) * p["MPC_MAN_Y_MAX"] * RAD_PER_DEG
         if self._holds_altitude:
-            climb = _dead(2.0 * sticks.throttle - 1.0)
+            climb = _with_dead_zone(2.0 * sticks.throttle - 1.0)
             limit = p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"]
             thrust = guidance.climb_thrust(-climb * limit)
             if climb > _LAND_STICK or self._vehicle.v_d > -climb * limit * _LAND_SPEED_SHARE:
@@ -68,7 +70,7 @@ class ByAttitude:
         return None
 
 
-class ByPosition:
+class ManualPosition:
     """POSCTL: sticks are velocities in the direction of heading; with sticks centred the position is held."""
 
     def __init__(self, guidance: Guidance, vehicle: Vehicle, params: ParamTable) -> None:
@@ -84,13 +86,13 @@ class ByPosition:
     def step(self, now_us: int) -> Mode | None:  # noqa: ARG002
         v, p, guidance = self._vehicle, self._params, self._guidance
         sticks = v.manual or _CENTRE
-        climb = _dead(2.0 * sticks.throttle - 1.0)
+        climb = _with_dead_zone(2.0 * sticks.throttle - 1.0)
         if v.landed and climb <= 0.0:
             guidance.idle()
             self.start(0)
             return None
         speed = min(p["MPC_VEL_MANUAL"], p["MPC_XY_VEL_MAX"])
-        forward, right = _dead(sticks.pitch) * speed, _dead(sticks.roll) * speed
+        forward, right = _with_dead_zone(sticks.pitch) * speed, _with_dead_zone(sticks.roll) * speed
         c, s = el.cos(guidance.yaw), el.sin(guidance.yaw)
         want_n, want_e = forward * c - right * s, forward * s + right * c
         want_d = -climb * (p["MPC_Z_VEL_MAX_UP"] if climb > 0.0 else p["MPC_Z_VEL_MAX_DN"])
@@ -106,6 +108,6 @@ class ByPosition:
             self._d = nan
         elif self._d != self._d and abs(v.v_d) < 0.3:
             self._d = v.pos_d
-        yaw_rate = _dead(sticks.yaw) * p["MPC_MAN_Y_MAX"] * _YAW_RATE_SHARE * RAD_PER_DEG
+        yaw_rate = _with_dead_zone(sticks.yaw) * p["MPC_MAN_Y_MAX"] * _YAW_RATE_SHARE * RAD_PER_DEG
         guidance.velocity(self._n, self._e, self._d, self._vn, self._ve, self._vd, yaw_rate)
         return None

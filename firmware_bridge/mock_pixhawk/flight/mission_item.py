@@ -1,4 +1,4 @@
-"""What the mock can fly: which mission items are accepted, and where they are in the local frame."""
+"""Check of mission items: commands, frames and values that the mock accepts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ FRAME_GLOBAL, FRAME_MISSION, FRAME_GLOBAL_RELATIVE_ALT, FRAME_GLOBAL_INT, FRAME_
 GLOBAL_FRAMES = frozenset({FRAME_GLOBAL, FRAME_GLOBAL_RELATIVE_ALT, FRAME_GLOBAL_INT, FRAME_GLOBAL_RELATIVE_ALT_INT})
 RELATIVE_FRAMES = frozenset({FRAME_GLOBAL_RELATIVE_ALT, FRAME_GLOBAL_RELATIVE_ALT_INT})
 
-MAX_ALTITUDE_M = 10_000.0  # a multicopter that is told to go higher was told a wrong unit
+MAX_ALTITUDE_M = 10_000.0  # higher altitudes for a multicopter are a wrong unit
 MIN_ALTITUDE_M = -500.0  # relative or below the Dead Sea
-UNKNOWN_PLACE = 2**31 - 1  # INT32_MAX in MISSION_ITEM_INT: "where you are"
+UNKNOWN_POSITION = 2**31 - 1  # INT32_MAX in MISSION_ITEM_INT: the current position
 
-#: Items with a place to go to; the first group may leave the place open.
-PLACE_OPTIONAL = frozenset({Cmd.NAV_TAKEOFF, Cmd.NAV_LAND, Cmd.NAV_LOITER_UNLIM, Cmd.NAV_LOITER_TIME})
-NAVIGATION = PLACE_OPTIONAL | {Cmd.NAV_WAYPOINT}
+#: Items with a position. In the first group it is optional.
+POSITION_OPTIONAL = frozenset({Cmd.NAV_TAKEOFF, Cmd.NAV_LAND, Cmd.NAV_LOITER_UNLIM, Cmd.NAV_LOITER_TIME})
+NAVIGATION = POSITION_OPTIONAL | {Cmd.NAV_WAYPOINT}
 
-#: Items for payloads: taken, reported as reached, without effect.
+#: Items for payloads: accepted and reported as reached, without effect.
 PAYLOAD = frozenset(
     {
         Cmd.NAV_ROI,
@@ -55,17 +55,17 @@ SUPPORTED = (
 _OK = (MissionResult.ACCEPTED, "")
 
 
-def place_is_open(item: MissionItem) -> bool:
-    """The item leaves latitude and longitude open (INT32_MAX, or 0, 0 as QGroundControl writes it)."""
+def has_no_position(item: MissionItem) -> bool:
+    """Return True if latitude and longitude are not given (INT32_MAX, or 0, 0 as QGroundControl writes it)."""
     return (
-        item.lat_degE7 == UNKNOWN_PLACE
-        or item.lon_degE7 == UNKNOWN_PLACE
+        item.lat_degE7 == UNKNOWN_POSITION
+        or item.lon_degE7 == UNKNOWN_POSITION
         or (item.lat_degE7 == 0 and item.lon_degE7 == 0)
     )
 
 
 def value_or(value: float, default: float) -> float:
-    """A parameter of an item, or `default` where the item leaves it open (NaN)."""
+    """Return a parameter of an item, or `default` if it is not given (NaN)."""
     return default if value != value else value
 
 
@@ -85,11 +85,11 @@ def _bad_params(item: MissionItem, count: int) -> tuple[int, str]:
     return _OK
 
 
-def _bad_place(item: MissionItem) -> tuple[int, str]:
+def _bad_position(item: MissionItem) -> tuple[int, str]:
     if item.frame not in GLOBAL_FRAMES:
         return MissionResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
-    if place_is_open(item):
-        if item.command not in PLACE_OPTIONAL:
+    if has_no_position(item):
+        if item.command not in POSITION_OPTIONAL:
             return MissionResult.INVALID_PARAM5_X, "no latitude and longitude"
     elif not -900_000_000 <= item.lat_degE7 <= 900_000_000:
         return MissionResult.INVALID_PARAM5_X, f"latitude {item.lat_degE7 / 1e7:g}"
@@ -101,14 +101,14 @@ def _bad_place(item: MissionItem) -> tuple[int, str]:
 
 
 def refusal(item: MissionItem, count: int) -> tuple[int, str]:
-    """(ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else the result and why not."""
+    """Return (ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else result and reason."""
     if item.command not in SUPPORTED:
         return MissionResult.UNSUPPORTED, f"command {item.command} is not supported"
     result = _bad_params(item, count)
     if result is not _OK:
         return result
     if item.command in NAVIGATION:
-        return _bad_place(item)
+        return _bad_position(item)
     if item.frame not in GLOBAL_FRAMES and item.frame != FRAME_MISSION:
         return MissionResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"
     return _OK

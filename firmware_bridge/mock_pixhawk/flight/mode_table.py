@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode, Hold, Land, Return, Takeoff
 from firmware_bridge.mock_pixhawk.flight.guidance import Guidance
-from firmware_bridge.mock_pixhawk.flight.manual_modes import ByAttitude, ByPosition
+from firmware_bridge.mock_pixhawk.flight.manual_modes import ManualAttitude, ManualPosition
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.modes import Mode
@@ -13,7 +13,7 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
 
 class FlightModes:
-    """Makes the modes that only need guidance; `navigator` flies missions and `offboard` streamed set-points."""
+    """Table of the flight modes. `navigator` flies missions, `offboard` streamed set-points."""
 
     def __init__(
         self, vehicle: Vehicle, params: ParamTable, guidance: Guidance, navigator: Navigator, offboard: Offboard
@@ -21,12 +21,12 @@ class FlightModes:
         self.guidance, self.navigator, self.offboard = guidance, navigator, offboard
         self.hold = Hold(guidance, vehicle)
         self.takeoff = Takeoff(guidance, vehicle, params)
-        by_attitude = ByAttitude(guidance, vehicle, params, holds_altitude=False)
+        manual_attitude = ManualAttitude(guidance, vehicle, params, holds_altitude=False)
         self.by_mode: dict[Mode, FlightMode] = {
-            Mode.MANUAL: by_attitude,
-            Mode.STABILIZED: by_attitude,
-            Mode.ALTCTL: ByAttitude(guidance, vehicle, params, holds_altitude=True),
-            Mode.POSCTL: ByPosition(guidance, vehicle, params),
+            Mode.MANUAL: manual_attitude,
+            Mode.STABILIZED: manual_attitude,
+            Mode.ALTCTL: ManualAttitude(guidance, vehicle, params, holds_altitude=True),
+            Mode.POSCTL: ManualPosition(guidance, vehicle, params),
             Mode.TAKEOFF: self.takeoff,
             Mode.LOITER: self.hold,
             Mode.MISSION: navigator,

@@ -1,8 +1,8 @@
-"""Carrying out a mission.
+"""Execution of missions.
 
 Waypoints that are flown through are joined to one trajectory (a run) with rounded corners; a run ends at the first
-item that needs a stop: a hold time, a delay, a loiter, a landing, a jump, or the end. Items without a place of their
-own (speed, camera) take effect when the waypoint before them is passed.
+item that needs a stop: a hold time, a delay, a loiter, a landing, a jump, or the end. Items without a position
+(speed, camera) take effect when the waypoint before them is passed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import (
     NAVIGATION,
     PAYLOAD,
     RELATIVE_FRAMES,
-    place_is_open,
+    has_no_position,
     value_or,
 )
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
@@ -31,11 +31,11 @@ from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG, TURN_RAD
 
 _CORNER_RADIUS_M = 0.5  # a waypoint counts as reached no further away than this plus its acceptance radius
-_ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that jump for ever
+_ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that only jump
 
 
-class Gate(NamedTuple):
-    """Passing path length `s` completes item `seq`; from then on legs have heading `yaw` (None: along the path)."""
+class PathItem(NamedTuple):
+    """Mission item on a path, complete at path length `s`. `yaw`: heading on the way to it (None: along the path)."""
 
     seq: int
     s: float
@@ -45,7 +45,7 @@ class Gate(NamedTuple):
 
 
 class Navigator:
-    """AUTO.MISSION. `reached(seq)` and `current(seq)` report progress; `project(lat, lon, alt)` gives local NED."""
+    """AUTO.MISSION. `reached(seq)` reports progress; `project(lat, lon, alt)` returns local NED."""
 
     def __init__(
         self,
@@ -63,19 +63,19 @@ class Navigator:
         self._climb = TakeoffClimb(guidance, vehicle, params)
         self._landing = Landing(guidance, vehicle, params)
         self.items: list[MissionItem] = []
-        self.index = 0  # item being carried out; len(items) when there is none left
+        self.index = 0  # current item; len(items) when there is none left
         self.complete = False
         self._active = False
-        self._gates: list[Gate] = []
+        self._path_items: list[PathItem] = []
         self._action: Callable[[int], bool] | None = None  # returns True when the current item is done
         self._speed: float | None = None
         self._jumps: dict[int, int] = {}
         self._next_mode: Mode | None = None
 
-    # -- the mission as others see it ---------------------------------------------------------------------------
+    # -- mission and progress -----------------------------------------------------------------------------------
 
     def load(self, items: list[MissionItem]) -> None:
-        """Another mission was uploaded, or the old one cleared."""
+        """Take a new mission; an empty one clears it."""
         self.items = items
         self._restart()
         if self._active:
@@ -88,21 +88,21 @@ class Navigator:
         self.complete = False
         self._jumps = {}
         self._speed = None
-        self._gates, self._action = [], None
+        self._path_items, self._action = [], None
 
     def set_current(self, seq: int) -> bool:
-        """Continue with item `seq`. False if there is none."""
+        """Continue with item `seq`. Return False if there is none."""
         if not 0 <= seq < len(self.items):
             return False
         self.index = seq
         self.complete = False
-        self._gates, self._action = [], None
+        self._path_items, self._action = [], None
         if self._active:
             self._guidance.brake()
         return True
 
     def state(self) -> int:
-        """MISSION_CURRENT.mission_state."""
+        """Return MISSION_CURRENT.mission_state."""
         if not self.items:
             return MissionState.NO_MISSION
         if self.complete:
@@ -112,15 +112,15 @@ class Navigator:
         return MissionState.NOT_STARTED if self.index == 0 else MissionState.PAUSED
 
     def current_seq(self) -> int:
-        """MISSION_CURRENT.seq."""
+        """Return MISSION_CURRENT.seq."""
         return max(min(self.index, len(self.items) - 1), 0)
 
     def infeasible(self) -> str | None:
-        """Why the mission cannot be flown from home, or None."""
+        """Return why the mission cannot be flown from home, or None."""
         if not self.items:
             return "no valid mission"
         home, limit = self._vehicle.home, self._params["MIS_DIST_1WP"]
-        first = next((i for i in self.items if i.command in NAVIGATION and not place_is_open(i)), None)
+        first = next((i for i in self.items if i.command in NAVIGATION and not has_no_position(i)), None)
         if first is None or home is None or limit <= 0.0:
             return None
         n, e, _ = self._point(first, (home.n_m, home.e_m, home.d_m))
@@ -135,12 +135,12 @@ class Navigator:
         if self.complete:
             self._restart()
         self._active = True
-        self._gates, self._action = [], None
+        self._path_items, self._action = [], None
         self._next_mode = None
         self._guidance.brake()
 
     def stop(self) -> None:
-        """The mode was left or the vehicle disarmed."""
+        """Stop after the mode was left or the vehicle disarmed."""
         self._active = False
 
     def step(self, now_us: int) -> Mode | None:
@@ -172,24 +172,24 @@ class Navigator:
         return Mode.LOITER
 
     def _done(self, seq: int) -> None:
-        """Item `seq` is complete: report it and go on."""
+        """Report item `seq` as reached and go on to the next."""
         self._reached(seq)
         self.index = seq + 1
 
     # -- items --------------------------------------------------------------------------------------------------
 
     def _point(self, item: MissionItem, otherwise: Point) -> Point:
-        """Local NED of a navigation item; `otherwise` gives north and east where the item leaves them open."""
+        """Return local NED of a navigation item, with north and east of `otherwise` if the item has no position."""
         home = self._vehicle.home
         relative = item.frame in RELATIVE_FRAMES and home is not None
         alt = home.alt_m + item.alt_m if relative and home is not None else item.alt_m
-        if place_is_open(item):
+        if has_no_position(item):
             _, _, d = self._project(0.0, 0.0, alt)
             return (otherwise[0], otherwise[1], d)
         return self._project(item.lat_degE7 / 1e7, item.lon_degE7 / 1e7, alt)
 
     def _begin(self, item: MissionItem, now_us: int) -> Callable[[int], bool]:
-        """Start `items[index]`; the result is called every step until it returns True."""
+        """Start `items[index]`. Return a function to call every step until it returns True."""
         command = item.command
         if command in NAVIGATION and command != Cmd.NAV_LAND and self._vehicle.landed:
             return self._begin_climb(item)
@@ -207,7 +207,7 @@ class Navigator:
         return lambda _now: self._instant(item)
 
     def _instant(self, item: MissionItem) -> bool:
-        """Items that take no time."""
+        """Carry out an item that takes no time."""
         command = item.command
         if command == Cmd.DO_JUMP:
             done = self._jumps.get(item.seq, 0)
@@ -219,7 +219,7 @@ class Navigator:
         elif command == Cmd.DO_CHANGE_SPEED:
             self.change_speed(item.param2)
         elif command == Cmd.DO_SET_HOME:
-            use_current = item.param1 == 1.0 or place_is_open(item)
+            use_current = item.param1 == 1.0 or has_no_position(item)
             self._set_home(
                 None if use_current else (item.lat_degE7 / 1e7, item.lon_degE7 / 1e7, value_or(item.alt_m, 0.0))
             )
@@ -229,13 +229,13 @@ class Navigator:
         return True
 
     def change_speed(self, speed_mps: float) -> bool:
-        """Horizontal speed of the legs to come; -1 changes nothing, -2 is the default again. False if it is neither."""
+        """Set the horizontal speed of the next legs (-1: no change, -2: default). Return False if it is neither."""
         self._speed, known = self._speed_after(self._speed, speed_mps)
         return known
 
     @staticmethod
     def _speed_after(now: float | None, asked_mps: float) -> tuple[float | None, bool]:
-        """Speed (None: default) after DO_CHANGE_SPEED asked for `asked_mps`, and whether that means anything."""
+        """Return the speed after DO_CHANGE_SPEED to `asked_mps` (None: default), and True if `asked_mps` is valid."""
         if asked_mps > 0.0:
             return asked_mps, True
         return (None, True) if asked_mps == -2.0 else (now, asked_mps == -1.0)
@@ -272,7 +272,7 @@ class Navigator:
         return step
 
     def _begin_climb(self, item: MissionItem) -> Callable[[int], bool]:
-        """Leave the ground: to the altitude of a take-off item, else to MIS_TAKEOFF_ALT above home."""
+        """Take off to the altitude of a take-off item, else to MIS_TAKEOFF_ALT above home."""
         vehicle = self._vehicle
         if item.command == Cmd.NAV_TAKEOFF:
             target_d = self._point(item, self._guidance.here())[2]
@@ -282,11 +282,11 @@ class Navigator:
         self._climb.start(target_d)
         if vehicle.home is not None:
             self._info(f"Takeoff to {vehicle.home.d_m - target_d:.1f} meters above home")
-        # The item itself goes on as an ordinary waypoint once the vehicle is up.
+        # After the climb the item is flown as an ordinary waypoint.
         return self._climb.step
 
     def _begin_run(self) -> Callable[[int], bool]:
-        """Lay a trajectory through the items from `index` on that can be flown without a stop."""
+        """Start a trajectory through the items from `index` on that need no stop."""
         guidance, items = self._guidance, self.items
         points = [guidance.setpoint_position()]
         speeds: list[float] = []
@@ -310,7 +310,7 @@ class Navigator:
                 found.append((item, len(points) - 1))
             else:
                 break
-        # What follows the last navigation item belongs to the next step of the mission.
+        # Items after the last navigation item are carried out after the run.
         while found and found[-1][0].command not in NAVIGATION:
             found.pop()
         guidance.yaw_target = None
@@ -320,9 +320,11 @@ class Navigator:
         else:
             guidance.hold(points[0])
             s = [0.0]
-        self._gates = [Gate(item.seq, s[k], points[k], self._acceptance(item), self._yaw_of(item)) for item, k in found]
-        if self._gates:
-            guidance.yaw_target = self._gates[0].yaw
+        self._path_items = [
+            PathItem(item.seq, s[k], points[k], self._acceptance(item), self._yaw_of(item)) for item, k in found
+        ]
+        if self._path_items:
+            guidance.yaw_target = self._path_items[0].yaw
         last = found[-1][0]
         after: Callable[[int], bool] | None = None
 
@@ -331,7 +333,7 @@ class Navigator:
             if after is not None:
                 return after(now)
             guidance.follow()
-            if self._pass_gates(last.seq):
+            if self._pass_items(last.seq):
                 after = self._begin_stop(last, points[-1], now)
             return False
 
@@ -339,7 +341,7 @@ class Navigator:
 
     @staticmethod
     def _far(point: Point, other: Point) -> bool:
-        """Far enough apart for a leg between them."""
+        """Return True if the points are far enough apart for a leg."""
         dn, de, dd = point[0] - other[0], point[1] - other[1], point[2] - other[2]
         return dn * dn + de * de + dd * dd > 0.01
 
@@ -355,37 +357,37 @@ class Navigator:
 
     @staticmethod
     def _yaw_of(item: MissionItem) -> float | None:
-        """Heading an item demands, or None for the direction of travel."""
+        """Return the heading [rad] that an item demands, or None for the direction of travel."""
         if item.command not in NAVIGATION or item.param4 != item.param4:
             return None
         return el.wrap_pi((item.param4 - 360.0 * int(item.param4 / 360.0)) * RAD_PER_DEG)
 
-    def _pass_gates(self, last_seq: int) -> bool:
-        """Complete what the trajectory and the vehicle have passed. True once only the last item is left, reached."""
+    def _pass_items(self, last_seq: int) -> bool:
+        """Complete the items that trajectory and vehicle have passed. Return True once the last one is reached."""
         guidance = self._guidance
         trajectory = guidance.trajectory
         s = trajectory.s if trajectory is not None else 0.0
-        while self._gates:
-            gate = self._gates[0]
-            if s < gate.s:
+        while self._path_items:
+            item = self._path_items[0]
+            if s < item.s:
                 return False
-            final = gate.seq == last_seq
+            final = item.seq == last_seq
             if final and trajectory is not None and not trajectory.done:
                 return False
-            horizontal, vertical = guidance.distance_to(gate.point)
-            if horizontal > gate.radius_m + _CORNER_RADIUS_M or vertical > self._params["NAV_MC_ALT_RAD"]:
+            horizontal, vertical = guidance.distance_to(item.point)
+            if horizontal > item.radius_m + _CORNER_RADIUS_M or vertical > self._params["NAV_MC_ALT_RAD"]:
                 return False
             if final:
                 return True
-            if self.items[gate.seq].command == Cmd.DO_CHANGE_SPEED:
-                self.change_speed(self.items[gate.seq].param2)
-            self._done(gate.seq)
-            self._gates.pop(0)
-            guidance.yaw_target = self._gates[0].yaw
+            if self.items[item.seq].command == Cmd.DO_CHANGE_SPEED:
+                self.change_speed(self.items[item.seq].param2)
+            self._done(item.seq)
+            self._path_items.pop(0)
+            guidance.yaw_target = self._path_items[0].yaw
         return True
 
     def _begin_stop(self, item: MissionItem, point: Point, now_us: int) -> Callable[[int], bool]:
-        """What to do at the end of a run."""
+        """Start the action at the end of a run. Return a function to call every step until it returns True."""
         command = item.command
         if command == Cmd.NAV_LAND:
             self._landing.start(point)

@@ -1,8 +1,8 @@
-"""OFFBOARD: setpoints that a companion computer streams.
+"""OFFBOARD: set-points that a companion computer streams.
 
-SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT and SET_ATTITUDE_TARGET are kept when they come and
-flown while the mode is on. As in PX4 the mode can be entered, and is kept, only while setpoints arrive at more than
-2 Hz; COM_OF_LOSS_T after the last one it is lost.
+The latest SET_POSITION_TARGET_LOCAL_NED, SET_POSITION_TARGET_GLOBAL_INT or SET_ATTITUDE_TARGET is stored and flown
+while the mode is on. As in PX4, the mode can be entered only while set-points arrive at more than 2 Hz; COM_OF_LOSS_T
+after the last one the failsafe acts.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _IGNORE_ATTITUDE = 0x80
 
 
 class Offboard:
-    """The latest setpoint and when it came. Lengths in m NED."""
+    """The latest set-point and its time of arrival. Lengths in m NED."""
 
     def __init__(self, core: FlightCore, vehicle: Vehicle, project: Callable[[float, float, float], Point]) -> None:
         self._core, self._vehicle, self._project = core, vehicle, project
@@ -41,7 +41,7 @@ class Offboard:
         self.rejected = 0
 
     def fresh(self, now_us: int, limit_us: int = _MAX_GAP_US) -> bool:
-        """A setpoint came within the last `limit_us`."""
+        """Return True if a set-point arrived within the last `limit_us`."""
         return self.last_us is not None and now_us - self.last_us <= limit_us
 
     def _keep(self, now_us: int, kind: int, values: tuple[float, ...]) -> None:
@@ -52,7 +52,7 @@ class Offboard:
         self.last_us = now_us
 
     def on_local(self, m: Any, now_us: int) -> None:
-        """SET_POSITION_TARGET_LOCAL_NED; frames LOCAL_NED, and BODY_NED for velocities."""
+        """Handle SET_POSITION_TARGET_LOCAL_NED in frame LOCAL_NED, or BODY_NED for velocities."""
         if m.coordinate_frame == _FRAME_LOCAL_NED:
             position, velocity = (m.x, m.y, m.z), (m.vx, m.vy, m.vz)
         elif m.coordinate_frame == _FRAME_BODY_NED:
@@ -64,7 +64,7 @@ class Offboard:
         self._position_target(m, position, velocity, now_us)
 
     def on_global(self, m: Any, now_us: int) -> None:
-        """SET_POSITION_TARGET_GLOBAL_INT; altitude above sea level or home."""
+        """Handle SET_POSITION_TARGET_GLOBAL_INT; altitude above sea level or home."""
         home = self._vehicle.home
         alt = m.alt
         if m.coordinate_frame in _GLOBAL_RELATIVE and home is not None:
@@ -91,7 +91,7 @@ class Offboard:
         self._keep(now_us, POSITION, (*p, *v, yaw, rate))
 
     def on_attitude(self, m: Any, now_us: int) -> None:
-        """SET_ATTITUDE_TARGET: attitude with thrust, or body rates with thrust."""
+        """Handle SET_ATTITUDE_TARGET: attitude with thrust, or body rates with thrust."""
         thrust = min(max(m.thrust, 0.0), 1.0) if m.thrust == m.thrust else 0.0
         if m.type_mask & _IGNORE_ATTITUDE:
             rates = (m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate)

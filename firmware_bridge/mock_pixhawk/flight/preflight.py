@@ -1,4 +1,4 @@
-"""Pre-flight checks: why the vehicle may not be armed."""
+"""Pre-flight checks: the reasons that forbid arming."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 # time_usec is larger.
 _READY_US, _READY_LATE_US, _NEAR_ZERO_US = 4_300_000, 18_000_000, 1_000_000
 _CRITICAL_BATTERY = 0.07
-BIAS = "High Accelerometer Bias"  # what PX4 makes of samples that arrive unevenly
+BIAS = "High Accelerometer Bias"  # PX4's text when samples arrive unevenly
 
 
 class Preflight:
@@ -23,7 +23,7 @@ class Preflight:
         self._earliest_us = 0
 
     def begin(self, start_us: int, *, hitl: bool = False) -> None:
-        """The clock starts at `start_us`. In HITL that is the board's own, which starts with the board."""
+        """Set the time of the first pass from the first time of the clock, in HITL the board's own."""
         if hitl:
             self._earliest_us = start_us + _READY_US
             return
@@ -32,11 +32,11 @@ class Preflight:
 
     @property
     def arrivals_bad(self) -> bool:
-        """IMU samples arrive too unevenly."""
+        """True if IMU samples arrive too unevenly."""
         return self._sensors.arrivals.bad
 
     def sensor_failures(self, now_us: int) -> list[str]:
-        """Sensors that do not work, in PX4's words."""
+        """Return the failures of sensors, in PX4's words."""
         failures = []
         for sensor in (ACCEL, GYRO, MAG, BARO):
             if sensor == MAG and not self._params["SYS_HAS_MAG"]:
@@ -48,7 +48,7 @@ class Preflight:
         return failures
 
     def failures(self, now_us: int, mode: Mode) -> list[str]:
-        """Why the vehicle may not be armed in `mode`; empty if it may."""
+        """Return the reasons that forbid arming in `mode`; empty if there are none."""
         failures = self.sensor_failures(now_us)
         estimate = self._estimate
         if not estimate.attitude_ok:

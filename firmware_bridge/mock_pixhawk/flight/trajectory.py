@@ -1,4 +1,4 @@
-"""Flying along a line: a polyline with rounded corners, and a jerk-limited speed along it.
+"""Trajectory: a polyline with rounded corners, and a jerk-limited speed along it.
 
 Path. Legs are straight. At a corner between unit directions u1 and u2 (angle theta) an arc of radius r replaces the
 tip, touching both legs at a distance r tan(theta/2) from it:
@@ -6,7 +6,7 @@ tip, touching both legs at a distance r tan(theta/2) from it:
     p(phi) = T + r (sin(phi) u1 + (1 - cos(phi)) n),   n = (u2 - (u1.u2) u1) / |...|,   0 <= phi <= theta
 
 The arc leaves the legs by at most r (1 - cos(theta/2)); r is chosen so that this is `corner_deviation_m`. So the
-commanded path is smooth and its distance from the plan is bounded by construction.
+path is smooth and its distance from the plan is bounded.
 
 Speed. v(s) obeys the limit of the piece it is on and can always brake, at acceleration a and jerk j, to the limit v1
 that begins at distance d. PX4's closed form for that (`math::trajectory::computeMaxSpeedFromDistance`):
@@ -27,26 +27,26 @@ from firmware_bridge.mock_pixhawk import elementary as el
 Point = tuple[float, float, float]
 
 _STRAIGHT = 1.0 - 1e-7  # cosine of a turn that needs no arc: less than 0.03 degrees
-_REVERSAL = -0.95  # sharper than this the arc would be too small: turn on the spot
+_REVERSAL = -0.95  # cosine of a turn too sharp for an arc: turn on the spot
 _CORNER_STOP_MPS = 0.15  # speed over a corner without arc; not 0, or the corner would never be reached
-_SNAP_M = 0.002  # nearer to the end than this is the end
+_SNAP_M = 0.002  # the end counts as reached within this distance
 _CREEP_MPS = 0.5
 _SPEED_GAIN = 4.0  # 1/s: how fast the speed approaches its target when jerk and acceleration leave room
 
 
 class Limits(NamedTuple):
-    """What the vehicle may do along a path."""
+    """Limits of speed, acceleration and jerk along a path."""
 
     speed_up_mps: float
     speed_down_mps: float
     accel_mps2: float
     jerk_mps3: float
     accel_lateral_mps2: float  # in corners
-    corner_deviation_m: float  # how far a rounded corner may leave the legs
+    corner_deviation_m: float  # largest distance of a rounded corner from the legs
 
 
 class Piece(NamedTuple):
-    """A straight (radius 0) or an arc. Begins at `start`, direction `u`, at path length `s0`."""
+    """A straight (radius 0) or an arc. It begins at `start` in direction `u`, at path length `s0`."""
 
     s0: float
     length: float
@@ -64,10 +64,10 @@ def _braking_speed(distance_m: float, speed_then_mps: float, accel_mps2: float, 
 
 
 def max_speed_mps(distance_m: float, speed_then_mps: float, accel_mps2: float, jerk_mps3: float) -> float:
-    """Highest speed from which one can brake to `speed_then_mps` within `distance_m` >= 0."""
+    """Return the highest speed from which braking to `speed_then_mps` takes at most `distance_m` >= 0."""
     v = _braking_speed(distance_m, speed_then_mps, accel_mps2, jerk_mps3)
     if v < _CREEP_MPS:
-        # The form above creeps towards the end (v = 0.7/s * d). Slow as this is, twice the jerk is not used up.
+        # The closed form is slow near the end (v = 0.7/s * d). At this speed twice the jerk is allowed.
         v = max(v, min(_braking_speed(distance_m, speed_then_mps, accel_mps2, 2.0 * jerk_mps3), _CREEP_MPS))
     # For d near 0 the root is less than v1, because of the time the jerk takes.
     return max(v, speed_then_mps)
@@ -84,7 +84,7 @@ def _leg_speed(u: Point, speed: float, limits: Limits) -> float:
 
 
 class Trajectory:
-    """A moving setpoint on a path through `points`.
+    """A moving set-point on a path through `points`.
 
     `speeds[i]` is the horizontal speed of the leg that ends at points[i + 1]. `waypoint_s[i]` is the path length at
     which points[i] is passed. Coinciding points are allowed. Call `advance` once per guidance step.
@@ -103,12 +103,12 @@ class Trajectory:
         self._pieces: list[Piece] = []
         self.waypoint_s: list[float] = []
         self.length = 0.0
-        self._lay(list(points), list(speeds))
+        self._build(list(points), list(speeds))
         self.position: Point = points[0]
         self.tangent: Point = self._pieces[0].u if self._pieces else (0.0, 0.0, 0.0)
 
-    def _lay(self, points: list[Point], speeds: list[float]) -> None:
-        """Lay straights and arcs through `points`."""
+    def _build(self, points: list[Point], speeds: list[float]) -> None:
+        """Build the straights and arcs through `points`."""
         limits = self._limits
         # Legs between distinct points: (start index, unit vector, length, speed, its horizontal limit).
         legs: list[tuple[int, Point, float, float, float]] = []
@@ -155,7 +155,7 @@ class Trajectory:
     def _corner(
         self, u1: Point, len1: float, u2: Point, len2: float, speed: float
     ) -> tuple[float, tuple[Point, float, float, float] | None]:
-        """How much to cut off both legs, and (n, radius, arc length, speed) of the arc or None for no arc."""
+        """Return the length cut off both legs, and (n, radius, arc length, speed) of the arc or None for no arc."""
         c = u1[0] * u2[0] + u1[1] * u2[1] + u1[2] * u2[2]
         if c > _STRAIGHT:
             return 0.0, None
@@ -172,7 +172,7 @@ class Trajectory:
         )
         cut = radius * tan_half
         arc_speed = min(speed, sqrt(self._limits.accel_lateral_mps2 * radius))
-        # On the way round, cos(phi) u1 + sin(phi) n may be steeper than both legs.
+        # Within the arc, cos(phi) u1 + sin(phi) n may be steeper than both legs.
         steepest = sqrt(u1[2] * u1[2] + n[2] * n[2])
         if steepest > 1e-3:
             arc_speed = min(arc_speed, min(self._limits.speed_up_mps, self._limits.speed_down_mps) / steepest)
@@ -180,7 +180,7 @@ class Trajectory:
 
     @property
     def done(self) -> bool:
-        """The setpoint has come to rest at the end of the path."""
+        """True once the set-point rests at the end of the path."""
         return self.s >= self.length
 
     def _allowed_speed(self) -> float:
@@ -198,16 +198,16 @@ class Trajectory:
         return min(speed, max_speed_mps(max(self.length - self.s, 0.0), 0.0, accel, jerk))
 
     def advance(self, dt_s: float, stretch: float) -> None:
-        """Move on by `dt_s`. `stretch` in 0..1 slows the setpoint down for a vehicle that lags behind."""
+        """Advance by `dt_s`. `stretch` in 0..1 slows the set-point down for a vehicle that lags behind."""
         if not self._pieces or self.s >= self.length:
             self.s = self.length
             self.v = self.a = 0.0
             if self._pieces:
-                self._place()
+                self._update_position()
             return
         limits = self._limits
         error = self._allowed_speed() * stretch - self.v
-        # Acceleration that can still be taken back to zero, at the jerk limit, before the speed error is gone.
+        # Acceleration that the jerk limit can still bring to zero before the speed error is zero.
         bound = min(limits.accel_mps2, sqrt(2.0 * limits.jerk_mps3 * abs(error)), _SPEED_GAIN * abs(error))
         wanted = bound if error > 0.0 else -bound
         step = limits.jerk_mps3 * dt_s
@@ -217,10 +217,10 @@ class Trajectory:
         if self.length - self.s < _SNAP_M and self.v < 0.1:
             self.s = self.length
         self.s = min(self.s, self.length)
-        self._place()
+        self._update_position()
 
-    def _place(self) -> None:
-        """Position and direction at s."""
+    def _update_position(self) -> None:
+        """Compute position and direction at s."""
         pieces = self._pieces
         while self.piece + 1 < len(pieces) and self.s >= pieces[self.piece + 1].s0:
             self.piece += 1
@@ -247,12 +247,12 @@ class Trajectory:
         )
 
     def velocity(self) -> Point:
-        """Velocity of the setpoint."""
+        """Return the velocity of the set-point."""
         t, v = self.tangent, self.v
         return (v * t[0], v * t[1], v * t[2])
 
     def acceleration(self) -> Point:
-        """Acceleration of the setpoint: a t + v^2 / r towards the centre."""
+        """Return the acceleration of the set-point: a t + v^2 / r towards the centre."""
         t, a = self.tangent, self.a
         if not self._pieces:
             return (0.0, 0.0, 0.0)
@@ -270,7 +270,7 @@ class Trajectory:
         )
 
     def heading(self) -> float | None:
-        """Direction of travel over ground [rad], or None on a vertical or empty path."""
+        """Return the direction of travel over ground [rad], or None on a vertical or empty path."""
         t = self.tangent
         if t[0] * t[0] + t[1] * t[1] < 0.01:
             return None

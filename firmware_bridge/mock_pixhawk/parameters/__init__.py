@@ -1,1 +1,1 @@
-"""The mock autopilot's parameters: defaults, airframes, and the protocol that serves them."""
+"""The mock autopilot's parameters: defaults, airframes, and their protocol."""

@@ -1,8 +1,8 @@
-"""The parameter table: PX4's names, types, defaults and ranges, and the protocol that serves it.
+"""The parameter table (PX4's names, types, defaults and ranges) and the parameter protocol.
 
-Parameters are INT32 or FLOAT (MAV_PARAM_TYPE_INT32, REAL32). Like PX4, the wire carries the 32 bits of an INT32 in
-the float field as they are ("bytewise" encoding), so payloads are packed from raw bytes: a float would not keep
-every bit pattern. Values are held as float32 sees them, so that what a ground station reads back is what flies.
+Parameters are INT32 or FLOAT (MAV_PARAM_TYPE_INT32, REAL32). As in PX4, the float field of a message carries the 32
+bits of an INT32 ("bytewise" encoding), so payloads are packed from raw bytes: a float would not keep every bit pattern.
+Values are rounded to float32, so that a ground station reads back exactly the value in use.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Param:
         self.value = self.rounded(value)
 
     def rounded(self, value: float) -> float:
-        """`value` as the wire's 32 bits can hold it."""
+        """Return `value` rounded to the 32 bits of the message field."""
         return int(value) if self.type == TYPE_INT32 else _float32.unpack(_float32.pack(value))[0]
 
     def refusal(self, value: float) -> str | None:
-        """Why `value` cannot be set, or None."""
-        if not abs(value) < 3.4e38:  # NaN, infinities and what float32 cannot hold
+        """Return why `value` cannot be set, or None."""
+        if not abs(value) < 3.4e38:  # NaN, infinities and values beyond float32
             return "not a finite number"
         if not self.minimum <= value <= self.maximum:
             return f"outside {self.minimum:g} .. {self.maximum:g}"
@@ -71,20 +71,21 @@ def _accept(name: str, value: float) -> str | None:  # noqa: ARG001
 
 
 def airframes() -> list[str]:
-    """Names of the airframes there are files for."""
+    """Return the names of the airframes that have a file."""
     return sorted(path.stem for path in (_HERE / "airframes").glob("*.params"))
 
 
 class ParamTable:
-    """Every parameter, in alphabetical order, which is PX4's index order.
+    """All parameters, in alphabetical order, which is PX4's index order.
 
-    `on_change(name, value)` is called before each change and may refuse it by saying why; `after_change()` after it.
+    `on_change(name, value)` is called before each change and returns None, or why it is refused; `after_change()` is
+    called after it.
     """
 
     def __init__(self, native: Iterable[tuple[str, float, float, float]] = (), *, hitl: bool = False) -> None:
         """`native`: name, default, minimum, maximum of the flight core's parameters (not in `parameters.txt`).
 
-        `hitl`: with those that only a board built for HITL has (`parameters_hitl.txt`).
+        `hitl`: add the parameters of a board built for HITL (`parameters_hitl.txt`).
         """
         params: dict[str, Param] = {}
         for file in ("parameters.txt", "parameters_hitl.txt") if hitl else ("parameters.txt",):
@@ -103,10 +104,10 @@ class ParamTable:
         for index, param in enumerate(self._params):
             param.index = index
         self._by_name = {param.name: param for param in self._params}
-        self.forget_listeners()
+        self.clear_callbacks()
 
-    def forget_listeners(self) -> None:
-        """Nobody is asked before a change, nor told after it."""
+    def clear_callbacks(self) -> None:
+        """Remove the callbacks `on_change` and `after_change`."""
         self.on_change: Callable[[str, float], str | None] = _accept
         self.after_change: Callable[[], None] = lambda: None
 
@@ -120,17 +121,17 @@ class ParamTable:
         return name in self._by_name
 
     def names(self) -> list[str]:
-        """All names in index order."""
+        """Return all names in index order."""
         return [param.name for param in self._params]
 
     def find(self, name: str, index: int = -1) -> Param | None:
-        """The parameter of that name, or of that index where `index` >= 0, or None."""
+        """Return the parameter of that name, or of that index if `index` >= 0, or None."""
         if index >= 0:
             return self._params[index] if index < len(self._params) else None
         return self._by_name.get(name)
 
     def set(self, name: str, value: float) -> str | None:
-        """Change a parameter. Returns why it was refused, or None."""
+        """Change a parameter. Return why it was refused, or None."""
         param = self._by_name.get(name)
         if param is None:
             return "no such parameter"
@@ -144,7 +145,7 @@ class ParamTable:
         return refusal
 
     def load_airframe(self, name: str) -> None:
-        """Apply `airframes/NAME.params`. ConfigError lists everything wrong with it."""
+        """Apply `airframes/NAME.params`. Raises ConfigError with every error of the file."""
         path = _HERE / "airframes" / f"{name}.params"
         if not path.is_file():
             known = ", ".join(airframes())
@@ -158,7 +159,7 @@ class ParamTable:
             raise ConfigError(problems)
 
     def load(self, assignments: Iterable[str]) -> None:
-        """Apply `NAME=VALUE` strings. ConfigError lists every one that is wrong."""
+        """Apply `NAME=VALUE` strings. Raises ConfigError with every wrong one."""
         problems = []
         for text in assignments:
             name, _, value = text.partition("=")
@@ -172,14 +173,14 @@ class ParamTable:
             raise ConfigError(problems)
 
     def _hint(self, name: str) -> str:
-        """The nearest legal names, for one that does not exist."""
+        """Return the nearest existing names for one that does not exist."""
         if name in self._by_name:
             return ""
         near = get_close_matches(name, self._by_name, n=3)
         return f"did you mean {', '.join(near)}?" if near else "names are PX4's, in capitals"
 
     def value_payload(self, param: Param) -> bytes:
-        """Payload of PARAM_VALUE (bytewise encoding)."""
+        """Pack the payload of PARAM_VALUE (bytewise encoding)."""
         bits = _int32.pack(int(param.value)) if param.type == TYPE_INT32 else _float32.pack(param.value)
         return _value_payload(bits, len(self._params), param.index, param.name.encode(), param.type)
 
@@ -189,10 +190,10 @@ _set_request = struct.Struct("<4sBB16sB").unpack  # PARAM_SET: value bits, targe
 
 
 class ParamService:
-    """PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
+    """Service of PARAM_REQUEST_LIST, PARAM_REQUEST_READ and PARAM_SET.
 
-    `send(msgid, payload)` queues a message. A list is paced in simulated time: `send_next` is to be called by a
-    timer, which `start_list` starts and which stops when `send_next` returns False.
+    `send(msgid, payload)` queues a message. A list is paced in simulated time: `start_list` starts a timer that calls
+    `send_next` until it returns False.
     """
 
     def __init__(
@@ -209,12 +210,12 @@ class ParamService:
         self._cursor = len(table)
 
     def request_list(self) -> None:
-        """Begin (again) to send every parameter."""
+        """Start, or restart, sending every parameter."""
         self._cursor = 0
         self._start_list()
 
     def send_next(self) -> bool:
-        """Send one parameter of the list under way. False when there is none left."""
+        """Send the next parameter of the list. Return False if there is none left."""
         param = self.table.find("", self._cursor)
         if param is None:
             return False
@@ -223,7 +224,7 @@ class ParamService:
         return True
 
     def request_read(self, payload: bytes) -> None:
-        """Answer PARAM_REQUEST_READ, by name or index; unknown ones are answered by a warning, as in PX4."""
+        """Answer PARAM_REQUEST_READ by name or index; warn about an unknown one, as PX4 does."""
         index, _, _, raw_name = _read_request(payload)
         name = _ascii(raw_name)
         param = self.table.find(name, index)
@@ -233,7 +234,7 @@ class ParamService:
             self._send(PARAM_VALUE_ID, self.table.value_payload(param))
 
     def set(self, payload: bytes) -> None:
-        """Take PARAM_SET and answer with the value that now holds, also where the new one was refused."""
+        """Handle PARAM_SET and answer with the value now set, also if the new one was refused."""
         bits, _, _, raw_name, kind = _set_request(payload)
         name = _ascii(raw_name)
         param = self.table.find(name)
@@ -251,5 +252,5 @@ class ParamService:
 
 
 def _ascii(raw_name: bytes) -> str:
-    """The name in a message's field; bytes that no parameter's name can hold become '?'."""
+    """Decode the name in a message field; bytes outside ASCII become '?'."""
     return raw_name.split(b"\0", 1)[0].decode("ascii", "replace").replace("\ufffd", "?")

@@ -21,7 +21,7 @@ _MAX_INTERVAL_US = 600_000_000
 
 
 class Command(NamedTuple):
-    """A command in one form. `x`, `y` are degrees (param5, param6), NaN where open; `frame` -1 for COMMAND_LONG."""
+    """A COMMAND_LONG or COMMAND_INT. `x`, `y` are degrees, NaN where not given; `frame` is -1 for COMMAND_LONG."""
 
     command: int
     p1: float
@@ -35,7 +35,7 @@ class Command(NamedTuple):
 
 
 class Streams(Protocol):
-    """Message rates and single messages, as commands ask for them."""
+    """Message rates and single messages, as commands request them."""
 
     def set_interval(self, msgid: int, period_us: int, now_us: int) -> bool: ...
 
@@ -45,7 +45,7 @@ class Streams(Protocol):
 
 
 class Commands:
-    """The handlers. `run(command, now_us)` gives the result to be acknowledged."""
+    """Handlers of the commands. `run(command, now_us)` returns the result to acknowledge."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class Commands:
         return handler(command, now_us)
 
     def set_mode(self, mode: Mode, now_us: int) -> int:
-        """The mode asked for by a SET_MODE message."""
+        """Change to the mode that a SET_MODE message requests."""
         return self._commander.set_mode(mode, now_us)
 
     def _arm_disarm(self, c: Command, now_us: int) -> int:
@@ -110,7 +110,7 @@ class Commands:
             return Result.TEMPORARILY_REJECTED
         estimate = self._estimate
         if isfinite(c.z) and estimate.has_origin and c.frame not in RELATIVE_FRAMES:
-            # COMMAND_LONG carries metres above sea level; 0 is what clients send that mean "default".
+            # COMMAND_LONG carries metres above sea level; clients send 0 for the default altitude.
             if c.z != 0.0:
                 if not abs(c.z) <= MAX_ALTITUDE_M:
                     return Result.DENIED
@@ -166,7 +166,7 @@ class Commands:
         return Result.ACCEPTED
 
     def _reboot_shutdown(self, c: Command, now_us: int) -> int:  # noqa: ARG002
-        """Parameter 1: 0 nothing, 1 reboot. There is no power switch and no bootloader here."""
+        """Reboot if parameter 1 is 1, do nothing if it is 0. The mock has no shutdown and no bootloader."""
         if self._vehicle.armed:
             return Result.DENIED
         if c.p1 == 1.0:
@@ -209,5 +209,5 @@ class Commands:
 
 
 def _finite(value: float) -> float:
-    """`value`, or 0 where it is NaN or too large for an integer field."""
+    """Return `value`, or 0 if it is NaN or too large for an integer field."""
     return value if abs(value) < 2.0**31 else 0.0

@@ -1,7 +1,7 @@
 """The mission protocol: upload, download, clear (https://mavlink.io/en/services/mission.html).
 
-As PX4's `mavlink_mission.cpp`: one transfer at a time, the receiver asks for each item by number, asks again every
-250 ms, gives up after 5 s without a new item, and an old mission stays valid until the last new item has arrived.
+As PX4's `mavlink_mission.cpp`: one transfer at a time, the receiver requests each item by number, repeats it every
+250 ms and gives up after 5 s without a new item. The old mission stays valid until the last new item has arrived.
 Times are simulated. Fence and rally lists exist and are always empty.
 """
 
@@ -35,10 +35,10 @@ _DEGE7 = 1e7
 
 
 class MissionStore:
-    """The mission held by the vehicle, and the transfer in progress.
+    """The mission stored in the vehicle, and the transfer in progress.
 
-    `send(message)` queues a message, `warn(text)` a STATUSTEXT, `changed()` is called when another mission took
-    effect. Handlers take the decoded message and the sender.
+    `send(message)` queues a message, `warn(text)` a STATUSTEXT; `changed()` is called after the mission was replaced.
+    Handlers take the decoded message and the sender.
     """
 
     def __init__(self, send: Callable[[Any], None], warn: Callable[[str], None], changed: Callable[[], None]) -> None:
@@ -56,11 +56,11 @@ class MissionStore:
 
     @property
     def busy(self) -> bool:
-        """An upload is in progress."""
+        """True while an upload is in progress."""
         return self._incoming is not None
 
     def tick(self, now_us: int) -> None:
-        """Ask again for what did not come, or give up. Call a few times a second."""
+        """Request the missing item again, or give up. Call it a few times a second."""
         self._now_us = now_us
         if self._incoming is None:
             return
@@ -79,7 +79,7 @@ class MissionStore:
         self._send(_Ack(*partner, type=result, mission_type=kind))
 
     def on_count(self, message: Any, sender: tuple[int, int], now_us: int) -> None:
-        """MISSION_COUNT: an upload begins."""
+        """Handle MISSION_COUNT: begin an upload."""
         self._now_us = now_us
         kind = message.mission_type
         if kind in (MISSION_TYPE_FENCE, MISSION_TYPE_RALLY):
@@ -89,11 +89,11 @@ class MissionStore:
             self._ack(sender, MissionResult.UNSUPPORTED, kind)
             return
         if self._incoming is not None and sender != self._partner:
-            # Somebody else's upload is under way. The same sender may start over.
+            # An upload of another sender is in progress. The same sender may start again.
             self._ack(sender, MissionResult.ERROR)
             return
         if message.count > MAX_ITEMS:
-            self._warn(f"Mission rejected: {message.count} items, room for {MAX_ITEMS}")
+            self._warn(f"Mission rejected: {message.count} items, at most {MAX_ITEMS}")
             self._incoming = None
             self._ack(sender, MissionResult.NO_SPACE)
             return
@@ -110,7 +110,7 @@ class MissionStore:
         self._request()
 
     def on_item_int(self, message: Any, sender: tuple[int, int], now_us: int) -> None:
-        """MISSION_ITEM_INT: one item of an upload."""
+        """Handle MISSION_ITEM_INT: one item of an upload."""
         m = message
         item = MissionItem(
             m.seq, m.frame, m.command, m.current, m.autocontinue, m.param1, m.param2, m.param3, m.param4, m.x, m.y, m.z
@@ -118,7 +118,7 @@ class MissionStore:
         self._take(item, m.mission_type, sender, now_us)
 
     def on_item(self, message: Any, sender: tuple[int, int], now_us: int) -> None:
-        """MISSION_ITEM: the same with floating point degrees."""
+        """Handle MISSION_ITEM: one item of an upload, with floating-point degrees."""
         m = message
         if not (abs(m.x) <= 200.0 and abs(m.y) <= 400.0):  # also NaN
             if self._incoming is not None and sender == self._partner:
@@ -138,13 +138,13 @@ class MissionStore:
             return
         if self._incoming is None or sender != self._partner:
             if self._just_finished == (*sender, item.seq):
-                # Our acknowledgement was lost or overtaken: say it again.
+                # The acknowledgement was lost or overtaken: send it again.
                 self._ack(sender, MissionResult.ACCEPTED)
             else:
                 self._ack(sender, MissionResult.ERROR)
             return
         if item.seq != len(self._incoming):
-            # A duplicate is let pass; an item from the future means that one was lost: ask for it again.
+            # A duplicate is ignored. A later item means that one was lost: request the lost one again.
             if item.seq > len(self._incoming):
                 self._request()
             return
@@ -169,7 +169,7 @@ class MissionStore:
         self._changed()
 
     def on_request_list(self, message: Any, sender: tuple[int, int]) -> None:
-        """MISSION_REQUEST_LIST: how many items there are."""
+        """Handle MISSION_REQUEST_LIST: send the number of items."""
         kind = message.mission_type
         if kind in (MISSION_TYPE_MISSION, MISSION_TYPE_FENCE, MISSION_TYPE_RALLY):
             count = len(self.items) if kind == MISSION_TYPE_MISSION else 0
@@ -178,25 +178,25 @@ class MissionStore:
             self._ack(sender, MissionResult.UNSUPPORTED, kind)
 
     def on_request(self, message: Any, sender: tuple[int, int], *, as_int: bool) -> None:
-        """MISSION_REQUEST_INT or MISSION_REQUEST: one item of a download."""
+        """Handle MISSION_REQUEST_INT or MISSION_REQUEST: send one item of a download."""
         kind = message.mission_type
         if kind != MISSION_TYPE_MISSION or message.seq >= len(self.items):
             self._ack(sender, MissionResult.INVALID_SEQUENCE, kind)
             return
         i = self.items[message.seq]
-        place = (i.lat_degE7, i.lon_degE7) if as_int else (i.lat_degE7 / _DEGE7, i.lon_degE7 / _DEGE7)
+        position = (i.lat_degE7, i.lon_degE7) if as_int else (i.lat_degE7 / _DEGE7, i.lon_degE7 / _DEGE7)
         cls = _ItemInt if as_int else _Item
         params = (i.param1, i.param2, i.param3, i.param4)
         head = (*sender, i.seq, i.frame, i.command, i.current, i.autocontinue)
-        self._send(cls(*head, *params, *place, i.alt_m, mission_type=kind))
+        self._send(cls(*head, *params, *position, i.alt_m, mission_type=kind))
 
     def on_ack(self, sender: tuple[int, int]) -> None:
-        """MISSION_ACK from the other side: it ends a download, or cancels the sender's own upload."""
+        """Handle MISSION_ACK: it ends a download, or cancels the sender's own upload."""
         if self._incoming is not None and sender == self._partner:
             self._incoming = None
 
     def on_clear(self, message: Any, sender: tuple[int, int]) -> None:
-        """MISSION_CLEAR_ALL."""
+        """Handle MISSION_CLEAR_ALL."""
         kind = message.mission_type
         if kind in (MISSION_TYPE_MISSION, MISSION_TYPE_ALL):
             self._incoming = None

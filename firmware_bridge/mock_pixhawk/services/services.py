@@ -1,4 +1,4 @@
-"""The MAVLink services: what ground stations and SDKs send, and who answers it.
+"""Dispatch of the messages of ground stations and SDKs to the MAVLink services.
 
 One handler per message id, in `Services.handlers`; the autopilot's hot path only looks up that table. Messages for
 another system or component are dropped here.
@@ -13,7 +13,7 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class, unpack
 from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
-from firmware_bridge.mock_pixhawk.flight.mission_item import UNKNOWN_PLACE
+from firmware_bridge.mock_pixhawk.flight.mission_item import UNKNOWN_POSITION
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
 from firmware_bridge.mock_pixhawk.ids import COMPONENT_AUTOPILOT, Result
 from firmware_bridge.mock_pixhawk.modes import mode_from_custom_mode
@@ -34,13 +34,13 @@ _FTP_NAK, _FTP_FILE_NOT_FOUND, _FTP_UNKNOWN_COMMAND = 129, 10, 7
 _FTP_OPENS = frozenset({3, 4, 6, 7, 8, 11, 12, 13, 14, 15})  # requests that name a file
 _FTP_TERMINATE = (1, 2)
 _FTP_ACK = 128
-_INT_PLACE_FRAMES_M = frozenset({1, 7, 8, 9})  # local frames: x, y are 1e4 metres, which no command here takes
+_LOCAL_FRAMES = frozenset({1, 7, 8, 9})  # local frames: x, y are 1e4 metres, which no command here takes
 
 Sender = tuple[int, int]
 
 
 class Services:
-    """Dispatches all messages but those of HIL; replies go to `outbox`."""
+    """Dispatcher of all messages but those of HIL; replies go to `outbox`."""
 
     def __init__(
         self,
@@ -84,24 +84,24 @@ class Services:
         }
         self.handlers[MSGID["HEARTBEAT"]] = self._heartbeat
         self.handlers[MSGID["TIMESYNC"]] = self._timesync
-        # Parameters travel as raw bits: their payloads are read undecoded.
+        # Parameter values are raw bits: these payloads are not decoded.
         self.handlers[MSGID["PARAM_REQUEST_READ"]] = lambda frame, _now: self._raw_param(frame, 2, params.request_read)
         self.handlers[MSGID["PARAM_SET"]] = lambda frame, _now: self._raw_param(frame, 4, params.set)
 
-    def _mine(self, system: int, component: int) -> bool:
+    def _is_addressed(self, system: int, component: int) -> bool:
         return system in (0, self._sysid) and component in (0, COMPONENT_AUTOPILOT)
 
     def _decoded(self, handler: Callable[[Any, Sender, int], None]) -> Callable[[Frame, int], None]:
         def handle(frame: Frame, now_us: int) -> None:
             message = unpack(frame)
             system = getattr(message, "target_system", getattr(message, "target", 0))
-            if self._mine(system, getattr(message, "target_component", 0)):
+            if self._is_addressed(system, getattr(message, "target_component", 0)):
                 handler(message, (frame.sysid, frame.compid), now_us)
 
         return handle
 
     def _raw_param(self, frame: Frame, target_at: int, handler: Callable[[bytes], None]) -> None:
-        if self._mine(frame.payload[target_at], frame.payload[target_at + 1]):
+        if self._is_addressed(frame.payload[target_at], frame.payload[target_at + 1]):
             handler(frame.payload)
 
     # -- commands -----------------------------------------------------------------------------------------------
@@ -114,14 +114,14 @@ class Services:
         self._acknowledge(m.command, self._commands.run(c, now_us), sender)
 
     def _command_int(self, m: Any, sender: Sender, now_us: int) -> None:
-        x = nan if m.x == UNKNOWN_PLACE else m.x / 1e7
-        y = nan if m.y == UNKNOWN_PLACE else m.y / 1e7
+        x = nan if m.x == UNKNOWN_POSITION else m.x / 1e7
+        y = nan if m.y == UNKNOWN_POSITION else m.y / 1e7
         c = Command(m.command, m.param1, m.param2, m.param3, m.param4, x, y, m.z, m.frame)
-        result = Result.DENIED if m.frame in _INT_PLACE_FRAMES_M else self._commands.run(c, now_us)
+        result = Result.DENIED if m.frame in _LOCAL_FRAMES else self._commands.run(c, now_us)
         self._acknowledge(m.command, result, sender)
 
     def _set_mode(self, m: Any, sender: Sender, now_us: int) -> None:  # noqa: ARG002
-        """SET_MODE has no acknowledgement; the next HEARTBEAT shows the mode."""
+        """Change the mode. SET_MODE has no acknowledgement; the next HEARTBEAT shows the mode."""
         mode = mode_from_custom_mode(m.custom_mode)
         if m.base_mode & 1 and mode is not None:
             self._commands.set_mode(mode, now_us)
@@ -130,7 +130,7 @@ class Services:
         if not self._commands.set_mission_current(m.seq, now_us):
             self._outbox.warn(f"No mission item {m.seq}")
 
-    # -- control from outside -----------------------------------------------------------------------------------
+    # -- external control ---------------------------------------------------------------------------------------
 
     def _heartbeat(self, frame: Frame, now_us: int) -> None:
         if unpack(frame).type == _TYPE_GCS:
@@ -155,7 +155,7 @@ class Services:
             self._send(_Ping(m.time_usec, m.seq, *sender))
 
     def _ftp(self, m: Any, sender: Sender, now_us: int) -> None:  # noqa: ARG002
-        """There are no files: acknowledge closing sessions, refuse everything else, so that nobody waits."""
+        """Acknowledge the end of a session and refuse everything else at once: the mock has no files."""
         request = bytes(m.payload)
         seq = (request[0] | request[1] << 8) + 1 & 0xFFFF
         opcode = request[3]

@@ -1,6 +1,6 @@
 """The telemetry messages: one function per message, from the autopilot's state to MAVLink's units.
 
-Default rates are modest; a ground station raises them with SET_MESSAGE_INTERVAL.
+Default rates are low; a ground station raises them with SET_MESSAGE_INTERVAL.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ DEFAULT_PERIOD_US = {
     "GPS_GLOBAL_ORIGIN": 0,
     "EXTENDED_SYS_STATE": 500_000,
 }
-_HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with a clock of its own asks for the other side's
+_HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with its own clock asks for the time of the other side
 
 _CONTROLS = (
     Sensor.SENSOR_MOTOR_OUTPUTS
@@ -74,7 +74,7 @@ _U16, _I16 = (0, 65535), (-32768, 32767)
 
 
 def _clamped(value: float, limits: tuple[int, int]) -> int:
-    """`value` rounded into an integer field; 0 if it is not a number."""
+    """Round `value` and clamp it to `limits`. Return 0 for NaN."""
     if value != value:
         return 0
     return round(min(max(value, limits[0]), limits[1]))
@@ -85,9 +85,9 @@ def _i32(value: float) -> int:
 
 
 class Telemetry:
-    """Makes messages. `mission()` gives (seq, total, state).
+    """Builder of the telemetry messages. `mission()` returns (seq, total, state).
 
-    Every maker takes the clock in us and returns a message, or None if there is nothing to say yet.
+    Every maker takes the clock in us and returns a message, or None while its data are missing.
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Telemetry:
         return _CELL_EMPTY_MV + round((_CELL_FULL_MV - _CELL_EMPTY_MV) * self._v.battery_remaining)
 
     def _timesync(self, cls: Any, now_us: int) -> Any:
-        return cls(0, now_us * 1000)  # tc1 0: a question
+        return cls(0, now_us * 1000)  # tc1 = 0: a request
 
     def _system_time(self, cls: Any, now_us: int) -> Any:
         return cls(time_unix_usec=0, time_boot_ms=now_us // 1000 & 0xFFFFFFFF)
@@ -308,7 +308,7 @@ class Telemetry:
         )
 
     def _gps_global_origin(self, cls: Any, now_us: int) -> Any:
-        """As a stream too, at each period: a real PX4 then sends it only when it changes."""
+        """Return the origin at each period of a stream; PX4 sends it only when it changes."""
         e = self._estimate
         if not e.has_origin:
             return None
@@ -335,7 +335,7 @@ _SOFTWARE = 1 << 24 | 15 << 16 | 0 << 8 | _RELEASE  # behaves as PX4 1.15.0
 _VENDOR, _PRODUCT = 0x26AC, 0x0011  # 3D Robotics, Pixhawk: what QGroundControl shows as PX4 FMU
 
 
-# What the mock has. No FTP: clients then do not ask for files.
+# Without FTP, so that clients do not request files.
 _CAPABILITIES = sum(
     getattr(Capability, name)
     for name in (
@@ -353,7 +353,7 @@ _CAPABILITIES = sum(
 
 
 def autopilot_version(sysid: int) -> Any:
-    """The message. The unique id is the system id: the mock has no serial number."""
+    """Return AUTOPILOT_VERSION. The unique id is the system id: the mock has no serial number."""
     return _Version(
         capabilities=_CAPABILITIES,
         uid=sysid,

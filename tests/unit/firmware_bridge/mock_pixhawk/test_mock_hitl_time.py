@@ -113,11 +113,11 @@ def test_hil_state_quaternion_spoils_the_estimate():
     world = hitl_world()
     take_off(world)
     world.run(5.0)
-    assert world.autopilot.clocking.state_quaternions == 0
+    assert world.autopilot.timing.state_quaternions == 0
     numbers = dict.fromkeys(message_class("HIL_STATE_QUATERNION")._fields, 0)
     world.send("HIL_STATE_QUATERNION", **numbers | {"attitude_quaternion": (1.0, 0.0, 0.0, 0.0), "zacc": -1000})
     frames = world.run(2.0)
-    assert world.autopilot.clocking.state_quaternions == 1
+    assert world.autopilot.timing.state_quaternions == 1
     assert messages(frames, "ESTIMATOR_STATUS")[-1].flags == 0
     assert "Failsafe activated: no valid position, descending" in texts(frames)
 

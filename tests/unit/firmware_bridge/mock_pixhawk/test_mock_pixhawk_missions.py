@@ -173,7 +173,7 @@ def test_ten_thousand_items_do_not_fit(world):
     frames = world.run(0.05)
     (ack,) = messages(frames, "MISSION_ACK")
     assert ack.type == R.NO_SPACE
-    assert texts(frames) == ["Mission rejected: 10000 items, room for 2000"]
+    assert texts(frames) == ["Mission rejected: 10000 items, at most 2000"]
     assert stored(world) == expected(plan())
 
 
