@@ -144,7 +144,7 @@ double highest_hip(const GaitShape &g, int count) {
         const double x = foot.x + g.hip_half * det::sin(at.yaw);
         const double high = foot.z + std::sqrt(reach * reach - x * x) - at.bob;
         if (!(high > 0.0)) {
-            throw std::invalid_argument("the walker's steps are longer than its legs: lower its speed");
+            throw std::invalid_argument("the walker's steps are longer than the legs: lower its speed");
         }
         lowest = std::min(lowest, high);
     }

@@ -1,4 +1,4 @@
-// Weighing of echoes and the direct sum (synthesis_kernels.hpp).
+// Weights of echoes and the direct sum (synthesis_kernels.hpp).
 #include "echo_lanes.hpp"
 #include "synthesis_kernels.hpp"
 
@@ -81,7 +81,7 @@ std::size_t count_below(const double *x, std::size_t count, double limit) {
 
 namespace {
 
-// One block of echoes into every sample. Eight samples at a time stay in registers while the echoes pass by.
+// Adds one block of echoes to every sample. Eight samples stay in registers during the loop over the echoes.
 template <int kReceivers>
 void add_block(const EchoModel &model, const EchoBlock &block, int count, double *sum) {
     const int wide = (model.samples + D::kCount - 1) / D::kCount * D::kCount;
@@ -102,7 +102,7 @@ void add_block(const EchoModel &model, const EchoBlock &block, int count, double
     for (int m = 0; m < model.chirps; ++m) {
         const double whole = m - model.middle_chirp, mu = whole + model.chirp_offset;
         for (int first = 0; first < count; first += D::kCount) {
-            // At mu the phase is a parabola of the whole sample index.
+            // At a given mu the phase is a quadratic function of the sample index.
             const Remainder g = remainder_at(model, load<D>(block.speed + first));
             const D mixed = g.mixed * mu;
             const D turns = load<D>(block.alpha + first) * whole;

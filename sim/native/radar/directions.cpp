@@ -8,7 +8,7 @@ namespace hil::sim::radar {
 
 namespace {
 
-// Signed: positive where a, b, c turn to the right as seen from the middle of the sphere.
+// Signed solid angle; positive if a, b, c turn to the right as seen from the centre of the sphere.
 double triangle(const double *a, const double *b, const double *c) {
     const double volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
                           a[2] * (b[0] * c[1] - b[1] * c[0]);
@@ -39,7 +39,7 @@ void azimuth_elevation(const double *direction_R, std::size_t count, double *azi
 void cosine_pattern(const double *direction_R, std::size_t count, double p, double q, double *out) {
     for (std::size_t i = 0; i < count; ++i) {
         const double x = direction_R[3 * i], y = direction_R[3 * i + 1], z = direction_R[3 * i + 2];
-        if (!(x > 1e-100)) {  // below, the square would be lost, and the ratio with it
+        if (!(x > 1e-100)) {  // below, the square underflows
             out[i] = 0.0;
             continue;
         }

@@ -1,4 +1,4 @@
-// A block of echoes made ready for summing. For use in *.isa.cpp alone.
+// A block of echoes prepared for summing. For use in *.isa.cpp only.
 #pragma once
 
 #include "echo_model.hpp"
@@ -15,7 +15,7 @@ struct alignas(64) EchoBlock {
     double re[kGroup][kBlock], im[kGroup][kBlock];
 };
 
-// x taken to [-1/2, 1/2] by whole cycles.
+// x reduced to [-1/2, 1/2] by whole cycles.
 HIL_INLINE D fraction(const Twofold<D> &x) { return (x.hi - nearest(x.hi)) + x.lo; }
 
 HIL_INLINE Twofold<D> lanes_of(const Twofold<double> &x) { return {splat<D>(x.hi), splat<D>(x.lo)}; }
@@ -38,8 +38,8 @@ HIL_INLINE void filtered(const EchoModel &model, const D &f, const D &amplitude,
     }
 }
 
-// from[kStep * at[lane]], put together in registers: eight stores and a load of all would wait for one another, and so
-// would eight assignments of one lane each.
+// from[kStep * at[lane]], assembled in registers: eight stores and one load would wait for store forwarding, and eight
+// assignments of single lanes would be serial.
 template <int kStep>
 HIL_INLINE D picked(const double *from, const std::int32_t *at) {
     constexpr int kLanes = kRegisterBytes / 8;
@@ -69,7 +69,7 @@ HIL_INLINE void store_single(float *to, const D &x) {
     }
 }
 
-// Echoes index[0 .. count) into the block; rows from count on, up to a whole pack, weigh nothing. count >= 1.
+// Fills the block with echoes index[0 .. count), count >= 1; rows from count on, up to a whole pack, have weight 0.
 HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
                            int first_receiver, EchoBlock &block) {
     const int receivers = model.receivers - first_receiver < kGroup ? model.receivers - first_receiver : kGroup;
@@ -90,7 +90,7 @@ HIL_INLINE void fill_block(const EchoModel &model, const EchoView &echoes, const
         const Twofold<D> alpha = plus(times(lanes_of(model.chirp_per_mps), v), (r * v) * model.chirp_per_mps_m);
         const Twofold<D> beta = plus(times(lanes_of(model.sample_per_m), r),
                                      v * (r * model.sample_per_mps_m + model.sample_per_mps));
-        // Products with 0 or 1/2 are exact, so the halves need no reduction before.
+        // Products with 0 or 1/2 are exact, so they need no reduction before.
         const Twofold<D> half_alpha = {alpha.hi * model.chirp_offset, alpha.lo * model.chirp_offset};
         const Twofold<D> half_beta = {beta.hi * model.sample_offset, beta.lo * model.sample_offset};
         const D phase = fraction(constant) + (fraction(half_alpha) + fraction(half_beta));

@@ -1,4 +1,4 @@
-// Phase of an echo over the samples of a frame, taken apart by powers of the sample's indices.
+// Phase of an echo over the samples of a frame, as a polynomial of the sample's indices.
 //
 // With tau = tau_0 + u t, tau_0 = 2 R / c, u = 2 v / c, a = 1 / f_s, and indices that count from the middle of the
 // frame, mu = m - (M - 1) / 2 and nu = n - (N - 1) / 2 (t = mu T_c + a nu), the phase f_0 tau + S t_n tau - S tau^2 / 2
@@ -28,7 +28,7 @@ namespace hil::sim::radar {
 
 constexpr double kMaxRange = 1e5;      // m
 constexpr double kMaxSpeed = 1e3;      // m/s, either way
-constexpr double kMinAmplitude = 1e-100;  // below it an echo counts as none: its square would have no digits left
+constexpr double kMinAmplitude = 1e-100;  // weaker echoes are ignored: the square would underflow
 constexpr double kMaxAmplitude = 1e100;
 constexpr int kGroup = 4;  // receivers summed at once
 constexpr int kMaxReceivers = 16;
@@ -40,7 +40,7 @@ struct ChirpFigures {
 
 struct EchoModel {
     int chirps, samples, receivers;
-    int middle_chirp, middle_sample;   // whole index that the phase is counted from
+    int middle_chirp, middle_sample;   // integer index at which the phase is counted from
     double chirp_offset, sample_offset;  // mu = m - middle_chirp + chirp_offset: a half for even counts, else 0
     Twofold<double> cycles_per_m;      // phi_0 = R (cycles_per_m + R cycles_per_m2)
     double cycles_per_m2;
@@ -60,7 +60,7 @@ struct EchoModel {
 EchoModel echo_model(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m,
                      double hp_cutoff_hz, double aaf_cutoff_hz);
 
-// n echoes; direction row by row.
+// `count` echoes; direction_R is [count][3].
 struct EchoView {
     std::size_t count;
     const double *range_m, *speed_mps, *direction_R, *amplitude;

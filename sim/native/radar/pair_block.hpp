@@ -1,7 +1,7 @@
-// A block of echoes made ready for grids of two terms in single precision. For use in *.isa.cpp alone.
+// A block of echoes prepared for grids of two terms in single precision. For use in *.isa.cpp only.
 //
-// Phases are formed and taken to [-1/2, 1/2] in double: at 1e5 m they are 4e7 cycles, of which double holds 1e-8. What is
-// left is in single precision, 2e-7 of an echo; kSingleRounding of synthesis.cpp leaves room for fifty times that.
+// Phases are computed and reduced to [-1/2, 1/2] in double: at 1e5 m they are 4e7 cycles, which double resolves to 1e-8.
+// The rest is in single precision, 2e-7 of an echo; kSingleRounding of synthesis_plan.cpp allows fifty times that.
 #pragma once
 
 #include "echo_lanes.hpp"
@@ -16,22 +16,23 @@ struct alignas(64) PairBlock {
     float speed[kBlock];                   // [-1, 1] over the panel
     float offset[2][kBlock];               // across chirps, across samples: [-1, 1] between two points of the grid
     float tap[2][kMaxSingleWidth][kBlock];
-    float term[kMaxNodes + 1][kBlock];     // L_k of each echo's speed; a last one of zeros fills up a cell
+    float term[kMaxNodes + 1][kBlock];     // L_k of each echo's speed; the last one is zero and pads a cell
     float weight[kBlock][2 * kGroup];      // real parts of the receivers, imaginary ones
     std::int32_t start[2][kBlock];         // first row, first column
 };
 
-// First grid point under the kernel, and where between two points the frequency lies.
+// First grid point under the kernel, and the frequency's offset between two points.
 HIL_INLINE void place(const D &frequency, int width, int size, std::int32_t *start, float *offset) {
     const D left = frequency * (double)size - 0.5 * width;
-    const D shifted = left + 0.5 + kNearest;  // up to a whole point; on one, either of the two will do
+    const D shifted = left + 0.5 + kNearest;  // rounded up to a grid point; exactly on one, either neighbour is correct
     store_single(offset, ((shifted - kNearest) - left) * 2.0 - 1.0);
     alignas(64) std::int64_t whole[L::kCount];
     store(whole, as<L>(shifted) & splat<L>((std::int64_t)size - 1));
     for (int i = 0; i < L::kCount; ++i) start[i] = (std::int32_t)whole[i];
 }
 
-// Everything of echoes index[0 .. count) that is formed in double. Rows from count on, up to a whole pack, hold the last.
+// Fills all values of echoes index[0 .. count) that are computed in double. Rows from count on, up to a whole pack,
+// repeat the last echo.
 HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, const std::int32_t *index, int count,
                             int first_receiver, int receivers, const SpeedNodes &nodes, double scale, int width, int rows,
                             int columns, PairBlock &block) {
@@ -65,7 +66,7 @@ HIL_INLINE void fill_phases(const EchoModel &model, const EchoView &echoes, cons
     }
 }
 
-// Cosine and sine of 2 pi x for |x| <= 1: error below 1.5e-7. Polynomials of x on [-1/8, 1/8], least greatest error.
+// Cosine and sine of 2 pi x for |x| <= 1: error below 1.5e-7. Minimax polynomials of x on [-1/8, 1/8].
 HIL_INLINE void turn(const F &x, F &cosine, F &sine) {
     constexpr float kNearestSingle = 12582912.0f;  // as kNearest
     const F shifted = x * 4.0f + kNearestSingle;
@@ -93,7 +94,7 @@ HIL_INLINE void transpose(Four &a, Four &b, Four &c, Four &d) {
 }
 
 static_assert(kGroup == 4);
-// Each echo's complex weight at each receiver, echo by echo.
+// Writes each echo's complex weight at each receiver.
 HIL_INLINE void fill_weights(int count, int receivers, PairBlock &block) {
     alignas(64) float part[2 * kGroup][kBlock];
     for (int first = 0; first < count; first += F::kCount) {

@@ -11,10 +11,11 @@ HIL_BY_ISA(ReceiverKernel, receiver_kernel, kReceiverKernel)
 
 namespace {
 
-constexpr std::size_t kBlock = 64;  // samples coloured at once, at most (receiver_noise.isa.cpp)
+constexpr std::size_t kBlock = 64;  // greatest number of samples coloured at once (receiver_noise.isa.cpp)
 
 std::vector<double> padded_to(const std::vector<double> &values, std::size_t samples, std::size_t padded) {
-    if (values.size() != samples) throw std::invalid_argument("a receiver's pattern must have one value a sample");
+    if (values.size() != samples)
+        throw std::invalid_argument("fixed, start and envelope of a receiver need one value per sample");
     std::vector<double> row(values);
     row.resize(padded, 0.0);
     return row;
@@ -33,20 +34,21 @@ ReceiverChain::ReceiverChain(std::size_t chirps, std::size_t samples, const std:
       steps_(chirps),
       converter_(converter),
       kernel_(&receiver_kernel(isa)) {
-    if (chirps == 0 || samples == 0 || receivers.empty()) throw std::invalid_argument("a frame needs samples");
+    if (chirps == 0 || samples == 0 || receivers.empty())
+        throw std::invalid_argument("a frame needs at least one receiver, chirp and sample");
     if (!(converter.odd_width >= 0.0 && converter.odd_width <= 1.0 && converter.top >= 1.0 && converter.top <= 65535.0)) {
-        throw std::invalid_argument("the converter's codes do not fit");
+        throw std::invalid_argument("the converter needs odd_width in [0, 1] and bits in 1 to 16");
     }
     for (const ReceiverNoise &given : receivers) {
         Channel channel{};
         channel.fixed = given.fixed.empty() ? std::vector<double>(padded_, 0.0)
                                             : padded_to(given.fixed, samples_, padded_);
         if (!given.start.empty()) {
-            if (decay_.size() != chirps_) throw std::invalid_argument("the decay must have one value a chirp");
+            if (decay_.size() != chirps_) throw std::invalid_argument("decay needs one value per chirp");
             channel.start = padded_to(given.start, samples_, padded_);
         }
         if (!given.colour.empty()) {
-            if (given.colour.size() != samples_) throw std::invalid_argument("the colour must have one value a sample");
+            if (given.colour.size() != samples_) throw std::invalid_argument("colour needs one value per sample");
             channel.envelope = padded_to(given.envelope, samples_, padded_);
             channel.colour_from.resize(samples_ + padded_);
             for (std::size_t i = 0; i < channel.colour_from.size(); ++i) {

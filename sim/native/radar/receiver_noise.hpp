@@ -1,14 +1,15 @@
-// What a radar's receivers and ADC add to the beat signal, one frame at a time:
+// Impairments of a radar's receivers and ADC, added to the beat signal one frame at a time:
 //
 //   x[k,m,n]    = signal[k,m,n] + fixed[k,n] + decay[m] start[k,n] + wander[k] d[k,m] + g[k,n] sum_j h[k,(n-j) mod N] w[k,m,j]
 //   out[k,m,n]  = code(x)        2i     where x lies in [2i - e/2, 2i + e/2),     e = 2 - o  (even codes)
 //                                2i + 1 where x lies in [2i + 1 - o/2, 2i + 1 + o/2)          (odd codes)
 //
-// clipped to [0, 2^bits - 1]. w and d are standard normals; h colours w: the power of bin b of one chirp's N samples is
-// |DFT(h)[b]|^2, and g, the envelope, is how loud it is over the chirp. o is the width of an odd code in counts; 1 is an even converter.
+// clipped to [0, 2^bits - 1]. w and d are standard normals. h colours w: the power of bin b of one chirp's N samples is
+// |DFT(h)[b]|^2. g, the envelope, scales the coloured noise over the chirp. o is the width of an odd code in counts; 1
+// for a converter with equal widths.
 //
-// Noise is counter-based (image_noise.hpp): w[k,m,n] is normal m N + n of picture `seq` under the receiver's own key, and
-// d[k,m] normal m under another. So any frame can be had without those before it.
+// Noise is counter-based (image_noise.hpp): w[k,m,n] is normal m N + n of picture `seq` under the receiver's key, d[k,m]
+// normal m under a second key. Any frame can be computed without the frames before it.
 //
 // Determinism: + - * and comparisons, sums in the order written: the same bits with every instruction set. Scratch is
 // allocated at construction; digitise allocates nothing. One object must not be used by two threads at once.
@@ -23,7 +24,7 @@
 
 namespace hil::sim::radar {
 
-// What one receiver adds. Empty vectors: nothing.
+// Impairments of one receiver. An empty vector adds nothing.
 struct ReceiverNoise {
     std::vector<double> fixed;   // (N)
     std::vector<double> start;   // (N)
@@ -57,7 +58,7 @@ struct ChirpTask {
 };
 
 struct ReceiverKernel {
-    // False where a sample of the signal is not finite.
+    // Returns false if a sample of the signal is not finite.
     bool (*chirp)(const ChirpTask &task);
 };
 const ReceiverKernel &receiver_kernel(frame::Isa isa);
@@ -66,7 +67,7 @@ class ReceiverChain {
   public:
     static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
-    // decay: (chirps) or empty where no receiver has a start. std::invalid_argument where sizes do not fit.
+    // decay: (chirps), or empty if no receiver has a start. Throws std::invalid_argument if sizes do not match.
     ReceiverChain(std::size_t chirps, std::size_t samples, const std::vector<ReceiverNoise> &receivers,
                   std::vector<double> decay, Converter converter, frame::Isa isa);
 
@@ -74,8 +75,8 @@ class ReceiverChain {
     std::size_t chirps() const { return chirps_; }
     std::size_t samples() const { return samples_; }
 
-    // signal, out: (receivers, chirps, samples), C order. Returns the place of the first sample of the signal that is
-    // not finite, from which on `out` is not promised, or kNone.
+    // signal, out: (receivers, chirps, samples), C order. Returns kNone, or the index of the first sample of the signal
+    // that is not finite; `out` is then undefined from that index on.
     std::size_t digitise(const double *signal, std::uint64_t seq, std::uint16_t *out);
 
   private:

@@ -7,8 +7,8 @@ namespace {
 using frame::HIL_ISA::DoubleRegister;
 
 constexpr std::size_t kWide = sizeof(DoubleRegister) / sizeof(double);
-// Enough sums at once to hide the time an addition takes, and half of the registers that SSE2 and AVX2 have. Not
-// Pack<double> of lanes.hpp: an array of those is kept in memory.
+// Enough parallel sums to hide the latency of an addition, in half of the registers of SSE2 and AVX2. Pack<double> of
+// lanes.hpp is not used: compilers keep an array of packs in memory.
 constexpr std::size_t kSums = 8;
 constexpr std::size_t kBlock = kSums * kWide;
 #define HIL_EACH_SUM _Pragma("GCC unroll 8") for (std::size_t i = 0; i < kSums; ++i)
@@ -45,7 +45,7 @@ bool chirp(const ChirpTask &task) {
         const double signal = task.signal[n];
         finite &= signal - signal == 0.0;
         double x = task.work[n] + signal;
-        // Written so that a NaN is 0; what lies between 0 and the top is cut at the codes' own borders.
+        // Clip to [0, top], with NaN as 0. Between them, values are quantised at the borders of the codes.
         x = x > 0.0 ? x : 0.0;
         x = x < top ? x : top;
         const double shifted = x + 0.5 * even;

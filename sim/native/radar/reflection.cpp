@@ -8,7 +8,7 @@ namespace hil::sim::radar {
 
 namespace {
 
-// 1 - exp(-x), x >= 0. Smooth surfaces and grazing rays need it where the difference would leave nothing.
+// 1 - exp(-x), x >= 0, without cancellation for the small x of smooth surfaces and grazing rays.
 double lost_share(double x) {
     if (x > 0.01) return 1.0 - det::exp(-x);
     return x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))));
@@ -21,7 +21,7 @@ double fresnel_power(const ReflectingSurface &surface, double cosine) {
     // w = p - j q
     const double a = er - 1.0 + c * c;
     const double size = std::sqrt(a * a + ei * ei);
-    double p = 0.0, q = 0.0;  // the smaller of the two from the larger: a difference would lose it
+    double p = 0.0, q = 0.0;  // the smaller one is computed from the larger one, without cancellation
     if (size > 0.0) {
         if (a >= 0.0) {
             p = std::sqrt(0.5 * (size + a));
@@ -48,7 +48,7 @@ double backscatter(const ReflectingSurface &surface, double cosine) {
     double sigma0 = 4.0 * lost_share(phase * phase) * fresnel_power(surface, cosine) * c2;
     const double s2 = surface.facet_slope * surface.facet_slope;
     const double exponent = (1.0 - c2) / (c2 * 2.0 * s2);
-    if (exponent < 700.0) {  // beyond that the lobe is no number that a double holds, times 1 / c^4 or not
+    if (exponent < 700.0) {  // beyond it the lobe underflows, also times 1 / c^4
         sigma0 += coherent * fresnel_power(surface, 1.0) * det::exp(-exponent) / (2.0 * s2 * c2 * c2);
     }
     return sigma0;

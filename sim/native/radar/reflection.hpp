@@ -1,10 +1,10 @@
-// What a surface sends back to where the wave came from: its backscatter sigma0 [m^2 of cross-section per m^2].
+// Backscatter of a surface, sigma0 [m^2 of cross-section per m^2].
 //
 // With c the cosine of the angle of incidence, eps = eps_r - j eps_i, w = sqrt(eps - 1 + c^2):
 //
 //     Fresnel (Born and Wolf, Principles of Optics, 7th ed., sec. 1.5), the mean of both polarisations:
 //         |Gamma(c)|^2 = ( |(c - w) / (c + w)|^2 + |(eps c - w) / (eps c + w)|^2 ) / 2
-//     roughness (Ament, Proc. IRE 41, 1953, p. 142), h the rms height: what stays coherent is
+//     roughness (Ament, Proc. IRE 41, 1953, p. 142), h the rms height: the coherent share is
 //         rho^2 = exp(-(4 pi h c / lambda)^2)
 //     coherent part, facets of rms slope s (Kirchhoff, geometric optics: Ulaby, Moore and Fung, Microwave Remote
 //     Sensing II, 1982, sec. 12-4), and the rest (Lambert):
@@ -24,10 +24,10 @@ struct ReflectingSurface {
 };
 
 double fresnel_power(const ReflectingSurface &surface, double cosine);
-// 0 for a cosine that is not above 0.
+// sigma0(c); 0 if c is not above 0.
 double backscatter(const ReflectingSurface &surface, double cosine);
-// sqrt(sigma0(c) / c) at c = u^2, u = 0 .. 1 in `count` even steps, ends included: what the amplitude of a pixel goes
-// with (scatterers.hpp). Near grazing it falls with c^1.5 = u^3, so that even steps of u follow it there too.
+// sqrt(sigma0(c) / c) at c = u^2, u = 0 .. 1 at `count` even nodes, ends included: the amplitude of a pixel is
+// proportional to it (scatterers.hpp). Near grazing it falls with c^1.5 = u^3, which even steps of u resolve.
 void amplitude_curve(const ReflectingSurface &surface, float *out, std::size_t count);
 
 }  // namespace hil::sim::radar

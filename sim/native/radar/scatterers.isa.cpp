@@ -1,4 +1,4 @@
-// The inner loop of the scatterers: 16 pixels at a time. See scatterers.hpp.
+// Inner loop of the scatterers, 16 pixels at a time. Contract: scatterers.hpp.
 #include "scatterers.hpp"
 
 #include "../frame/lane_memory.hpp"
@@ -9,7 +9,7 @@ namespace {
 
 using namespace frame::HIL_ISA;
 
-constexpr float kMostCosine = 1.001f;  // either way, of unit vectors of floats; beyond it a normal is none
+constexpr float kMostCosine = 1.001f;  // limit of |cosine| for unit vectors in float; beyond it the normal is invalid
 
 HIL_INLINE int count(unsigned set) { return __builtin_popcount(set); }
 
@@ -30,10 +30,10 @@ HIL_INLINE D widened(const float *from) {
     return v;
 }
 
-// What is left of `from`, without the lanes of `out`.
+// The lanes of `from` that are not in `out`.
 HIL_INLINE I without(const I &from, const I &out) { return from & ~out; }
 
-// Pixels [first, first + 16) of the plan; the pointers of `picture` stand at pixel `first`. Returns the echoes written.
+// Converts pixels [first, first + 16) of the plan; `picture` points to pixel `first`. Returns the number of echoes.
 HIL_INLINE long collect_block(const PixelPlan &plan, const PixelPicture &picture, const EchoColumns &out, long first,
                               long at, ScatterCounts &counts) {
     const float *block = plan.blocks + 4 * first;
@@ -97,7 +97,7 @@ HIL_INLINE long collect_block(const PixelPlan &plan, const PixelPicture &picture
     float strengths[kLanes];
     store(strengths, strength);
     unsigned set = bits(sends);
-    if (set == (1u << kLanes) - 1) {  // mostly: the same, all at once
+    if (set == (1u << kLanes) - 1) {  // the usual case: the same for all lanes at once
         for (int i = 0; i < kLanes; i += D::kCount) {
             const D range_m = widened(picture.range_m + i);
             store(out.range_m + at + i, range_m);
@@ -136,7 +136,7 @@ void collect(const PixelPlan &plan, const PixelPicture &picture, const EchoColum
     }
     const int rest = (int)(plan.pixels - first);
     if (rest == 0) return;
-    // The last block is not whole: a copy that is, its further pixels of weight 0.
+    // Copy the last, incomplete block and pad it with pixels of weight 0.
     float range[kLanes] = {}, normal[3 * kLanes] = {}, speed[kLanes] = {};
     std::uint8_t material[kLanes] = {}, segmentation[kLanes] = {};
     for (int i = 0; i < rest; ++i) {

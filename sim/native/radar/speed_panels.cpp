@@ -9,13 +9,13 @@
 namespace hil::sim::radar {
 namespace {
 
-constexpr double kMargin = 1.2;  // for what the bound of the interpolation leaves out: the remainder bends with the speed
+constexpr double kMargin = 1.2;  // the bound neglects that the remainder is not linear in the speed
 constexpr int kPoints = 33;
 
 }  // namespace
 
 RemainderSpread::RemainderSpread(const EchoModel &model) {
-    // Cycles per m/s, at most: kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2 derived by v.
+    // Greatest derivative of kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2 by v, in cycles per m/s.
     const double rate = model.delay_per_mps * (1.0 + 4.0 * kMaxSpeed * model.delay_per_mps);
     const double chirp = 2.0 * model.bend * model.delay_per_mps * model.delay_per_mps * kMaxSpeed;
     double moment[kMaxNodes + 1] = {};
@@ -68,7 +68,7 @@ SpeedHistogram speed_histogram(const double *speed_mps, const std::int32_t *inde
     histogram.least = least;
     histogram.per_bin = (greatest - least) / kSpeedBins;
     const double per_mps = histogram.per_bin > 0.0 ? 1.0 / histogram.per_bin : 0.0;
-    // Neighbours mostly fall into the same bin, and each would wait for the one before: in turns into a few histograms.
+    // Neighbouring echoes mostly fall into the same bin, whose updates would be serial: alternate between histograms.
     constexpr std::size_t kTurns = 4;
     struct Bin {
         double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -102,7 +102,7 @@ void plan_panels(const SpeedHistogram &histogram, const RemainderSpread &spread,
                  PanelPlan &plan) {
     double reach[kMaxNodes + 1] = {};
     for (int k = 1; k <= kMaxNodes; ++k) reach[k] = spread.half_span(k, error);
-    // best[j]: the cheapest cut of the bins before j; from[j]: where its last panel begins.
+    // best[j]: cost of the cheapest cut of the bins before j; from[j]: first bin of its last panel.
     double best[kSpeedBins + 1];
     int from[kSpeedBins + 1], with[kSpeedBins + 1];
     best[0] = 0.0;

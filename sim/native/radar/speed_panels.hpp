@@ -1,5 +1,5 @@
-// Which echoes share a grid: the span of speeds cut into panels, each summed with as few nodes as its span needs
-// (speed_nodes.hpp), or echo by echo where that is cheaper.
+// Choice of the echoes that share a grid: the span of speeds is cut into panels. Each is summed with as few nodes as its
+// span needs (speed_nodes.hpp), or echo by echo if that is cheaper.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +13,11 @@ namespace hil::sim::radar {
 
 constexpr int kSpeedBins = 128;
 
-// How far the remainder's phase moves with the speed, over the samples of a frame.
+// Change of the remainder's phase with the speed, over the samples of a frame.
 class RemainderSpread {
 public:
     explicit RemainderSpread(const EchoModel &model);
-    // Root mean square error over the samples, at the worst speed, of `nodes` nodes over 2 * half_span m/s.
+    // Root mean square error over the samples at the worst speed, for `nodes` nodes over 2 * half_span m/s.
     double error(int nodes, double half_span) const;
     // Greatest half span with that error.
     double half_span(int nodes, double error) const;
@@ -26,13 +26,13 @@ private:
     double slope_[kMaxNodes + 1];  // error = (half_span * slope)^nodes
 };
 
-// In any unit of time.
+// Costs in any common unit of time.
 struct SummingCost {
     double direct_echo;  // one echo, directly
     double echo;         // one echo onto one grid, without its terms
-    double echo_plane;   // and for each plane of it
+    double echo_plane;   // additional cost for each plane
     double plane;        // transform of a plane
-    int plane_terms;     // that two planes and more hold each; the only term of a panel has one to itself
+    int plane_terms;     // terms per plane; a panel of one term uses one plane
     double gridded(double echoes, int nodes) const;  // echoes of one panel
 };
 
@@ -49,7 +49,7 @@ struct SpeedPanel {
     int nodes;                // 0: directly
 };
 
-// Least and greatest bound the speeds. bin (count,) is filled.
+// Histogram of speeds in [least, greatest]; `bin` [count] receives the bin of each echo.
 SpeedHistogram speed_histogram(const double *speed_mps, const std::int32_t *index, std::size_t count, double least,
                                double greatest, std::uint8_t *bin);
 
@@ -59,7 +59,7 @@ struct PanelPlan {
     SpeedPanel panel[kSpeedBins];
 };
 
-// Cheapest cut at the bins' borders with each panel's error at most `error`.
+// Finds the cheapest cut at the borders of bins with an error of at most `error` in each panel.
 void plan_panels(const SpeedHistogram &histogram, const RemainderSpread &spread, double error, const SummingCost &cost,
                  PanelPlan &plan);
 

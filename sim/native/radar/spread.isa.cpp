@@ -1,4 +1,5 @@
-// Echoes onto a grid of one term in double (synthesis_kernels.hpp). Tables of all files of an instruction set end here.
+// Spreading of echoes onto a grid of one term in double, and the table of all kernels of an instruction set
+// (synthesis_kernels.hpp).
 #include "echo_lanes.hpp"
 #include "synthesis_kernels.hpp"
 
@@ -25,13 +26,13 @@ struct alignas(64) BlockPlaces {
     std::int64_t start[2][kBlock];     // first row, first column
 };
 
-// First grid point under the kernel and the taps' values, eight echoes at a time.
+// Writes the first grid point under the kernel and the values of the taps, eight echoes at a time.
 template <int kWidth>
 HIL_INLINE void place(const SpreadKernel &kernel, const double *frequency, int size, int count, std::int64_t *start,
                       double (*tap)[kBlock]) {
     for (int first = 0; first < count; first += D::kCount) {
         const D left = load<D>(frequency + first) * (double)size - 0.5 * kWidth;
-        const D shifted = left + 0.5 + kNearest;  // up to a whole point; on one, either of the two will do
+        const D shifted = left + 0.5 + kNearest;  // rounded up to a grid point; on one, either neighbour will do
         const D point = shifted - kNearest;
         store(start + first, as<L>(shifted) & splat<L>((std::int64_t)size - 1));
         const D t = (point - left) * 2.0 - 1.0;
@@ -67,7 +68,7 @@ HIL_NOINLINE void lagrange(const SpeedNodes &nodes, const double *speed, int cou
     }
 }
 
-// Each echo's weight in the cells of a term's plane.
+// Writes each echo's weight in the cells of a term's plane.
 HIL_NOINLINE void weigh_term(const EchoBlock &block, int receivers, int term, int count, BlockPlaces &places) {
     for (int k = 0; k < receivers; ++k) {
         for (int first = 0; first < count; first += D::kCount) {
@@ -83,14 +84,14 @@ HIL_NOINLINE void weigh_term(const EchoBlock &block, int receivers, int term, in
     }
 }
 
-// Register by register: GCC 12 takes an array of packs through memory in pieces of other sizes, ten times as slow.
+// Register by register: GCC 12 copies an array of packs through memory in pieces of other sizes, ten times slower.
 HIL_INLINE DoubleRegister load_register(const double *from) {
     DoubleRegister v;
     __builtin_memcpy(&v, from, sizeof v);
     return v;
 }
 
-// One echo's part of a register into the width x width cells under its kernel.
+// Adds one echo's part of a register to the width x width cells under its kernel.
 template <int kWidth>
 HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &places, int e,
                               double *corner, long stride) {
@@ -108,7 +109,7 @@ HIL_INLINE void add_footprint(const DoubleRegister &weight, const BlockPlaces &p
     }
 }
 
-// Not inlined, as all that does not depend on the width: each would be compiled for every width.
+// Not inlined: it does not depend on the width, and would be compiled once for every width.
 HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
                                           int count, int first_receiver, const SpeedNodes &nodes, EchoBlock &block,
                                           BlockPlaces &places) {

@@ -7,7 +7,7 @@
 namespace hil::sim::radar {
 namespace {
 
-constexpr int kOffsets = 32;  // at which the kernel's transform is summed: exact to its 32nd alias
+constexpr int kOffsets = 32;  // offsets at which the kernel's transform is sampled: exact to its 32nd alias
 
 double bessel_i0(double x) {
     const double q = 0.25 * x * x;
@@ -64,7 +64,7 @@ SpreadKernel spread_kernel(int width, double oversampling) {
     const double b = (width < 5 ? 0.96 : 0.98) * det::kPi * width * (1.0 - 0.5 / oversampling);
     const int points = width + 1;
     for (int i = 0; i < (width + 1) / 2; ++i) {
-        // Interpolation at Chebyshev nodes: sums of T_j, then T_j to powers.
+        // Interpolation at Chebyshev nodes: coefficients of T_j, then conversion to powers.
         double chebyshev[kMaxWidth + 1] = {};
         for (int j = 0; j < points; ++j) {
             for (int p = 0; p < points; ++p) {
@@ -101,7 +101,7 @@ std::vector<double> spread_scale(const SpreadKernel &kernel, int first, int coun
 }
 
 double spread_error(const SpreadKernel &kernel, int count, int size) {
-    constexpr int kOutputs = 17;  // of the upper half; the lower one mirrors it
+    constexpr int kOutputs = 17;  // in the upper half; the lower half is its mirror image
     double worst = 0.0;
     double scale[kOutputs];
     int index[kOutputs];

@@ -1,7 +1,7 @@
-// Echoes onto a grid of two terms in single precision (synthesis_kernels.hpp).
+// Spreading of echoes onto a grid of two terms in single precision (synthesis_kernels.hpp).
 //
-// Echoes that follow each other and whose kernels begin in the same cell, a run, are added in registers: pixels beside
-// each other mostly are such. The sums' order is that of the echoes, as if one by one.
+// A run is a sequence of echoes whose kernels begin in the same cell, such as those of neighbouring pixels. It is added
+// in registers, in the order of the echoes, so the sums are the same as one by one.
 #include "pair_block.hpp"
 #include "synthesis_kernels.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kPair = kTerms<float>;
 constexpr int kReals = kRegisterBytes / (int)sizeof(float);
-// Cells that are summed in registers at once, with room for an echo's products.
+// Cells that are summed in registers at once; the other registers hold an echo's products.
 constexpr int kCellsInRegisters = kRegisterBytes == 64 ? 25 : 10;
 
 struct Run {
@@ -18,7 +18,7 @@ struct Run {
     int row, column;
 };
 
-// The cells under a kernel that begins at (row, column), in every plane, into their doubles.
+// Empties the cells under a kernel that begins at (row, column), in every plane, into their doubles.
 void empty(const Grid<float> &grid, int planes, long row, long column, int width) {
     for (long r = row; r < row + width; ++r) {
         for (int j = 0; j < planes; ++j) {
@@ -35,7 +35,7 @@ void empty(const Grid<float> &grid, int planes, long row, long column, int width
     }
 }
 
-// Runs of the block; cells that cannot take one are emptied before.
+// Finds the runs of the block; cells that have no additions left for a run are emptied first.
 template <int kWidth>
 int find_runs(const Grid<float> &grid, int planes, int count, const PairBlock &block, Run *run) {
     static_assert(kBlock == 64);
@@ -45,7 +45,7 @@ int find_runs(const Grid<float> &grid, int planes, int count, const PairBlock &b
     for (int first = 0; first < kBlock; first += I::kCount) {
         store(cell + first, load<I>(block.start[0] + first) * (std::int32_t)grid.columns + load<I>(block.start[1] + first));
     }
-    std::uint64_t begins = 0;  // a bit for each echo that is in another cell than the one before
+    std::uint64_t begins = 0;  // bit per echo: it is in another cell than the previous one
     for (int first = 0; first < kBlock; first += I::kCount) {
         begins |= (std::uint64_t)bits(load<I>(cell + first) != load<I>(cell + first - 1)) << first;
     }
@@ -68,7 +68,7 @@ int find_runs(const Grid<float> &grid, int planes, int count, const PairBlock &b
     return runs;
 }
 
-// Each echo's weights in the cells of the plane whose first term is `first_term`.
+// Writes each echo's weights in the cells of the plane whose first term is `first_term`.
 HIL_NOINLINE void weigh_terms(const PairBlock &block, int first_term, int count, float (*weight)[kCell<float>]) {
     for (int e = 0; e < count; ++e) {
         for (int half = 0; half < 2; ++half) {
@@ -84,7 +84,7 @@ HIL_NOINLINE void weigh_terms(const PairBlock &block, int first_term, int count,
 
 typedef float CellRegister __attribute__((vector_size(kRegisterBytes), aligned(4), may_alias));
 
-// A run's part of a register into `kRows` lines of the cells under its kernel, from line `row` on.
+// Adds a run's part of a register to `kRows` lines of the cells under its kernel, from line `row` on.
 template <int kWidth, int kRows>
 HIL_INLINE void add_lines(const PairBlock &block, const Run &run, int row, const float (*weight)[kCell<float>], int part,
                           float *corner, long stride) {
@@ -113,7 +113,7 @@ HIL_INLINE void add_lines(const PairBlock &block, const Run &run, int row, const
     }
 }
 
-// One echo's part of a register into the cells under its kernel.
+// Adds one echo's part of a register to the cells under its kernel.
 template <int kWidth>
 HIL_INLINE void add_echo(const PairBlock &block, int e, const float (*weight)[kCell<float>], int part, float *corner,
                          long stride) {
@@ -157,7 +157,7 @@ HIL_INLINE void add_run(const PairBlock &block, const Run &run, const float (*we
     }
 }
 
-// Not inlined, as all that does not depend on the width: each would be compiled for every width.
+// Not inlined: it does not depend on the width, and would be compiled once for every width.
 HIL_NOINLINE void make_ready(const EchoModel &model, const EchoView &echoes, const std::int32_t *index,
                                           int count, int first_receiver, const SpeedNodes &nodes, int width,
                                           const Grid<float> &grid, PairBlock &block) {
@@ -175,7 +175,7 @@ void spread_width(const EchoModel &model, const EchoView &echoes, const std::int
     PairBlock block;
     alignas(64) float weight[kBlock][kCell<float>];
     Run run[kBlock];
-    __builtin_memset(&block, 0, sizeof block);  // whole packs are read, also where the last echoes fill half of one
+    __builtin_memset(&block, 0, sizeof block);  // whole packs are read, also if the last one is incomplete
     for (std::size_t from = 0; from < count; from += kBlock) {
         const int now = count - from < kBlock ? (int)(count - from) : kBlock;
         make_ready(model, echoes, index + from, now, first_receiver, nodes, kWidth, grid, block);

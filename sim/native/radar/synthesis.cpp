@@ -21,13 +21,13 @@ const SynthesisKernels &synthesis_kernels(Isa isa) { return kernels_by_isa(isa);
 
 namespace {
 
-constexpr double kFirstError = 0.62;  // of the tolerance: what is planned for, so that most frames pass at the first try
-constexpr double kLeastError = 2.0 * kRounding;  // below it only the direct sum will do
+constexpr double kFirstError = 0.62;  // planned error / tolerance, so that most frames pass in the first round
+constexpr double kLeastError = 2.0 * kRounding;  // smaller errors need the direct sum
 constexpr int kMostRounds = 5;
-constexpr double kGrown = 1.3;  // beyond the frame over within it: less is chance
-constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // for all planes; beyond it terms are taken in turns
+constexpr double kGrown = 1.3;  // growth beyond / within the frame that counts
+constexpr std::size_t kGridBytes = std::size_t{256} << 20;  // limit for all planes; with more, terms are computed in several passes
 constexpr std::size_t kPage = std::size_t{2} << 20;
-constexpr double kWorthDropping = 0.1;  // of the echoes
+constexpr double kWorthDropping = 0.1;  // least share of the echoes that is worth dropping
 
 int grid_size(int n) {
     int p = 32;  // wider than any kernel
@@ -50,8 +50,8 @@ std::vector<Real> twiddles(int size) {
 
 void FreeAligned::operator()(void *p) const { ::operator delete[](p, std::align_val_t{alignment}); }
 
-// What is large in large pages, where the system gives them: which lines of a grid share a set of the cache is then the
-// same in every process, not a matter of which pages were free (up to twice the time).
+// Large arrays are allocated in large pages if the system provides them: the cache set of each line of a grid is then
+// the same in every process. With small pages it depends on which were free (up to twice the time).
 template <class T>
 Synthesis::Aligned<T> Synthesis::aligned(std::size_t count) {
     std::size_t bytes = count * sizeof(T), alignment = 64;
@@ -61,7 +61,7 @@ Synthesis::Aligned<T> Synthesis::aligned(std::size_t count) {
     }
     void *p = ::operator new[](bytes, std::align_val_t{alignment});
 #ifdef __linux__
-    if (alignment == kPage) ::madvise(p, bytes, MADV_HUGEPAGE);  // refused: small pages do as well
+    if (alignment == kPage) ::madvise(p, bytes, MADV_HUGEPAGE);  // if refused, small pages are used
 #endif
     return Aligned<T>(static_cast<T *>(p), FreeAligned{alignment});
 }
@@ -71,7 +71,7 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns, const EchoModel &mod
     grid.rows = rows;
     grid.columns = columns;
     grid.stride = static_cast<long>(columns + kHalo) * kCell<Real>;
-    // Five lines more, so that the same cell of two planes falls into different sets of the cache.
+    // Five extra lines, so that the same cell of two planes is in different cache sets.
     grid.plane = grid.stride * (rows + kHalo) + 5 * kCell<Real>;
     const std::size_t each = sizeof(Real) + (kTerms<Real> > 1 ? sizeof(double) : 0);
     most_planes = std::clamp(static_cast<int>(kGridBytes / (static_cast<std::size_t>(grid.plane) * each)), 1, kMaxNodes);
@@ -95,7 +95,7 @@ void Synthesis::Cells<Real>::prepare(int rows, int columns, const EchoModel &mod
 template <class Real>
 void Synthesis::Cells<Real>::clear(int wanted, double scale) {
     if (wanted > planes) {
-        planes = planes_used = 0;  // should there be no room
+        planes = planes_used = 0;  // in case the allocation throws
         const auto count = static_cast<std::size_t>(wanted) * static_cast<std::size_t>(grid.plane);
         cells = aligned<Real>(count);
         grid.cells = cells.get();
@@ -204,7 +204,7 @@ void Synthesis::add_panel(const EchoView &echoes, const SpeedPanel &panel, const
                 double speed[kTerms<Real>];
                 for (int k = 0; k < kTerms<Real>; ++k) {
                     const int term = (first + j) * kTerms<Real> + k;
-                    speed[k] = term < panel.nodes ? nodes.speed(term) : 0.0;  // beyond the last one the cells are empty
+                    speed[k] = term < panel.nodes ? nodes.speed(term) : 0.0;  // cells beyond the last term are zero
                 }
                 kernels.transform(model_, cells.grid, j, width, speed, transform);
             }
@@ -219,7 +219,7 @@ void Synthesis::add(const EchoView &echoes, std::size_t count, const Weighing &w
     const PanelPlan &panels = plan_.panels;
     const double scale = std::ldexp(1.0, -std::ilogb(std::sqrt(weighing.sum_squares)));
     const std::int32_t *index = index_.data();
-    if (panels.count > 1) {  // the echoes panel by panel, in their order
+    if (panels.count > 1) {  // sort the echoes by panel, keeping their order
         std::size_t next[kSpeedBins], first = 0;
         int panel_of_bin[kSpeedBins] = {};
         for (int p = 0; p < panels.count; ++p) {
@@ -250,10 +250,10 @@ std::size_t Synthesis::drop(std::size_t count, const Weighing &weighing, double 
     sum = 0.0;
     // ||x|| is about sqrt(S M N K / 2), S the sum of squared weights, and the dropped ones are at most sum |w| sqrt(M N K).
     const double allowed = kFirstError * drop_share_ * tolerance_ * std::sqrt(0.5 * weighing.sum_squares);
-    const double limit = allowed * allowed;  // none above it can go
+    const double limit = allowed * allowed;  // stronger echoes are never dropped
     const std::size_t candidates = kernels_.count_below(weight_squared_.data(), weight_squared_.size(), limit);
     if (static_cast<double>(candidates) < kWorthDropping * static_cast<double>(count)) return 0;
-    // Half octaves of the squared weight below the limit, weakest first.
+    // Histogram of squared weights in half octaves below the limit, weakest first.
     constexpr int kBins = 256;
     double total[kBins] = {};
     std::size_t number[kBins] = {};
@@ -323,13 +323,13 @@ Synthesis::Norms Synthesis::gather(double *out) const {
     }
     norms.real = std::sqrt(norms.real);
     norms.complex = std::sqrt(norms.complex);
-    // The grids one by one, from every fourth sample of every fourth chirp: panels may cancel one another.
+    // Energy summed over the grids, because panels may cancel each other; from every fourth sample of every fourth chirp.
     const double share = static_cast<double>((model_.chirps + 3) / 4) * ((model_.samples + 3) / 4);
     const double apart = std::sqrt(growth_.within[0] / share * model_.chirps * model_.samples);
     norms.complex = std::max(norms.complex, apart);
     for (int axis = 0; axis < 2; ++axis) {
-        // Mean square per output. Beyond the frame is 1/2 to 0.9 of its length from the middle, what aliases is two
-        // lengths from it: a growth with some power of the distance is there the square, about, of what it is here.
+        // Mean square per output. "Beyond" is 1/2 to 0.9 frame lengths from the middle; outputs that alias are two
+        // lengths away. A growth with a power of the distance is there about the square of the growth measured here.
         const int count = axis == 0 ? model_.samples : model_.chirps;
         const int outer = static_cast<int>((axis == 0 ? sample_outer_ : chirp_outer_)[kMinWidth].size());
         const double within = growth_.within[axis] / ((count + 3) / 4), beyond = growth_.beyond[axis] / (2 * ((outer + 3) / 4));
@@ -352,7 +352,7 @@ void Synthesis::refuse(const EchoView &echoes) const {
             if (!within(d, -1.0 - 1e-6, 1.0 + 1e-6)) wrong(i, "a component of direction_R", d, "not in [-1, 1]");
         }
     }
-    throw std::logic_error("echoes refused without a reason");
+    throw std::logic_error("no invalid echo was found among echoes that were reported as invalid");
 }
 
 SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
@@ -403,8 +403,8 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
         const Norms norms = gather(out);
         const double norm = norms.real, planned = plan_.error;
         const double missing = dropped > 0 ? dropped_sum * samples : 0.0;
-        // Errors add up as the echoes themselves do: where those are in phase both are greater than expected. Taking the
-        // real part halves the power of the sum, but not always that of the errors.
+        // Errors add up as the echoes do: if echoes are in phase, both sums are greater than expected. Taking the real
+        // part halves the power of the sum, but not always that of the errors.
         const double scale = std::max(expected, norms.complex) * norms.growth;
         const double missed = planned * scale + missing;
         if (missed <= tolerance_ * norm || (planned == 0.0 && dropped == 0)) {
@@ -413,7 +413,7 @@ SynthesisReport Synthesis::synthesize(const EchoView &echoes, double *out) {
             report.error_bound = planned > 0.0 ? missed / norm : report.dropped_bound;
             return report;
         }
-        // The echoes cancel further than expected: none is dropped now, and the digits that were lost are added.
+        // The echoes cancel more than expected: repeat without dropping, with a smaller planned error.
         dropped = 0;
         error = std::min(error, 0.9 * tolerance_ * norm / scale);
     }

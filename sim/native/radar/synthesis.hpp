@@ -1,16 +1,17 @@
 // Raw samples of a frame from its echoes: x[k, m, n] = sum over echoes of A |H| cos(2 pi phase + arg H), noise-free.
 //
 // Methods: the direct sum (the reference), and a type-1 non-uniform FFT in two dimensions (Dutt and Rokhlin, SIAM J. Sci.
-// Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, the kernel
-// divided out. What does not separate into chirps and samples is a phase that depends on the speed alone: it is
-// interpolated between a few speeds, a term each (speed_nodes.hpp, speed_panels.hpp); terms are transformed one by one,
-// or two in one grid of single precision where the tolerance allows it (synthesis_kernels.hpp, pair_block.hpp).
+// Comput. 14, 1993): echoes are spread over an oversampled grid of frequencies, the grid is transformed, and the result
+// is divided by the kernel's transform. The phase that does not separate into chirps and samples depends on the speed
+// only. It is interpolated between a few speeds, one term each (speed_nodes.hpp, speed_panels.hpp). Terms are
+// transformed one by one, or two in one grid of single precision if the tolerance allows it (synthesis_kernels.hpp,
+// pair_block.hpp).
 //
-// Error of the second, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. What the echoes come to
-// together is known only afterwards; where they cancel so far that the bound would not hold, it is done again with more
-// digits, at last directly. That is found from energies within the frame and beside it, so the bound is measured (over
-// echoes at random, in clusters, alike, in antiphase), not proven for every set of echoes. One thread; no allocation once
-// the greatest number of echoes and the widest span of speeds were seen; the same bits for every instruction set.
+// Error of the FFT method, ||x - x_direct|| / ||x_direct|| over the frame: at most the tolerance. The norm of the sum is
+// known only afterwards. If echoes cancel so far that the bound does not hold, the frame is repeated with a smaller
+// planned error, at last directly. The test uses energies within and beyond the frame, so the bound is measured (for
+// random, clustered, equal and antiphase echoes), not proven for every set of echoes. Single-threaded. Allocates only
+// for more echoes or a wider span of speeds than before. Same bits for every instruction set.
 #pragma once
 
 #include <array>
@@ -25,11 +26,11 @@
 
 namespace hil::sim::radar {
 
-constexpr double kRounding = 1.5e-13;   // relative, of grids in double, with room
+constexpr double kRounding = 1.5e-13;   // relative error of grids in double, with margin
 
 struct SynthesisReport {
-    std::size_t echoes = 0;    // that weigh anything
-    std::size_t dropped = 0;   // of those
+    std::size_t echoes = 0;    // with a weight above 0
+    std::size_t dropped = 0;   // number of those that were left out
     double dropped_bound = 0.0;  // greatest share of ||x|| that the dropped ones can have
     double error_bound = 0.0;    // of everything, the dropped included; 0 for a direct sum
     int terms = 0;             // of the interpolation, summed over the panels
@@ -46,14 +47,14 @@ struct FreeAligned {
 
 class Synthesis {
 public:
-    // drop_share: share of the tolerance that may be spent on leaving out the weakest echoes. 0: none is.
+    // drop_share: share of the tolerance that may be used for leaving out the weakest echoes; 0: none is left out.
     Synthesis(const ChirpFigures &chirp, const std::vector<std::array<double, 3>> &rx_positions_m, double hp_cutoff_hz,
               double aaf_cutoff_hz, bool direct, double tolerance, double drop_share, frame::Isa isa);
 
     const EchoModel &model() const { return model_; }
 
-    // out [receivers][chirps][samples], overwritten. std::invalid_argument for an echo that is not finite or out of the
-    // limits of echo_model.hpp, naming the first.
+    // Overwrites out [receivers][chirps][samples]. Throws std::invalid_argument that names the first echo that is not
+    // finite or exceeds the limits of echo_model.hpp.
     SynthesisReport synthesize(const EchoView &echoes, double *out);
 
 private:
@@ -71,7 +72,7 @@ private:
         std::vector<std::uint8_t> rows_used, columns_used, emptied_rows, additions;
         std::vector<Real> chirp_twiddle, sample_twiddle;
         int planes = 0, most_planes = 0;
-        int planes_used = 0;  // what is not zero is in these
+        int planes_used = 0;  // number of planes that may not be zero
         void prepare(int rows, int columns, const EchoModel &model);
         void clear(int planes, double scale);
     };
@@ -91,7 +92,7 @@ private:
     void add_panel(const EchoView &echoes, const SpeedPanel &panel, const std::int32_t *index, int width, double scale,
                    Cells<Real> &cells, const GridKernels<Real> &kernels);
     void add_direct(const EchoView &echoes, const std::int32_t *index, std::size_t count, SynthesisReport &report);
-    // Moves the weakest echoes behind the others in index_; their number and the sum of their weights.
+    // Moves the weakest echoes behind the others in index_. Returns their number; `sum` receives the sum of weights.
     std::size_t drop(std::size_t count, const Weighing &weighing, double &sum);
     void clear();
     struct Norms {

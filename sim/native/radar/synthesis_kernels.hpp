@@ -1,4 +1,4 @@
-// What is compiled once per instruction set: weighing echoes, the direct sum, and the stages of the non-uniform FFT.
+// Kernels compiled once per instruction set: weights of echoes, direct sum, and stages of the non-uniform FFT.
 #pragma once
 
 #include "echo_model.hpp"
@@ -16,27 +16,27 @@ constexpr int kTerms = 8 / static_cast<int>(sizeof(Real));  // of a cell
 template <class Real>
 constexpr int kCell = kChannel * kTerms<Real>;
 constexpr int kHalo = kMaxWidth;      // rows and columns beyond the grid, so that a kernel never wraps while spreading
-// Single precision: so many echoes whose kernels begin in one cell are added before the cells under them are emptied
-// into doubles. Rounding the sum of n equal numbers can go the same way each time, n 2^-25 of it together. Up to width^2
-// kernels cover a cell; theirs go different ways.
+// Single precision: greatest number of echoes with kernels that begin in one cell, before the cells under them are
+// emptied into doubles. For n equal numbers all roundings can have the same sign, n 2^-25 of the sum together. Up to
+// width^2 kernels cover a cell; their roundings differ.
 constexpr int kMostAdditions = 255;
 
 struct Weighing {
     double sum_squares;      // of the weights
-    double least_speed, greatest_speed;  // of the echoes that weigh anything; least > greatest where there are none
-    bool legal;              // every figure finite and within the limits of echo_model.hpp
+    double least_speed, greatest_speed;  // of echoes with a weight above 0; least > greatest without any
+    bool legal;              // every value is finite and within the limits of echo_model.hpp
 };
 
-// Oversampled grids of some terms: [plane][row, chirps][column, samples][kCell].
+// Oversampled grids of several terms: [plane][row, chirps][column, samples][kCell].
 template <class Real>
 struct Grid {
     Real *cells;
-    std::uint8_t *rows_used, *columns_used;  // under a kernel, with the halo: all else is zero
+    std::uint8_t *rows_used, *columns_used;  // rows and columns under a kernel, with the halo; all others are zero
     int rows, columns;      // powers of two, without the halo
     long stride;            // Reals from one row to the next
-    long plane;             // and from one plane to the next
-    // Single precision only: what was emptied, as `cells`, in the rows that are marked; how many kernels began in each
-    // cell since.
+    long plane;             // Reals from one plane to the next
+    // Single precision only: sums of emptied cells, laid out as `cells`; the rows that hold any; and the number of
+    // kernels that have begun in each cell since.
     double *emptied = nullptr;
     std::uint8_t *emptied_rows = nullptr;  // [rows + kHalo]
     std::uint8_t *additions = nullptr;     // [rows][columns]
@@ -44,8 +44,8 @@ struct Grid {
     long row(int r) const { return r * stride; }
 };
 
-// Energies of the sum within the frame and just beyond it, along the samples and along the chirps: where the echoes
-// cancel within the frame but not beyond, what aliases into it is greater than what is in it.
+// Energies of the sum within the frame and just beyond it, along samples and chirps. If echoes cancel within the frame
+// but not beyond it, the aliases may exceed the sum itself.
 struct Growth {
     double within[2], beyond[2];
 };
@@ -64,10 +64,10 @@ struct Transform {
     Growth *growth;    // added to
 };
 
-// Stages of the sum by a grid. `speed`: of each of the plane's terms.
+// Stages of the sum on a grid. `speed`: speed of each of the plane's terms.
 template <class Real>
 struct GridKernels {
-    // Adds the echoes named to the grid's planes: the first gets the terms from first_term on, and so forth.
+    // Adds the echoes of `index` to the grid's planes. The terms from first_term on go to the planes in turn.
     void (*spread)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
                    int first_receiver, const SpreadKernel &, const SpeedNodes &, int first_term, int planes,
                    const Grid<Real> &);
@@ -77,11 +77,11 @@ struct GridKernels {
 };
 
 struct SynthesisKernels {
-    // weight_squared (count,) filled.
+    // Fills weight_squared [count].
     Weighing (*weigh)(const EchoModel &, const EchoView &, double *weight_squared);
-    // How many of x (0 and up) lie in (0, limit).
+    // Number of values of x, all >= 0, in (0, limit).
     std::size_t (*count_below)(const double *x, std::size_t count, double limit);
-    // Adds the echoes named to sum [receivers of the group][chirps][samples rounded up to 8].
+    // Adds the echoes of `index` to sum [receivers of the group][chirps][samples rounded up to 8].
     void (*direct)(const EchoModel &, const EchoView &, const std::int32_t *index, std::size_t count,
                    int first_receiver, double *sum);
     GridKernels<double> one_term;

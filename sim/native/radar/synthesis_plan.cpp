@@ -1,4 +1,4 @@
-// Which grids and which kernel width a frame's echoes are summed with (synthesis.hpp).
+// Choice of the grids and the kernel width for a frame's echoes (synthesis.hpp).
 #include <algorithm>
 #include <limits>
 
@@ -8,14 +8,14 @@
 namespace hil::sim::radar {
 namespace {
 
-constexpr double kSingleRounding = 1e-5;  // of grids in single precision, with room
-constexpr double kSingleFrom = 5e-5;      // planned errors; below them double it is
-constexpr double kAgain = 0.125;  // of the interpolation's share of the error, from the second round on
+constexpr double kSingleRounding = 1e-5;  // relative error of grids in single precision, with margin
+constexpr double kSingleFrom = 5e-5;      // least planned error for single precision
+constexpr double kAgain = 0.125;  // factor on the interpolation's share of the error from the second round on
 
 }  // namespace
 
-// Nanoseconds, about, on one core of a server of 2023: only their ratios matter, and they choose between sums of equal
-// worth. Fixed numbers, not measured at the start: the choice must not depend on the machine.
+// Approximate times in ns on one core of a server of 2023. Only their ratios matter: they choose between equally
+// accurate sums. They are constants, because the choice must not depend on the machine.
 SummingCost Synthesis::cost(int width, bool single) const {
     const double rows = rows_, columns = columns_, samples = static_cast<double>(model_.chirps) * wide_;
     const auto steps = [](double n) { return det::log(n) / det::log(2.0); };
@@ -35,9 +35,9 @@ void Synthesis::plan(const EchoView &echoes, std::size_t count, const Weighing &
     int width = plan.single ? kMinWidth : kMinDoubleWidth;
     while (width < widest && kernel_error_[width] > 0.9 * error) ++width;
     const double half_span = 0.5 * (weighing.greatest_speed - weighing.least_speed);
-    // A wider kernel leaves more of the error to the interpolation: it may need fewer terms.
+    // A wider kernel leaves more of the error to the interpolation, which may then need fewer terms.
     for (int w = width; w <= std::min(width + 1, widest); ++w) {
-        // The interpolation's error is that of the speeds, and need not cancel where the echoes do.
+        // The interpolation's error depends on the speeds and need not cancel where the echoes do.
         const double rest = std::max(error - kernel_error_[w], 0.0) * (again ? kAgain : 1.0);
         PanelPlan &tried = other_plan_.panels;
         const SummingCost price = cost(w, plan.single);

@@ -1,4 +1,5 @@
-// From one plane of a grid to the samples: FFT along the chirps, FFT along the samples, remainder (synthesis_kernels.hpp).
+// Transform of one plane of a grid to samples: FFT along the chirps, FFT along the samples, remainder
+// (synthesis_kernels.hpp).
 #include "echo_lanes.hpp"
 #include "synthesis_kernels.hpp"
 
@@ -80,7 +81,7 @@ template <class Real>
 void add_growth(const Real *line, int size, int count, int outer, const double *scale, const double *outer_scale,
                 double weight, int axis, Growth &growth) {
     const int half = count / 2;
-    for (int i = 0; i < count; i += 4) {  // a sample of them is enough
+    for (int i = 0; i < count; i += 4) {  // every fourth output is enough
         growth.within[axis] += energy(line + (long)kCell<Real> * ((i - half) & (size - 1))) * (scale[i] * scale[i] * weight);
     }
     for (int i = 0; i < outer; i += 4) {
@@ -90,8 +91,8 @@ void add_growth(const Real *line, int size, int count, int outer, const double *
     }
 }
 
-// y_k = sum over l of x_l exp(2 pi i k l / size): radix 4, self-sorting (Stockham), one radix 2 at the end where the
-// power is odd. x is destroyed; the result is in the one returned of x and y.
+// y_k = sum over l of x_l exp(2 pi i k l / size): radix 4, self-sorting (Stockham), one radix 2 at the end if the power
+// is odd. Overwrites x and y; returns the one that holds the result.
 template <class Real>
 Real *fft(Real *x, Real *y, int size, const Real *twiddle) {
     int stride = 1;
@@ -128,7 +129,7 @@ Real *fft(Real *x, Real *y, int size, const Real *twiddle) {
     return x;
 }
 
-// What was emptied, back into the cells: their sum is final.
+// Adds the emptied sums back to the cells after the last echo.
 void refill(const Grid<double> &, double *, int) {}
 void refill(const Grid<float> &grid, float *plane, int width) {
     const double *emptied = grid.emptied + (plane - grid.cells);
@@ -139,7 +140,8 @@ void refill(const Grid<float> &grid, float *plane, int width) {
     }
 }
 
-// The halo back to where it belongs. Marks what is used then; twice the same of a grid's next plane.
+// Adds the halo to the cells that it wraps to, and marks their rows and columns as used. The marks are the same for each
+// plane of a grid.
 template <class Real>
 void fold(const Grid<Real> &grid, Real *plane, int width) {
     const int columns = grid.columns + width;
@@ -183,7 +185,7 @@ void remainder_row(const EchoModel &model, double speed, int m, double chirp_sca
     }
 }
 
-// Adds the cell times each term's factor, times `unscale`, to the doubles of the sum. `unscale` may be beyond a float.
+// Adds the cell times each term's factor, times `unscale`, to the sum in double. `unscale` may exceed the range of float.
 HIL_INLINE void add_turned(const double *from, const double *factor, long, double, double *sum) {
     const Cell<double> value = cell(from);
     const double c = factor[0], d = factor[D::kCount];
@@ -203,7 +205,7 @@ HIL_INLINE void add_turned(const float *from, const float *factor, long next_ter
     }
 }
 
-// Of the lines under a kernel only; the others are zero.
+// Copies the lines under a kernel; the others are set to zero.
 template <class Real>
 HIL_INLINE void gather_used(const Real *from, long step, int count, const std::uint8_t *used, Real *x) {
     const Cell<Real> none{};
@@ -220,7 +222,7 @@ void transform(const EchoModel &model, const Grid<Real> &grid, int which, int wi
     fold(grid, plane, width);
     Real *x = t.work, *y = t.work + (long)kCell<Real> * (grid.rows > grid.columns ? grid.rows : grid.columns);
     const double unscale = 1.0 / grid.scale, squared = unscale * unscale;
-    const long line = (long)kCell<Real> * (grid.columns + 1);  // not a power of two: a column's cells apart in the cache
+    const long line = (long)kCell<Real> * (grid.columns + 1);  // not a power of two, so that a column's cells are in different cache sets
     for (int c = 0; c < grid.columns; ++c) {
         if (!grid.columns_used[c]) continue;
         gather_used(plane + (long)c * kCell<Real>, grid.stride, grid.rows, grid.rows_used, x);

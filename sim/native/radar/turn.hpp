@@ -1,4 +1,4 @@
-// Cosine and sine of 2 pi x in lanes of doubles. For use in *.isa.cpp alone.
+// Cosine and sine of 2 pi x in lanes of doubles. For use in *.isa.cpp only.
 #pragma once
 
 #include "../frame/lane_memory.hpp"
@@ -7,14 +7,14 @@ namespace hil::sim::radar::HIL_ISA {
 
 using namespace hil::sim::frame::HIL_ISA;
 
-// Adding it leaves no bits below the point: what is taken off again is the nearest integer (|x| < 2^51), and the low
-// bits of the sum are that integer in two's complement.
+// Adding it rounds x to the nearest integer (|x| < 2^51): subtracting it again gives that integer, and the low bits of
+// the sum are the integer in two's complement.
 constexpr double kNearest = 6755399441055744.0;
 
 HIL_INLINE D nearest(const D &x) { return (x + kNearest) - kNearest; }
 
-// Error below 2e-16 + |x| 2^-53 * 2 pi. The cycles are taken off in whole quarters, which is exact, so it holds for any
-// |x| < 2^49. Polynomials on [-pi/4, pi/4]: coefficients of fdlibm 5.3, as in signals/native/detmath.hpp.
+// Error below 2e-16 + |x| 2^-53 * 2 pi for any |x| < 2^49: the reduction by quarter cycles is exact. Polynomials on
+// [-pi/4, pi/4] with the coefficients of fdlibm 5.3, as in signals/native/detmath.hpp.
 HIL_INLINE void turn(const D &x, D &cosine, D &sine) {
     const D shifted = x * 4.0 + kNearest;
     const L quarter = as<L>(shifted);
@@ -32,7 +32,7 @@ HIL_INLINE void turn(const D &x, D &cosine, D &sine) {
     c = c * z + (-1.38888888888741095749e-03);
     c = c * z + 4.16666666666666019037e-02;
     c = (z * z) * c + (1.0 - z * 0.5);
-    // Quarters 1 and 3 swap the two; 1 and 2 turn the cosine's sign, 2 and 3 the sine's.
+    // Quarters 1 and 3 swap cosine and sine; 1 and 2 change the sign of the cosine, 2 and 3 that of the sine.
     const L odd = L(-(quarter & splat<L>(1)));
     const L sine_sign = shift_left(quarter & splat<L>(2), 62);
     const L cosine_sign = shift_left((quarter + splat<L>(1)) & splat<L>(2), 62);

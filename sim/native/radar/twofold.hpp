@@ -1,7 +1,7 @@
 // Sums and products in twice the digits of a double: hi + lo, lo the rounding error of hi (Dekker 1971; Knuth, TAOCP 2).
 //
-// Why: at 200 m the phase of an echo is some 1e5 cycles, so one rounding of it in double is already 1e-11 cycles.
-// For T = double and for SIMD lanes of doubles. Exact only without fused or reassociated arithmetic, as all is built.
+// Needed because the phase of an echo at 200 m is about 1e5 cycles, and one rounding of it in double is 1e-11 cycles.
+// For T = double and SIMD lanes of doubles. Exact only without fused or reassociated arithmetic, as the build ensures.
 #pragma once
 
 namespace hil::sim::radar {
