@@ -2,7 +2,7 @@
 
     - {kind: efficiency, rotor: 1, at_s: 12.0, factor: 0.7}     thrust and torque fall to 70 %
     - {kind: stuck, rotor: 0, at_s: 12.0, speed_radps: 0}       runs to that speed and ignores commands
-    - {kind: lost_blade, rotor: 2, at_s: 12.0, imbalance_gcm: 30}   half the thrust of a two-blade rotor, and a whirl
+    - {kind: lost_blade, rotor: 2, at_s: 12.0, imbalance_gcm: 30}   half the thrust of a two-blade rotor, unbalanced
 
 A fault begins at the first tick at or after `at_s` and lasts. A later fault of the same rotor replaces the earlier one.
 """
@@ -49,7 +49,7 @@ class RotorFault(StrictModel):
 
     @property
     def rotor_left(self) -> tuple[float, float, float]:
-        """Thrust left 0..1, forced speed [rad/s] or -1, imbalance [kg m]."""
+        """Return the thrust left 0..1, the forced speed [rad/s] or -1, and the imbalance [kg m]."""
         if self.kind == "efficiency":
             assert self.factor is not None
             return (self.factor, -1.0, 0.0)

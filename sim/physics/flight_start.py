@@ -13,4 +13,4 @@ class FlightStart:
 
     p_WB: Vec3 | None = None  # None: standing on the ground at W's origin
     yaw_rad: float = 0.0  # counter-clockwise from east
-    t_ns: int = 0  # time of the scene, which poses its actors
+    t_ns: int = 0  # time at which the scene's actors are posed

@@ -28,7 +28,7 @@ class Integration:
     """Method and steps of the integration.
 
     `method`: Runge-Kutta of order 8, or the classical one of order 4. `step_ns`: upper bound of a free-flight step,
-    which must divide the tick; default 4 ms (classical: 1 ms) or the next shorter that divides.
+    which must divide the tick; default 4 ms (classical: 1 ms) or the next shorter step that divides it.
     """
 
     method: Literal["order8", "classical"] = "order8"

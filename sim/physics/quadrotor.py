@@ -13,8 +13,8 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
                  the air again: depth is about v T / e for a contact of time constant T (sim.physics.contact_model).
 
 Step 2 skips only work whose result is known, so a flight has the same bits with and without it (a test switches
-`Integration.contact_skipping`). It needs the scene only now and then: a clearance stays a lower bound until the vehicle
-has travelled that far. The same holds for what moves in the scene (sim.physics.actors).
+`Integration.contact_skipping`). The clearance is not computed in every tick: it stays a lower bound until the vehicle
+has travelled that far. The same holds for moving actors (sim.physics.actors).
 
 Faults and gusts begin at ticks; `take_events` reports them.
 

@@ -8,7 +8,7 @@ follows from its share of odd codes (`Adc.noise_power`). The DC wander is the ex
 
     sigma_k^2 = (S_k0 - S_k1) / N
 
-Reflectors (sim/radar/static_echoes.py) are part of p but no property of the sensor: they are removed unless
+Reflectors (sim/radar/static_echoes.py) are part of p but not a property of the sensor: they are removed unless
 `keep_echoes` is set. Uncertainties (one sigma) come from the spread between frames, or between four parts of the
 recording.
 """

@@ -211,7 +211,7 @@ class _Reading:
         parent.children = children
 
     def _numbers(self, element: Element) -> None:
-        """Report numbers that are no finite place or size: MuJoCo accepts them, and all results would be wrong."""
+        """Report numbers that are not finite or too large: MuJoCo accepts them, and all results would be wrong."""
         for key, value in element.attributes.items():
             if key in _TEXTS:
                 continue

@@ -62,7 +62,7 @@ class MjcfMap(StrictModel):
         default_factory=dict
     )  # MJCF material -> a name of sim.scene.surfaces, or values
 
-    # Known here only to be refused with a clear message.
+    # Declared only so that they are rejected with a clear message.
     generator: Any = Field(default=None, exclude=True)
     seed: Any = Field(default=None, exclude=True)
 

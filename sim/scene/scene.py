@@ -134,7 +134,7 @@ def is_mjcf(path: Path) -> bool:
 
 
 def scene_of_mjcf(path: Path) -> Scene:
-    """Return an MJCF file as a scene; whatever such a file does not hold is as at the default site."""
+    """Return an MJCF file as a scene; all that such a file cannot state is as at the default site."""
     name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",

@@ -65,7 +65,7 @@ class World:
 
     @cached_property
     def geom_actor(self) -> NDArray[np.int32]:
-        """(ngeom,) Index into `map.actors` of the actor that each geom belongs to; -1: the geom stands still."""
+        """(ngeom,) Index into `map.actors` of the actor that each geom belongs to; -1: static."""
         actor_of = {body: index for index, actor in enumerate(self.map.actors) for body in actor.bodies}
         names = semantics.Names.of(self.model)
         of_body = [actor_of.get(names.bodies[top], -1) for top in names.top]

@@ -1,7 +1,7 @@
 """Barometer: pressure of the standard atmosphere at the vehicle's height, with errors of sensor and installation.
 
     p = p_ISA(h) + drift + prop wash + flow + n,   rounded to the resolution
-    altitude = the standard atmosphere's at p
+    altitude = that of the standard atmosphere at p
 
     prop wash   T (p_free + p_ground e^{-z / h_g})      T = mean (rotor speed / reference)^2, the thrust ratio
     flow        sum_i c_i rho/2 u_i |u_i|, i = x, y     u air velocity past the body in B

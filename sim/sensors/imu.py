@@ -3,8 +3,8 @@
     f = R_WB^T (a - g) + alpha x r + w x (w x r)      specific force at the sensor, in B [m/s2]
     out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
-Motion and vibration enter as their mean over the physics step just taken, as an IMU delivers that integrates at a high
-internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
+Motion and vibration enter as their mean over the physics step just taken, like the output of an IMU that integrates at
+a high internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
 
 The Allan deviation over tau follows the line that a datasheet (or a long log of the part at rest) gives:
 
@@ -72,7 +72,7 @@ class ImuParameters(StrictModel):
     gyro_output_rate_hz: Annotated[float, Field(ge=0.0, le=100_000.0)] = 0.0
     temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)]  # once warm
     temperature_noise_degc: Annotated[float, Field(ge=0.0, le=10.0)]
-    warm_up_degc: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0  # by so much colder at the start
+    warm_up_degc: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0  # rise of temperature after the start
     warm_up_time_constant_s: Annotated[float, Field(gt=0.0, le=1e5)] = 60.0
     # Temperature at which the autopilot calibrated it; null: `temperature_degc`.
     reference_temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] | None = None

@@ -1,4 +1,4 @@
-"""Constant false-alarm rate (CFAR) detection of cells of a map above the noise round them.
+"""Constant false-alarm rate (CFAR) detection of cells of a map above the noise around them.
 
 With noise alone, a cell is the mean of K receivers' powers: Gamma with shape K and mean s. The noise at a cell under
 test is estimated from its training cells: those within guard + train in rows and in columns, but not within guard in

@@ -43,8 +43,8 @@ class RangeDoppler:
         self.columns = power_of_two_from(chirp.samples) * processing.range_padding // 2
         self._background: Float64 | None = None
         self._spectrum = np.zeros((receivers, self.rows, self.columns), np.complex128)
-        # Rows near zero speed, where clutter removal also removes noise, and columns near zero range, where the mean is
-        # or was.
+        # Rows near zero speed, where clutter removal also removes noise, and columns near zero range, which hold the
+        # mean of a chirp, or held it before its removal.
         slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
         fast_null = -(-2 * self.columns * _MAIN_LOBE[processing.range_window] // chirp.samples)
         still = processing.clutter in ("mean", "mti2", "mti3")
