@@ -195,7 +195,7 @@ HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree,
     if (take(p, t, (double)index, -1.0)) p.far = smaller(largest(p.t), kBeyond);
 }
 
-// meet_geom, not inlined, for callers that need no second compiled copy.
+// meet_geom as a function call, where inlining would only add another compiled copy.
 HIL_NOINLINE void meet_listed(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
                               double t_min) {
     meet_geom(scene, index, tree, stack, p, t_min);
