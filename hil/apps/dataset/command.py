@@ -27,7 +27,7 @@ def run_dataset(
     seed: int | None,
     settings: Sequence[str],
 ) -> DatasetResult:
-    """Make the data set, by default in a new folder of `runs`, and print frames, rate and place. Raises HilError."""
+    """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder. Raises HilError."""
     if options.resume and out is None:
         raise ConfigError([Problem("--resume", "needs --out: the folder of the data set to continue")])
     out = new_run_dir(out, "dataset")
@@ -44,12 +44,14 @@ def run_dataset(
         )
         try:
             result = make_dataset(plan, out, options)
-        except KeyboardInterrupt as stop:
-            text = str(stop) or "stopped from the keyboard"
+        except KeyboardInterrupt as interrupt:
+            text = str(interrupt) or "stopped from the keyboard"
             raise RecordingError(f"{text}; everything written is kept. Continue with: --out {out} --resume") from None
-    steady = f", {result.steady_frames_per_s:.1f} a second once under way" if result.steady_frames_per_s else ""
-    kept = f"; {result.found_batches} batches were there already" if result.found_batches else ""
-    overall = result.frames / result.wall_s
-    console.print(f"{result.frames} frames in {result.wall_s:.1f} s: {overall:.1f} a second in all{steady}{kept}")
+    text = f"{result.frames} frames in {result.wall_s:.1f} s: {result.frames / result.wall_s:.1f} frames/s"
+    if result.steady_frames_per_s:
+        text += f", {result.steady_frames_per_s:.1f} frames/s after the first batch"
+    if result.kept_batches:
+        text += f"; {result.kept_batches} batches of an earlier attempt were kept"
+    console.print(text)
     console.print(f"data set  {out}/  (index.html, dataset.json)", markup=False)
     return result

@@ -62,7 +62,7 @@ class DatasetCounts:
     samples: dict[str, int]  # by sensor
 
     @classmethod
-    def of(cls, records: Sequence[BatchRecord]) -> DatasetCounts:
+    def sum_of(cls, records: Sequence[BatchRecord]) -> DatasetCounts:
         """Sum the records of all batches, which must be in order."""
         pixels = [0] * 256
         samples: dict[str, int] = {}
@@ -102,7 +102,7 @@ def finish(
     """
     root, tables, recording = store.root, store.tables, store.recording
     tree = TreeWriter(root)
-    counts = DatasetCounts.of(records)
+    counts = DatasetCounts.sum_of(records)
     split = split_of(len(counts.frame_t_ns), plan.config.dataset.guard_frames)
     batch_files = (file for record in records for file in record.files)
     written = [*files, *batch_files, *tables.written()]
@@ -153,7 +153,7 @@ def _coco_files(
     """Write one COCO file per set and one of all frames. A set without frames has a file without images."""
     description = f"{plan.bench.scene.name}, seed {plan.config.seed}"
     for name, short in {**_COCO_NAMES, "": "all"}.items():
-        ids = {frame + 1 for frame in (split.frames(name) if name else range(len(split.of_frame)))}
+        ids = {frame + 1 for frame in (split.frames(name) if name else range(len(split.set_by_frame)))}
 
         def selected(ids: set[int] = ids) -> Iterator[CocoPicture]:
             return (picture for picture in pictures() if picture.image_id in ids)
@@ -164,16 +164,16 @@ def _coco_files(
 
 def _chunks(parts: Iterable[str]) -> Iterator[bytes]:
     """Join small parts into chunks of about `_CHUNK_CHARACTERS`."""
-    held: list[str] = []
+    chunk: list[str] = []
     size = 0
     for part in parts:
-        held.append(part)
+        chunk.append(part)
         size += len(part)
         if size > _CHUNK_CHARACTERS:
-            yield "".join(held).encode()
-            held.clear()
+            yield "".join(chunk).encode()
+            chunk.clear()
             size = 0
-    yield "".join(held).encode()
+    yield "".join(chunk).encode()
 
 
 def _link(link: Path, target: str) -> None:
@@ -197,15 +197,15 @@ def _datasheet(
     config = plan.config
     by_class: dict[int, list[int]] = {}
     columns = {name: i for i, name in enumerate((*SETS, GUARD))}
-    for set_name, objects in zip(split.of_frame, counts.objects, strict=False):
+    for set_name, objects in zip(split.set_by_frame, counts.objects, strict=False):
         for class_id, n in objects.items():
             by_class.setdefault(class_id, [0] * len(columns))[columns[set_name]] += n
     frames = len(counts.frame_t_ns)
     limits = list(LIMITS)
     if frames < _MIN_FRAMES_WITH_GUARDS:
         limits.append(
-            f"So few frames ({frames}) leave none between the sets: neighbours in time are in "
-            "different sets, and a set can be empty. Good to try tools with, not to judge a detector by."
+            f"With only {frames} frames there are no guard frames between the sets: consecutive frames are in "
+            "different sets, and a set can be empty. Use them to try out tools, not to evaluate a detector."
         )
     trajectory = config.dataset.trajectory
     course = config.mission or "none"
@@ -218,17 +218,17 @@ def _datasheet(
         about=[
             f"Labelled data of several sensors on a simulated {config.vehicle}, flown by a {config.autopilot.kind} "
             f"flight controller over {plan.bench.scene.name}.",
-            "All sensors share one clock: times are simulated nanoseconds after "
-            f"{made_from['epoch_ns']} ns, and samples of one time are of one moment.",
+            f"All sensors share one clock. Times are {made_from['epoch_ns']} ns plus the simulated time in "
+            "nanoseconds; samples with equal times were taken at the same moment.",
             f"{frames} frames over {(counts.frame_t_ns[-1] - counts.frame_t_ns[0]) / NS_PER_S:.2f} s.",
         ],
-        made={
+        provenance={
             "scene": plan.bench.scene.name,
             "trajectory": course,
             "seed": str(config.seed),
             "quality": plan.quality,
             "bench": f"bench.yaml, sha256 {made_from['config_sha256']}",
-            "again": f"hil dataset bench.yaml --frames {frames}",
+            "command": f"hil dataset bench.yaml --frames {frames}",
         },
         sensors=_sensor_rows(plan, counts, store.tables),
         classes=catalogue.classes,
@@ -236,12 +236,13 @@ def _datasheet(
         class_objects=by_class,
         split=split,
         formats=_formats(plan),
-        pictures=[_sample(store.root, path) for path in previews],
+        pictures=[_preview_picture(store.root, path) for path in previews],
         limits=limits,
     )
 
 
-def _sample(root: Path, path: str) -> tuple[str, str, bytes]:
+def _preview_picture(root: Path, path: str) -> tuple[str, str, bytes]:
+    """Return title, kind (png, jpeg) and bytes of a preview."""
     name, _, kind = Path(path).name.rpartition(".")
     sensor, _, key = name.rpartition("-")
     return f"{sensor}: {_TITLES[key]}", kind, (root / path).read_bytes()
@@ -251,33 +252,32 @@ def _sensor_rows(plan: DatasetPlan, counts: DatasetCounts, tables: Tables) -> li
     rows: list[tuple[str, ...]] = []
     for name, sensor in plan.config.sensors.items():
         p = sensor.parameters
-        holds = ", ".join(getattr(p, "channels", None) or getattr(p, "outputs", None) or (sensor.kind,))
+        channels = getattr(p, "channels", None) or getattr(p, "outputs", None) or ()
         preset = PRESETS.get(sensor.preset) if sensor.preset is not None else None
-        part = f" ({preset.part})" if preset is not None else ""
-        parts = getattr(p, "channels", None) or getattr(p, "outputs", None) or ("",)
-        folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, part)}" for part in parts))
+        title = f"{name} ({preset.part})" if preset is not None else name
+        folders = ", ".join(dict.fromkeys(f"{ROOT}/{plan.folder(name, channel)}" for channel in channels or ("",)))
         samples = counts.samples.get(name, tables.rows.get(plan.folder(name), 0))
-        rows.append((name + part, folders, holds, f"{sensor.rate_hz:g}", str(samples)))
+        rows.append((title, folders, ", ".join(channels or (sensor.kind,)), f"{sensor.rate_hz:g}", str(samples)))
     return rows
 
 
 def _formats(plan: DatasetPlan) -> dict[str, str]:
     step_m = plan.config.dataset.depth_step_m
-    found = {
+    contents = {
         f"{ROOT}/*/{TABLE}": "ASL (EuRoC): a table of times and values, or of times and files",
-        f"{ROOT}/*/sensor.yaml": "intrinsics, place on the vehicle (T_BS), rate, noise",
-        f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: nothing, 65535: beyond {65534 * step_m:g} m",
-        f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, as SemanticKITTI has them",
-        f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp: radar.json",
+        f"{ROOT}/*/sensor.yaml": "intrinsics, mounting on the vehicle (T_BS), rate, noise",
+        f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: no surface, 65535: beyond {65534 * step_m:g} m",
+        f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, in SemanticKITTI's format",
+        f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp settings in radar.json",
         f"{ROOT}/range_doppler*/data": "numpy float32 (chirps, range bins), power in ADC counts squared",
         "Annotations, ImageSets, JPEGImages, SegmentationClass": "Pascal VOC; the pictures are PNGs",
         f"{ANNOTATIONS}/instances_*.json": "COCO with masks: train, val, test, all",
         SPLIT_NAME: "the set of each frame",
         RECORDING: "the whole run as MCAP, ROS 2 messages; pictures are the PNG files' own bytes",
-        CHECKSUMS: "bytes and CRC-32 of every file but the recording and the journal",
-        MANIFEST: "what it was made from, and counts",
-        JOURNAL: "what `--resume` goes by",
+        CHECKSUMS: "size and CRC-32 of every file but the recording and the journal",
+        MANIFEST: "provenance and counts",
+        JOURNAL: "finished batches, read by `--resume`",
     }
     if plan.labelled is None:
-        found = {k: v for k, v in found.items() if "VOC" not in v and "COCO" not in v}
-    return found
+        contents = {k: v for k, v in contents.items() if "VOC" not in v and "COCO" not in v}
+    return contents

@@ -1,7 +1,9 @@
-"""Flights of a data set: samples of the sensors flown (IMU, GPS and the like), and the moments at which frames are due.
+"""Flights of a data set, which give the samples of the flight sensors (IMU, GPS and the like) and the times of frames.
 
-The mission is repeated until there are enough frames. Each flight after the first has its own seed for the sensors
-sampled in it, and its times continue from the flight before. A preset course has no end, so it takes one flight.
+The mission is repeated until there are enough frames. Each flight after the first has its own seed for the flight
+sensors. A preset course has no end, so it takes one flight.
+
+The time of the data set continues from flight to flight. The time of the files is that time plus `EPOCH_NS`.
 
 A flight sample belongs to the batch during which it was released: from the batch's first moment up to the first moment
 of the next batch.
@@ -68,14 +70,14 @@ OnBatch = Callable[[Batch, FlightData], None]
 
 
 class FlightRecorder(Recorder):
-    """Recorder of a run that writes no files: it passes each finished batch and its flight data to `on_batch`."""
+    """Recorder that writes no files, but passes each finished batch and its flight data to `on_batch`."""
 
     def __init__(self, plan: DatasetPlan, on_batch: OnBatch) -> None:
         super().__init__(Path(), mcap=False, tlog=False, tick_ns=plan.config.tick_ns)
         self._plan, self._on_batch = plan, on_batch
         self._clock = SampleClock(plan.frame_sensors, plan.config.tick_hz)
         self.batches = BatchCollector(plan.reference, frames=plan.frames, batch_frames=BATCH_FRAMES)
-        # Collected since the first frame of this batch, in times of the data set:
+        # Collected since the first frame of this batch, in the time of the data set:
         self._truths: list[TruthState] = []
         self._samples: dict[str, list[tuple[Sample, int]]] = {}  # by port: sample, released at [ns]
         self._events: list[tuple[int, str, str]] = []
@@ -89,27 +91,27 @@ class FlightRecorder(Recorder):
         mission = plan.bench.mission
         endless = plan.config.dataset.trajectory is not None or mission is None
         self._waypoints = 0 if mission is None or endless else len(mission.waypoints)
-        self._all = plan.config.dataset.record == "flight" or mission is None
+        self._record_all = plan.config.dataset.record == "flight" or mission is None
 
     def start_flight(self) -> None:
         """Begin a flight: its times follow those of the flight before, from a whole second on."""
         if self._now_ns:
             self._base_ns = (self._now_ns // NS_PER_S + 1) * NS_PER_S
         self._clock.start_flight()
-        self._recording = self._all
+        self._recording = self._record_all
 
-    def is_over(self, reached: Callable[[], int], ended: bool) -> bool:
+    def is_over(self, count_reached: Callable[[], int], ended: bool) -> bool:
         """Return True if the flight may end. Call after every tick.
 
-        `reached` counts the waypoints reached so far; `ended` says that the mission has ended.
+        `count_reached` returns the number of waypoints reached so far; `ended` is True if the mission has ended.
         """
         if self._last_ns >= 0:
             return self._now_ns >= self._last_ns + self._settle_ns
-        if self._all or (self._recording and not self._waypoints):
+        if self._record_all or (self._recording and not self._waypoints):
             return ended
-        count = reached()
-        past_last = ended or (self._waypoints > 1 and count >= self._waypoints)
-        self._recording = count >= 1 and not past_last
+        reached = count_reached()
+        past_last = ended or (self._waypoints > 1 and reached >= self._waypoints)
+        self._recording = reached >= 1 and not past_last
         return past_last
 
     def truth(self, truth: TruthState) -> None:
@@ -135,13 +137,13 @@ class FlightRecorder(Recorder):
             self._last_ns = truth.t_ns
 
     def _emit(self, batch: Batch) -> None:
-        part = FlightData(
+        data = FlightData(
             columns_of(TruthState, self._truths, EPOCH_NS),
             {port: _port_samples(rows) for port, rows in self._samples.items()},
             [(t_ns + EPOCH_NS, kind, text) for t_ns, kind, text in self._events],
         )
         self._truths, self._samples, self._events = [], {}, []
-        self._on_batch(batch, part)
+        self._on_batch(batch, data)
 
     def sample(self, port: str, sample: Sample) -> None:
         """Collect a flight sample captured between the first and the last frame."""
@@ -175,7 +177,7 @@ class FlightRecorder(Recorder):
 
 
 class EnoughFrames(Part):
-    """Ends the flight when the data set has its frames."""
+    """Part that ends the flight when the data set has its frames."""
 
     name = "frames"
 
@@ -184,7 +186,7 @@ class EnoughFrames(Part):
         self._over = False
 
     def begin(self, run: RunContext) -> None:
-        """Keep the run, whose other parts end a flight and count waypoints."""
+        """Store the run: its other parts tell if the mission has ended and how many waypoints are reached."""
         self._run = run
 
     def after_tick(self, tick: int) -> None:  # noqa: ARG002 (called once a tick)
@@ -207,12 +209,12 @@ def fly_for_frames(plan: DatasetPlan, on_batch: OnBatch) -> FlightRecorder:
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as folder:
         flight = 0
         while not recorder.batches.full:
-            before = recorder.batches.frames
+            frames_before = recorder.batches.frames
             recorder.start_flight()
             seed = (plan.config.seed + flight) % (MAX_SEED + 1)
             config = bench.config.model_copy(update={"seed": seed})
             fly(replace(bench, config=config), Path(folder), recorder, EnoughFrames(recorder))
-            if recorder.batches.frames == before:
+            if recorder.batches.frames == frames_before:
                 raise RecordingError(_no_frames_message(plan, flight))
             flight += 1
     recorder.finish()

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from hil.apps.dataset.drawing import BatchDrawer
+from hil.apps.dataset.batch_maker import BatchMaker
 from hil.apps.dataset.finish import finish
 from hil.apps.dataset.flight import fly_for_frames
 from hil.apps.dataset.formats.labels import Catalogue
@@ -37,7 +37,7 @@ from hil.config import load_bench
 from hil.run.loop.progress import ProgressDisplay
 from signals.classes import Classes
 
-_BAR_S, _LINE_S = 0.1, 5.0
+_BAR_PERIOD_S, _LINE_PERIOD_S = 0.1, 5.0
 
 
 class FrameProgress(ProgressDisplay):
@@ -52,29 +52,29 @@ class FrameProgress(ProgressDisplay):
         self._first: tuple[float, int] | None = None  # time and frames at which the measurement of the rate began
 
     def text(self, done: int, now_s: float) -> str:
-        """Return frames, rate and time left. The rate counts from the first batch on, so take-off is not in it."""
+        """Return frames, rate and time left. The rate is measured from the first batch on, so it excludes take-off."""
         if self._first is None:
             self._first = (now_s, done)
             return f"{done} of {self._total} frames"
-        since_s, before = self._first
-        rate = (done - before) / max(now_s - since_s, 1e-6)
+        first_s, first_done = self._first
+        rate = (done - first_done) / max(now_s - first_s, 1e-6)
         if rate <= 0.0:
             return f"{done} of {self._total} frames"
         left_s = (self._total - done) / rate
         return f"{done} of {self._total} frames, {rate:.1f} frames/s, {_minutes(left_s)} left"
 
     def show(self, done: int) -> None:
-        """Display that `done` frames are stored; calls that come too soon after one another are ignored."""
+        """Display that `done` frames are stored; calls within the display's period are ignored."""
         now_s = self._clock()
         if self._quiet or (now_s < self._next_s and self._first is not None):
             return
         text = self.text(done, now_s)
         with contextlib.suppress(OSError, ValueError):  # the terminal or pipe has been closed
             if self._bar is not None:
-                self._next_s = now_s + _BAR_S
+                self._next_s = now_s + _BAR_PERIOD_S
                 self._bar.update(self._task, total=self._total, completed=done, text=text, refresh=True)
             else:
-                self._next_s = now_s + _LINE_S
+                self._next_s = now_s + _LINE_PERIOD_S
                 print(text, file=self._stream, flush=True)
 
 
@@ -89,14 +89,14 @@ class DatasetResult:
 
     out: Path
     frames: int
-    found_batches: int  # left complete by an earlier attempt
+    kept_batches: int  # left complete by an earlier attempt
     steady_frames_per_s: float
     wall_s: float
 
 
 @dataclass(frozen=True)
 class MakeOptions:
-    """Options that change how a data set is made, but no byte of it. Tests replace the two factories."""
+    """Options that do not change the bytes of a data set. Tests replace the two factories."""
 
     workers: int | None = None  # None: one per core
     resume: bool = False
@@ -106,21 +106,21 @@ class MakeOptions:
 
 
 @dataclass
-class DrawerFactory:
-    """Makes a worker's `BatchDrawer`. In a process that was not forked it loads the bench saved in the data set."""
+class BatchMakerFactory:
+    """Factory of a worker's `BatchMaker`. In a spawned process it loads the bench saved in the data set."""
 
     plan: DatasetPlan | None
     frames: int
     quality: str
     root: Path
-    kind: type[BatchDrawer] = BatchDrawer
+    maker_type: type[BatchMaker] = BatchMaker
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "plan": None}
 
-    def __call__(self) -> BatchDrawer:
+    def __call__(self) -> BatchMaker:
         plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
-        return self.kind(plan, self.root)
+        return self.maker_type(plan, self.root)
 
 
 def make_dataset(plan: DatasetPlan, root: Path, options: MakeOptions = MakeOptions()) -> DatasetResult:
@@ -158,13 +158,13 @@ class _DatasetMaker:
     began_s: float
 
     def make(self) -> DatasetResult:
-        """Write the first files, start the workers and record."""
+        """Write the files that workers need, start the workers and record."""
         plan, root, options = self.plan, self.root, self.options
         count = options.workers or cores()
         tree = TreeWriter(root)
-        # Written before the workers start, because a worker that was not forked reads them.
+        # Written before the workers start, because a spawned worker reads them.
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
-        factory = DrawerFactory(plan, plan.frames, plan.quality, root)
+        factory = BatchMakerFactory(plan, plan.frames, plan.quality, root)
         with options.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=options.quiet) as progress:
             write_manifest(tree, initial_manifest(self.made_from))
             return self._record(pool, count, files, progress)
@@ -193,6 +193,6 @@ class _DatasetMaker:
             raise
         finally:
             store.close()
-        (first_s, before), (last_s, after) = times[0], times[-1]
-        rate = (after - before) / (last_s - first_s) if last_s > first_s else 0.0
-        return DatasetResult(root, pipeline.frames, pipeline.found, rate, time.monotonic() - self.began_s)
+        (first_s, first_frames), (last_s, last_frames) = times[0], times[-1]
+        rate = (last_frames - first_frames) / (last_s - first_s) if last_s > first_s else 0.0
+        return DatasetResult(root, pipeline.frames, pipeline.kept_batches, rate, time.monotonic() - self.began_s)

@@ -1,7 +1,7 @@
 """Sampling schedule of a data set: the ticks at which cameras, LiDARs and radars are due, gathered into batches.
 
 Sample numbers count from the start of the first flight, as in `hil run`, so a sample has the same noise as in a run of
-the same bench. Times are times of the data set: a second flight continues where the first one ended.
+the same bench. Times are in the time of the data set, which continues from flight to flight.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from signals.time import RateAccumulator
 
 
 class DueSample(NamedTuple):
-    """One sample to take. `previous` is the truth of a LiDAR's sample before, because a sweep spans the motion since.
+    """One sample to take.
 
-    `previous` is None for other sensors and for the first sample of a flight.
+    `previous` is the true state at the previous sample of a LiDAR, whose sweep spans the motion since then. It is None
+    for other sensors and for the first sample of a flight.
     """
 
     sensor: str
@@ -55,7 +56,7 @@ class Batch:
 
 @dataclass
 class SampleClock:
-    """Determines the due samples tick by tick. Make one per data set and call `start_flight` before each flight."""
+    """Schedule of the samples, tick by tick. Make one per data set and call `start_flight` before each flight."""
 
     sensors: Mapping[str, SensorConfig]
     tick_hz: int
@@ -72,21 +73,21 @@ class SampleClock:
 
     def due(self, truth: TruthState) -> tuple[DueSample, ...]:
         """Return the samples due at this tick, in the order of `sensors`. Call once per tick."""
-        found = []
+        samples = []
         for name, rate in self._rates.items():
             if rate.due():
                 seq = self._seq.get(name, 0)
                 self._seq[name] = seq + 1
                 if self.sensors[name].kind == "lidar":
-                    found.append(DueSample(name, seq, self._previous.get(name)))
+                    samples.append(DueSample(name, seq, self._previous.get(name)))
                     self._previous[name] = truth
                 else:
-                    found.append(DueSample(name, seq, None))
-        return tuple(found)
+                    samples.append(DueSample(name, seq, None))
+        return tuple(samples)
 
 
 class BatchCollector:
-    """Gathers moments into batches. A batch ends when the next batch's first frame comes, or with the last frame."""
+    """Collector of moments into batches. A batch ends at the first frame of the next batch, or with the last frame."""
 
     def __init__(self, reference: str, *, frames: int, batch_frames: int) -> None:
         self._reference, self._frames, self._size = reference, frames, batch_frames

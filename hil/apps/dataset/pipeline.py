@@ -1,6 +1,6 @@
-"""Pipeline from flight to files: batches go to the workers as the flight ends them, and are stored in order.
+"""Pipeline from flight to files: the workers make each batch of the flight, and the results are stored in order.
 
-The flight runs in this process and waits while the workers hold as many batches as they may, so memory is bounded by
+The flight runs in this process. It waits while the workers have the greatest number of batches, so memory is bounded by
 the number of workers. Everything that is written in order (recording, journal, tables) is written here.
 """
 
@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
-from hil.apps.dataset.drawing import take_finished
+from hil.apps.dataset.batch_maker import take_finished
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.storage.journal import BatchRecord
@@ -19,25 +19,25 @@ from hil.apps.dataset.storage.store import DatasetStore
 from hil.apps.dataset.workers import Job, JobResult, Workers
 from signals.errors import RecordingError
 
-MAX_PENDING = 4  # batches per worker that may wait for an earlier one
+MAX_PENDING = 4  # submitted batches per worker that are not stored yet
 
 
 class Pipeline:
-    """Distributes batches to the workers (`add`) and stores their results in order."""
+    """Distributor of batches to the workers (`add`), which stores their results in order."""
 
     def __init__(
         self, store: DatasetStore, workers: Workers, *, workers_count: int, on_done: Callable[[int], None]
     ) -> None:
         """`on_done` is called with the number of frames stored, after each batch."""
         self._store, self._workers = store, workers
-        self._expected = list(store.journal.entries())  # of an earlier attempt, with the offsets of their chunks
+        self._expected = list(store.journal.entries())  # records of an earlier attempt, with offsets of their chunks
         self._on_done = on_done
         self._pending: dict[int, tuple[Batch, FlightData]] = {}  # submitted, not yet stored
         self._results: dict[int, JobResult] = {}  # finished before an earlier batch
         self._next = 0
         self._max_pending = MAX_PENDING * workers_count
         self.records: list[BatchRecord] = []  # without their pictures
-        self.found = 0  # batches that an earlier attempt left complete
+        self.kept_batches = 0  # batches that an earlier attempt left complete
         self.frames = 0
 
     def add(self, batch: Batch, data: FlightData) -> None:
@@ -74,7 +74,7 @@ class Pipeline:
         batch, data = self._pending.pop(result.number)
         store = self._store
         store.recording.add_flight(data)
-        if result.found:
+        if result.was_complete:
             record, offset = self._expected[result.number]
             if store.recording.size != offset:
                 raise RecordingError(f"{store.root}: the journal does not match the recording; choose another folder")
@@ -86,13 +86,13 @@ class Pipeline:
         store.tables.add_flight(data)
         store.tables.add_files(record)
         self.records.append(replace(record, pictures=()))
-        self.found += result.found
+        self.kept_batches += result.was_complete
         self.frames += batch.frames
         self._on_done(self.frames)
-        store.checkpoints.maybe()
+        store.checkpoints.start_if_due()
 
     def finish(self) -> None:
-        """Wait for all batches and make a checkpoint: everything is on the disk but the recording's summary."""
+        """Wait for all batches and make a checkpoint. Only the recording's summary is then missing on the disk."""
         while self._workers.busy:
             self._collect(block=True)
         self._store.checkpoints.finish()

@@ -5,7 +5,7 @@ instances, which is also the camera that is labelled; without one it is the firs
 sensors keep their own rates.
 
 Each batch of frames is a pure function of its true states, the seed and the sample numbers, so any worker process may
-make any batch. A sensor whose samples depend on earlier samples is therefore refused here; a radar's outputs that
+make any batch. A sensor whose samples depend on earlier samples is therefore refused, and the outputs of a radar that
 depend on earlier frames are switched off.
 """
 
@@ -64,8 +64,8 @@ class DatasetPlan:
     @cached_property
     def frame_sensors(self) -> dict[str, SensorConfig]:
         """Cameras, LiDARs and radars by name; radars last, because they read the cameras' pictures."""
-        found = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
-        return dict(sorted(found, key=lambda pair: pair[1].kind == "radar"))
+        sensors = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
+        return dict(sorted(sensors, key=lambda pair: pair[1].kind == "radar"))
 
     @cached_property
     def flight_sensors(self) -> dict[str, SensorConfig]:
@@ -162,11 +162,12 @@ def _problems(bench: Bench) -> list[Problem]:
         message = f"has a free-running autopilot ({kind}), which does not wait for frames: some would be lost"
         problems.append(Problem(where, message, hint))
     if config.companion.on:
-        problems.append(Problem(where, "has companions, whose pictures are rendered in flight", "leave them out"))
-    at_risk = {fault.sensor for fault in config.faults.sensors}
+        hint = "remove the section `companion`"
+        problems.append(Problem(where, "has companions, whose pictures are rendered in flight", hint))
+    faulty_sensors = {fault.sensor for fault in config.faults.sensors}
     if bench.script is not None:
-        at_risk |= bench.script.sensors_at_risk
-    for name in sorted(at_risk & set(frame_sensors)):
+        faulty_sensors |= bench.script.sensors_at_risk
+    for name in sorted(faulty_sensors & set(frame_sensors)):
         hint = "a fault depends on earlier samples, and samples are made out of order here: record it with `hil run`"
         problems.append(Problem(f"{where}: sensors.{name}", "has faults declared", hint))
     for name, sensor in frame_sensors.items():
@@ -191,8 +192,8 @@ def _with_memoryless_radars(bench: Bench) -> Bench:
         p = sensor.parameters
         if not isinstance(p, RadarParameters):
             continue
-        kept = tuple(output for output in p.outputs if output in RADAR_FOLDERS)
-        changes: dict[str, Any] = {"outputs": kept or p.outputs}
+        outputs = tuple(output for output in p.outputs if output in RADAR_FOLDERS)
+        changes: dict[str, Any] = {"outputs": outputs or p.outputs}
         if p.processing.clutter == "background":
             changes["processing"] = p.processing.model_copy(update={"clutter": "none"})
         sensors[name] = sensor.model_copy(update={"parameters": p.model_copy(update=changes)})

@@ -18,8 +18,8 @@ from hil.config.schema import Trajectory
 from signals.geodesy import LocalFrame
 from sim.scene.scene import Site
 
-_CIRCLE_POINTS, _EIGHT_POINTS, _LANES = 24, 32, 5
-_ITEMS = 64  # waypoints before the jump back, at which the vehicle stops for a moment
+_CIRCLE_POINTS, _FIGURE_EIGHT_POINTS, _LANES = 24, 32, 5
+_WAYPOINTS_BEFORE_JUMP = 64  # the vehicle stops briefly at the jump, so it should be rare
 
 
 def course(trajectory: Trajectory) -> list[tuple[float, float]]:
@@ -29,18 +29,18 @@ def course(trajectory: Trajectory) -> list[tuple[float, float]]:
 
         square         corners (0, 0), (s, 0), (s, s), (0, s)
         circle         diameter s, through the take-off point and (0, s)
-        figure_eight   Gerono's lemniscate, s wide: (s / 2 sin a, s / 2 sin a cos a)
+        figure_eight   Gerono's lemniscate, s wide: (0.5 s sin a, 0.5 s sin a cos a)
         survey         five lanes of length s, east and back, s / 4 apart
     """
     s = trajectory.side_m
     if trajectory.preset == "square":
         return [(0.0, 0.0), (s, 0.0), (s, s), (0.0, s)]
     if trajectory.preset == "circle":
-        turns = [2.0 * math.pi * k / _CIRCLE_POINTS for k in range(_CIRCLE_POINTS)]
-        return [(0.5 * s * math.sin(a), 0.5 * s * (1.0 - math.cos(a))) for a in turns]
+        angles_rad = [2.0 * math.pi * k / _CIRCLE_POINTS for k in range(_CIRCLE_POINTS)]
+        return [(0.5 * s * math.sin(a), 0.5 * s * (1.0 - math.cos(a))) for a in angles_rad]
     if trajectory.preset == "figure_eight":
-        turns = [2.0 * math.pi * k / _EIGHT_POINTS for k in range(_EIGHT_POINTS)]
-        return [(0.5 * s * math.sin(a), 0.5 * s * math.sin(a) * math.cos(a)) for a in turns]
+        angles_rad = [2.0 * math.pi * k / _FIGURE_EIGHT_POINTS for k in range(_FIGURE_EIGHT_POINTS)]
+        return [(0.5 * s * math.sin(a), 0.5 * s * math.sin(a) * math.cos(a)) for a in angles_rad]
     lanes = []
     for lane in range(_LANES):
         ends = [(0.0, lane * s / (_LANES - 1)), (s, lane * s / (_LANES - 1))]
@@ -60,7 +60,7 @@ def waypoints_text(trajectory: Trajectory, site: Site) -> str:
     speed = _row(2, FRAME_MISSION, CHANGE_SPEED, (1.0, trajectory.speed_mps, -1.0, 0.0), (0.0, 0.0), 0.0)
     rows = [home, take_off, speed]
     points_W = course(trajectory)
-    for x, y in points_W * max(1, _ITEMS // len(points_W)):
+    for x, y in points_W * max(1, _WAYPOINTS_BEFORE_JUMP // len(points_W)):
         latitude, longitude, _ = frame.geodetic_from_enu((x, y, height))
         rows.append(_row(len(rows), FRAME_RELATIVE, WAYPOINT, (0.0,) * 4, (latitude, longitude), height))
     rows.append(_row(len(rows), FRAME_MISSION, JUMP, (3.0, -1.0, 0.0, 0.0), (0.0, 0.0), 0.0))

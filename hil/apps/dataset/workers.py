@@ -1,4 +1,4 @@
-"""Worker processes that make batches: a `ProcessPoolExecutor` whose processes each have one thread, renderer, encoder.
+"""Worker processes that make batches: a `ProcessPoolExecutor`; each process has one thread, renderer and encoder.
 
 Processes are forked where that is safe (with a single thread, no lock can be held during the fork) and then share the
 compiled scene. Elsewhere new processes are spawned, which load the bench saved with the data set.
@@ -32,7 +32,7 @@ _PR_SET_PDEATHSIG = 1  # Linux: prctl(2)
 
 
 class Job(NamedTuple):
-    """A batch to make. `expected` is the record of an earlier attempt, `offset` that of its chunk in the recording."""
+    """A batch to make. `expected` is the record of an earlier attempt; its chunk is at `offset` in the recording."""
 
     batch: Batch
     expected: BatchRecord | None
@@ -40,10 +40,10 @@ class Job(NamedTuple):
 
 
 class JobResult(NamedTuple):
-    """A finished batch by its index. `found` means that an earlier attempt had left it complete."""
+    """A finished batch by its index. `was_complete` is True if an earlier attempt had left it complete."""
 
     number: int
-    found: bool
+    was_complete: bool
 
 
 JobHandler = Callable[[Job], JobResult]  # runs in the worker
@@ -59,7 +59,7 @@ class Workers:
             gc.collect()
             gc.freeze()  # keeps shared pages shared: the collector neither writes to nor scans what exists now
         context: Any = mp.get_context("fork" if self._forked else "spawn")
-        self._pool = ProcessPoolExecutor(count, context, _begin, (make_handler,))
+        self._pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler,))
         self._max_pending = JOBS_PER_WORKER * count
         self._pending: set[Future[JobResult]] = set()
         with warnings.catch_warnings():
@@ -87,9 +87,9 @@ class Workers:
     def submit(self, job: Job) -> None:
         """Queue a batch for the next free worker. Call only if `has_capacity`. Raises RecordingError."""
         try:
-            self._pending.add(self._pool.submit(_run, job))
+            self._pending.add(self._pool.submit(_run_job, job))
         except BrokenProcessPool:
-            raise self._death() from None
+            raise self._worker_death() from None
         self._processes |= set(mp.active_children())
 
     def collect(self, *, block: bool) -> list[JobResult]:
@@ -101,9 +101,10 @@ class Workers:
         try:
             return [future.result() for future in done]
         except BrokenProcessPool:
-            raise self._death() from None
+            raise self._worker_death() from None
 
-    def _death(self) -> RecordingError:
+    def _worker_death(self) -> RecordingError:
+        """Shut the pool down and return the error that tells how a worker ended."""
         self._pool.shutdown()
         codes = {process.pid: process.exitcode or 0 for process in self._processes}
         # The pool ends the other workers with SIGTERM once it has seen one die.
@@ -129,7 +130,7 @@ _make_handler: Callable[[], JobHandler]  # set in worker processes
 _handler: JobHandler | None = None
 
 
-def _begin(make_handler: Callable[[], JobHandler]) -> None:
+def _initialise_worker(make_handler: Callable[[], JobHandler]) -> None:
     """Initialise a worker process."""
     global _make_handler
     _make_handler = make_handler
@@ -141,14 +142,14 @@ def _begin(make_handler: Callable[[], JobHandler]) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process with its parent, however that ends, so that no orphan keeps writing."""
+    """End this process when its parent ends, even by a crash, so that no orphan keeps writing."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
     elif (parent := mp.parent_process()) is not None:
         threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
-def _run(job: Job) -> JobResult:
+def _run_job(job: Job) -> JobResult:
     """Run a job in a worker. Raises RecordingError for any error."""
     global _handler
     try:

@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 
 from hil.apps.bench_suite.sensors.radar_cases import synthesizer
-from hil.apps.dataset.drawing import BatchDrawer, BatchWriter
+from hil.apps.dataset.batch_maker import BatchMaker, BatchWriter
 from hil.apps.dataset.flight import FlightData, fly_for_frames
-from hil.apps.dataset.make import DrawerFactory, cores
+from hil.apps.dataset.make import BatchMakerFactory, cores
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.manifest import saved_bench
@@ -67,20 +67,20 @@ def stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rate:
         [sys.executable, "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
     )
     wall_s = time.monotonic() - began_s
-    steady = re.search(r"([0-9.]+) a second once under way", done.stdout)
+    steady = re.search(r"([0-9.]+) frames/s after the first batch", done.stdout)
     if done.returncode != 0 or steady is None:
         raise RecordingError(f"hil dataset {' '.join(arguments)}: status {done.returncode}\n{done.stderr}")
     return Rate(frames, wall_s, float(steady[1]))
 
 
-class SampleOnly(BatchDrawer):
+class SampleOnly(BatchMaker):
     """Takes all samples of a batch and discards them."""
 
     def __call__(self, job: Job) -> JobResult:
         for moment in job.batch.moments:
             for due in moment.due:
                 self.sample(moment.truth, due)
-        return JobResult(job.batch.index, found=False)
+        return JobResult(job.batch.index, was_complete=False)
 
 
 def not_stored(plan: DatasetPlan) -> Rate:
@@ -91,7 +91,7 @@ def not_stored(plan: DatasetPlan) -> Rate:
         tree = TreeWriter(Path(folder))
         for name, data in saved_bench(plan).items():
             tree.write(name, data)
-        with Workers(cores(), DrawerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)) as pool:
+        with Workers(cores(), BatchMakerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)) as pool:
 
             def collect(*, block: bool) -> None:
                 for _ in pool.collect(block=block):
@@ -117,12 +117,12 @@ def floor_s(plan: DatasetPlan) -> float:
     fly_for_frames(plan, lambda batch, _part: batches.append(batch))
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
         (Path(folder) / WORK).mkdir()
-        drawer = BatchDrawer(plan, Path(folder))
+        maker = BatchMaker(plan, Path(folder))
         best = []
         for batch in batches:
             pairs = [(moment, due) for moment in batch.moments for due in moment.due]
-            samples = [(due, drawer.sample(moment.truth, due), moment.frame) for moment, due in pairs]
-            writer = BatchWriter(drawer, batch)
+            samples = [(due, maker.sample(moment.truth, due), moment.frame) for moment, due in pairs]
+            writer = BatchWriter(maker, batch)
             began = time.perf_counter()
             for due, sample, frame in samples:
                 writer.store(due.sensor, sample, frame)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from hil.apps.dataset.formats.labels import Catalogue, PictureLabels
 from signals.errors import RecordingError
 
-_INSTANCES = 65536
+_IDS_PER_IMAGE = 65536
 _COMPACT = (",", ":")
 
 
@@ -52,7 +52,7 @@ def coco_picture(frame: int, file_name: str, labels: PictureLabels, masks: Seque
         seen.add(o.instance)
         # Formatted by hand, because json.dumps takes four times as long and all values are numbers.
         annotations.append(
-            f'{{"id":{_INSTANCES * image_id + o.instance},"image_id":{image_id},"category_id":{o.class_id},'
+            f'{{"id":{_IDS_PER_IMAGE * image_id + o.instance},"image_id":{image_id},"category_id":{o.class_id},'
             f'"bbox":[{o.x_min},{o.y_min},{o.x_max - o.x_min + 1},{o.y_max - o.y_min + 1}],"area":{o.area_px},'
             f'"segmentation":{{"counts":[{counts}],"size":{size}}},"iscrowd":0,'
             f'"instance_id":{o.instance},"truncated":{o.truncated:d},"occluded":{o.occluded:d},'
@@ -66,7 +66,7 @@ def coco_parts(
 ) -> Iterator[str]:
     """Yield a COCO file piece by piece. `pictures` is called twice, because images precede annotations.
 
-    Raises RecordingError if the pictures are not in the order of their frames, each once.
+    Raises RecordingError if a picture is not in the order of the frames, or occurs twice.
     """
     names = catalogue.classes.names
     categories = [
@@ -78,12 +78,12 @@ def coco_parts(
     licences = [{"id": 1, "name": licence, "url": ""}]
     yield f'{{"info":{json.dumps(info)},\n"licenses":{json.dumps(licences)},\n"categories":{json.dumps(categories)},\n'
     yield '"images":[\n'
-    before = 0
+    previous_id = 0
     for picture in pictures():
-        if picture.image_id <= before:
+        if picture.image_id <= previous_id:
             raise RecordingError("COCO: pictures must come in the order of their frames, each once")
-        yield f",\n{picture.image}" if before else picture.image
-        before = picture.image_id
+        yield f",\n{picture.image}" if previous_id else picture.image
+        previous_id = picture.image_id
     yield '\n],\n"annotations":[\n'
     first = True
     for picture in pictures():

@@ -19,10 +19,10 @@ LICENCE = "CC0-1.0"  # for content made by a program; the scene's own textures a
 
 # Limits common to all data sets of this bench.
 LIMITS = (
-    "All data are simulated: appearance, materials and motion are simpler than the world's.",
-    "Boxes and masks hold visible pixels only; how much of a thing is hidden is estimated from depth along its rim.",
-    "Depth pictures have a step and a farthest depth, stated below; what is farther is marked, not measured.",
-    "Sets are split by segments of one trajectory: a place that is flown past twice can be in two sets.",
+    "All data are simulated: appearance, materials and motion are simpler than in the real world.",
+    "Boxes and masks hold visible pixels only; the hidden share of an object is estimated from depth along its rim.",
+    "Depth pictures have a step and a maximum, stated below; farther surfaces are marked, not measured.",
+    "Sets are split by segments of one trajectory: an object that is passed twice can be in two sets.",
 )
 
 Rows = Sequence[Sequence[str]]
@@ -36,7 +36,7 @@ class Datasheet:
 
     title: str
     about: Sequence[str]  # paragraphs
-    made: Mapping[str, str]  # scene, seed, mission and everything else needed to make the data set again
+    provenance: Mapping[str, str]  # scene, seed, mission and everything else needed to make the data set again
     sensors: Rows  # name, folder, contents, rate, samples
     formats: Mapping[str, str]  # file or folder to its contents and unit
     split: Split
@@ -58,7 +58,7 @@ def datasheet_html(sheet: Datasheet) -> str:
         "<h2>Samples</h2>",
         f"<div class='pictures'>{''.join(_picture(*p) for p in sheet.pictures)}</div>",
         "<h2>How it was made</h2>",
-        _table((), list(sheet.made.items())),
+        _table((), list(sheet.provenance.items())),
         "<h2>Sensors</h2>",
         _table(("sensor", "folder", "holds", "rate [Hz]", "samples"), sheet.sensors),
         "<h2>Files</h2>",
@@ -85,23 +85,23 @@ def datasheet_html(sheet: Datasheet) -> str:
 
 
 def _class_rows(classes: Classes, pixels: Sequence[int], objects: Mapping[int, Sequence[int]]) -> Rows:
-    """Rows of the classes seen in the data, by falling number of pixels."""
+    """Return a row for each class seen in the data, by falling number of pixels."""
     total = max(sum(pixels), 1)
     seen = [i for i, count in enumerate(pixels) if count or any(objects.get(i, ()))]
     return [
         (
             *(str(i), classes.name(i), str(pixels[i]), f"{100.0 * pixels[i] / total:.3g} %"),
-            *map(str, objects.get(i, "----")),
+            *map(str, objects.get(i, ["-"] * 4)),
         )
         for i in sorted(seen, key=lambda i: (-pixels[i], i))
     ]
 
 
 def _split_bar(split: Split) -> str:
-    """Bar that shows the sets along the trajectory."""
+    """Return a bar that shows the sets along the trajectory."""
     bars = "".join(
         f"<span style='flex:{len(list(frames))};background:{_SET_COLOURS[name]}' title='{name}'></span>"
-        for name, frames in groupby(split.of_frame)
+        for name, frames in groupby(split.set_by_frame)
     )
     legend = " ".join(f"<span style='color:{colour}'>\N{BLACK SQUARE}</span> {n}" for n, colour in _SET_COLOURS.items())
     return f"<div class='strip'>{bars}</div><p>{legend}</p>"
@@ -115,9 +115,9 @@ def _picture(title: str, kind: str, data: bytes) -> str:
 
 
 def _table(head: Sequence[str], rows: Rows) -> str:
-    first = "".join(f"<th>{escape(text)}</th>" for text in head)
+    head_cells = "".join(f"<th>{escape(text)}</th>" for text in head)
     body = "".join("<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows)
-    return f"<table>{f'<tr>{first}</tr>' if first else ''}{body}</table>"
+    return f"<table>{f'<tr>{head_cells}</tr>' if head_cells else ''}{body}</table>"
 
 
 _CSS = """

@@ -7,7 +7,7 @@
 
 R is the world (east, north, up). In the ground truth S is the body (forward, left, up; origin at the centre of mass),
 elsewhere S is the sensor; T_BS maps points from S to the body. As in EuRoC, a CSV's first line names its columns, times
-are whole nanoseconds and quaternions begin with w. Numbers have as many digits as it takes to read back the same value.
+are whole nanoseconds and quaternions begin with w. Numbers have enough digits to read back the same value.
 """
 
 from __future__ import annotations

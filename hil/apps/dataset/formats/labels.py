@@ -2,11 +2,12 @@
 
 * Box: exactly the extent of the instance's visible pixels.
 * Truncated: the box touches the picture's border.
-* Hidden: share of the instance's rim (pairs of neighbouring pixels, one its own, one not) where the neighbour is in
-  front according to depth (sim/native/bind_dataset_pictures.cpp). It stands in for the hidden share of the area, which
-  would need each object rendered alone (an amodal picture). Checked against such pictures for 117 objects of 64 pixels
-  and more in four views of city_park: `occluded` (5 % of the area hidden) was right for 108, wrongly set for 7 and
-  wrongly unset for 2; the two shares correlate by 0.72.
+* Hidden: share of the instance's rim where the neighbour is in front according to depth. The rim is all pairs of
+  neighbouring pixels of which one belongs to the instance (sim/native/bind_dataset_pictures.cpp). This share
+  approximates the hidden share of the area, which could only be measured by rendering each object alone (an amodal
+  picture). Checked against amodal pictures of 117 objects of 64 pixels and more in four views of city_park: `occluded`
+  (5 % of the area hidden) was right for 108, wrongly set for 7 and wrongly unset for 2; the correlation of the two
+  shares is 0.72.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class Catalogue:
         table: dict[int, int] = {}
         for instance, class_id in instances:
             if instance in table:
-                raise RecordingError(f"labels: instance {instance} is there twice; each object needs its own id")
+                raise RecordingError(f"labels: instance {instance} occurs twice; each object needs its own id")
             if not 0 < instance < 65536:
                 raise RecordingError(f"labels: instance {instance} is not 1 to 65535")
             if not 0 <= class_id < max(len(classes.names), 1):
@@ -117,7 +118,7 @@ class Catalogue:
 
 
 class LabelReader:
-    """Derives labels from pictures of one scene."""
+    """Reader of labels from pictures of one scene."""
 
     def __init__(self, catalogue: Catalogue) -> None:
         self.catalogue = catalogue
@@ -137,7 +138,7 @@ class LabelReader:
         height, width = instance.shape
         objects = []
         catalogue = self.catalogue
-        for identity, area, x_min, y_min, x_max, y_max, rim, before in rows:
+        for identity, area, x_min, y_min, x_max, y_max, rim_pairs, hidden_pairs in rows:
             class_id = catalogue.class_of_instance.get(identity)
             if class_id is None:
                 raise RecordingError(
@@ -147,7 +148,7 @@ class LabelReader:
             if class_id not in catalogue.object_classes:
                 continue
             truncated = x_min == 0 or y_min == 0 or x_max == width - 1 or y_max == height - 1
-            hidden = before / rim if rim else 0.0
+            hidden = hidden_pairs / rim_pairs if rim_pairs else 0.0
             objects.append(ObjectLabel(identity, class_id, x_min, y_min, x_max, y_max, area, truncated, hidden))
         return PictureLabels(width, height, tuple(objects), np.bincount(segmentation.ravel(), minlength=256))
 

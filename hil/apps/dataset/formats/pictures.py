@@ -23,8 +23,8 @@ from hil.apps.dataset.formats.png import encode_png
 from signals.errors import RecordingError
 from sim import _kernels
 
-NOTHING = 0  # depth
-FARTHER = 65535  # depth
+NOTHING = 0  # depth value of a pixel without a surface
+FARTHER = 65535  # depth value of a surface beyond the scale
 
 UInt8 = NDArray[np.uint8]
 UInt16 = NDArray[np.uint16]
@@ -54,7 +54,7 @@ class DepthScale:
 
 
 class PictureEncoder:
-    """Encodes channels as PNG files. Every method raises RecordingError for a wrong type or shape.
+    """Encoder of channels as PNG files. Every method raises RecordingError for a wrong type or shape.
 
     `palette` holds the classes' colours, (classes, 3) uint8, for `indexed_png`.
     """
@@ -112,8 +112,8 @@ def palette_csv(names: tuple[str, ...], colours: tuple[tuple[int, int, int], ...
 
 
 def _check(name: str, array: NDArray[Any], dtype: type[np.generic], components: int) -> None:
-    wanted = 2 if components == 1 else 3
-    fits = array.ndim == wanted and (components == 1 or array.shape[2] == components)
+    dimensions = 2 if components == 1 else 3
+    fits = array.ndim == dimensions and (components == 1 or array.shape[2] == components)
     if array.dtype != dtype or not fits:
         shape = "(height, width)" if components == 1 else f"(height, width, {components})"
         raise RecordingError(

@@ -41,19 +41,19 @@ def with_boxes(rgb: NDArray[np.uint8], labels: PictureLabels) -> NDArray[np.uint
 def cloud_previews(
     points_L: NDArray[np.float32], segmentation: NDArray[np.uint8], classes: Classes
 ) -> dict[str, bytes]:
-    """Return a sweep seen from above to 40 m, forward up, points in the colours of their classes.
+    """Return a top view of a sweep: 40 m to each side, forward is up, points have the colours of their classes.
 
     `points_L` is (n, 3) [m] in the LiDAR's frame, `segmentation` (n,) class ids.
     """
     top_view = np.zeros((_CLOUD_PX, _CLOUD_PX), np.uint8)
     pixel = np.floor((1.0 - points_L[:, :2] / _CLOUD_RANGE_M) * (0.5 * _CLOUD_PX)).astype(np.int64)
-    near = ((pixel >= 0) & (pixel < _CLOUD_PX)).all(axis=1)
-    top_view[pixel[near, 0], pixel[near, 1]] = segmentation[near]
+    in_view = ((pixel >= 0) & (pixel < _CLOUD_PX)).all(axis=1)
+    top_view[pixel[in_view, 0], pixel[in_view, 1]] = segmentation[in_view]
     return dict([_preview("cloud", "segmentation", top_view, classes)])
 
 
 def radar_previews(range_doppler: NDArray[np.float32]) -> dict[str, bytes]:
-    """Return a range-Doppler map over the 60 dB below its peak, range upwards, speed to the right."""
+    """Return a picture of a range-Doppler map: the 60 dB below its peak, range upwards, speed to the right."""
     return dict([_preview("map", "range_doppler", range_doppler, Classes())])
 
 

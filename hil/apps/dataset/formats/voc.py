@@ -1,6 +1,6 @@
 """Pascal VOC 2012 annotations: Annotations/NAME.xml, JPEGImages/NAME.png, ImageSets/Main/*.txt and mask folders.
 
-As in VOC, boxes count pixels from 1 and include the last: xmin = x + 1 of the leftmost visible pixel. `pose` is
+As in VOC, boxes count pixels from 1 and include the last pixel: xmin = x + 1 of the leftmost visible pixel. `pose` is
 Unspecified. `difficult` marks objects that a detector need not find: fewer than `DIFFICULT_BELOW_PX` visible pixels.
 """
 
@@ -53,8 +53,9 @@ def image_sets(names: Sequence[str], split: Split) -> Mapping[str, str]:
 
     Raises RecordingError if `names` and `split` differ in length.
     """
-    if len(names) != len(split.of_frame):
-        raise RecordingError(f"VOC: {len(names)} pictures, but the split is of {len(split.of_frame)} frames")
-    sets = {voc: [names[i] for i in split.frames(ours)] for ours, voc in _VOC_SETS.items()}
-    sets["trainval"] = [name for name, of in zip(names, split.of_frame, strict=True) if of in ("train", "validation")]
-    return {f"{name}.txt": "".join(f"{stem}\n" for stem in stems) for name, stems in sorted(sets.items())}
+    if len(names) != len(split.set_by_frame):
+        raise RecordingError(f"VOC: {len(names)} pictures, but the split is of {len(split.set_by_frame)} frames")
+    files = {voc_name: [names[i] for i in split.frames(set_name)] for set_name, voc_name in _VOC_SETS.items()}
+    both = ("train", "validation")
+    files["trainval"] = [name for name, set_name in zip(names, split.set_by_frame, strict=True) if set_name in both]
+    return {f"{file}.txt": "".join(f"{name}\n" for name in pictures) for file, pictures in sorted(files.items())}

@@ -1,7 +1,7 @@
 """Journal of a data set: the finished batches, their files and the checksums by which `--resume` verifies them.
 
 A SQLite database with one row per batch: its number, the offset of its chunk in the recording, its record as JSON and
-the CRC-32 of that text. A row survives the end of the process at once, and a power cut once the file system is synced.
+the CRC-32 of that text. Once written, a row survives a crash of the process; after the next sync, also a power cut.
 Rows after the first missing or damaged one are ignored.
 """
 
@@ -60,13 +60,13 @@ class Journal:
         self._path = path
         try:
             try:
-                self._db = _opened(path)
+                self._db = _open_database(path)
             except sqlite3.DatabaseError as error:
                 if getattr(error, "sqlite_errorcode", 0) & 0xFF not in _DAMAGED:
                     raise
-                for part in (path, path.with_name(f"{path.name}-wal")):
-                    part.unlink(missing_ok=True)
-                self._db = _opened(path)
+                for file in (path, path.with_name(f"{path.name}-wal")):
+                    file.unlink(missing_ok=True)
+                self._db = _open_database(path)
         except (sqlite3.Error, OSError) as error:
             raise unwritable(path, error) from error
 
@@ -74,7 +74,7 @@ class Journal:
         """Yield the record of each batch and the offset of its chunk in the recording, in order."""
         count = 0
         try:
-            for index, offset, crc, text in self._db.execute(_ALL):
+            for index, offset, crc, text in self._db.execute(_SELECT_ALL):
                 if index != count or crc32(text) != crc:
                     return
                 yield _JSON.validate_json(text), offset
@@ -96,17 +96,17 @@ class Journal:
 
 
 _TABLE = "CREATE TABLE batch (number INTEGER PRIMARY KEY, offset INTEGER, crc32 INTEGER, record BLOB)"
-_ALL = "SELECT number, offset, crc32, record FROM batch ORDER BY number"
+_SELECT_ALL = "SELECT number, offset, crc32, record FROM batch ORDER BY number"
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def _open_database(path: Path) -> sqlite3.Connection:
     db = sqlite3.connect(path, isolation_level=None)  # each statement is a transaction
     db.execute("PRAGMA locking_mode = EXCLUSIVE")  # avoids shared memory, which network file systems lack
     db.execute("PRAGMA journal_mode = WAL")
     db.execute("PRAGMA synchronous = NORMAL")
     db.execute(_TABLE.replace("TABLE", "TABLE IF NOT EXISTS"))
     db.execute("PRAGMA user_version = 1")  # fails if the header forbids writing
-    db.execute(_ALL)
+    db.execute(_SELECT_ALL)
     # A damaged table description may still be valid SQL with another meaning.
     table = db.execute("SELECT sql FROM sqlite_master").fetchall()
     if table != [(_TABLE,)] or db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):

@@ -29,7 +29,7 @@ _COMMENTS = {
     "normal": "unit normal in the camera's frame as floor(127 n + 128.5), RGB PNG; 0 0 0: nothing",
 }
 # Keys of a sensor.yaml and the parameters they hold. Other kinds list every numeric parameter by its own name.
-_MORE: dict[str, dict[str, str]] = {
+_SENSOR_KEYS: dict[str, dict[str, str]] = {
     "lidar": {k: k for k in ("range_noise_m", "range_resolution_m", "min_range_m", "max_range_m", "rolling")},
     "imu": {
         "gyroscope_noise_density": "gyro_noise_radps_per_rthz",
@@ -42,14 +42,14 @@ _MORE: dict[str, dict[str, str]] = {
 
 def headers(plan: DatasetPlan) -> dict[str, str]:
     """Return the first line of each data.csv, by folder in mav0."""
-    found = {TRUTH: euroc.TRUTH_HEADER}
+    lines = {TRUTH: euroc.TRUTH_HEADER}
     for name, sensor in plan.flight_sensors.items():
-        found[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
+        lines[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
     for name, sensor in plan.frame_sensors.items():
         parts = KINDS[sensor.kind].parts
         for channel in getattr(sensor.parameters, parts) if parts else ("",):
-            found[plan.folder(name, channel)] = euroc.FILE_HEADER
-    return found
+            lines[plan.folder(name, channel)] = euroc.FILE_HEADER
+    return lines
 
 
 def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
@@ -64,8 +64,8 @@ def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
     }
     makers = {"camera": _camera, "radar": _radar}
     for name, sensor in plan.config.sensors.items():
-        made = makers.get(sensor.kind, _other)(plan, name, sensor)
-        texts |= {f"{euroc.ROOT}/{path}": text for path, text in made.items()}
+        files = makers.get(sensor.kind, _other_sensor)(plan, name, sensor)
+        texts |= {f"{euroc.ROOT}/{path}": text for path, text in files.items()}
     return texts
 
 
@@ -82,7 +82,7 @@ def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str
     p = sensor.parameters
     mount = Mount(p.mount_m, p.mount_rpy_deg)
     T_BS = transform(mount.p_BC, mount.q_BC)
-    found = {}
+    files = {}
     for channel in p.channels:
         unit, frame = CHANNEL_UNITS[channel]
         more: dict[str, object] = {"channel": channel, "unit": unit, "frame": frame}
@@ -100,20 +100,20 @@ def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str
             rate_hz=sensor.rate_hz,
             more=more,
         )
-        found[f"{plan.folder(name, channel)}/sensor.yaml"] = text
-    return found
+        files[f"{plan.folder(name, channel)}/sensor.yaml"] = text
+    return files
 
 
 def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
     p: RadarParameters = sensor.parameters
     view = p.view() if p.frame is None else view_of(plan.config.sensors[p.frame])
     mount = Mount(view.mount_m, view.mount_rpy_deg, optical=False)
-    found = {}
+    files = {}
     for channel in p.outputs:
         unit, _ = RADAR_UNITS[channel]
         more = {"channel": channel, "unit": unit, "config": CONFIG_NAME}
         folder = plan.folder(name, channel)
-        found[f"{folder}/sensor.yaml"] = euroc.sensor_yaml(
+        files[f"{folder}/sensor.yaml"] = euroc.sensor_yaml(
             "radar",
             comment=f"{_description(name, sensor)}; data/*.npy",
             T_BS=transform(mount.p_BC, mount.q_BC),
@@ -121,11 +121,11 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
             more=more,
         )
         antennas = range(1, len(p.antenna.rx_positions_m) + 1)
-        found[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, antennas, rate_hz=sensor.rate_hz)
-    return found
+        files[f"{folder}/{CONFIG_NAME}"] = radar_json(p.chirp, antennas, rate_hz=sensor.rate_hz)
+    return files
 
 
-def _other(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
+def _other_sensor(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
     p, T_BS, comment = sensor.parameters, _mount_transform(sensor.parameters), _description(name, sensor)
     if sensor.kind == "lidar":
         mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
@@ -133,8 +133,8 @@ def _other(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
         comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class"
     elif sensor.kind == "imu":
         T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))
-    named = _MORE.get(sensor.kind)
-    more = {key: getattr(p, source) for key, source in named.items()} if named else _numbers(p.model_dump(mode="json"))
+    keys = _SENSOR_KEYS.get(sensor.kind)
+    more = {key: getattr(p, source) for key, source in keys.items()} if keys else _numbers(p.model_dump(mode="json"))
     text = euroc.sensor_yaml(sensor.kind, comment=comment, T_BS=T_BS, rate_hz=sensor.rate_hz, more=more)
     return {f"{plan.folder(name)}/sensor.yaml": text}
 

@@ -1,6 +1,6 @@
 """Manifest of a data set, dataset.json: its provenance and, once it is complete, its contents.
 
-The section `made_from` is written first, so that an attempt to resume can compare it.
+The section `made_from` is written before the first frame, so that an attempt to resume can compare it.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
         return
     path = root / MANIFEST
     try:
-        before = json.loads(path.read_text())["made_from"]
-        assert isinstance(before, dict)
+        earlier = json.loads(path.read_text())["made_from"]
+        assert isinstance(earlier, dict)
     except FileNotFoundError:
         hint = "give the folder of an earlier `hil dataset`, or leave out --resume and choose an empty one"
         raise ConfigError([Problem(str(root), f"holds no data set: there is no {MANIFEST} in it", hint)]) from None
@@ -90,37 +90,37 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
         raise ConfigError([Problem(str(path), "is no manifest of `hil dataset`", hint)]) from None
     problems = []
     for key, value in made_from.items():
-        if key in ("config_sha256", *_MAY_DIFFER) or before.get(key) == value:
+        if key in ("config_sha256", *_MAY_DIFFER) or earlier.get(key) == value:
             continue
-        problems.append(Problem(str(path), f"was made with another {key}: {before.get(key)!r}, now {value!r}"))
-    if before.get("config_sha256") != made_from["config_sha256"]:
+        problems.append(Problem(str(path), f"was made with another {key}: {earlier.get(key)!r}, now {value!r}"))
+    if earlier.get("config_sha256") != made_from["config_sha256"]:
         problems += [Problem(str(root), text) for text in _differences(root, bench_files)]
-    if int(before.get("frames", 0)) > made_from["frames"]:
-        hint = f"--frames {before['frames']} or more"
-        message = f"is of {before['frames']} frames, now {made_from['frames']} are wanted"
+    if int(earlier.get("frames", 0)) > made_from["frames"]:
+        hint = f"give --frames {earlier['frames']} or more"
+        message = f"has {earlier['frames']} frames, more than the {made_from['frames']} wanted now"
         problems.append(Problem(str(path), message, hint))
     if problems:
         raise ConfigError(problems)
 
 
 def _differences(root: Path, bench_files: Mapping[str, bytes]) -> list[str]:
-    found = []
+    texts = []
     for name, data in bench_files.items():
         try:
             old = (root / name).read_bytes()
         except OSError:
-            found.append(f"has no {name}, which the bench has now")
+            texts.append(f"has no {name}, which the bench has now")
             continue
         if old == data:
             continue
         if name != BENCH_NAME:
-            found.append(f"was made with another {name}")
+            texts.append(f"was made with another {name}")
             continue
         keys = _different_keys(_parsed(old), _parsed(data))
-        found += [f"was made with another {key}" for key in keys[:_MAX_KEYS_SHOWN]]
+        texts += [f"was made with another {key}" for key in keys[:_MAX_KEYS_SHOWN]]
         if len(keys) > _MAX_KEYS_SHOWN:
-            found.append(f"and {len(keys) - _MAX_KEYS_SHOWN} more keys of the bench differ")
-    return found or ["was made with another bench"]
+            texts.append(f"and {len(keys) - _MAX_KEYS_SHOWN} more keys of the bench differ")
+    return texts or ["was made with another bench"]
 
 
 def _parsed(data: bytes) -> Any:

@@ -1,7 +1,7 @@
 """Recording of a data set, run.mcap: for each batch a chunk of flight data, then a chunk of frames.
 
-The file is written from front to back under a temporary name. Data of an earlier attempt are overwritten with the same
-bytes, except for chunks of frames that are complete: those are skipped.
+The file is written from front to back under a temporary name. Complete chunks of frames of an earlier attempt are
+skipped; its other data are overwritten with the same bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema
 
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.storage.journal import StoredChunk
-from hil.apps.dataset.storage.tree import PART, RECORDING, unwritable
+from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, unwritable
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
 from hil.run.recorder.mcap.cdr import schema_text
@@ -28,9 +28,9 @@ from hil.run.recorder.mcap.topics import SAMPLE_TOPICS, TRUTH_TOPICS
 from signals.errors import RecordingError
 from signals.samples import CHANNEL_UNITS, RADAR_UNITS, FrameSample, ImageSample
 
-Declared = tuple[int, str, str]  # number, topic, type
+Declaration = tuple[int, str, str]  # number, topic, type
 
-_FIRST_CHANNEL = 256  # flight data use the numbers below
+_FIRST_CHANNEL = 256  # flight data use lower numbers
 _TOPICS = ("tf_static", "", "pose", "camera_info", *CHANNEL_UNITS, *RADAR_UNITS)
 _CHANNELS_PER_SENSOR = 32
 _FIRST_SCHEMA = 256
@@ -39,14 +39,14 @@ assert len(_TOPICS) <= _CHANNELS_PER_SENSOR
 
 
 class ChannelRegistry(McapFile):
-    """Assigns fixed channel numbers to a sensor's topics, so that workers need not coordinate.
+    """Fixed channel numbers of a sensor's topics, so that workers need not coordinate.
 
-    It stands in for the file where a `FrameSeries` declares its channels.
+    A `FrameSeries` declares its channels here as if it were the recording's file.
     """
 
     def __init__(self, sensor: str, number: int) -> None:
         self._sensor, self._first = sensor, _FIRST_CHANNEL + _CHANNELS_PER_SENSOR * number
-        self.declared: dict[int, Declared] = {}
+        self.declared: dict[int, Declaration] = {}
 
     def channel(self, topic: str, type_name: str, schema_text: str) -> int:  # noqa: ARG002
         """Declare a topic and return its channel number."""
@@ -57,7 +57,7 @@ class ChannelRegistry(McapFile):
 
 
 class EncodedFrames(FrameSeries):
-    """Recorded frames of one sensor whose pictures are encoded already."""
+    """Recorded frames of one sensor, with pictures that are already encoded."""
 
     def __init__(self, port: str, description: FrameDescription, number: int) -> None:
         super().__init__(port, description)
@@ -83,8 +83,8 @@ class EncodedFrames(FrameSeries):
 
     def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
         png = self._png[sample.seq]
-        rest = {name: picture for name, picture in sample.channels.items() if name not in png}
-        super()._picture(file, sample._replace(channels=rest), log_ns)
+        not_encoded = {name: picture for name, picture in sample.channels.items() if name not in png}
+        super()._picture(file, sample._replace(channels=not_encoded), log_ns)
         for name in sorted(png):
             topic = self._topic(
                 file,
@@ -96,11 +96,11 @@ class EncodedFrames(FrameSeries):
             topic.add(sample, log_ns, {}, png[name])
 
 
-def pack_frames(series: list[EncodedFrames]) -> tuple[bytes, ChunkFacts, tuple[Declared, ...]]:
+def pack_frames(series: list[EncodedFrames]) -> tuple[bytes, ChunkFacts, tuple[Declaration, ...]]:
     """Return a chunk with the samples of all sensors, its summary entries and its channels."""
     blocks = [block for frames in series for block in frames.take_blocks()]
-    known = {number: declared for frames in series for number, declared in frames.channels.declared.items()}
-    declared = tuple(known[block.channel] for block in blocks)
+    by_number = {number: declared for frames in series for number, declared in frames.channels.declared.items()}
+    declared = tuple(by_number[block.channel] for block in blocks)
     declarations = RecordBuilder()
     schemas: set[int] = set()
     for schema, channel in map(records_of, declared):
@@ -112,7 +112,7 @@ def pack_frames(series: list[EncodedFrames]) -> tuple[bytes, ChunkFacts, tuple[D
 
 
 @cache
-def records_of(declared: Declared) -> tuple[Schema, Channel]:
+def records_of(declared: Declaration) -> tuple[Schema, Channel]:
     """Return the MCAP schema and channel records of a declared channel."""
     number, topic, type_name = declared
     schema = Schema(
@@ -124,9 +124,9 @@ def records_of(declared: Declared) -> tuple[Schema, Channel]:
     return schema, Channel(id=number, topic=topic, message_encoding="cdr", metadata={}, schema_id=schema.id)
 
 
-def part_path(root: Path) -> Path:
+def incomplete_path(root: Path) -> Path:
     """Return the recording's temporary name, used until it is complete."""
-    return root / f"{RECORDING}{PART}"
+    return root / f"{RECORDING}{INCOMPLETE}"
 
 
 class DatasetRecording:
@@ -136,11 +136,11 @@ class DatasetRecording:
         self, root: Path, *, tick_ns: int, metadata: Mapping[str, str], attachments: Mapping[str, bytes]
     ) -> None:
         self._root = root
-        self._path = part_path(root)
+        self._path = incomplete_path(root)
         final = root / RECORDING
         if final.exists() and not self._path.exists():
             os.rename(final, self._path)
-        self._safe = SafeFile(self._path, _open_kept)
+        self._safe = SafeFile(self._path, _open_without_truncating)
         self._mcap = McapFile(self._safe)
         self._tick_ns = tick_ns
         self._truth = TopicWriters(TRUTH_TOPICS, "")
@@ -150,16 +150,16 @@ class DatasetRecording:
         for name, data in attachments.items():
             self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
 
-    def add_flight(self, part: FlightData) -> None:
+    def add_flight(self, data: FlightData) -> None:
         """Append a chunk with the flight data of a batch."""
-        blocks = self._truth.blocks(self._mcap, self._tick_ns, part.truths, part.truths["stamp_ns"])
-        for port, samples in sorted(part.samples.items()):
+        blocks = self._truth.blocks(self._mcap, self._tick_ns, data.truths, data.truths["stamp_ns"])
+        for port, samples in sorted(data.samples.items()):
             writers = self._samples.get(port)
             if writers is None:
                 writers = self._samples[port] = TopicWriters(SAMPLE_TOPICS[samples.kind], port)
             blocks += writers.blocks(self._mcap, self._tick_ns, samples.columns, samples.released_ns)
-        for t_ns, what, text in part.events:
-            self._events.add(t_ns, what, text)
+        for t_ns, kind, text in data.events:
+            self._events.add(t_ns, kind, text)
         blocks.append(self._events.pending.block())
         self._mcap.chunk(blocks, 0)
 
@@ -169,7 +169,7 @@ class DatasetRecording:
         return self._safe.size
 
     def add_frames(self, chunk: StoredChunk, data: bytes | None) -> None:
-        """Append a batch's chunk of frames; with `data` None, skip over the chunk that the file already holds."""
+        """Append a batch's chunk of frames. If `data` is None the file already holds the chunk, and it is skipped."""
         start = self._safe.size
         if data is not None:
             try:
@@ -198,6 +198,6 @@ class DatasetRecording:
         self._safe.close()
 
 
-def _open_kept(path: Path) -> BinaryIO:
+def _open_without_truncating(path: Path) -> BinaryIO:
     """Open for writing from the front without truncating."""
     return open(os.open(path, os.O_RDWR | os.O_CREAT, 0o644), "r+b", buffering=0)

@@ -1,4 +1,4 @@
-"""Open files of a data set that grow batch by batch: recording, journal, tables and their checkpoints."""
+"""Files of a data set that stay open and grow with each batch: recording, journal, tables and their checkpoints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class DatasetStore:
 
     @classmethod
     def open(cls, root: Path, plan: DatasetPlan, bench: bytes, make_checkpoints: MakeCheckpoints) -> DatasetStore:
-        """Open the files, keeping what an earlier attempt left in journal and recording.
+        """Open the files; journal and recording keep the data of an earlier attempt.
 
         `bench` is the saved bench file, attached to the recording. Raises RecordingError if a file cannot be written.
         """
@@ -45,7 +45,7 @@ class DatasetStore:
         return cls(root, tables, journal, recording, make_checkpoints(root, tables))
 
     def coco_pictures(self) -> Iterator[CocoPicture]:
-        """Yield the labels of all batches in order, read from the journal because there can be many."""
+        """Yield the labels of all pictures in order, read from the journal because memory may not hold them all."""
         return (picture for record, _ in self.journal.entries() for picture in record.pictures)
 
     def close(self) -> None:

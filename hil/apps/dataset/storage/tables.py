@@ -26,7 +26,7 @@ from hil.run.recorder.mcap.topics import Columns
 from signals.errors import RecordingError
 from signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, ScalarSample
 
-PERIOD_S = 2.0  # wall-clock time between checkpoints: the rows that a power cut can lose
+PERIOD_S = 2.0  # wall-clock time between checkpoints; a power cut can lose the rows of one period
 TABLE = "data.csv"
 TRUTH = "state_groundtruth_estimate0"
 MAG_HEADER = "#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]"
@@ -57,7 +57,7 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
 
 
 class Table:
-    """One data.csv: rows, size and checksum so far, and rows not yet written.
+    """One data.csv: number of rows, and size and checksum of the file so far.
 
     `path` is relative to the data set's root; `waiting` holds the rows not yet written.
     """
@@ -115,30 +115,30 @@ class Tables:
         """Number of rows so far, by folder."""
         return {folder: table.rows for folder, table in self._tables.items()}
 
-    def add_flight(self, part: FlightData) -> None:
+    def add_flight(self, data: FlightData) -> None:
         """Add the rows of the true states and of the sensors sampled in the flight."""
-        self._tables[TRUTH].add_samples(part.truths, euroc.TRUTH_COLUMNS)
-        for port, samples in part.samples.items():
+        self._tables[TRUTH].add_samples(data.truths, euroc.TRUTH_COLUMNS)
+        for port, samples in data.samples.items():
             self._tables[self._flight_folders[port]].add_samples(samples.columns, COLUMNS[samples.kind])
 
     def add_files(self, record: BatchRecord) -> None:
         """Add a row per file in a data/ folder."""
         for file in record.files:
-            root, _, rest = file.path.partition("/")
-            folder, _, rest = rest.partition("/")
-            data, _, name = rest.partition("/")
-            if root == euroc.ROOT and data == "data":
+            folders, _, name = file.path.rpartition("/")
+            root, _, sensor_folders = folders.partition("/")
+            folder, _, subfolder = sensor_folders.partition("/")
+            if root == euroc.ROOT and subfolder == "data":
                 stem, _, _ = name.partition(".")
                 self._tables[folder].add(int(stem), f"{stem},{name}\n")
 
     def take(self) -> dict[str, str]:
         """Return and clear the waiting rows, by path, for `write_out`."""
-        taken = {}
+        texts = {}
         for table in self._tables.values():
             if table.waiting:
-                taken[table.path] = "".join(table.waiting)
+                texts[table.path] = "".join(table.waiting)
                 table.waiting.clear()
-        return taken
+        return texts
 
     def write_out(self, texts: Mapping[str, str]) -> None:
         """Append rows to the files, each table whole or not at all (except for a power cut). Raises RecordingError."""
@@ -182,7 +182,7 @@ def sync_file_system(folder: Path) -> None:
 
 
 class Checkpoints:
-    """Periodic checkpoints: call `maybe` after every batch and `finish` at the end.
+    """Periodic checkpoints: call `start_if_due` after every batch and `finish` at the end.
 
     Both raise the RecordingError of an earlier checkpoint that failed.
     """
@@ -200,7 +200,7 @@ class Checkpoints:
         self._thread = ThreadPoolExecutor(1, "hil-dataset-sync")
         self._under_way: Future[None] | None = None
 
-    def maybe(self) -> None:
+    def start_if_due(self) -> None:
         """Start a checkpoint if the period has passed and none is running."""
         if time.monotonic() < self._next_s or (self._under_way is not None and not self._under_way.done()):
             return

@@ -21,7 +21,7 @@ MANIFEST = "dataset.json"
 CHECKSUMS = "checksums.csv"
 JOURNAL = "journal.sqlite3"
 WORK = ".work"  # folder of temporary files, deleted when the data set is complete
-PART = ".part"  # suffix of incomplete files
+INCOMPLETE = ".part"  # suffix of incomplete files
 _LOCK = "lock"
 
 
@@ -34,36 +34,36 @@ class Written(NamedTuple):
 
 
 class TreeWriter:
-    """Writes files into a folder atomically, making subfolders as needed."""
+    """Atomic writer of files into a folder; it makes subfolders as needed."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self._root = str(root)
-        self._made: set[str] = set()
+        self._existing_folders: set[str] = set()
 
     def write(self, path: str, data: bytes) -> Written:
         """Write or replace a file. Raises RecordingError if that fails, and then keeps the previous file."""
         return self.write_parts(path, (data,))
 
     def write_parts(self, path: str, parts: Iterable[bytes]) -> Written:
-        """Like `write`, for a file that is produced piece by piece."""
+        """Write a file that is produced piece by piece; otherwise like `write`."""
         folder, _, name = path.rpartition("/")
-        if folder not in self._made:
+        if folder not in self._existing_folders:
             make_folder(self.root / folder)
-            self._made.add(folder)
+            self._existing_folders.add(folder)
         # A fixed temporary name: the next attempt overwrites what a killed process left.
-        part = f"{self._root}/{folder}/.{name}{PART}"
+        temporary = f"{self._root}/{folder}/.{name}{INCOMPLETE}"
         size = crc = 0
         try:
-            with open(part, "wb") as file:
+            with open(temporary, "wb") as file:
                 for data in parts:
                     file.write(data)
                     size += len(data)
                     crc = crc32(data, crc)
-            os.replace(part, f"{self._root}/{path}")
+            os.replace(temporary, f"{self._root}/{path}")
         except OSError as error:
             with contextlib.suppress(OSError):
-                os.unlink(part)
+                os.unlink(temporary)
             raise unwritable(self.root / path, error) from error
         return Written(path, size, crc)
 

@@ -77,7 +77,7 @@ def test_a_crashed_data_set_can_be_resumed(plan: DatasetPlan, whole: Path, tmp_p
     named = [row[1] for row in table(root / "mav0/cam0/data.csv")]
     assert all((root / "mav0/cam0/data" / name).is_file() for name in named)
     result = make_dataset(plan, root, inline(resume=True))
-    assert result.found_batches <= crash_at
+    assert result.kept_batches <= crash_at
     assert tree_of(root) == tree_of(whole)
 
 
@@ -91,16 +91,16 @@ def test_damage_is_found_and_repaired(plan: DatasetPlan, whole: Path, tmp_path: 
     with open(root / "run.mcap", "r+b") as file:  # in the middle of the last chunk
         file.seek(records[2][1] + records[2][0].chunk.size // 2)
         file.write(b"\xff\x00\xff")
-    assert make_dataset(plan, root, inline(resume=True)).found_batches == 0
+    assert make_dataset(plan, root, inline(resume=True)).kept_batches == 0
     assert tree_of(root) == tree_of(whole)
-    assert make_dataset(plan, root, inline(resume=True)).found_batches == 3
+    assert make_dataset(plan, root, inline(resume=True)).kept_batches == 3
     assert tree_of(root) == tree_of(whole)
 
 
 def test_more_frames_than_before(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root = tmp_path / "set"
     make_dataset(replace(plan, frames=12), root, inline())
-    assert make_dataset(plan, root, inline(resume=True)).found_batches == 1
+    assert make_dataset(plan, root, inline(resume=True)).kept_batches == 1
     assert tree_of(root) == tree_of(whole)
 
 
@@ -304,7 +304,7 @@ def test_recording_is_read_by_its_own_library(plan: DatasetPlan, whole: Path) ->
 
 def test_datasheet_mentions_few_frames(whole: Path) -> None:
     page = (whole / "index.html").read_text()
-    assert "So few frames (23)" in page
+    assert "With only 23 frames" in page
     assert all(text.split(":")[0] in page for text in LIMITS)
     assert page.count("<figure>") == 8
     manifest = json.loads((whole / "dataset.json").read_text())
@@ -388,5 +388,5 @@ def test_another_data_set_cannot_be_resumed(whole: Path, tmp_path: Path) -> None
     text = str(caught.value)
     assert "another seed: 5, now 6" in text
     assert "sensors.gps.rate_hz (10.0, now 5.0)" in text
-    assert "is of 23 frames, now 22 are wanted" in text
+    assert "has 23 frames, more than the 22 wanted now" in text
     assert tree_of(whole) == before

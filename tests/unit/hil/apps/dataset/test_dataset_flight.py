@@ -122,12 +122,12 @@ def test_a_flight_without_frames_is_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("frames", [1, 2, 3, 10, 29, 30, 31, 100, 500, 1234])
 def test_splits_are_sound_for_any_number_of_frames(frames: int) -> None:
     split = split_of(frames, 2)
-    assert len(split.of_frame) == frames
+    assert len(split.set_by_frame) == frames
     assert split.counts["train"] > 0
     if frames >= 3:
         assert all(split.counts[name] > 0 for name in SETS)
     if frames >= 30:
-        for a, b in pairwise(split.of_frame):
+        for a, b in pairwise(split.set_by_frame):
             assert a == b or GUARD in (a, b)  # never neighbours
 
 

@@ -113,7 +113,7 @@ def test_without_depth_nothing_is_hidden_and_no_rim_is_not_hidden() -> None:
 
 
 def test_refusals() -> None:
-    with pytest.raises(RecordingError, match="instance 2 is there twice"):
+    with pytest.raises(RecordingError, match="instance 2 occurs twice"):
         Catalogue.of(CLASSES, [(2, 1), (2, 2)])
     with pytest.raises(RecordingError, match="no name"):
         Catalogue.of(CLASSES, [(2, 9)])

@@ -27,22 +27,22 @@ def test_segments_are_whole_and_guarded(frames: int, guard: int) -> None:
     split = split_frames(frames, guard_frames=guard)
     at = 0
     for length in equal_segments(frames, guard_frames=guard):
-        held = split.of_frame[at : at + length]
+        held = split.set_by_frame[at : at + length]
         skipped, name = held.count(GUARD), held[-1]
         assert held == (GUARD,) * skipped + (name,) * (length - skipped)
         at += length
     # Frames of two sets are always more than the guard apart.
-    used = [(i, name) for i, name in enumerate(split.of_frame) if name != GUARD]
+    used = [(i, name) for i, name in enumerate(split.set_by_frame) if name != GUARD]
     assert all(b - a > guard for (a, x), (b, y) in pairwise(used) if x != y)
     assert sorted(i for name in (*SETS, GUARD) for i in split.frames(name)) == list(range(frames))
 
 
 def test_few_frames_make_few_sets() -> None:
-    assert split_frames(1).of_frame == ("train",)
+    assert split_frames(1).set_by_frame == ("train",)
     assert equal_segments(2) == [1, 1]
     for frames in range(1, 40):  # any number of frames can be split
         split = split_frames(frames)
-        assert len(split.of_frame) == frames
+        assert len(split.set_by_frame) == frames
         assert frames < 12 or min(split.counts[name] for name in SETS) > 0
 
 

@@ -202,7 +202,7 @@ def page_text() -> str:
     sheet = Datasheet(
         title="park & <tree>",
         about=["a < b"],
-        made={"scene": "park"},
+        provenance={"scene": "park"},
         sensors=[("cam0", "mav0/cam0", "colour", "10", "100")],
         formats={},
         classes=CLASSES,

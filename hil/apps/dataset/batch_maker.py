@@ -1,6 +1,6 @@
-"""A worker's job: samples the cameras, LiDARs and radars of a batch, and encodes, labels and writes the samples.
+"""Making of a batch in a worker: sampling of cameras, LiDARs and radars; encoding, labels and files of the samples.
 
-The files depend on the plan and the batch alone. A process has one `BatchDrawer`, used by one thread.
+The files depend only on the plan and the batch. A process has one `BatchMaker`, used by one thread.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hil.apps.dataset.formats.radar_npy import npy
 from hil.apps.dataset.moments import Batch, DueSample
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
-from hil.apps.dataset.storage.recording import EncodedFrames, pack_frames, part_path
+from hil.apps.dataset.storage.recording import EncodedFrames, incomplete_path, pack_frames
 from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.apps.dataset.workers import Job, JobResult
 from hil.run.sensors.frame_stages import description, make_frames
@@ -43,7 +43,7 @@ def _finished_path(root: Path, index: int) -> Path:
 
 
 def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
-    """Read and delete what a worker left of a batch: its record and its chunk of the recording.
+    """Read and delete the file with a worker's result of a batch: its record and its chunk of the recording.
 
     Raises RecordingError if the file cannot be read.
     """
@@ -56,7 +56,7 @@ def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
     return record, chunk
 
 
-class BatchDrawer:
+class BatchMaker:
     """Sensors, encoders and label readers of one worker process; call it with a job."""
 
     def __init__(self, plan: DatasetPlan, root: Path) -> None:
@@ -91,28 +91,28 @@ class BatchDrawer:
 
     def data_folder(self, name: str, channel: str) -> str:
         """Return the folder in the tree of a sensor's files, or of one of its channels."""
-        found = self._folders.get((name, channel))
-        if found is None:
-            found = self._folders[name, channel] = f"{ROOT}/{self.plan.folder(name, channel)}/data"
-        return found
+        folder = self._folders.get((name, channel))
+        if folder is None:
+            folder = self._folders[name, channel] = f"{ROOT}/{self.plan.folder(name, channel)}/data"
+        return folder
 
     def sample(self, truth: TruthState, due: DueSample) -> FrameSample:
-        """Take a due sample; its times are in the time of the files."""
+        """Take a due sample; `EPOCH_NS` is added to its times, as in all files of the data set."""
         sensor = self.sensors[due.sensor]
         if isinstance(sensor, Lidar):
             sensor.follow(due.previous)
-        taken: FrameSample = sensor.sample(truth, due.seq)
-        return taken._replace(
-            t_capture_ns=taken.t_capture_ns + EPOCH_NS, t_available_ns=taken.t_available_ns + EPOCH_NS
+        sample: FrameSample = sensor.sample(truth, due.seq)
+        return sample._replace(
+            t_capture_ns=sample.t_capture_ns + EPOCH_NS, t_available_ns=sample.t_available_ns + EPOCH_NS
         )
 
     def __call__(self, job: Job) -> JobResult:
         """Make the batch, unless an earlier attempt left it complete. Raises RecordingError."""
         expected = job.expected
-        found = expected is not None and self.is_complete(expected, part_path(self.root), job.offset)
-        if not found:
+        complete = expected is not None and self.is_complete(expected, incomplete_path(self.root), job.offset)
+        if not complete:
             self.make(job.batch)
-        return JobResult(job.batch.index, found)
+        return JobResult(job.batch.index, complete)
 
     def make(self, batch: Batch) -> None:
         """Sample and write a batch; `take_finished` collects its record and chunk. Raises RecordingError."""
@@ -123,7 +123,7 @@ class BatchDrawer:
         writer.finish()
 
     def is_complete(self, record: BatchRecord, recording: Path, offset: int) -> bool:
-        """Return True if all files of a batch and its chunk at `offset` of the recording have their checksums."""
+        """Return True if all files of a batch, and its chunk at `offset` of the recording, match their checksums."""
         if not all(self.tree.holds(file) for file in record.files):
             return False
         try:
@@ -135,52 +135,52 @@ class BatchDrawer:
 
 
 class BatchWriter:
-    """Writes one batch: call `store` for each sample, then `finish`."""
+    """Writer of one batch: call `store` for each sample, then `finish`."""
 
-    def __init__(self, drawer: BatchDrawer, batch: Batch) -> None:
-        self._drawer, self._batch = drawer, batch
-        self.plan = drawer.plan
+    def __init__(self, maker: BatchMaker, batch: Batch) -> None:
+        self._maker, self._batch = maker, batch
+        self.plan = maker.plan
         self._files: list[Written] = []
         self._samples: Counter[str] = Counter()
         self._frame_t_ns: list[int] = []
         self._objects: list[dict[int, int]] = []
-        self._pixels = np.zeros(256, np.int64)
+        self._class_pixels = np.zeros(256, np.int64)
         self._pictures: list[CocoPicture] = []
         if batch.index == 0:
-            drawer.series = drawer.new_series(with_transform=True)
+            maker.series = maker.new_series(with_transform=True)
 
     def store(self, name: str, sample: FrameSample, frame: int) -> None:
-        """Write one sample of sensor `name`; `frame` is the frame's number, -1 between frames."""
+        """Write one sample of sensor `name`; `frame` is the frame's number, -1 if the sample belongs to no frame."""
         self._samples[name] += 1
         if name == self.plan.reference:
             self._frame_t_ns.append(sample.t_capture_ns)
         png: dict[str, bytes] = {}
         if isinstance(sample, ImageSample):
-            png = self._picture(name, sample, frame)
+            png = self._write_picture(name, sample, frame)
         elif isinstance(sample, PointCloudSample):
-            self._sweep(name, sample)
+            self._write_sweep(name, sample)
         else:
-            self._radar(name, sample)
-        self._drawer.series[name].add_encoded(sample, png)
+            self._write_radar_frame(name, sample)
+        self._maker.series[name].add_encoded(sample, png)
 
     def finish(self) -> None:
-        """Write the record and the chunk of the recording to the file of `take_finished`. Raises RecordingError."""
-        data, facts, channels = pack_frames(list(self._drawer.series.values()))
-        chunk = StoredChunk(len(data), crc32(data), facts, channels)
-        path = _finished_path(self._drawer.root, self._batch.index)
+        """Write the file that `take_finished` reads: record and chunk of the recording. Raises RecordingError."""
+        data, summary, channels = pack_frames(list(self._maker.series.values()))
+        chunk = StoredChunk(len(data), crc32(data), summary, channels)
+        path = _finished_path(self._maker.root, self._batch.index)
         try:
             path.write_bytes(pickle.dumps((self._record(chunk), data)))
         except OSError as error:
             raise unwritable(path, error) from error
 
     def _write(self, path: str, data: bytes) -> None:
-        self._files.append(self._drawer.tree.write(path, data))
+        self._files.append(self._maker.tree.write(path, data))
 
-    def _data(self, name: str, channel: str, t_ns: int, ending: str, data: bytes) -> None:
-        self._write(f"{self._drawer.data_folder(name, channel)}/{t_ns}.{ending}", data)
+    def _write_data(self, name: str, channel: str, t_ns: int, ending: str, data: bytes) -> None:
+        self._write(f"{self._maker.data_folder(name, channel)}/{t_ns}.{ending}", data)
 
-    def _picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
-        encoder, channels, t_ns = self._drawer.encoder, sample.channels, sample.t_capture_ns
+    def _write_picture(self, name: str, sample: ImageSample, frame: int) -> dict[str, bytes]:
+        encoder, channels, t_ns = self._maker.encoder, sample.channels, sample.t_capture_ns
         encoders: dict[str, Callable[[NDArray[Any]], bytes]] = {
             "rgb": encoder.rgb_png,
             "depth": encoder.depth_png,
@@ -191,49 +191,49 @@ class BatchWriter:
         png = {channel: encoders[channel](channels[channel]) for channel in channels if channel in encoders}
         for channel in channels:
             if channel in png:
-                self._data(name, channel, t_ns, "png", png[channel])
+                self._write_data(name, channel, t_ns, "png", png[channel])
             else:
-                self._data(name, channel, t_ns, "npy", npy(channels[channel]))
-        labelled = name == self.plan.labelled
-        labels = self._label(sample, frame) if labelled else None
+                self._write_data(name, channel, t_ns, "npy", npy(channels[channel]))
+        labels = self._write_labels(sample, frame) if name == self.plan.labelled else None
         if self._batch.index == 0 and self._samples[name] == 1:
-            self._preview(name, camera_previews(channels, self._drawer.catalogue.classes, labels))
+            self._write_previews(name, camera_previews(channels, self._maker.catalogue.classes, labels))
         return png
 
-    def _label(self, sample: ImageSample, frame: int) -> PictureLabels:
-        drawer, t_ns = self._drawer, sample.t_capture_ns
-        labels = drawer.labels.read(sample.channels)
+    def _write_labels(self, sample: ImageSample, frame: int) -> PictureLabels:
+        maker, t_ns = self._maker, sample.t_capture_ns
+        labels = maker.labels.read(sample.channels)
         file_name = f"{t_ns}.png"
-        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, drawer.catalogue.classes))
-        self._write(f"{voc.CLASS_MASKS}/{file_name}", drawer.encoder.indexed_png(sample.channels["segmentation"]))
+        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, maker.catalogue.classes))
+        self._write(f"{voc.CLASS_MASKS}/{file_name}", maker.encoder.indexed_png(sample.channels["segmentation"]))
         masks = mask_texts(sample.channels["instance"], labels)
         self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
-        self._pixels += labels.class_pixels
+        self._class_pixels += labels.class_pixels
         return labels
 
-    def _sweep(self, name: str, sample: PointCloudSample) -> None:
+    def _write_sweep(self, name: str, sample: PointCloudSample) -> None:
         t_ns = sample.t_capture_ns
-        self._data(name, "", t_ns, "bin", lidar_bin(sample))
+        self._write_data(name, "", t_ns, "bin", lidar_bin(sample))
         folder = f"{ROOT}/{self.plan.folder(name)}"
         self._write(f"{folder}/labels/{t_ns}.label", lidar_label(sample))
         if self.plan.config.dataset.lidar_csv:
             self._write(f"{folder}/csv/{t_ns}.csv", lidar_csv(sample))
         if self._batch.index == 0 and self._samples[name] == 1:
-            self._preview(name, cloud_previews(sample.points_L, sample.segmentation, self._drawer.catalogue.classes))
+            previews = cloud_previews(sample.points_L, sample.segmentation, self._maker.catalogue.classes)
+            self._write_previews(name, previews)
 
-    def _radar(self, name: str, sample: RadarSample) -> None:
+    def _write_radar_frame(self, name: str, sample: RadarSample) -> None:
         for channel, array in sample.channels.items():
-            self._data(name, channel, sample.t_capture_ns, "npy", npy(array))
+            self._write_data(name, channel, sample.t_capture_ns, "npy", npy(array))
         if self._batch.index == 0 and self._samples[name] == 1 and "range_doppler" in sample.channels:
-            self._preview(name, radar_previews(sample.channels["range_doppler"]))
+            self._write_previews(name, radar_previews(sample.channels["range_doppler"]))
 
-    def _preview(self, name: str, previews: dict[str, bytes]) -> None:
+    def _write_previews(self, name: str, previews: dict[str, bytes]) -> None:
         for file_name, data in previews.items():
             self._write(f"{PREVIEW}/{name}-{file_name}", data)
 
     def _record(self, chunk: StoredChunk) -> BatchRecord:
-        pixels: NDArray[np.int64] = self._pixels
+        pixels: NDArray[np.int64] = self._class_pixels
         return BatchRecord(
             index=self._batch.index,
             first_frame=self._batch.first_frame,
