@@ -50,7 +50,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
 
     `more`: parts that the caller adds to those of the bench, such as a dashboard. A failure of the bench is a result
     (status ERROR), not an exception, so that run.json always exists.
-    Raises RecordingError only where `out` itself cannot be written, ConfigError where a part of the bench is wrong.
+    Raises RecordingError if `out` itself cannot be written, ConfigError if the settings of a part are invalid.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -81,13 +81,13 @@ class BenchRun:
         self._quiet = quiet
         self._failure = Failure(out)
         self._timing_s: dict[str, float] = {}
-        self._recorders: list[Recorder] = []  # none until it is made, then one
+        self._recorders: list[Recorder] = []  # empty until the recorder exists
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report."""
         began_s = time.monotonic()
         # An earlier run.json here must not pass for this run's result, however this one ends.
-        killed = "the run is still going on, or it was killed before it could say how it ended"
+        killed = "the run is still going on, or it was killed before it could write its result"
         self._write(self._summary("ERROR", self._verdict(), {"type": "Killed", "message": killed}))
         self._failure.guard(self._prepare_and_fly)
         for recorder in self._recorders:
@@ -144,8 +144,8 @@ class BenchRun:
         try:
             fly_ticks(self._context, quiet=self._quiet)
         finally:
-            held_s = sum(part.held_s for part in self._parts)
-            self._timing_s["flight"] = time.monotonic() - began_s - held_s
+            paused_s = sum(part.paused_s for part in self._parts)
+            self._timing_s["flight"] = time.monotonic() - began_s - paused_s
 
     def _prepare_and_fly(self) -> None:
         began_s = time.monotonic()
@@ -186,7 +186,7 @@ class BenchRun:
         return "ERROR" if self._failure.error is not None else verdict.status
 
     def _summary(self, status: str, verdict: Verdict, error: Mapping[str, str] | None) -> dict[str, Any]:
-        """The content of run.json: the keys of every run first, then those of the parts."""
+        """Return the content of run.json: the keys of every run first, then those of the parts."""
         context, config = self._context, self._config
         ticks, wall_s = context.ticks, self._timing_s.get("flight", 0.0)
         sim_s = ticks * config.tick_ns / NS_PER_S
@@ -220,7 +220,7 @@ class BenchRun:
         write_run_json(self._out / RUN_JSON_NAME, run)
 
     def _write_report(self, run: Mapping[str, Any]) -> None:
-        from hil.run.report import figures, page  # half a second of matplotlib: not before it is needed
+        from hil.run.report import figures, page  # loads matplotlib, which takes half a second
 
         try:
             with figures.style():

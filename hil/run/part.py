@@ -3,7 +3,7 @@
 A run is a list of parts: the vehicle, the mission, the companions, the link to the autopilot, a dashboard. The
 composition root (`hil.run.bench_run`) calls them in the order of `hil.run.parts.catalog` and knows none by name:
 
-    open(run)             the recorder exists. Acquire what decides which samples the run needs
+    open(run)             the recorder exists. Find out which samples the part needs, such as those its clients request
     ports()               topics that the part consumes; a sensor without a consumer is not computed
                           -> the run plans its stages (`run.plan`)
     build(run)            the sensors exist. Make command sources, open links
@@ -144,7 +144,7 @@ class RunContext:
     def inject(self, fault: Any, *, declared: bool = True) -> None:
         """Begin a fault or gust now, in the first part that takes it.
 
-        `declared`: the bench or its script names the fault. One that is not may hit any sensor or link.
+        `declared`: the bench or its script contains the fault, so its sensor or link is prepared for faults.
         Raises ValueError where no part takes it, or it does not fit this run.
         """
         if not any(part.inject(fault, declared=declared) for part in self.parts):
@@ -166,7 +166,7 @@ class Part:
 
     name = ""
     injects = False  # True: may inject faults that the bench does not declare
-    held_s = 0.0  # wall-clock time for which this part has held the run up
+    paused_s = 0.0  # wall-clock time for which this part has paused the run
 
     def open(self, run: RunContext) -> None: ...
 
@@ -225,7 +225,7 @@ class Part:
         return ()
 
     def repeatable(self) -> bool:
-        """Return False where the part let something into the run that another run would not have."""
+        """Return False if the part gave the run an input that a second run would not get."""
         return True
 
     def report(self, run: RunContext) -> Report:
@@ -233,18 +233,18 @@ class Part:
 
     def after_run(self, run: Mapping[str, Any]) -> None: ...
 
-    # -- what parts tell one another ------------------------------------------------------------------------------
+    # -- calls between parts --------------------------------------------------------------------------------------
 
     def inject(self, fault: Any, *, declared: bool) -> bool:
-        """Begin a fault and return True, or return False where it is of another part. See `RunContext.inject`."""
+        """Begin a fault and return True, or return False if it concerns another part. See `RunContext.inject`."""
         return False
 
     def phase(self) -> str:
-        """Return the phase of the flight where this part flies the mission, else an empty text."""
+        """Return the phase of the flight if this part flies the mission, else an empty text."""
         return ""
 
     def waypoints(self) -> tuple[int, int] | None:
-        """Return waypoints reached so far and waypoints of the plan where this part measures them."""
+        """Return waypoints reached so far and waypoints of the plan; None: this part does not measure them."""
         return None
 
     def texts(self) -> Sequence[tuple[int, int, str]]:
@@ -252,10 +252,10 @@ class Part:
         return ()
 
     def on_desired(self, desired: DesiredState, t_apply_ns: int) -> None:
-        """A companion in control wants to be there, from `t_apply_ns` on."""
+        """Receive the desired state of a companion in control, which applies from `t_apply_ns` on."""
 
     def on_report(self, client: str, report: Mapping[str, Any], t_ns: int, *, control: bool) -> None:
-        """A companion reports on itself. `control`: what companions desire is flown."""
+        """Receive the status report of a companion. `control`: companions fly the vehicle in this run."""
 
     def on_detections(self, client: str, detections: Detections, t_ns: int) -> None:
-        """A companion has detected objects in a picture."""
+        """Receive the objects that a companion has detected in a picture."""

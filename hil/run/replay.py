@@ -1,8 +1,7 @@
-"""Run a recorded flight again, compare both recordings, and name the first difference.
+"""Run a recorded configuration again, and return the first difference of the two recordings.
 
-A lockstep run is a pure function of its configuration. `replay` runs a recorded configuration again and compares the
-two recordings message by message. Within a tick messages are compared in causal order (truth, sensors, sent, received,
-actuators), so the cause lies at the first tick and port that differ.
+A lockstep run is a pure function of its configuration. The two recordings are compared message by message, within a
+tick in causal order (truth, sensors, sent, received, actuators), so the first tick and port that differ are the cause.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """Result of a replay. `digests`: those of the two recordings, None for a recording that was cut off."""
+    """Result of a replay. `digests`: of the recorded and the fresh run, None for a recording that was cut off."""
 
     identical: bool
     difference: Difference | None
@@ -117,13 +116,13 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     """Run `run_dir/bench.yaml` again with `run(config, out_dir)` and compare.
 
     `out_dir` defaults to `run_dir/replay`. Raises RecordingError if the run has no recording or no configuration, or
-    ran on free-running hardware.
+    was not repeatable.
     """
     config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
-    for path, what in ((recorded, "a recording (record.mcap)"), (config, "its resolved configuration")):
+    for path, hint in ((recorded, "was record.mcap off?"), (config, "its resolved configuration")):
         if not path.is_file():
-            raise RecordingError(f"{run_dir}: cannot be replayed, it lacks {what}: {path.name}")
-    _refuse_free_running(run_dir)
+            raise RecordingError(f"{run_dir}: cannot be replayed: it has no {path.name} ({hint})")
+    _refuse_not_repeatable(run_dir)
     out = out_dir or run_dir / "replay"
     if out.resolve() == run_dir.resolve():
         raise RecordingError(f"{out}: holds the recorded run; name another folder for the fresh run with --out")
@@ -142,8 +141,8 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     return ReplayResult(difference is None, difference, ticks, (_digest(a), _digest(b)))
 
 
-def _refuse_free_running(run_dir: Path) -> None:
-    """Raise RecordingError for a run on free-running hardware, which never repeats bit for bit."""
+def _refuse_not_repeatable(run_dir: Path) -> None:
+    """Raise RecordingError for a run that had inputs which neither its configuration nor its trace contains."""
     try:
         run = json.loads((run_dir / "run.json").read_text())
     except (OSError, ValueError):
@@ -154,8 +153,9 @@ def _refuse_free_running(run_dir: Path) -> None:
     killed = isinstance(error, dict) and error.get("type") == "Killed"
     if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
         raise RecordingError(
-            f"{run_dir}: was recorded on a free-running rig ({run.get('rig')}), which never repeats bit for bit; "
-            "replay needs a lockstep rig such as mock"
+            f"{run_dir}: this run on rig {run.get('rig')} does not repeat bit for bit: it had a free-running autopilot "
+            "or companion, signing, input from outside (MAVLink, sticks, dashboard) or pictures of another renderer; "
+            "replay needs a lockstep run without these"
         )
 
 
@@ -191,11 +191,11 @@ def _pairs(a: Recording, b: Recording) -> Iterator[tuple[RecordedMessage | None,
             a.read_declarations(left)
             b.read_declarations(right)
             continue
-        yield from zip_longest(_rest(a, left, chunks_a), _rest(b, right, chunks_b))
+        yield from zip_longest(_messages_from(a, left, chunks_a), _messages_from(b, right, chunks_b))
         return
 
 
-def _rest(recording: Recording, chunk: Chunk | None, chunks: Iterator[Chunk]) -> Iterator[RecordedMessage]:
+def _messages_from(recording: Recording, chunk: Chunk | None, chunks: Iterator[Chunk]) -> Iterator[RecordedMessage]:
     """Yield the messages of this chunk and all later ones, without the ignored topics."""
     while chunk is not None:
         for message in recording.messages_of(chunk):
@@ -209,9 +209,9 @@ def _differing_field(a: RecordedMessage, b: RecordedMessage) -> tuple[str, Any, 
     if a.type_name == b.type_name and a.data != b.data:
         left, right = a.decode(), b.decode()
         if a.type_name == _MAVLINK:
-            named = _differing_mavlink(left["data"], right["data"])
-            if named:
-                return named
+            difference = _differing_mavlink(left["data"], right["data"])
+            if difference:
+                return difference
         for name in [*left, *(n for n in right if n not in left)]:
             x, y = left.get(name, "absent"), right.get(name, "absent")
             if _unequal(x, y):
@@ -229,8 +229,8 @@ def _differing_element(name: str, x: Sequence[Any], y: Sequence[Any]) -> tuple[s
     """Return index and both values of the first differing element of two long fields, such as pictures."""
     if len(x) != len(y):
         return f"length of {name}", len(x), len(y)
-    at = next(i for i, (a, b) in enumerate(zip(x, y, strict=True)) if a != b)
-    return f"{name}[{at}]", x[at], y[at]
+    index = next(i for i, (a, b) in enumerate(zip(x, y, strict=True)) if a != b)
+    return f"{name}[{index}]", x[index], y[index]
 
 
 def _differing_mavlink(a: bytes, b: bytes) -> tuple[str, Any, Any] | None:
@@ -272,7 +272,7 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
     from hil.config import load_bench
     from hil.run.bench_run import run_bench
 
-    def again(config: Path, folder: Path) -> None:
+    def run_again(config: Path, folder: Path) -> None:
         # Companions do not run again: their recorded answers are in the trace.
         trace = run_dir / TRACE_NAME
         settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
@@ -280,4 +280,4 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
         if fresh.status == "ERROR":
             errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 
-    return replay(run_dir, again, out_dir=out)
+    return replay(run_dir, run_again, out_dir=out)

@@ -64,7 +64,7 @@ def test_a_flight_round_a_hall_is_judged_and_shown(tmp_path: Path) -> None:
     assert report["outcome"] == "goal"
     assert report["replans"] > 30
     shown = (out / "report.html").read_text()
-    assert "What explore left" in shown
+    assert "Picture by explore" in shown
     assert "explore: goal" in shown
     assert (out / "companion_explore" / "report.png").stat().st_size > 1000
     assert np.frombuffer((out / "companion_explore" / "film.avi").read_bytes()[:4], "S4")[0] == b"RIFF"

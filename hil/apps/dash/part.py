@@ -23,8 +23,8 @@ class DashboardPart(Part):
         self.sticks: ManualPart | None = None
 
     @property
-    def held_s(self) -> float:  # type: ignore[override]
-        return self._live.held_s
+    def paused_s(self) -> float:  # type: ignore[override]
+        return self._live.paused_s
 
     def tap(self) -> LiveRun:
         return self._live
@@ -51,7 +51,7 @@ class DashboardPart(Part):
         physics, companion = run.physics, run.part("companion")
         self._live.attach(
             RunAccess(
-                description=run_description(run) | {"wire": run.part("faults").possible},
+                description=run_description(run) | {"wire": run.part("faults").can_have_faults},
                 scheduler=run.scheduler,
                 status=run.status,
                 texts=run.texts,

@@ -1,7 +1,7 @@
-"""The parts of a run in their order, and which benches want them.
+"""The parts of a run in their order, and the condition under which a bench has each.
 
-A part's module is imported only in runs that want it. It has a function `make(bench) -> Part`; a part that a bench
-names in its section `parts` has `make(bench, settings) -> Part` and a model `Settings` of that section instead.
+A part's module is imported only in runs that have the part. It has a function `make(bench) -> Part`. The module of a
+part that a bench names in its section `parts` has `make(bench, settings) -> Part` and a model `Settings` instead.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from hil.config import Bench
 from hil.config.checks.part_settings import part_module
 from hil.run.part import Part
 
-Wanted = Callable[[Bench], bool]
+Condition = Callable[[Bench], bool]
 
 
 def _always(bench: Bench) -> bool:  # noqa: ARG001
@@ -24,23 +24,23 @@ def _companion_flies(bench: Bench) -> bool:
     return bench.config.companion.on and bench.config.companion.control
 
 
-_VEHICLE: tuple[tuple[str, Wanted], ...] = (
+_VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("simulated.vehicle", _always),
     ("simulated.sensors", _always),
     ("links.faults", _always),
 )
-_JUDGES: tuple[tuple[str, Wanted], ...] = (
+_JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.flight", _always),
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
 )
-_PILOTS: tuple[tuple[str, Wanted], ...] = (
+_PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),
     ("pilots.mission", lambda bench: not _companion_flies(bench)),
     ("pilots.script", lambda bench: bench.script is not None),
     ("pilots.manual", lambda bench: bench.config.manual.device is not None),
 )
-_LINKS: tuple[tuple[str, Wanted], ...] = (
+_LINKS: tuple[tuple[str, Condition], ...] = (
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),
     ("links.autopilot", _always),
@@ -48,15 +48,15 @@ _LINKS: tuple[tuple[str, Wanted], ...] = (
 
 
 def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) -> list[Part]:
-    """Return the parts that `bench` wants, not yet opened. `more`: parts that the caller of the run adds.
+    """Return the parts of a run of `bench`, not yet opened. `more`: parts that the caller of the run adds.
 
     Parts of the section `parts` and those of the caller come before the links to the outside, so that their commands
-    are signed as all others. `judged`: False leaves out what measures the flight and judges it.
+    are signed too. `judged`: False leaves out the parts that measure and judge the flight.
     """
-    before = [*_VEHICLE, *(_JUDGES if judged else ()), *_PILOTS]
+    inner = [*_VEHICLE, *(_JUDGES if judged else ()), *_PILOTS]
     named = [part_module(name).make(bench, settings) for name, settings in bench.config.parts.items()]
-    return [*_made(before, bench), *named, *more, *_made(_LINKS, bench)]
+    return [*_make(inner, bench), *named, *more, *_make(_LINKS, bench)]
 
 
-def _made(entries: Sequence[tuple[str, Wanted]], bench: Bench) -> list[Part]:
-    return [import_module(f"hil.run.parts.{name}").make(bench) for name, wanted in entries if wanted(bench)]
+def _make(entries: Sequence[tuple[str, Condition]], bench: Bench) -> list[Part]:
+    return [import_module(f"hil.run.parts.{name}").make(bench) for name, condition in entries if condition(bench)]

@@ -92,7 +92,7 @@ def needs_frames(config: BenchConfig, plan: StagePlan | None = None) -> bool:
     )
 
 
-def draws_elsewhere(config: BenchConfig, plan: StagePlan) -> bool:
+def uses_other_renderer(config: BenchConfig, plan: StagePlan) -> bool:
     """Return True if a camera's colour comes from a renderer whose pictures differ between machines."""
     return any(
         getattr(sensor.parameters, "colour", "native") != "native"

@@ -28,8 +28,8 @@ class Clearance:
     """Measures distances [m] from points of one scene to the nearest surface, people included.
 
     Rays leave the point in all directions (a Fibonacci sphere), then a finer bundle surrounds the shortest. At
-    `_MAX_RANGE_M` neighbouring rays lie 0.3 m apart, at 1 m 6 cm, the finer ones a tenth of that. A ray meets the
-    nearest point of a surface at a right angle, so the distance is too long by at most 2 mm at 1 m. A wire thinner
+    `_MAX_RANGE_M` neighbouring rays lie 0.3 m apart, at 1 m 6 cm; the rays of the bundle a seventh of that. A ray meets
+    the nearest point of a surface at a right angle, so the distance is too long by at most 2 mm at 1 m. A wire thinner
     than the spacing of the rays may be missed.
     """
 
@@ -37,14 +37,14 @@ class Clearance:
         self._geometry = geometry
         self._caster = RayCaster(geometry.native)
         n = _RAYS
-        up = 1.0 - (2.0 * np.arange(n) + 1.0) / n
-        turn = np.arange(n) * _GOLDEN_ANGLE_RAD
-        level = np.sqrt(1.0 - up * up)
-        self._sphere = np.stack([level * np.cos(turn), level * np.sin(turn), up], axis=1)
+        z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+        angle_rad = np.arange(n) * _GOLDEN_ANGLE_RAD
+        radius = np.sqrt(1.0 - z * z)
+        self._sphere = np.stack([radius * np.cos(angle_rad), radius * np.sin(angle_rad), z], axis=1)
         m = _FINE_RAYS
-        away = _SPACING_RAD * np.sqrt((np.arange(m) + 0.5) / m)
-        turn = np.arange(m) * _GOLDEN_ANGLE_RAD
-        self._bundle = np.stack([away * np.cos(turn), away * np.sin(turn)], axis=1)
+        radius = _SPACING_RAD * np.sqrt((np.arange(m) + 0.5) / m)
+        angle_rad = np.arange(m) * _GOLDEN_ANGLE_RAD
+        self._bundle = np.stack([radius * np.cos(angle_rad), radius * np.sin(angle_rad)], axis=1)
 
     def nearest_m(self, p_W: Vec3, t_ns: int) -> float:
         """Return the distance from this point to the nearest surface at time `t_ns`; at most `_MAX_RANGE_M`.
@@ -54,15 +54,15 @@ class Clearance:
         self._geometry.expect(t_ns)
         self._geometry.pose_within(Vicinity(p_W, p_W, _MAX_RANGE_M))
         range_m = self._cast(p_W, self._sphere)
-        best = int(np.argmin(range_m))
-        if not math.isfinite(range_m[best]):
+        shortest = int(np.argmin(range_m))
+        if not math.isfinite(range_m[shortest]):
             return _MAX_RANGE_M
-        d = self._sphere[best]
+        d = self._sphere[shortest]
         a = np.cross(d, (1.0, 0.0, 0.0) if abs(d[0]) < 0.9 else (0.0, 1.0, 0.0))
         a /= np.linalg.norm(a)
         finer = d + self._bundle[:, :1] * a + self._bundle[:, 1:] * np.cross(d, a)
         finer /= np.linalg.norm(finer, axis=1, keepdims=True)
-        return min(float(range_m[best]), float(self._cast(p_W, finer).min()), _MAX_RANGE_M)
+        return min(float(range_m[shortest]), float(self._cast(p_W, finer).min()), _MAX_RANGE_M)
 
     def _cast(self, p_W: Vec3, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the range [m] along each direction, (n, 3) unit vectors; infinite without a hit."""

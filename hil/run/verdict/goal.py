@@ -5,8 +5,8 @@ asks to land; otherwise when the run ends.
 
 outcome          reported by the client and expected by the bench, such as `goal_in_obstacle` for a goal in a building
 goal_error_m     horizontal distance from the goal when the flight was over
-clearance_m      least distance from the sphere that encloses the vehicle to any surface, people included, sampled ten
-                 times a second from half the height of the flight on
+clearance_m      smallest distance from the sphere that encloses the vehicle to any surface, people included, sampled
+                 ten times a second from half the height of the flight on
 contacts         ticks with contact, from the first 0.3 m above the ground until the flight was over
 path_ratio       horizontal length of the path flown, divided by the length of the shortest path from start to goal that
                  keeps `min_clearance_m` on the full map (`hil.run.verdict.shortest_path`)
@@ -32,7 +32,7 @@ from signals.time import NS_PER_S
 from sim.frame.geometry import FrameGeometry
 from sim.physics.vehicle import Vehicle
 
-_FLYING, _AT_GOAL = "flying", "goal"  # outcomes that clients report
+_FLYING, _AT_GOAL = "flying", "goal"  # outcomes reported by clients
 _SAMPLE_PERIOD_NS = NS_PER_S // 10
 _MAP_MARGIN_M = 45.0  # the full map extends this far beyond start and goal
 _DEFAULT_CLEARANCE_M = 0.5
@@ -64,7 +64,7 @@ class GoalMeasurement:
     def __init__(self, goal: Goal, vehicle: Vehicle) -> None:
         self._goal, self._radius_m = goal, vehicle_radius_m(vehicle)
         self._report: Mapping[str, Any] = {}
-        self._over_ns: int | None = None
+        self._end_ns: int | None = None
         self._track: list[tuple[int, Vec3]] = []
         self._home: Vec3 | None = None
         self._airborne = False
@@ -74,7 +74,7 @@ class GoalMeasurement:
 
     def add(self, truth: TruthState) -> None:
         """Add the true state of one tick; call it for every tick, in order."""
-        if self._over_ns is not None and truth.t_ns > self._over_ns:
+        if self._end_ns is not None and truth.t_ns > self._end_ns:
             return
         if self._home is None:
             self._home = truth.p_WB
@@ -88,38 +88,41 @@ class GoalMeasurement:
         """Keep a report of the client in control; an outcome other than `flying` ends the flight."""
         self._report = report
         if report.get("outcome", _FLYING) != _FLYING:
-            self.over(t_ns)
+            self.end(t_ns)
 
-    def over(self, t_ns: int) -> None:
+    def end(self, t_ns: int) -> None:
         """End the flight to the goal at `t_ns`. The landing that follows is not measured."""
-        if self._over_ns is None:
-            self._over_ns = t_ns
+        if self._end_ns is None:
+            self._end_ns = t_ns
 
-    def judged(self) -> tuple[list[Row], list[str]]:
+    def verdict_rows(self) -> tuple[list[Row], list[str]]:
         """Return the measurements beside their limits, and the reasons why the flight fails."""
-        return _judged(self.result, self._goal)
+        return _judge_goal(self.result, self._goal)
 
     def conclude(self, geometry: FrameGeometry) -> None:
-        """Compute clearance and path ratio, which takes seconds. Poses what moves at times of the past flight."""
+        """Compute clearance and path ratio, which takes seconds. Poses moving objects at times of the past flight."""
         goal, last = self._goal, self._last
         if last is None or self._home is None:
             return
         (x, y, z), home = goal.p_W, self._home
-        half_m = home[2] + 0.5 * (z - home[2])
-        first = next((i for i, (_, p) in enumerate(self._track) if p[2] >= half_m), len(self._track))
-        flown = self._track[first:]
+        half_height_m = home[2] + 0.5 * (z - home[2])
+        first = next((i for i, (_, p) in enumerate(self._track) if p[2] >= half_height_m), len(self._track))
+        path = self._track[first:]
         clearance_m = path_m = shortest_m = ratio = None
-        if flown:
+        if path:
             meter = Clearance(geometry)
-            clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in flown) - self._radius_m
-            path_m = length_m([(p[0], p[1]) for _, p in flown])
-            keep_m = self._radius_m + (goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
-            m = _MAP_MARGIN_M
-            area_W = (min(home[0], x) - m, min(home[1], y) - m, max(home[0], x) + m, max(home[1], y) + m)
-            full = true_slice(geometry, low_m=z - keep_m, high_m=z + keep_m, area_W=area_W)
-            best = shortest_path(full, (home[0], home[1]), (x, y), clearance_m=keep_m)
-            if best is not None:
-                shortest_m = length_m(best)
+            clearance_m = min(meter.nearest_m(p, t_ns) for t_ns, p in path) - self._radius_m
+            path_m = length_m([(p[0], p[1]) for _, p in path])
+            keep_out_m = self._radius_m + (goal.min_clearance_m or _DEFAULT_CLEARANCE_M)
+            margin_m = _MAP_MARGIN_M
+            area_W = (
+                *(min(home[0], x) - margin_m, min(home[1], y) - margin_m),
+                *(max(home[0], x) + margin_m, max(home[1], y) + margin_m),
+            )
+            full_map = true_slice(geometry, low_m=z - keep_out_m, high_m=z + keep_out_m, area_W=area_W)
+            shortest = shortest_path(full_map, (home[0], home[1]), (x, y), clearance_m=keep_out_m)
+            if shortest is not None:
+                shortest_m = length_m(shortest)
                 ratio = path_m / shortest_m if shortest_m > 0.0 else None
         outcome = str(self._report.get("outcome", ""))
         self.result = GoalResult(
@@ -136,7 +139,7 @@ class GoalMeasurement:
         )
 
 
-def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
+def _judge_goal(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
     """Return the rows of the verdict, and the reasons why it fails."""
     reasons: list[str] = []
     if result.outcome != goal.outcome:
@@ -144,10 +147,10 @@ def _judged(result: GoalResult, goal: Goal) -> tuple[list[Row], list[str]]:
         why = f" ({result.why})" if result.why else ""
         reasons.append(f"the client {reported}{why}, but the bench expects {goal.outcome!r}")
     at_goal = goal.outcome == _AT_GOAL
-    flown = result.clearance_m is not None or at_goal  # a flight to another outcome may end below half its height
+    judge_clearance = result.clearance_m is not None or at_goal  # other outcomes may occur below half the height
     rows, failed = rows_within(
         ("goal_error_m", result.goal_error_m, goal.within_m if at_goal else None, "m", False),
-        ("clearance_m", result.clearance_m, goal.min_clearance_m if flown else None, "m", True),
+        ("clearance_m", result.clearance_m, goal.min_clearance_m if judge_clearance else None, "m", True),
         ("path_ratio", result.path_ratio, goal.max_path_ratio if at_goal else None, "", False),
         ("contacts", float(result.contacts), 0.0, "", False),
     )

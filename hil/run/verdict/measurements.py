@@ -5,7 +5,7 @@
     max_speed_mps       greatest speed
     max_climb_mps       greatest upward speed
     max_sink_mps        greatest downward speed
-    min_altitude_m      least height above the start
+    min_altitude_m      smallest height above the start
     max_altitude_m      greatest height above the start
     max_distance_m      greatest horizontal distance from the start
     hover_drift_m       greatest horizontal distance from the position at from_s
@@ -71,16 +71,23 @@ class DeclaredMeasurements:
     def results(self) -> list[Measured]:
         """Return every declared measurement in the order of the script; call it after the flight."""
         values = {id(window.expectation): window.value for window in self._windows}
-        down, up = self._touch_down_ns, self._lift_off_ns
-        found: list[Measured] = []
+        touch_down_ns, lift_off_ns = self._touch_down_ns, self._lift_off_ns
+        results: list[Measured] = []
         for e in self._expectations:
             if e.measure == "time_to_complete_s":
-                found.append(Measured(e, None if down is None else down / NS_PER_S))
+                results.append(Measured(e, None if touch_down_ns is None else touch_down_ns / NS_PER_S))
             elif e.measure == "flight_time_s":
-                found.append(Measured(e, None if down is None or up is None else (down - up) / NS_PER_S))
+                results.append(
+                    Measured(
+                        e,
+                        None
+                        if touch_down_ns is None or lift_off_ns is None
+                        else (touch_down_ns - lift_off_ns) / NS_PER_S,
+                    )
+                )
             else:
-                found.append(Measured(e, values[id(e)]))
-        return found
+                results.append(Measured(e, values[id(e)]))
+        return results
 
 
 class _Window:
@@ -92,7 +99,7 @@ class _Window:
         self.end_ns = _NEVER_NS if expectation.to_s is None else round(expectation.to_s * NS_PER_S)
         self.value: float | None = None
         self._measure = _MEASURES[expectation.measure]
-        self._least = expectation.measure.startswith("min_")
+        self._is_minimum = expectation.measure.startswith("min_")
         self._drift = expectation.measure.endswith("_drift_m")
         self._start: Vec3 | None = None
 
@@ -104,7 +111,7 @@ class _Window:
             home = self._start
         value, so_far = self._measure(truth, home), self.value
         # The comparisons are negated so that a NaN stays.
-        if so_far is None or (so_far == so_far and not (value >= so_far if self._least else value <= so_far)):
+        if so_far is None or (so_far == so_far and not (value >= so_far if self._is_minimum else value <= so_far)):
             self.value = value
 
 
@@ -137,7 +144,7 @@ def judge_scripted(
     declared: Sequence[Measured],
     records: Sequence[Record] = (),
 ) -> Verdict:
-    """Return the verdict on a scripted flight: that of the plan, with the script's measurements and actions added.
+    """Return the verdict on a scripted flight: on its plan, and on the script's measurements and actions.
 
     With `outcome: aborted` the plan must not have been completed, with `any` it may have been. In both cases the
     plan's limits are judged only if their values were measured. A required action that never ran fails.
@@ -151,9 +158,9 @@ def judge_scripted(
     if script.outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     for expectation, value in declared:
-        row, reason = _judged(expectation, value)
+        row, row_reasons = _row_and_reasons(expectation, value)
         rows.append(row)
-        reasons += reason
+        reasons += row_reasons
     reasons += [
         f"{record.name}: never ran, its condition was never met"
         for record in records
@@ -167,8 +174,8 @@ def judge_scripted(
     return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)
 
 
-def _judged(e: Expectation, value: float | None) -> tuple[Row, list[str]]:
-    """Return a row of the verdict and the reasons why it fails. The row shows the limit that is nearer the value."""
+def _row_and_reasons(e: Expectation, value: float | None) -> tuple[Row, list[str]]:
+    """Return a row of the verdict, with the limit nearer to the value, and the reasons why it fails."""
     reasons: list[str] = []
     unit, label = e.unit, e.label
     limits = [limit for limit in (e.at_most, e.at_least) if limit is not None]

@@ -1,7 +1,7 @@
 """People of a scene: identity, true position over time, and pixels that a camera sees of each.
 
-Pixels are counted in the camera's instance picture at the vehicle's true pose, rendered after the flight, so parts that
-an obstacle hides or the border cuts off do not count. Lens errors and colour noise have no effect, and a rolling
+Pixels are counted in the camera's instance picture at the vehicle's true pose, rendered after the flight, so pixels
+hidden by an obstacle or outside the picture do not count. Lens errors and colour noise have no effect, and a rolling
 shutter is rendered as a global one.
 """
 
@@ -26,11 +26,11 @@ from sim.scene.world import World
 
 @dataclass(frozen=True)
 class TruePerson:
-    """One person. `actor`: index in the map's actors, None: the person stands still."""
+    """One person. `actor`: index in the map's actors; None: the person stands still."""
 
     instance: int
     name: str
-    at_m: tuple[float, float]  # x, y in W, of a person that stands still
+    static_m: tuple[float, float]  # x, y in W, of a person who stands still
     actor: int | None
 
 
@@ -43,23 +43,23 @@ class TruePeople:
         mujoco.mj_kinematics(model, data)
         actors = {model.body(name).id: k for k, actor in enumerate(world.map.actors) for name in actor.bodies}
         names = list(world.class_names)
-        wanted = names.index(label) if label in names else -1
-        found = []
+        class_index = names.index(label) if label in names else -1
+        people = []
         for instance in np.unique(world.geom_instance).tolist():
             geoms = np.flatnonzero(world.geom_instance == instance)
-            if not instance or int(np.bincount(world.geom_class[geoms]).argmax()) != wanted:
+            if not instance or int(np.bincount(world.geom_class[geoms]).argmax()) != class_index:
                 continue
             bodies = [int(model.geom_bodyid[g]) for g in geoms]
             x, y, _ = data.geom_xpos[geoms].mean(axis=0).tolist()
             actor = next((actors[body] for body in bodies if body in actors), None)
-            found.append(TruePerson(instance, model.body(bodies[0]).name, (x, y), actor))
-        self.people = tuple(found)
+            people.append(TruePerson(instance, model.body(bodies[0]).name, (x, y), actor))
+        self.people = tuple(people)
         self._actors = world.map.actors
 
-    def place_m(self, person: TruePerson, t_ns: int) -> tuple[float, float]:
+    def position_m(self, person: TruePerson, t_ns: int) -> tuple[float, float]:
         """Return x and y in W [m] at a time: the mean position of the limbs."""
         if person.actor is None:
-            return person.at_m
+            return person.static_m
         actor = self._actors[person.actor]
         n = len(actor.bodies)
         p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))

@@ -2,7 +2,7 @@
 
 Rays along the rows and columns of a grid three times as fine as the cells, at heights from `low_m` to `high_m`, find
 the surfaces; rays from above find flat tops. An object thinner than a third of a cell and lower than the distance
-between two heights may be missed. The grid holds only what stands still. The inside of a solid stays free, which is
+between two heights may be missed. Moving objects are left out. The inside of a solid stays free, which is
 harmless because no path from outside reaches it.
 """
 
@@ -59,37 +59,37 @@ def true_slice(
     area_W: tuple[float, float, float, float],
     cell_m: float = 0.25,
 ) -> TrueSlice:
-    """Return the occupancy grid of an area. `area_W`: least x and y, greatest x and y [m].
+    """Return the occupancy grid of an area. `area_W`: minimum x and y, maximum x and y [m].
 
-    Hides everything that moves in `geometry` until the caller poses it again.
+    Moving objects in `geometry` are hidden until the caller poses them again.
     """
     x0, y0, x1, y1 = area_W
     width, height = math.ceil((x1 - x0) / cell_m), math.ceil((y1 - y0) / cell_m)
     occupied = np.zeros((height, width), np.bool_)
     geometry.expect(geometry.t_ns + 1)
     origin = (0.0, 0.0, 0.0)
-    geometry.pose_within(Vicinity(origin, origin, -math.inf))  # reaches nothing that moves
+    geometry.pose_within(Vicinity(origin, origin, -math.inf))  # poses no moving object
     caster = RayCaster(geometry.native)
     levels = np.linspace(low_m, high_m, max(2, math.ceil((high_m - low_m) / _HEIGHT_STEP_M) + 1))
-    middles = (x0 + (np.arange(width) + 0.5) * cell_m, y0 + (np.arange(height) + 0.5) * cell_m)
-    x, y = (a.ravel() for a in np.meshgrid(*middles))
-    above = np.stack([x, y, np.full(len(x), high_m)], axis=1)
-    found = _hits_along(caster, above, np.array([0.0, 0.0, -1.0]), high_m - low_m)
+    centres = (x0 + (np.arange(width) + 0.5) * cell_m, y0 + (np.arange(height) + 0.5) * cell_m)
+    x, y = (a.ravel() for a in np.meshgrid(*centres))
+    top_points = np.stack([x, y, np.full(len(x), high_m)], axis=1)
+    hits = _hits_along(caster, top_points, np.array([0.0, 0.0, -1.0]), high_m - low_m)
     for axis, count, length_m in ((0, height, width * cell_m), (1, width, height * cell_m)):
-        across = (np.arange(count * _RAYS_PER_CELL) + 0.5) * (cell_m / _RAYS_PER_CELL)
-        lines, heights = (a.ravel() for a in np.meshgrid(across, levels, indexing="ij"))
-        origins = np.empty((len(lines), 3))
+        offsets_m = (np.arange(count * _RAYS_PER_CELL) + 0.5) * (cell_m / _RAYS_PER_CELL)
+        offsets, heights = (a.ravel() for a in np.meshgrid(offsets_m, levels, indexing="ij"))
+        origins = np.empty((len(offsets), 3))
         origins[:, axis] = (x0, y0)[axis]
-        origins[:, 1 - axis] = (x0, y0)[1 - axis] + lines
+        origins[:, 1 - axis] = (x0, y0)[1 - axis] + offsets
         origins[:, 2] = heights
         direction = np.zeros(3)
         direction[axis] = 1.0
-        found += _hits_along(caster, origins, direction, length_m)
-    for points in found:
+        hits += _hits_along(caster, origins, direction, length_m)
+    for points in hits:
         columns = np.floor((points[:, 0] - x0) / cell_m).astype(int)
         rows = np.floor((points[:, 1] - y0) / cell_m).astype(int)
-        there = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        occupied[rows[there], columns[there]] = True
+        in_grid = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        occupied[rows[in_grid], columns[in_grid]] = True
     return TrueSlice(occupied, (x0, y0), cell_m)
 
 
@@ -97,8 +97,8 @@ def _hits_along(
     caster: RayCaster, origins_W: NDArray[np.float64], direction: NDArray[np.float64], length_m: float
 ) -> list[NDArray[np.float64]]:
     """Return the points (n, 3) where parallel rays of this length hit: an array of first hits, of second hits, ..."""
-    found = []
-    left_m = np.full(len(origins_W), length_m)
+    hits = []
+    remaining_m = np.full(len(origins_W), length_m)
     for _ in range(_MAX_HITS):
         n = len(origins_W)
         if not n:
@@ -106,9 +106,9 @@ def _hits_along(
         range_m, geom = np.empty(n), np.empty(n, np.int32)
         directions = np.ascontiguousarray(np.broadcast_to(direction, (n, 3)))
         caster.cast(np.ascontiguousarray(origins_W), directions, 0.0, length_m, range_m, geom)
-        hit = (geom >= 0) & (range_m < left_m)
+        hit = (geom >= 0) & (range_m < remaining_m)
         step_m = range_m[hit] + _STEP_BEHIND_M
-        found.append(origins_W[hit] + range_m[hit, None] * direction)
+        hits.append(origins_W[hit] + range_m[hit, None] * direction)
         origins_W = origins_W[hit] + step_m[:, None] * direction
-        left_m = left_m[hit] - step_m
-    return found
+        remaining_m = remaining_m[hit] - step_m
+    return hits

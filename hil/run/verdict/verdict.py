@@ -11,7 +11,7 @@ reached            Waypoints count in order, and a missed waypoint stops the cou
 max_cross_track_m  Greatest horizontal distance, from the first waypoint reached to the last, between the true position
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
-                   one on each side, or more past short legs and doubled waypoints, at most `WINDOW_LEGS`. A mission of
+                   one on each side, or more past short legs and repeated waypoints, at most `WINDOW_LEGS`. A mission of
                    a single waypoint is measured on the leg that leads to it, from the end of the climb.
 altitude_error_m   Greatest |z - planned z| while cross-track is measured and the leg being flown is level. After a
                    climb or a sloping leg the first `SETTLE_M` of level flight do not count.
@@ -21,7 +21,7 @@ final_error_m      Horizontal distance from the last true position to the end of
 landing_speed_mps  Greatest downward speed in the tick before the vehicle, having been in the air, touched the ground.
 landed_tilt_deg    Greatest angle between the body's z axis and the vertical, from touch-down on.
 
-A limit fails if the plan calls for its measurement and the flight did not yield it, and if the value is NaN.
+A limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ REACH_MARGIN_M = 1.0
 REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
 SETTLE_M = 5.0
-LEVEL_M = 0.05  # a leg whose ends differ by less is level
+LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
 AIRBORNE_M = 0.3  # height above the start
 REST_SPEED_MPS = 0.3
 REST_CONTACT_NS = 500_000_000  # a vehicle at rest touched the ground within this time
 TIPPED_DEG = 30.0
-WINDOW_LEGS = 8  # legs on one side of the one being flown that cross-track looks at
+WINDOW_LEGS = 8  # most legs on each side of the one being flown to which cross-track is measured
 
 
 @dataclass(frozen=True)
@@ -80,29 +80,29 @@ class FlightMeasurement:
             REACH_MARGIN_M, UNJUDGED_M if limits.max_cross_track_m is None else limits.max_cross_track_m
         )
         self._height_m = max(REACH_HEIGHT_M, UNJUDGED_M if limits.altitude_error_m is None else limits.altitude_error_m)
-        self._fly = waypoint_legs(legs)
-        self._settle_m = _settle_distances_m(self._fly)
-        self._near = [self._neighbours(target) for target in range(len(self._fly))]
+        self._fly_legs = waypoint_legs(legs)
+        self._settle_m = _settle_distances_m(self._fly_legs)
+        self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
-        self._waypoint = 0  # index of the next one to reach
+        self._waypoint = 0  # index of the next waypoint to reach
         self._measuring = False
         self._cross_track_m: float | None = None
         self._altitude_m: float | None = None
         self._landing_speed_mps: float | None = None
         self._home_up_m: float | None = None
         self._airborne = False
-        self._touched = False
-        self._contact = True
+        self._touched = False  # since the last take-off
+        self._contact = True  # in the previous tick
         self._contact_ns = 0
-        self._least_upright: float | None = None  # cosine of the greatest tilt since touch-down
-        self._before: TruthState | None = None
+        self._min_upright: float | None = None  # cosine of the greatest tilt since touch-down
+        self._previous: TruthState | None = None
 
     @property
     def counts(self) -> tuple[int, int]:
         """Waypoints reached so far, and waypoints of the plan."""
-        return self._waypoint, len(self._fly)
+        return self._waypoint, len(self._fly_legs)
 
     def _neighbours(self, target: int) -> tuple[Leg, ...]:
         """Return the legs that the vehicle may be on while leg `target` is counted as being flown.
@@ -110,32 +110,32 @@ class FlightMeasurement:
         The count may be ahead of the vehicle by the distance at which a waypoint counts as reached, so legs shorter
         than that do not end the window. Legs without length are left out.
         """
-        fly = self._fly
-        near = [fly[target]]
+        fly = self._fly_legs
+        legs = [fly[target]]
         for step in (-1, 1):
             reach_m = fly[target].acceptance_radius_m + self._margin_m
-            at, found, length_m = target + step, 0, 0.0
-            while 0 <= at < len(fly) and found < WINDOW_LEGS and (length_m < reach_m if step < 0 else not found):
-                leg = fly[at]
+            i, count, length_m = target + step, 0, 0.0
+            while 0 <= i < len(fly) and count < WINDOW_LEGS and (length_m < reach_m if step < 0 else not count):
+                leg = fly[i]
                 if _length_m(leg) > 0.0:
-                    near.append(leg)
-                    found += 1
+                    legs.append(leg)
+                    count += 1
                     length_m += _length_m(leg)
                     reach_m = max(reach_m, leg.acceptance_radius_m + self._margin_m)
-                at += step
-        return tuple(near)
+                i += step
+        return tuple(legs)
 
     def add(self, truth: TruthState) -> None:
         """Add the true state of one tick; call it for every tick, in order."""
         contact = truth.in_contact
         if contact:
             self._contact_ns = truth.t_ns
-            if not self._contact and self._airborne and self._before is not None:
+            if not self._contact and self._airborne and self._previous is not None:
                 # The tick that touched has already slowed the vehicle, so the speed of the tick before counts.
-                self._landing_speed_mps = _greater(self._landing_speed_mps, -self._before.v_WB_W[2])
+                self._landing_speed_mps = _greater(self._landing_speed_mps, -self._previous.v_WB_W[2])
                 self._touched = True
         self._contact = contact
-        self._before = truth
+        self._previous = truth
         if truth.tick % self._stride == 0:
             self._measure(truth)
 
@@ -148,21 +148,21 @@ class FlightMeasurement:
             self._airborne = True
             if self._touched:  # took off again, or bounced high
                 self._touched = False
-                self._least_upright = None
+                self._min_upright = None
         if self._touched:
             upright = upright_of(truth.q_WB)
-            if self._least_upright is None or not upright >= self._least_upright:
-                self._least_upright = upright
-        if self._airborne and self._waypoint < len(self._fly):
+            if self._min_upright is None or not upright >= self._min_upright:
+                self._min_upright = upright
+        if self._airborne and self._waypoint < len(self._fly_legs):
             self._follow(truth.p_WB)
 
     def _follow(self, p_WB: Vec3) -> None:
         """Count waypoints, and measure against the leg being flown."""
-        fly, target = self._fly, self._waypoint
+        fly, target = self._fly_legs, self._waypoint
         if target == 0 and not self._measuring and len(fly) == 1:
             self._measuring = p_WB[2] >= fly[0].start_W[2] - REACH_HEIGHT_M / 2
         if target > 0 or self._measuring:
-            distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._near[target])
+            distance_m = min(horizontal_distance_m(p_WB, leg) for leg in self._nearby_legs[target])
             self._cross_track_m = _greater(self._cross_track_m, distance_m)
             if self._settled(p_WB):
                 self._altitude_m = _greater(self._altitude_m, abs(p_WB[2] - fly[target].end_W[2]))
@@ -175,13 +175,13 @@ class FlightMeasurement:
     def _settled(self, p_WB: Vec3) -> bool:
         """Return True if the leg being flown is level and the vehicle has flown level for `SETTLE_M`."""
         settle_m = self._settle_m[self._waypoint]
-        start = self._fly[self._waypoint].start_W
+        start = self._fly_legs[self._waypoint].start_W
         dx, dy = p_WB[0] - start[0], p_WB[1] - start[1]
         return dx * dx + dy * dy >= settle_m * settle_m
 
     def result(self) -> Measurements:
         """Return the measurements so far; call it after the flight."""
-        last, plan_end = self._before, self._last_leg
+        last, plan_end = self._previous, self._last_leg
         to_ground = plan_end is not None and plan_end.kind is LegKind.DESCENT
         landed = False
         final_error_m = None
@@ -195,11 +195,11 @@ class FlightMeasurement:
             if plan_end.kind is LegKind.FLY:  # the plan asks for no more than its acceptance radius
                 final_error_m = max(0.0, final_error_m - plan_end.acceptance_radius_m)
         tilt_deg = None
-        if self._least_upright is not None:
-            tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._least_upright))))
-        all_reached = self._waypoint == len(self._fly)
+        if self._min_upright is not None:
+            tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, self._min_upright))))
+        all_reached = self._waypoint == len(self._fly_legs)
         return Measurements(
-            waypoints=len(self._fly),
+            waypoints=len(self._fly_legs),
             reached=self._waypoint,
             completed=plan_end is not None
             and self._endless_item is None
@@ -224,10 +224,10 @@ class FlightMeasurement:
             names.add("final_error_m")
         if to_ground:
             names |= {"landing_speed_mps", "landed_tilt_deg"}
-        if self._fly:
+        if self._fly_legs:
             names.add("max_cross_track_m")
-        first = 0 if len(self._fly) == 1 else 1
-        for leg, settle_m in zip(self._fly[first:], self._settle_m[first:], strict=True):
+        first = 0 if len(self._fly_legs) == 1 else 1
+        for leg, settle_m in zip(self._fly_legs[first:], self._settle_m[first:], strict=True):
             # The count leaves a leg when it is within acceptance radius and margin of the end.
             if _length_m(leg) - leg.acceptance_radius_m - self._margin_m > settle_m:
                 names.add("altitude_error_m")
@@ -235,7 +235,7 @@ class FlightMeasurement:
 
 
 def horizontal_distance_m(p_W: Vec3, leg: Leg) -> float:
-    """Horizontal distance from a point to the nearest point of a leg [m].
+    """Return the horizontal distance from a point to the nearest point of a leg [m].
 
     s = clamp((p - a).(b - a) / |b - a|^2, 0, 1), d = |p - a - s (b - a)|, all in x and y.
     """
@@ -256,7 +256,7 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
     distances: list[float] = []
     flown_level_m = 0.0
     for leg in fly:
-        if _level(leg):
+        if _is_level(leg):
             distances.append(max(0.0, SETTLE_M - flown_level_m))
             flown_level_m += _length_m(leg)
         else:
@@ -265,7 +265,7 @@ def _settle_distances_m(fly: Sequence[Leg]) -> list[float]:
     return distances
 
 
-def _level(leg: Leg) -> bool:
+def _is_level(leg: Leg) -> bool:
     return abs(leg.end_W[2] - leg.start_W[2]) < LEVEL_M
 
 
@@ -297,12 +297,12 @@ def rows_within(*measured: tuple[str, float | None, float | None, str, bool]) ->
     Each measurement is name, value, limit, unit, and True if the limit is a minimum.
     """
     rows, reasons = [], []
-    for name, value, limit, unit, least in measured:
-        ok = limit is None or (value is not None and (value >= limit if least else value <= limit))
+    for name, value, limit, unit, is_minimum in measured:
+        ok = limit is None or (value is not None and (value >= limit if is_minimum else value <= limit))
         rows.append(Row(name, value, limit, unit, ok))
         if not ok:
             was = "was never measured" if value is None else f"is {value:.3g} {unit}".rstrip()
-            reasons.append(f"{name} {was}, {'at least' if least else 'at most'} {limit:g} {unit}".rstrip())
+            reasons.append(f"{name} {was}, {'at least' if is_minimum else 'at most'} {limit:g} {unit}".rstrip())
     return rows, reasons
 
 
@@ -323,7 +323,7 @@ class Verdict:
 
 UNJUDGED = Verdict("PASS", (), (), FlightMeasurement(()).result())  # of a flight without any measurement
 
-_WHY_UNSET = {
+_WHY_NOT_MEASURED = {
     "max_cross_track_m": "the vehicle flew no leg between waypoints",
     "altitude_error_m": "the vehicle flew no level leg",
     "final_error_m": "the vehicle did not end on the ground",
@@ -353,6 +353,6 @@ def judge(measured: Measurements, limits: Limits) -> Verdict:
                 reasons.append(f"{name} is {value:.3g} {unit}, more than the {limit:g} {unit} allowed")
         elif limit is not None and name in measured.called_for:
             ok = False
-            reasons.append(f"{name} has a limit of {limit:g} {unit} but was never measured: {_WHY_UNSET[name]}")
+            reasons.append(f"{name} has a limit of {limit:g} {unit} but was never measured: {_WHY_NOT_MEASURED[name]}")
         rows.append(Row(name, value, limit, unit, ok))
     return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)

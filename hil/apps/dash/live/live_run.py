@@ -85,7 +85,7 @@ class LiveRun:
         self.sticks = PageSticks()
         self.commands: list[dict[str, Any]] = []  # those carried out, for run.json
         self.altered = False  # a command changed what is simulated
-        self.held_s = 0.0  # wall clock spent paused
+        self.paused_s = 0.0  # wall clock
         self.service_ns = 0  # processor time of this thread spent on polls and updates
         self._connection = ServerConnection(link)
         self._link = link
@@ -170,7 +170,7 @@ class LiveRun:
             self._wait(_PAUSED_WAIT_S)
             self._poll(self._clock_ns())
         after_ns = self._clock_ns()
-        self.held_s += (after_ns - before_ns) * 1e-9
+        self.paused_s += (after_ns - before_ns) * 1e-9
         if self._steps:
             self._steps -= 1
         elif self._pace is not None and not self._connection.lost:

@@ -37,7 +37,7 @@ class FlightPart(Part):
     def waypoints(self) -> tuple[int, int]:
         return self._measured.counts
 
-    def verdict(self, verdict: Verdict) -> Verdict:  # noqa: ARG002 (the first part to judge)
+    def verdict(self, verdict: Verdict) -> Verdict:  # noqa: ARG002 (no part judges before this one)
         return judge(self._measured.result(), self._config.limits)
 
     def run_keys(self) -> dict[str, Any]:

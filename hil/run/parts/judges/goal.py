@@ -1,4 +1,4 @@
-"""The section `goal`: a flight of a companion to a place, judged from ground truth (`hil.run.verdict.goal`)."""
+"""The section `goal`: flight of a companion to a goal, judged from ground truth (`hil.run.verdict.goal`)."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class GoalPart(Part):
 
     def on_desired(self, desired: DesiredState, t_apply_ns: int) -> None:
         if desired.land:
-            self._measured.over(t_apply_ns)
+            self._measured.end(t_apply_ns)
 
     def on_report(self, client: str, report: Mapping[str, Any], t_ns: int, *, control: bool) -> None:  # noqa: ARG002
         if control:
@@ -40,7 +40,7 @@ class GoalPart(Part):
         self._measured.conclude(run.part("sensors").geometry(run).geometry)
 
     def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict.with_rows(*self._measured.judged())
+        return verdict.with_rows(*self._measured.verdict_rows())
 
     def run_keys(self) -> dict[str, Any]:
         return {"goal": self._measured.result.as_map()}

@@ -1,4 +1,4 @@
-"""The section `search`: people found by a companion, judged from ground truth (`hil.run.verdict.search`)."""
+"""The section `search`: search of a companion for people, judged from ground truth (`hil.run.verdict.search`)."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ class SearchPart(Part):
         self._measured.write(run.out)
 
     def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict.with_rows(*self._measured.judged())
+        return verdict.with_rows(*self._measured.verdict_rows())
 
     def run_keys(self) -> dict[str, Any]:
         return {"search": self._measured.result.as_map()}
 
     def report(self, run: RunContext) -> Report:
         picture = run.out / PICTURE_NAME
-        return Report([("Found in the search, and who was there", picture)] if picture.exists() else [])
+        return Report(
+            [("Map of the people and of the objects that the client found", picture)] if picture.exists() else []
+        )
 
 
 def make(bench: Bench) -> Part:

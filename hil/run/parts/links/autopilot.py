@@ -1,4 +1,4 @@
-"""The link to the autopilot, and how well it was served (`autopilot` in run.json)."""
+"""The link to the autopilot, and its punctuality (`autopilot` in run.json)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class AutopilotPart(Part):
         self._run: RunContext | None = None
         self._link: AutopilotLink | None = None
         self._processor: SharedProcessor | None = None
-        self._watch_ticks = 0  # between two looks at the shared processor; 0: it is not shared
+        self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
 
     def build(self, run: RunContext) -> None:
         def wrap(transport: Transport) -> Transport:
@@ -42,22 +42,22 @@ class AutopilotPart(Part):
     def around_flight(self) -> AbstractContextManager[Any]:
         link, config = self._link, self._bench.config
         if isinstance(link, RealtimeLink):
-            # The thread that prepares samples for a free-running autopilot must not wait for a processor either.
+            # The thread that prepares samples for a free-running autopilot must not wait for a processor.
             return RealtimeProducer()
         if link is not None and link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
-            self._watch_ticks = config.tick_hz
+            self._check_period_ticks = config.tick_hz
             self._processor = SharedProcessor(link.pid if config.autopilot.share_processor else None)
             return self._processor
         return nullcontext()
 
     def after_tick(self, tick: int) -> None:
-        if self._processor is None or not self._watch_ticks or tick % self._watch_ticks:
+        if self._processor is None or not self._check_period_ticks or tick % self._check_period_ticks:
             return
-        given_up = self._processor.watch(self._watch_ticks * self._bench.config.tick_ns)
-        if given_up is not None:
-            self._watch_ticks = 0
+        warning = self._processor.watch(self._check_period_ticks * self._bench.config.tick_ns)
+        if warning is not None:
+            self._check_period_ticks = 0
             assert self._run is not None
-            self._run.event("warning", given_up)
+            self._run.event("warning", warning)
 
     def close(self) -> None:
         if self._link is not None:
@@ -105,7 +105,7 @@ class AutopilotPart(Part):
 
 
 def _punctuality(link: RealtimeLink) -> dict[str, Any]:
-    """Return how well a free-running autopilot was served, and how well it served the bench."""
+    """Return the punctuality of the samples sent to a free-running autopilot and of its motor commands."""
     sent, clock = link.send_stats(), link.timesync
     if sent is None:
         return {}

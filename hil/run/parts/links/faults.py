@@ -20,8 +20,8 @@ class LinkFaultsPart(Part):
         self._transport: FaultyTransport | None = None
 
     @property
-    def possible(self) -> bool:
-        """Return True where the link to the autopilot can have faults."""
+    def can_have_faults(self) -> bool:
+        """True if faults can be injected into the link to the autopilot."""
         return self._transport is not None
 
     def open(self, run: RunContext) -> None:
@@ -30,15 +30,15 @@ class LinkFaultsPart(Part):
     def wrap_link(self, transport: Transport) -> Transport:
         run, faults = self._run, self._config.faults.links
         if run is None or not (faults or any(part.injects for part in run.parts)):
-            return transport  # even without a fault, the wrapper costs a look at every frame
+            return transport  # the wrapper takes time for every frame, even without a fault
         self._transport = FaultyTransport(transport, faults, self._config.seed, run.now_ns, run.recorder.event)
         return self._transport
 
-    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (a link needs no preparation)
+    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (makes no difference here)
         if not isinstance(fault, LinkFault):
             return False
         if self._transport is None:
-            raise ValueError("the link to this autopilot is not MAVLink: it has no faults")
+            raise ValueError("the link to this autopilot is not MAVLink: no faults can be injected into it")
         self._transport.inject(fault)
         return True
 

@@ -17,7 +17,7 @@ class SigningPart(Part):
 
     def __init__(self, key_file: str) -> None:
         self._key_file = key_file
-        self.autopilot_signing: AutopilotSigning | None = None  # the router signs with it too
+        self.autopilot_signing: AutopilotSigning | None = None  # also used by the router
 
     def build(self, run: RunContext) -> None:
         self.autopilot_signing = AutopilotSigning(signing_key(self._key_file, run.recorder))
@@ -27,11 +27,11 @@ class SigningPart(Part):
         return [SignedCommands(source, self.autopilot_signing) for source in sources]
 
     def repeatable(self) -> bool:
-        return False  # signatures hold the wall-clock time
+        return False  # signatures contain the wall-clock time
 
 
 def signing_key(path: str, recorder: Recorder) -> SigningKey:
-    """Read a key file; a warning about it goes into the recording."""
+    """Read a key file, and record a warning about it."""
     key, warning = read_key(Path(path))
     if warning:
         recorder.event(0, "warning", warning)

@@ -1,4 +1,4 @@
-"""The section `companion`: clients under test, and the pilot that flies what they desire."""
+"""The section `companion`: clients under test, and the pilot that flies their desired states."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.detections import Detections
 
-# A companion that has desired nothing new for so long, simulated time, is stale: the vehicle holds its position.
+# Simulated time without a new desired state after which the vehicle holds its position; the longer of the two counts.
 _STALE_S, _STALE_FRAMES = 1.0, 2.5
-_LARGEST_PICTURE_BYTES = 8 << 20  # of a client's own picture in the report
+_MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 
 class CompanionPart(Part):
@@ -33,7 +33,7 @@ class CompanionPart(Part):
         self._bench = bench
         self._run: RunContext | None = None
         self._pilot: OffboardPilot | None = None
-        self._outcomes: dict[str, str] = {}  # by client: last reported
+        self._outcomes: dict[str, str] = {}  # by client, as last reported
         self.link: CompanionLink | None = None
 
     def open(self, run: RunContext) -> None:
@@ -97,12 +97,12 @@ class CompanionPart(Part):
         from hil.run.report.pictures import companion_pictures
 
         pictures = [
-            (f"What {path.parent.name.removeprefix('companion_')} left", path) for path in _left_by_clients(run.out)
+            (f"Picture by {path.parent.name.removeprefix('companion_')}", path) for path in _client_pictures(run.out)
         ]
         pictures += companion_pictures(run.out, read_timing(run.out / TIMING_NAME))
         return Report(pictures, [] if self.link is None else [section(self.link.report())])
 
-    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (a client needs no preparation)
+    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (a client needs no preparation for a fault)
         if not isinstance(fault, CompanionFault) or self.link is None or self._run is None:
             return False
         self.link.inject(fault, self._run.now_ns())
@@ -122,7 +122,7 @@ class CompanionPart(Part):
         self._run.recorder.event(self._run.now_ns() if t_ns < 0 else t_ns, kind, text)
 
     def _desire(self, desired: DesiredState, t_apply_ns: int, t_frame_ns: int) -> None:
-        """A client wants to be there from `t_apply_ns` on; its answer is to the frame of `t_frame_ns`."""
+        """Fly a desired state from `t_apply_ns` on; the client computed it from the frame of `t_frame_ns`."""
         assert self._run is not None
         assert self._pilot is not None
         for part in self._run.parts:
@@ -146,10 +146,10 @@ class CompanionPart(Part):
             part.on_detections(client, detections, t_ns)
 
 
-def _left_by_clients(out: Path) -> list[Path]:
-    """Return pictures that started clients left for the report: companion_NAME/report*.png, if not too large."""
-    found = sorted(out.glob("companion_*/report*.png"))
-    return [path for path in found if path.stat().st_size <= _LARGEST_PICTURE_BYTES]
+def _client_pictures(out: Path) -> list[Path]:
+    """Return the pictures of started clients for the report: companion_NAME/report*.png, if not too large."""
+    pictures = sorted(out.glob("companion_*/report*.png"))
+    return [path for path in pictures if path.stat().st_size <= _MAX_PICTURE_BYTES]
 
 
 def make(bench: Bench) -> Part:

@@ -61,9 +61,8 @@ class ManualPart(Part):
 
 def manual_settings(config: BenchConfig) -> dict[str, Any]:
     """Return the settings that every source of MANUAL_CONTROL takes from a bench."""
-    copter = config.autopilot.kind.startswith("ardupilot")
     return {
-        "modes": ARDUCOPTER_MODES if copter else PX4_MODES,
+        "modes": ARDUCOPTER_MODES if _is_ardupilot(config) else PX4_MODES,
         "rate_hz": config.manual.rate_hz,
         "neutral_s": config.manual.neutral_s,
         "target_sysid": None,
@@ -72,15 +71,18 @@ def manual_settings(config: BenchConfig) -> dict[str, Any]:
 
 def mission_mode(config: BenchConfig) -> tuple[float, float]:
     """Return the main and sub mode that hand the vehicle back to its mission."""
-    family = ARDUPILOT if config.autopilot.kind.startswith("ardupilot") else PX4
-    _, main, sub = mode_params(family, "MISSION")
+    _, main, sub = mode_params(ARDUPILOT if _is_ardupilot(config) else PX4, "MISSION")
     return main, sub
 
 
-def _device(config: BenchConfig) -> ManualControlSource:
-    """Open the device that the bench names. A gamepad that is not plugged in yet is waited for in flight.
+def _is_ardupilot(config: BenchConfig) -> bool:
+    return config.autopilot.kind.startswith("ardupilot")
 
-    Raises ManualControlError where the keyboard is no terminal, or the gamepad cannot be flown with.
+
+def _open_device(config: BenchConfig) -> ManualControlSource:
+    """Open the device that the bench names. Without a gamepad the run starts, and opens one when it is plugged in.
+
+    Raises ManualControlError if stdin is not a terminal, or the gamepad lacks axes or buttons that are needed.
     """
     settings = manual_settings(config)
     if config.manual.device == "keyboard":
@@ -97,4 +99,4 @@ def _device(config: BenchConfig) -> ManualControlSource:
 
 
 def make(bench: Bench) -> Part:
-    return ManualPart(lambda: _device(bench.config))
+    return ManualPart(lambda: _open_device(bench.config))

@@ -9,15 +9,15 @@ from hil.run.recorder.recorder import Recorder
 from signals.time import NS_PER_S
 
 # Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: the ground station sends them
-# its requests on whole seconds of simulated time, so that a few milliseconds more or less make no other flight.
-_ON_A_GRID = frozenset({"px4_sitl", "ardupilot_sitl"})
+# its requests on whole seconds of simulated time, so that a few milliseconds more or less do not change the flight.
+_WALL_CLOCK_TELEMETRY = frozenset({"px4_sitl", "ardupilot_sitl"})
 
 
 class MissionPart(Part):
     name = "mission"
 
     def __init__(self, station: GroundStation | None, *, flies: bool) -> None:
-        """`flies`: the station sees the flight to its end; False: it only sends heartbeats."""
+        """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats."""
         self._station, self._flies = station, flies
 
     def command_sources(self) -> list[GroundStation]:
@@ -49,7 +49,7 @@ def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
 
 def grid_ns(bench: Bench) -> int:
     """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
-    return NS_PER_S if bench.config.autopilot.kind in _ON_A_GRID else 0
+    return NS_PER_S if bench.config.autopilot.kind in _WALL_CLOCK_TELEMETRY else 0
 
 
 def make(bench: Bench) -> Part:
@@ -58,7 +58,7 @@ def make(bench: Bench) -> Part:
         station = GroundStation(bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench))
         return MissionPart(station, flies=True)
     if bench.script is not None:
-        # The script arms and flies; the station uploads nothing, but sees the vehicle fly, land and disarm.
+        # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
         return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=True)
     if autopilot.kind == "mock" or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
         return MissionPart(None, flies=False)

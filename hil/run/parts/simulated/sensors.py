@@ -1,4 +1,4 @@
-"""The simulated sensors of a run: only those with a consumer, and the geometry that cameras and LiDARs look at."""
+"""The simulated sensors of a run: only those with a consumer, and the geometry for cameras, LiDARs and radars."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hil.config import Bench, BenchConfig
 from hil.config.missions.script import SensorFault
 from hil.run.loop.stages import Skipped
 from hil.run.part import Part, Report, RunContext
-from hil.run.sensors.frame_stages import draws_elsewhere, is_wanted, make_frames, needs_frames
+from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, uses_other_renderer
 from hil.run.sensors.sensor_slots import SensorSlots
 from signals.classes import Classes
 from sim.frame.source import FrameSource
@@ -37,7 +37,7 @@ class SensorsPart(Part):
         self._run = run
         config, plan = self._config, run.plan
         self._skipped = plan.skipped
-        self._repeatable = not draws_elsewhere(config, plan)
+        self._repeatable = not uses_other_renderer(config, plan)
         frames = self.geometry(run) if needs_frames(config, plan) else None
         wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
         self._slots = run.sensors = SensorSlots(run.bench, wanted, plan, frames, run.recorder, run.out)
@@ -81,17 +81,17 @@ class SensorsPart(Part):
             {"what": s.stage, "why": s.reason, "saved": f"{self.samples_due(s.stage, ticks)} samples"}
             for s in self._skipped
         ]
-        posed, unposed = (0, 0) if self._frames is None else (self._frames.posed, self._frames.unposed)
-        if posed or unposed:
-            saved = f"{unposed} of {posed + unposed} poses"
+        computed, skipped = (0, 0) if self._frames is None else (self._frames.posed, self._frames.unposed)
+        if computed or skipped:
+            saved = f"{skipped} of {computed + skipped} poses"
             rows.append({"what": "poses of people and vehicles", "why": "not visible to any sensor", "saved": saved})
         return rows + radar_rows(self._radars())
 
     def samples_due(self, name: str, ticks: int) -> int:
-        """Return how many samples a sensor, or a channel of a camera, has in so many ticks."""
+        """Return how many samples a sensor, or a channel of a camera, has in the first `ticks` ticks."""
         sensor, _, _ = name.partition("/")
-        mhz = round(self._config.sensors[sensor].rate_hz * 1000)
-        return (ticks - 1) * mhz // (self._config.tick_hz * 1000) + 1 if ticks else 0
+        rate_mhz = round(self._config.sensors[sensor].rate_hz * 1000)
+        return (ticks - 1) * rate_mhz // (self._config.tick_hz * 1000) + 1 if ticks else 0
 
     def report(self, run: RunContext) -> Report:
         frames = run.recorder.album.shown()

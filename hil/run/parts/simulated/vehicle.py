@@ -21,7 +21,7 @@ class VehiclePart(Part):
     def open(self, run: RunContext) -> None:
         self._physics = run.physics = make_physics(run.bench)
 
-    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (gusts need no preparation)
+    def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (makes no difference here)
         if self._physics is None or not isinstance(fault, GustEvent | RotorFault):
             return False
         self._physics.inject(fault)
@@ -41,9 +41,9 @@ class VehiclePart(Part):
                 "ticks_touching": skips.touching,
             }
         ]
-        posed, poses = self._physics.actor_poses
-        if poses:
-            saved = f"{poses - posed} of {poses} poses for contact"
+        computed, total = self._physics.actor_poses
+        if total:
+            saved = f"{total - computed} of {total} poses for contact"
             rows.append({"what": "actors", "why": "too far from the vehicle to touch it", "saved": saved})
         return rows
 

@@ -144,16 +144,19 @@ def test_replay_says_why_it_cannot(flight: list[Tick], tmp_path: Path) -> None:
     def nothing(config: Path, out: Path) -> None:
         pass
 
-    with pytest.raises(RecordingError, match=r"lacks a recording .*run\.mcap"):
+    with pytest.raises(RecordingError, match=r"it has no run\.mcap \(was record\.mcap off"):
         replay(tmp_path, nothing)
     record(tmp_path, flight[:10])
-    with pytest.raises(RecordingError, match=r"lacks its resolved configuration: bench\.yaml"):
+    with pytest.raises(RecordingError, match=r"it has no bench\.yaml \(its resolved configuration\)"):
         replay(tmp_path, nothing)
     (tmp_path / "bench.yaml").write_text("seed: 1\n")
     with pytest.raises(RecordingError, match=r"left no run\.mcap"):
         replay(tmp_path, nothing)
     (tmp_path / "run.json").write_text(json.dumps({"deterministic": False, "rig": "mock_hitl"}))
-    with pytest.raises(RecordingError, match=r"free-running rig \(mock_hitl\)"):
+    with pytest.raises(RecordingError, match=r"on rig mock_hitl does not repeat bit for bit"):
+        replay(tmp_path, nothing)
+    (tmp_path / "run.json").write_text(json.dumps({"deterministic": False, "rig": "mock"}))  # such as one with signing
+    with pytest.raises(RecordingError, match=r"on rig mock does not .* signing, .* needs a lockstep run without these"):
         replay(tmp_path, nothing)
     other_tick = record(tmp_path / "other", flight[:10], tick_ns=2 * TICK_NS)
     with pytest.raises(RecordingError, match="ticks every"):

@@ -147,7 +147,7 @@ def test_a_good_flight_passes_and_is_measured(frames: Any, x500: Vehicle) -> Non
     assert result.clearance_m == pytest.approx(2.0 - R_M, abs=0.02)
     assert result.path_m == pytest.approx(12.0 + 2.0 * math.hypot(4.0, 5.0), rel=1e-6)
     assert result.shortest_m == pytest.approx(around_a_box(R_M + 0.5), rel=0.02)
-    rows, reasons = measurement.judged()
+    rows, reasons = measurement.verdict_rows()
     assert not reasons
     assert {row.name for row in rows} == {"goal_error_m", "clearance_m", "path_ratio", "contacts"}
 
@@ -169,7 +169,7 @@ def test_each_limit_can_fail(frames: Any, x500: Vehicle, points: Any, contact: A
     if outcome is not None:
         measurement.reported({"outcome": outcome, "why": "lost" if outcome == "stuck" else ""}, t_ns)
     measurement.conclude(frames.geometry)
-    _, reasons = measurement.judged()
+    _, reasons = measurement.verdict_rows()
     assert len(reasons) == 1
     assert words in reasons[0]
 
@@ -179,13 +179,13 @@ def test_the_bench_may_expect_another_outcome(frames: Any, x500: Vehicle) -> Non
     t_ns = flown(measurement, path(5.0))
     measurement.reported({"outcome": "goal_in_obstacle"}, t_ns)
     measurement.conclude(frames.geometry)
-    assert measurement.judged()[1] == []
+    assert measurement.verdict_rows()[1] == []
 
 
 def test_a_flight_that_never_began_fails(frames: Any, x500: Vehicle) -> None:
     measurement = GoalMeasurement(Goal(p_W=(20.0, 0.0, 5.0)), x500)
     measurement.conclude(frames.geometry)
-    assert len(measurement.judged()[1]) == 4
+    assert len(measurement.verdict_rows()[1]) == 4
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 from hil.apps.view.command import load_frames
 from hil.config import load_bench
 from hil.config.schema import Search
-from hil.run.verdict.search import PersonResult, SearchMeasurement, SearchResult, judged, matched
+from hil.run.verdict.search import PersonResult, SearchMeasurement, SearchResult, assign_objects, judge_search
 from hil.run.verdict.true_people import TruePeople, visible_px
 from signals.detections import Detections, FoundObject
 from signals.errors import ConfigError
@@ -50,7 +50,7 @@ def _looking(t_ns: int, turn_deg: float, *, up_m: float = 1.2) -> Any:
 class Standing(SimpleNamespace):
     """People who stand still."""
 
-    def place_m(self, person: Any, t_ns: int) -> tuple[float, float]:
+    def position_m(self, person: Any, t_ns: int) -> tuple[float, float]:
         return person
 
 
@@ -62,13 +62,13 @@ def test_each_person_gets_the_nearest_object_and_the_rest_are_doubles_or_false()
         found(2, 3.2, 0.0, sightings=9),
         found(3, 20.0, 0.0),
     ]
-    near, wrong = matched(objects, people, 4.0)  # type: ignore[arg-type]
+    near, wrong = assign_objects(objects, people, 4.0)  # type: ignore[arg-type]
     assert [one.number for _, one in near[0]] == [0]
     assert [one.number for _, one in near[1]] == [2, 1]  # most sightings first
     assert 2 not in near
     assert [one.number for one in wrong] == [3]
     # Two beside one person do not take the other's object away.
-    near, wrong = matched([found(0, 1.4, 0.0), found(1, 1.3, 0.0)], people, 4.0)  # type: ignore[arg-type]
+    near, wrong = assign_objects([found(0, 1.4, 0.0), found(1, 1.3, 0.0)], people, 4.0)  # type: ignore[arg-type]
     assert {k: [one.number for _, one in mine] for k, mine in near.items()} == {0: [1], 1: [0]}
     assert not wrong
 
@@ -78,8 +78,8 @@ def test_a_walker_has_its_position_of_that_time_and_is_visible_in_front_of_the_c
     (walker,) = people.people
     for t_s in (0.0, 3.0):
         (x, y, _), radius = frames.geometry.world.map.actors[0].bound(round(t_s * SECOND))
-        assert math.dist(people.place_m(walker, round(t_s * SECOND)), (x, y)) < 0.3 * radius
-    east, north = people.place_m(walker, 0)
+        assert math.dist(people.position_m(walker, round(t_s * SECOND)), (x, y)) < 0.3 * radius
+    east, north = people.position_m(walker, 0)
     ahead = math.degrees(math.atan2(north, east))
     looks = [_looking(0, ahead + turn) for turn in (0.0, 180.0)]
     counts = visible_px(frames, camera, people.people, looks)
@@ -94,10 +94,10 @@ def test_a_flight_past_a_person_is_measured_and_written(frames: Any, camera: Any
     people = TruePeople(frames.geometry.world, "person")
     for k in range(600):
         t_ns = 4_000_000 * k
-        east, north = people.place_m(people.people[0], t_ns)
+        east, north = people.position_m(people.people[0], t_ns)
         turn_deg = math.degrees(math.atan2(north, east))
         measurement.add(_looking(t_ns, turn_deg, up_m=0.23 if k < 50 else 1.2))
-    at = people.place_m(people.people[0], 2 * SECOND)
+    at = people.position_m(people.people[0], 2 * SECOND)
     objects = (found(0, at[0] + 0.6, at[1], t_s=2.0), found(1, 30.0, 30.0, t_s=2.0))
     measurement.detected("detect", Detections("front/rgb", 0, (4, 3), (), objects))
     measurement.detected("detect", Detections("front/rgb", 0, (4, 3)))  # nothing new
@@ -106,7 +106,7 @@ def test_a_flight_past_a_person_is_measured_and_written(frames: Any, camera: Any
     assert (result.client, result.visible, result.found, result.false_objects) == ("detect", 1, 1, 1)
     assert result.people[0].looks == 10  # at 0.2 s, as it took off, and from 0.25 s to 2.25 s
     assert result.error_m == pytest.approx(0.6)
-    rows, reasons = measurement.judged()
+    rows, reasons = measurement.verdict_rows()
     assert [(row.name, row.ok) for row in rows] == [
         ("found_share", True),
         ("search_error_m", True),
@@ -126,14 +126,14 @@ def test_each_missed_limit_fails_with_a_reason() -> None:
         PersonResult("b", True, 9, 300, (5.0, 0.0), (9.0, 0.0), 4.0, 1.0, (0,)),
     )
     poor = SearchResult("detect", 2, 1, 0.5, 3.5, 3.5, 4, 1, 6, people)
-    rows, reasons = judged(poor, Search(max_false=4, count_duplicates=True))
+    rows, reasons = judge_search(poor, Search(max_false=4, count_duplicates=True))
     assert [row.ok for row in rows] == [False, False, False]
     assert [reason.split()[0] for reason in reasons] == ["found_share", "search_error_m", "false_objects"]
-    _, silent = judged(SearchResult(), Search())
+    _, silent = judge_search(SearchResult(), Search())
     assert "no client sent a list" in silent[0]
-    _, empty = judged(SearchResult(client="detect"), Search())
+    _, empty = judge_search(SearchResult(client="detect"), Search())
     assert "no 'person' was visible" in empty[0]
-    assert judged(SearchResult(client="detect", visible=1, found=1, found_share=1.0, error_m=np.nan), Search())[1]
+    assert judge_search(SearchResult(client="detect", visible=1, found=1, found_share=1.0, error_m=np.nan), Search())[1]
 
 
 def test_a_bench_that_cannot_judge_a_search_is_refused() -> None:
