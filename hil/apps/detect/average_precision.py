@@ -35,8 +35,8 @@ class ClassResult:
         correct = np.cumsum(self.correct)
         recall = correct / self.objects
         precision = correct / np.arange(1, len(correct) + 1)
-        best = np.maximum.accumulate(precision[::-1])[::-1]
-        return float(np.sum(np.diff(np.concatenate([[0.0], recall])) * best))
+        best_precision = np.maximum.accumulate(precision[::-1])[::-1]
+        return float(np.sum(np.diff(np.concatenate([[0.0], recall])) * best_precision))
 
     def counts_at(self, threshold: float) -> tuple[int, int]:
         """Return the number of true and false positives with at least this score."""
@@ -49,36 +49,36 @@ def match_detections(detections: Sequence[Detection], picture: Picture, label: s
     rows = [i for i, name in enumerate(picture.labels) if name == label]
     boxes, difficult = picture.boxes_px[rows].astype(np.float64), picture.difficult[rows]
     matched = np.zeros(len(rows), bool)
-    found = []
+    outcomes = []
     for d in detections:
-        over = overlaps(np.array(d.box_px), boxes) if len(rows) else np.zeros(0)
-        best = int(over.argmax()) if len(over) else -1
-        if best < 0 or over[best] < iou:
-            found.append(FALSE_POSITIVE)
+        ious = overlaps(np.array(d.box_px), boxes) if len(rows) else np.zeros(0)
+        best = int(ious.argmax()) if len(ious) else -1
+        if best < 0 or ious[best] < iou:
+            outcomes.append(FALSE_POSITIVE)
         elif difficult[best]:
-            found.append(IGNORED)
+            outcomes.append(IGNORED)
         else:
-            found.append(FALSE_POSITIVE if matched[best] else TRUE_POSITIVE)
+            outcomes.append(FALSE_POSITIVE if matched[best] else TRUE_POSITIVE)
             matched[best] = True
-    return found
+    return outcomes
 
 
 def evaluate_classes(
     pictures: Sequence[Picture], detections: Sequence[Sequence[Detection]], classes: Sequence[str], iou: float = 0.5
 ) -> dict[str, ClassResult]:
-    """Return the result of each class; `detections` holds those of each picture, by falling score."""
+    """Return the result of each class; `detections[i]` are those in `pictures[i]`, by falling score."""
     results = {}
     for label in classes:
         scores: list[float] = []
         correct: list[bool] = []
         objects = 0
-        for picture, found in zip(pictures, detections, strict=True):
-            objects += sum(n == label and not h for n, h in zip(picture.labels, picture.difficult, strict=True))
-            own = [d for d in found if d.label == label]
-            for d, match in zip(own, match_detections(own, picture, label, iou), strict=True):
-                if match != IGNORED:
+        for picture, all_detections in zip(pictures, detections, strict=True):
+            objects += sum(n == label and not d for n, d in zip(picture.labels, picture.difficult, strict=True))
+            of_class = [d for d in all_detections if d.label == label]
+            for d, outcome in zip(of_class, match_detections(of_class, picture, label, iou), strict=True):
+                if outcome != IGNORED:
                     scores.append(d.score)
-                    correct.append(match == TRUE_POSITIVE)
+                    correct.append(outcome == TRUE_POSITIVE)
         order = np.argsort(-np.array(scores), kind="stable")
         results[label] = ClassResult(np.array(scores)[order], np.array(correct, bool)[order], objects)
     return results

@@ -60,7 +60,7 @@ def train_detector(
         from hil.apps.detect.training import export
         from hil.apps.detect.training.train import Training
     except ImportError as error:
-        hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating need none of it"
+        hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating work without it"
         raise ConfigError([Problem("hil detect train", f"needs PyTorch ({error})", hint)]) from None
     from hil.apps.detect import curves
     from hil.apps.detect.picture_store import digest
@@ -120,11 +120,11 @@ def train_detector(
         training.run(on_step=step, on_epoch=report)
     path = out / f"{NAME}.onnx"
     model = export.export(training.averaged, path, training.classes, threshold=0.5)
-    on_validation = _evaluated(model, validation, "opencv", console, "validation", quiet=quiet)
-    model = export.with_threshold(model, on_validation.threshold_for())
-    result = _evaluated(model, test, "opencv", console, "test", quiet=quiet) if test else None
-    if result is not None:
-        _print(result, console, f"test, {len(test)} pictures")
+    validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
+    model = export.with_threshold(model, validation_result.threshold_for())
+    test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None
+    if test_result is not None:
+        _print_table(test_result, console, f"test, {len(test)} pictures")
     record = {
         "settings": asdict(settings),
         "part": data.part,
@@ -134,10 +134,10 @@ def train_detector(
         "weights_digest": training.weights_digest(),
         "onnx_sha256": model.sha256,
         "left_out": training.left_out,
-        "validation": on_validation.as_json(),
-        "test": result.as_json() if result is not None else None,
+        "validation": validation_result.as_json(),
+        "test": test_result.as_json() if test_result is not None else None,
     }
-    _write(out / "training.json", record)
+    _write_json(out / "training.json", record)
     return path
 
 
@@ -152,7 +152,10 @@ def evaluate_detector(
     json_file: Path | None = None,
     quiet: bool = False,
 ) -> Evaluation:
-    """Average precision of a model on data sets. ConfigError, RecordingError."""
+    """Evaluate a model on data sets, print and return the result.
+
+    Raises ConfigError for an unusable model or data set, RecordingError if `json_file` cannot be written.
+    """
     add_client_path()
     from hil_companion.detect.model_file import ModelFile
     from hil_companion.errors import OptionError
@@ -166,22 +169,22 @@ def evaluate_detector(
     if threshold is not None:
         model = replace(model, score_threshold=threshold)
     pictures = read_data_sets(data_sets, part)
-    result = _evaluated(model, pictures, backend, console, part, quiet=quiet)
-    _print(result, console, f"{part}, {len(pictures)} pictures")
+    result = _run_evaluation(model, pictures, backend, console, part, quiet=quiet)
+    _print_table(result, console, f"{part}, {len(pictures)} pictures")
     if json_file is not None:
-        _write(json_file, {"model": model.sha256, "backend": backend, **result.as_json()})
+        _write_json(json_file, {"model": model.sha256, "backend": backend, **result.as_json()})
     return result
 
 
-def _evaluated(
-    model: ModelFile, pictures: Sequence[Any], backend: str, console: Console, what: str, *, quiet: bool
+def _run_evaluation(
+    model: ModelFile, pictures: Sequence[Any], backend: str, console: Console, title: str, *, quiet: bool
 ) -> Evaluation:
     from hil_companion.detect.detector import Detector
     from hil_companion.errors import CompanionError
 
     from hil.apps.detect.evaluate import LOWEST_SCORE, evaluate
 
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         detector = Detector(model, backend, threshold=LOWEST_SCORE)
         with Progress(*columns, console=console, disable=quiet) as progress:
@@ -191,7 +194,7 @@ def _evaluated(
         raise ConfigError([Problem("detector", str(error))]) from None
 
 
-def _print(result: Evaluation, console: Console, title: str) -> None:
+def _print_table(result: Evaluation, console: Console, title: str) -> None:
     table = Table(title=title)
     for name in ("class", "objects", "AP@0.5", f"recall at {result.threshold:g}", "precision"):
         table.add_column(name, justify="left" if name == "class" else "right")
@@ -213,7 +216,7 @@ def _make_folder(out: Path) -> None:
         raise RecordingError(f"{out}: cannot be made ({error.strerror or error})") from error
 
 
-def _write(path: Path, data: dict[str, Any]) -> None:
+def _write_json(path: Path, data: dict[str, Any]) -> None:
     try:
         path.write_text(json.dumps(data, indent=1) + "\n")
     except OSError as error:

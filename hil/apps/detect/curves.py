@@ -24,14 +24,14 @@ def write_table(epochs: Sequence[Epoch], path: Path) -> None:
             for e in epochs:
                 precisions = ("", "")
                 if e.evaluation is not None:
-                    precisions = (f"{e.evaluation.mean_average_precision:.4f}", _person(e))
+                    precisions = (f"{e.evaluation.mean_average_precision:.4f}", _person_precision(e))
                 losses = (f"{e.loss_scores:.4f}", f"{e.loss_boxes:.4f}", f"{e.learning_rate:.6f}")
                 writer.writerow([e.number, *losses, *precisions])
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
-def _person(e: Epoch) -> str:
+def _person_precision(e: Epoch) -> str:
     people = e.evaluation.classes.get("person") if e.evaluation is not None else None
     return f"{people.average_precision:.4f}" if people is not None else ""
 

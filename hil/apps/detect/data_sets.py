@@ -1,11 +1,11 @@
-"""`hil detect data`: the data sets that the shipped detector is trained and evaluated on, each of a different world.
+"""`hil detect data`: the data sets on which the shipped detector is trained and evaluated, each of a different world.
 
-Data set i of a series uses scene i mod 3 with `map_seed` and `seed` equal to `first_seed` + i. Height, course, camera
-angle and the rest follow additive recurrences on irrational numbers (Roberts's R_d), which fill the space evenly for
-any number of sets and need no random numbers. Series with different first seeds share no world.
+Data set i of a series uses scene i mod 3 with `map_seed` and `seed` equal to `first_seed` + i. The course changes after
+each round of the scenes. Side, height, speed, camera pitch and quality follow additive recurrences on irrational
+numbers (Roberts's R_5), which fill the space evenly for any number of sets and need no random numbers. Series share no
+world if their seeds do not overlap.
 
-Each set is one call of `hil dataset` on the same bench file, so it can be made again on its own. Complete sets are
-kept.
+Each set is one call of `hil dataset` on the same bench file, so it can be made again alone. Complete sets are kept.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SCENES = ("city_park", "urban_delivery", "training_village")
 COURSES = ("survey", "figure_eight", "circle", "square")
 # One set in four has no textures and one has shadows: `high` takes four times as long as `medium`.
 QUALITIES = ("medium", "low", "medium", "high")
-LOWEST_M, HIGHEST_M = 2.0, 20.0
+MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
 
 
@@ -52,10 +52,10 @@ class DataSetPlan:
 
     def settings(self) -> list[str]:
         """Return the values as `KEY=VALUE` settings of `hil dataset`."""
-        seeded = isinstance(load_scene(self.scene).map, GeneratedMap)
+        has_map_seed = isinstance(load_scene(self.scene).map, GeneratedMap)
         return [
             f"scene={self.scene}",
-            *([f"map_seed={self.seed}"] if seeded else []),
+            *([f"map_seed={self.seed}"] if has_map_seed else []),
             f"dataset.trajectory.preset={self.course}",
             f"dataset.trajectory.side_m={self.side_m:g}",
             f"dataset.trajectory.height_m={self.height_m:g}",
@@ -66,9 +66,9 @@ class DataSetPlan:
 
 @dataclass(frozen=True)
 class DataSetSeries:
-    """A series of data sets: how many, of how many frames, from which seed on.
+    """A series of data sets: their number, frames per set and first seed.
 
-    `people` is the least and greatest number of people to add to those of the map; None adds none.
+    `people` is the minimum and maximum number of people to add to those of the map; None adds none.
     """
 
     sets: int
@@ -83,11 +83,11 @@ class DataSetSeries:
 
 
 def plan(index: int, first_seed: int, scenes: Sequence[str] = SCENES) -> DataSetPlan:
-    """Return data set number `index` of a series. The camera points ahead on low flights, further down on high ones."""
+    """Return the plan of data set number `index`. The camera points ahead on low flights, further down on high ones."""
     side, height, speed, pitch, quality = ((first_seed + index) / _ROOT**k % 1.0 for k in range(1, 6))
-    height_m = LOWEST_M * (HIGHEST_M / LOWEST_M) ** height
-    up = (height_m - LOWEST_M) / (HIGHEST_M - LOWEST_M)
-    least_deg, most_deg = 20.0 * up, 35.0 + 55.0 * up
+    height_m = MIN_HEIGHT_M * (MAX_HEIGHT_M / MIN_HEIGHT_M) ** height
+    height_share = (height_m - MIN_HEIGHT_M) / (MAX_HEIGHT_M - MIN_HEIGHT_M)
+    min_pitch_deg, max_pitch_deg = 20.0 * height_share, 35.0 + 55.0 * height_share
     scene = scenes[index % len(scenes)]
     return DataSetPlan(
         name=f"{index:03d}-{scene}",
@@ -98,14 +98,14 @@ def plan(index: int, first_seed: int, scenes: Sequence[str] = SCENES) -> DataSet
         side_m=round(14.0 + 26.0 * side, 1),
         height_m=round(height_m, 1),
         speed_mps=round(2.0 + 3.0 * speed, 1),
-        pitch_deg=round(least_deg + (most_deg - least_deg) * pitch, 0),
+        pitch_deg=round(min_pitch_deg + (max_pitch_deg - min_pitch_deg) * pitch, 0),
     )
 
 
 def make_data_sets(
     out: Path, console: Console, series: DataSetSeries, *, jobs: int | None = None, quiet: bool = False
 ) -> list[Path]:
-    """Make the data sets of `series` that `out` does not yet hold complete, and return all their folders.
+    """Make those data sets of `series` that are not yet complete in `out`, and return the folders of all.
 
     `jobs` data sets are made at a time, by default one per core. Raises RecordingError with the first data set that
     could not be made.
@@ -132,7 +132,7 @@ def make_data_sets(
 
 
 def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> None:
-    if _complete(folder):
+    if _is_complete(folder):
         return
     command = [sys.executable, "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
     command += ["--frames", str(frames), "--out", str(folder)]
@@ -141,13 +141,13 @@ def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str])
         command += ["--set", setting]
     if folder.is_dir():
         command.append("--resume")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        words = " ".join((done.stderr or done.stdout).split())[-400:]
-        raise RecordingError(f"{folder}: `hil dataset` ended with status {done.returncode}: {words}")
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode != 0:
+        output = " ".join((process.stderr or process.stdout).split())[-400:]
+        raise RecordingError(f"{folder}: `hil dataset` ended with status {process.returncode}: {output}")
 
 
-def _complete(folder: Path) -> bool:
+def _is_complete(folder: Path) -> bool:
     try:
         return bool(json.loads((folder / MANIFEST).read_text())["complete"])
     except (OSError, ValueError, KeyError, TypeError):

@@ -1,7 +1,7 @@
 """Evaluation of a detector on labelled pictures: average precision by class, and false boxes at a threshold.
 
-It works with any back end of the companion and uses the files that fly. `all classes` is the mean over those of the
-model's classes that occur in the pictures.
+It works with any back end of the companion, and with the model files that are used in flight. The mean average
+precision is the mean over those of the model's classes that occur in the pictures.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class Evaluation:
     @property
     def mean_average_precision(self) -> float:
         """Mean over the classes that occur, 0 to 1; NaN if there are no objects."""
-        each = [j.average_precision for j in self.classes.values() if j.objects]
-        return float(np.mean(each)) if each else math.nan
+        precisions = [c.average_precision for c in self.classes.values() if c.objects]
+        return float(np.mean(precisions)) if precisions else math.nan
 
     def false_boxes(self, threshold: float | None = None) -> float:
-        """Return the number of false positives per picture, over all classes, at a threshold (default: its own)."""
+        """Return the false positives of all classes per picture at a threshold (default: `self.threshold`)."""
         score = self.threshold if threshold is None else threshold
         return sum(c.counts_at(score)[1] for c in self.classes.values()) / max(1, self.pictures)
 
@@ -55,31 +55,31 @@ class Evaluation:
         """Return the evaluation as a JSON object."""
         rows = {}
         for name, c in self.classes.items():
-            correct, wrong = c.counts_at(self.threshold)
+            correct, false = c.counts_at(self.threshold)
             rows[name] = {
                 "objects": c.objects,
-                "average_precision": _number(c.average_precision),
-                "recall": _number(correct / c.objects if c.objects else math.nan),
-                "precision": _number(correct / (correct + wrong) if correct + wrong else math.nan),
+                "average_precision": _finite_or_none(c.average_precision),
+                "recall": _finite_or_none(correct / c.objects if c.objects else math.nan),
+                "precision": _finite_or_none(correct / (correct + false) if correct + false else math.nan),
             }
         return {
             "pictures": self.pictures,
             "iou": 0.5,
-            "mean_average_precision": _number(self.mean_average_precision),
+            "mean_average_precision": _finite_or_none(self.mean_average_precision),
             "threshold": self.threshold,
-            "false_boxes_per_picture": _number(self.false_boxes()),
+            "false_boxes_per_picture": _finite_or_none(self.false_boxes()),
             "classes": rows,
         }
 
 
-def _number(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return round(value, 4) if math.isfinite(value) else None
 
 
 def evaluate(
     detector: Detector, pictures: Sequence[Picture], *, on_done: Callable[[int], None] | None = None
 ) -> Evaluation:
-    """Run a detector over pictures, calling `on_done` with the number done. Raises ConfigError for a bad picture.
+    """Run a detector on each picture and call `on_done` with the number done. Raises ConfigError for a bad picture.
 
     The detector's threshold must be at most LOWEST_SCORE; false boxes are counted at the model's own threshold.
     """
@@ -94,5 +94,5 @@ def evaluate(
 def evaluation_of(
     threshold: float, pictures: Sequence[Picture], detections: Sequence[Sequence[Detection]], classes: Sequence[str]
 ) -> Evaluation:
-    """Return the evaluation of the detections of each picture, by falling score, at a score threshold."""
+    """Return the evaluation at a score threshold; `detections[i]` are those in `pictures[i]`, by falling score."""
     return Evaluation(evaluate_classes(pictures, detections, classes), len(pictures), threshold)

@@ -52,9 +52,11 @@ class PictureStore:
     def boxes_px(self, index: int) -> NDArray[np.float32]:
         """Return the boxes of a picture, (n, 4) x0, y0, x1, y1 in pixels of the input."""
         picture = self.pictures[index]
-        fit = Letterbox.of((picture.width, picture.height), self.input_px)
-        shift = (fit.shift_x_px, fit.shift_y_px) * 2
-        boxes: NDArray[np.float32] = (picture.boxes_px * fit.scale + np.array(shift, np.float32)).astype(np.float32)
+        letterbox = Letterbox.of((picture.width, picture.height), self.input_px)
+        shift = (letterbox.shift_x_px, letterbox.shift_y_px) * 2
+        boxes: NDArray[np.float32] = (picture.boxes_px * letterbox.scale + np.array(shift, np.float32)).astype(
+            np.float32
+        )
         return boxes
 
     def area_px(self, index: int) -> NDArray[np.float32]:
@@ -96,5 +98,5 @@ def read_rgb(picture: Picture) -> Rgb:
         raise ConfigError([Problem(str(picture.path), "cannot be read as a picture", "record the data set again")])
     if bgr.shape[:2] != (picture.height, picture.width):
         sizes = f"{bgr.shape[1]} x {bgr.shape[0]} pixels, its labels are of {picture.width} x {picture.height}"
-        raise ConfigError([Problem(str(picture.path), f"is of {sizes}")])
+        raise ConfigError([Problem(str(picture.path), f"has {sizes}")])
     return np.ascontiguousarray(bgr[:, :, ::-1])

@@ -2,8 +2,8 @@
 
 They are read from a folder of `hil dataset`, or any folder of the same layout: `annotations/instances_all.json` (COCO)
 or, if that is missing, `Annotations/*.xml` (Pascal VOC), with `split.csv` or `ImageSets/Main` for the three sets.
-Difficult objects are kept and marked: VOC's `difficult`, COCO's crowds, and objects with fewer visible pixels than
-`DIFFICULT_BELOW_PX`. They count neither for nor against a detector, in training and in evaluation.
+Difficult objects are marked: VOC's `difficult`, COCO's crowds, and objects with fewer visible pixels than
+`DIFFICULT_BELOW_PX`. In training and evaluation, detecting or missing them has no effect.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
         if unknown:
             known = ", ".join(classes)
             problems.append(
-                Problem(_first(folders), f"has classes unknown here: {', '.join(unknown)}", f"known: {known}")
+                Problem(_folders_text(folders), f"has classes unknown here: {', '.join(unknown)}", f"known: {known}")
             )
     if not problems and not pictures:
-        problems.append(Problem(_first(folders), f"no pictures in the set '{part}'", "record more frames"))
+        problems.append(Problem(_folders_text(folders), f"no pictures in the set '{part}'", "record more frames"))
     if problems:
         more = len(problems) - _MAX_PROBLEMS
         shown = problems[:_MAX_PROBLEMS]
@@ -77,11 +77,11 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
 
 def class_counts(pictures: Iterable[Picture]) -> Counter[str]:
     """Return the number of objects of each class, without difficult ones."""
-    labels = (label for p in pictures for label in zip(p.labels, p.difficult, strict=True))
-    return Counter(name for name, difficult in labels if not difficult)
+    objects = (pair for p in pictures for pair in zip(p.labels, p.difficult, strict=True))
+    return Counter(name for name, difficult in objects if not difficult)
 
 
-def _first(folders: Sequence[Path]) -> str:
+def _folders_text(folders: Sequence[Path]) -> str:
     return f"{folders[0]}{' ...' if len(folders) > 1 else ''}" if folders else "data sets"
 
 
@@ -89,39 +89,39 @@ def _read(folder: Path, part: str, problems: list[Problem]) -> list[Picture]:
     if not folder.is_dir():
         problems.append(Problem(str(folder), "there is no such folder", "give folders that `hil dataset` has written"))
         return []
-    before = len(problems)
+    problems_before = len(problems)
     coco = folder / _COCO
     if coco.is_file():
-        found = _read_coco(coco, folder, problems)
+        pictures = _read_coco(coco, folder, problems)
     elif (folder / ANNOTATIONS).is_dir():
-        found = _read_voc(folder, problems)
+        pictures = _read_voc(folder, problems)
     else:
         hint = "give folders that `hil dataset` has written with a camera of rgb, segmentation and instance"
         problems.append(Problem(str(folder), f"holds neither {_COCO} nor {ANNOTATIONS}/", hint))
         return []
-    if not found:
-        if len(problems) == before:
+    if not pictures:
+        if len(problems) == problems_before:
             problems.append(Problem(str(folder), "holds no pictures", "record more frames, or leave it out"))
         return []
     if part == "all":
-        return found
-    chosen = _chosen(folder, part, [p.path.stem for p in found], problems)
-    return [p for i, p in enumerate(found) if i in chosen]
+        return pictures
+    numbers = _frame_numbers(folder, part, [p.path.stem for p in pictures], problems)
+    return [p for i, p in enumerate(pictures) if i in numbers]
 
 
-def _chosen(folder: Path, part: str, stems: Sequence[str], problems: list[Problem]) -> set[int]:
+def _frame_numbers(folder: Path, part: str, stems: Sequence[str], problems: list[Problem]) -> set[int]:
     """Return the numbers of the frames in a set, by split.csv or else by VOC's lists of names."""
     split, names = folder / _SPLIT, folder / IMAGE_SETS / f"{_VOC_PARTS[part]}.txt"
     if split.is_file():
         try:
             rows = [row for row in csv.reader(split.read_text().splitlines()) if row and not row[0].startswith("#")]
-            return {int(frame) for frame, of in rows if of == part}
+            return {int(frame) for frame, set_name in rows if set_name == part}
         except ValueError:
             problems.append(Problem(str(split), "is no table of frames and sets", "frame,set on each line"))
             return set()
     if names.is_file():
-        wanted = set(names.read_text().split())
-        return {i for i, stem in enumerate(stems) if stem in wanted}
+        stems_in_set = set(names.read_text().split())
+        return {i for i, stem in enumerate(stems) if stem in stems_in_set}
     hint = "record it with `hil dataset`, or take all of it with --part all"
     problems.append(Problem(str(folder), f"assigns no pictures to sets: it has no {_SPLIT} and no {IMAGE_SETS}", hint))
     return set()
@@ -139,7 +139,7 @@ def _read_coco(file: Path, folder: Path, problems: list[Problem]) -> list[Pictur
                 problems.append(Problem(str(file), f"annotation {a['id']}: there is no category {a['category_id']}"))
             else:
                 by_image[a["image_id"]].append(a)
-        found = []
+        pictures = []
         for image in data["images"]:
             objects = []
             for a in by_image[image["id"]]:
@@ -148,15 +148,15 @@ def _read_coco(file: Path, folder: Path, problems: list[Problem]) -> list[Pictur
                 objects.append((names[a["category_id"]], (x, y, x + w, y + h), area))
             where = f"{file}: image {image['id']}"
             size = (int(image["width"]), int(image["height"]))
-            found += _picture(folder / str(image["file_name"]), size, objects, where, problems)
-        return found
+            pictures += _checked_picture(folder / str(image["file_name"]), size, objects, where, problems)
+        return pictures
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         problems.append(Problem(str(file), f"is no COCO file of objects ({type(error).__name__}: {error})"))
         return []
 
 
 def _read_voc(folder: Path, problems: list[Problem]) -> list[Picture]:
-    found = []
+    pictures = []
     for file in sorted((folder / ANNOTATIONS).glob("*.xml")):
         try:
             root = ElementTree.fromstring(file.read_bytes())  # noqa: S314  the user's own files; expat refuses bombs
@@ -166,13 +166,13 @@ def _read_voc(folder: Path, problems: list[Problem]) -> list[Picture]:
                 x0, y0, x1, y1 = (float(_text(o, f"bndbox/{k}")) for k in ("xmin", "ymin", "xmax", "ymax"))
                 # VOC has no areas, only `difficult`; an object fills about half of its box.
                 area = 0.5 * (x1 - x0 + 1.0) * (y1 - y0 + 1.0)
-                hard = (o.findtext("difficult") or "0").strip() == "1"
-                area = min(area, DIFFICULT_BELOW_PX - 1.0) if hard else max(area, float(DIFFICULT_BELOW_PX))
+                difficult = (o.findtext("difficult") or "0").strip() == "1"
+                area = min(area, DIFFICULT_BELOW_PX - 1.0) if difficult else max(area, float(DIFFICULT_BELOW_PX))
                 objects.append((_text(o, "name"), (x0 - 1.0, y0 - 1.0, x1, y1), area))
-            found += _picture(folder / IMAGES / _text(root, "filename"), size, objects, str(file), problems)
+            pictures += _checked_picture(folder / IMAGES / _text(root, "filename"), size, objects, str(file), problems)
         except (ElementTree.ParseError, ValueError) as error:
             problems.append(Problem(str(file), f"is no VOC annotation ({error})"))
-    return found
+    return pictures
 
 
 def _text(element: ElementTree.Element, path: str) -> str:
@@ -182,19 +182,19 @@ def _text(element: ElementTree.Element, path: str) -> str:
     return text.strip()
 
 
-def _picture(
+def _checked_picture(
     path: Path,
     size: tuple[int, int],
     objects: Sequence[tuple[str, tuple[float, float, float, float], float]],
     where: str,
     problems: list[Problem],
 ) -> list[Picture]:
-    """Return the picture in a list; after a problem, add it to `problems` and return an empty list."""
-    before = len(problems)
+    """Return a list with the picture, or an empty list if problems were found and added to `problems`."""
+    problems_before = len(problems)
     if not path.is_file():
         problems.append(Problem(where, f"its picture {path} is not there"))
     if min(size) < 1:
-        problems.append(Problem(where, f"a picture of {size[0]} x {size[1]} pixels"))
+        problems.append(Problem(where, f"declares an empty picture of {size[0]} x {size[1]} pixels"))
     for name, box, _ in objects:
         x0, y0, x1, y1 = box
         inside = 0.0 <= x0 < x1 <= size[0] and 0.0 <= y0 < y1 <= size[1]
@@ -203,7 +203,7 @@ def _picture(
             problems.append(
                 Problem(where, f"{name}: the box ({text}) is empty or not in the picture of {size[0]} x {size[1]}")
             )
-    if len(problems) > before:
+    if len(problems) > problems_before:
         return []
     boxes = np.array([box for _, box, _ in objects], np.float32).reshape(-1, 4)
     areas = np.array([area for _, _, area in objects], np.float32)

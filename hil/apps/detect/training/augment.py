@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from hil.apps.detect.picture_store import PictureStore, Rgb
 
 _FILL = (114, 114, 114)
-# Training uses objects below the size that counts in an evaluation: that doubles their number, and detections of such
-# objects are ignored in an evaluation. An object recorded with fewer than MIN_RECORDED_PX is a blot at any scale.
+# Training also uses objects that are too small to count in an evaluation: that doubles the number of objects. An object
+# recorded with fewer than MIN_RECORDED_PX shows no detail at any scale.
 MIN_TRAINED_PX, MIN_RECORDED_PX = 40, 20
 _MIN_SHARE_LEFT = 0.35  # share of a box that must remain in the picture; below it the object is difficult
 
@@ -38,7 +38,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Strength:
-    """Ranges of the random changes, and shares of the pictures that they apply to."""
+    """Ranges of the random changes, and shares of the pictures to which they apply."""
 
     zoom: tuple[float, float] = (0.85, 2.2)
     stretch: float = 0.12  # natural logarithm of the ratio of width to height
@@ -46,13 +46,13 @@ class Strength:
     brightness: float = 0.25
     contrast: float = 0.25
     saturation: float = 0.3
-    hue: float = 0.04  # of the circle
+    hue: float = 0.04  # of a full turn of the colour circle
     noise_share: float = 0.15
     blur_share: float = 0.1
 
 
 class Augmenter:
-    """Makes training examples. Classes are numbered as in `classes`; objects of other classes are dropped."""
+    """Maker of training examples. Classes are numbered as in `classes`; objects of other classes are dropped."""
 
     def __init__(self, store: PictureStore, classes: tuple[str, ...], seed: int, strength: Strength | None) -> None:
         self._store = store
@@ -61,7 +61,7 @@ class Augmenter:
         self._strength = strength
 
     def example(self, index: int, epoch: int) -> Example:
-        """Return picture `index` as augmented in `epoch`; without a strength, as it was recorded."""
+        """Return picture `index` with the augmentation of `epoch`, or as it was recorded if there is no strength."""
         plain = self.plain(index)
         s = self._strength
         if s is None:
@@ -71,7 +71,7 @@ class Augmenter:
             others = rng.integers(0, len(self._store), 3)
             example = _mosaic([plain, *(self.plain(int(i)) for i in others)], rng)
         else:
-            example = _moved(plain, s, rng)
+            example = _zoomed(plain, s, rng)
         return Example(_recoloured(example.rgb, s, rng), example.boxes_px, example.classes, example.area_px)
 
     def plain(self, index: int) -> Example:
@@ -84,63 +84,64 @@ class Augmenter:
         return Example(self._store.rgb(index), boxes, numbers[known], areas)
 
 
-def _moved(e: Example, s: Strength, rng: np.random.Generator) -> Example:
+def _zoomed(e: Example, s: Strength, rng: np.random.Generator) -> Example:
+    """Return the example zoomed, stretched, shifted and, with probability 0.5, mirrored."""
     height, width = e.rgb.shape[:2]
     zoom = float(np.exp(rng.uniform(np.log(s.zoom[0]), np.log(s.zoom[1]))))
     stretch = float(np.exp(rng.uniform(-s.stretch, s.stretch)))
     zoom_x, zoom_y = zoom * stretch, zoom / stretch
-    # The upper left corner: uniform over the positions that keep the picture within the frame, or covering it.
+    # The upper left corner is uniform over the positions at which the picture lies in the input area or covers it.
     shift_x = float(rng.uniform(min(0.0, width * (1 - zoom_x)), max(0.0, width * (1 - zoom_x))))
     shift_y = float(rng.uniform(min(0.0, height * (1 - zoom_y)), max(0.0, height * (1 - zoom_y))))
     mirrored = bool(rng.random() < 0.5)
-    a = np.array([[zoom_x, 0.0, shift_x], [0.0, zoom_y, shift_y]])
+    edge_matrix = np.array([[zoom_x, 0.0, shift_x], [0.0, zoom_y, shift_y]])
     if mirrored:
-        a = np.array([[-zoom_x, 0.0, width - shift_x], [0.0, zoom_y, shift_y]])
-    # Boxes use pixel edges and map by `a`; pixel indices are centres, half a pixel off on both sides.
-    half = a.copy()
-    half[:, 2] += a[:, 0] * 0.5 + a[:, 1] * 0.5 - 0.5
-    rgb = cv2.warpAffine(e.rgb, half, (width, height), flags=cv2.INTER_LINEAR, borderValue=_FILL)
+        edge_matrix = np.array([[-zoom_x, 0.0, width - shift_x], [0.0, zoom_y, shift_y]])
+    # The matrix maps pixel edges, as boxes use them; OpenCV's pixel indices are centres, half a pixel from the edges.
+    centre_matrix = edge_matrix.copy()
+    centre_matrix[:, 2] += edge_matrix[:, 0] * 0.5 + edge_matrix[:, 1] * 0.5 - 0.5
+    rgb = cv2.warpAffine(e.rgb, centre_matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=_FILL)
     boxes = e.boxes_px * np.array([zoom_x, zoom_y] * 2, np.float32) + np.array([shift_x, shift_y] * 2, np.float32)
     if mirrored:
         boxes = np.stack([width - boxes[:, 2], boxes[:, 1], width - boxes[:, 0], boxes[:, 3]], axis=1)
-    cut, area, left = _cut(boxes, e.area_px * np.float32(zoom_x * zoom_y), (width, height))
-    return Example(np.asarray(rgb, np.uint8), cut[left], e.classes[left], area[left])
+    clipped, area, remains = _clip(boxes, e.area_px * np.float32(zoom_x * zoom_y), (width, height))
+    return Example(np.asarray(rgb, np.uint8), clipped[remains], e.classes[remains], area[remains])
 
 
-def _mosaic(parts: list[Example], rng: np.random.Generator) -> Example:
-    """Combine four pictures at 0.6 of their size, each cropped to a quarter: smaller objects in other surroundings."""
-    height, width = parts[0].rgb.shape[:2]
-    rgb = np.empty_like(parts[0].rgb)
+def _mosaic(examples: list[Example], rng: np.random.Generator) -> Example:
+    """Combine four pictures at 0.6 of their size, each cropped to a quarter: smaller objects, new surroundings."""
+    height, width = examples[0].rgb.shape[:2]
+    rgb = np.empty_like(examples[0].rgb)
     boxes, classes, areas = [], [], []
     scale = 0.6
     w, h = round(width * scale), round(height * scale)
-    for quarter, part in enumerate(parts):
+    for quarter, example in enumerate(examples):
         x0, y0 = (quarter % 2) * (width // 2), (quarter // 2) * (height // 2)
-        cut_x, cut_y = int(rng.integers(0, w - width // 2 + 1)), int(rng.integers(0, h - height // 2 + 1))
-        small = cv2.resize(part.rgb, (w, h), interpolation=cv2.INTER_AREA)
+        crop_x, crop_y = int(rng.integers(0, w - width // 2 + 1)), int(rng.integers(0, h - height // 2 + 1))
+        small = cv2.resize(example.rgb, (w, h), interpolation=cv2.INTER_AREA)
         rgb[y0 : y0 + height // 2, x0 : x0 + width // 2] = small[
-            cut_y : cut_y + height // 2, cut_x : cut_x + width // 2
+            crop_y : crop_y + height // 2, crop_x : crop_x + width // 2
         ]
-        scaled = part.boxes_px * np.float32(scale) + np.array([-cut_x, -cut_y] * 2, np.float32)
-        cut, area, left = _cut(scaled, part.area_px * np.float32(scale * scale), (width // 2, height // 2))
-        boxes.append(cut[left] + np.array([x0, y0] * 2, np.float32))
-        areas.append(area[left])
-        classes.append(part.classes[left])
+        scaled = example.boxes_px * np.float32(scale) + np.array([-crop_x, -crop_y] * 2, np.float32)
+        clipped, area, remains = _clip(scaled, example.area_px * np.float32(scale * scale), (width // 2, height // 2))
+        boxes.append(clipped[remains] + np.array([x0, y0] * 2, np.float32))
+        areas.append(area[remains])
+        classes.append(example.classes[remains])
     return Example(rgb, np.concatenate(boxes), np.concatenate(classes), np.concatenate(areas))
 
 
-def _cut(
+def _clip(
     boxes: NDArray[np.float32], area_px: NDArray[np.float32], size: tuple[int, int]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
     """Clip boxes to a picture of width and height `size`; return boxes, visible areas, and True for boxes that remain.
 
-    The visible area is assumed to be spread evenly over the box. It becomes 0 (difficult) if most of the box is cut.
+    The visible area is assumed to be spread evenly over the box. It becomes 0 (difficult) if most of it is clipped.
     """
-    cut = np.clip(boxes, 0.0, np.array([size[0], size[1]] * 2, np.float32)).astype(np.float32)
-    area = (cut[:, 2] - cut[:, 0]) * (cut[:, 3] - cut[:, 1])
+    clipped = np.clip(boxes, 0.0, np.array([size[0], size[1]] * 2, np.float32)).astype(np.float32)
+    area = (clipped[:, 2] - clipped[:, 0]) * (clipped[:, 3] - clipped[:, 1])
     share = area / np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1e-6)
     visible = np.where(share < _MIN_SHARE_LEFT, 0.0, area_px * share).astype(np.float32)
-    return cut, visible, np.asarray(area > 4.0, np.bool_)
+    return clipped, visible, np.asarray(area > 4.0, np.bool_)
 
 
 def _recoloured(rgb: Rgb, s: Strength, rng: np.random.Generator) -> Rgb:
@@ -151,8 +152,8 @@ def _recoloured(rgb: Rgb, s: Strength, rng: np.random.Generator) -> Rgb:
     # Saturation and hue are one matrix in the plane normal to grey; brightness and contrast scale and shift it.
     grey = np.full((3, 3), 1.0 / 3.0)
     cross = np.array([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / np.sqrt(3.0)
-    turn = grey + saturation * (np.cos(angle) * (np.eye(3) - grey) + np.sin(angle) * cross)
-    matrix = brightness * contrast * turn
+    colour_matrix = grey + saturation * (np.cos(angle) * (np.eye(3) - grey) + np.sin(angle) * cross)
+    matrix = brightness * contrast * colour_matrix
     shift = np.full((3, 1), 128.0 * brightness * (1.0 - contrast))
     out = cv2.transform(rgb, np.hstack([matrix, shift]))
     if rng.random() < s.noise_share:

@@ -1,6 +1,6 @@
-"""Training batches, prepared by a thread while the network processes the batch before.
+"""Training batches, prepared by a thread while the network processes the previous batch.
 
-Pictures with rare classes are drawn more often, by repeat factors (Gupta et al. 2019, LVIS): a picture's factor is
+Pictures with rare classes are repeated more often, by repeat factors (Gupta et al. 2019, LVIS): a picture's factor is
 max(1, sqrt(COMMON_SHARE / f)), where f is the share of pictures that hold its rarest class.
 """
 
@@ -31,7 +31,7 @@ class Batch(NamedTuple):
     """Input and targets of a training step, for B pictures and N anchors."""
 
     blob: Tensor  # (B, 3, H, W)
-    classes: Tensor  # (B, N) of the anchors, as returned by `Assigner.targets`
+    classes: Tensor  # (B, N) target classes of the anchors, as returned by `Assigner.targets`
     target_px: Tensor  # (B, N, 4) x0, y0, x1, y1
 
 
@@ -49,12 +49,12 @@ def blob_of(pictures: list[Rgb]) -> Tensor:
 
 
 def repeat_factors(pictures: Sequence[Picture]) -> NDArray[np.float64]:
-    """Return each picture's expected number of draws per epoch, (pictures,), with mean 1."""
-    held = [{n for n, hard in zip(p.labels, p.difficult, strict=True) if not hard} for p in pictures]
-    counts = Counter(name for names in held for name in names)
+    """Return each picture's expected number of uses per epoch, (pictures,), with mean 1."""
+    classes_by_picture = [{n for n, hard in zip(p.labels, p.difficult, strict=True) if not hard} for p in pictures]
+    counts = Counter(name for names in classes_by_picture for name in names)
     factor = {name: max(1.0, math.sqrt(COMMON_SHARE * len(pictures) / count)) for name, count in counts.items()}
-    each = np.array([max((factor[name] for name in sorted(names)), default=1.0) for names in held])
-    return np.asarray(each / each.mean(), np.float64)
+    factors = np.array([max((factor[name] for name in sorted(names)), default=1.0) for names in classes_by_picture])
+    return np.asarray(factors / factors.mean(), np.float64)
 
 
 class Batches:
@@ -71,7 +71,7 @@ class Batches:
         self._seed = seed
 
     def __len__(self) -> int:
-        """Return the number of batches per epoch; pictures that do not fill a batch are left for other epochs."""
+        """Return the number of batches per epoch; pictures that do not fill a last batch are not used in that epoch."""
         return self._pictures // self._size
 
     def epoch(self, number: int) -> Iterator[Batch]:
@@ -92,10 +92,10 @@ class Batches:
 
         A picture is repeated by the whole part of its factor, and once more with the probability of the fraction.
         """
-        times = np.floor(self._factors + rng.random(self._pictures)).astype(np.int64)
-        drawn = rng.permutation(np.repeat(np.arange(self._pictures), times))
-        missing = max(0, self._pictures - len(drawn))
-        return np.concatenate([drawn, rng.permutation(self._pictures)[:missing]])[: self._pictures]
+        repeats = np.floor(self._factors + rng.random(self._pictures)).astype(np.int64)
+        order = rng.permutation(np.repeat(np.arange(self._pictures), repeats))
+        missing = max(0, self._pictures - len(order))
+        return np.concatenate([order, rng.permutation(self._pictures)[:missing]])[: self._pictures]
 
     def _make(self, chosen: NDArray[np.int64], epoch: int) -> Batch:
         examples = [self._augmenter.example(int(i), epoch) for i in chosen]

@@ -38,7 +38,7 @@ def folded(model: nn.Module) -> nn.Module:
 
 def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold: float) -> ModelFile:
     """Write the three model files; `path` is the .onnx file. Raises RecordingError."""
-    plain = folded(model)
+    inference_model = folded(model)
     blob = torch.zeros(1, 3, INPUT_PX[1], INPUT_PX[0])
     outputs = [f"level{i}" for i in range(len(LEVELS))]
     try:
@@ -46,17 +46,17 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
         with warnings.catch_warnings(), torch.no_grad():
             warnings.simplefilter("ignore")  # this exporter and TorchScript are deprecated, but JetPack needs both
             torch.onnx.export(
-                plain,
+                inference_model,
                 (blob,),
                 str(path),
                 input_names=["picture"],
                 output_names=outputs,
-                dynamic_axes=_any_size(outputs),
+                dynamic_axes=_free_axes(outputs),
                 opset_version=OPERATOR_SET,
                 dynamo=False,
             )
-            torch.jit.trace(plain, blob, check_trace=False).save(str(path.with_suffix(".pt")))
-        _without_paths(path.with_suffix(".pt"))
+            torch.jit.trace(inference_model, blob, check_trace=False).save(str(path.with_suffix(".pt")))
+        _remove_debug_records(path.with_suffix(".pt"))
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
         model_file = describe(path, classes, sha256=digest, threshold=threshold)
         path.with_suffix(".json").write_text(json.dumps(model_file.description(), indent=1) + "\n")
@@ -65,7 +65,7 @@ def export(model: nn.Module, path: Path, classes: tuple[str, ...], *, threshold:
     return ModelFile.load(path)
 
 
-def _without_paths(file: Path) -> None:
+def _remove_debug_records(file: Path) -> None:
     """Remove the debug records of a TorchScript file, which contain file paths of the machine that wrote it."""
     with zipfile.ZipFile(file) as old:
         entries = [(info, old.read(info)) for info in old.infolist() if not info.filename.endswith(".debug_pkl")]
@@ -74,8 +74,8 @@ def _without_paths(file: Path) -> None:
             new.writestr(zipfile.ZipInfo(info.filename, info.date_time), data)
 
 
-def _any_size(outputs: list[str]) -> dict[str, dict[int, str]]:
-    """Return ONNX axes with free height and width: a convolutional network needs only new anchors for them."""
+def _free_axes(outputs: list[str]) -> dict[str, dict[int, str]]:
+    """Return ONNX axes with free height and width; for another input size only the anchors have to be made anew."""
     maps = {name: {2: f"rows{i}", 3: f"columns{i}"} for i, name in enumerate(outputs)}
     return {"picture": {2: "height", 3: "width"}, **maps}
 

@@ -8,8 +8,8 @@ from hil_companion.detect.model_file import Level, ModelFile, all_anchors_px
 
 INPUT_PX = (320, 240)
 RATIOS = (0.45, 1.0, 2.2)
-# Levels with many positions have few anchor shapes. With adaptive sample selection one shape is enough (Zhang et al.
-# 2020, ATSS).
+# Levels with many positions have few anchor shapes; one is enough with adaptive sample selection (Zhang et al. 2020,
+# ATSS).
 LEVELS = (
     Level(4, (10.0,), (0.6,)),
     Level(8, (20.0,), (0.5, 1.6)),
@@ -18,7 +18,7 @@ LEVELS = (
     Level(64, (190.0,), RATIOS),
 )
 MEAN, STD = (0.5, 0.5, 0.5), (0.25, 0.25, 0.25)
-SCORE_THRESHOLD = 0.5  # until one has been chosen on pictures
+SCORE_THRESHOLD = 0.5  # used until a threshold is chosen by an evaluation
 NMS_IOU = 0.5
 
 

@@ -1,9 +1,9 @@
 """Training loss of scores and boxes.
 
-Scores have the quality focal loss (Li et al. 2020), |sigmoid - t|^2 times the cross-entropy. The target t of an
-anchor's class is the current IoU of its box with the object, and 0 elsewhere, so that a score also expresses the
-quality of the box. Boxes have the generalised IoU loss (Rezatofighi et al. 2019), weighted by t. Both are divided by
-the sum of t.
+The loss of scores is the quality focal loss (Li et al. 2020), |sigmoid - t|^2 times the cross-entropy. For the class of
+an anchor's object the target t is the current IoU of the anchor's box with the object, so that a score also expresses
+the quality of the box; for other classes and background it is 0. The loss of boxes is the generalised IoU loss
+(Rezatofighi et al. 2019), weighted by t. Both losses are divided by the sum of t.
 """
 
 from __future__ import annotations

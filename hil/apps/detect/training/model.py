@@ -46,10 +46,12 @@ class Widths:
     fine_head: int = 48  # of the level at stride 4, which has three times as many positions as all others together
 
 
-def _conv(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True) -> nn.Sequential:
+def _conv(
+    channels_in: int, channels_out: int, kernel: int, stride: int = 1, groups: int = 1, act: bool = True
+) -> nn.Sequential:
     layers: list[nn.Module] = [
-        nn.Conv2d(inside, outside, kernel, stride, kernel // 2, groups=groups, bias=False),
-        nn.BatchNorm2d(outside),
+        nn.Conv2d(channels_in, channels_out, kernel, stride, kernel // 2, groups=groups, bias=False),
+        nn.BatchNorm2d(channels_out),
     ]
     return nn.Sequential(*layers, nn.ReLU(inplace=True)) if act else nn.Sequential(*layers)
 
@@ -70,29 +72,29 @@ class InvertedResidual(nn.Module):
 
 
 class Join(nn.Module):
-    """Sum of a level's features and the upsampled features of the next level, which has more context (Lin 2017)."""
+    """Sum of a level's features and the upsampled features of the next coarser level (Lin 2017)."""
 
-    def __init__(self, own: int, next_one: int, width: int) -> None:
+    def __init__(self, fine: int, coarse: int, width: int) -> None:
         super().__init__()
-        self.side = _conv(own, width, 1, act=False)
-        self.down = _conv(next_one, width, 1, act=False)
+        self.side = _conv(fine, width, 1, act=False)
+        self.down = _conv(coarse, width, 1, act=False)
         self.up = nn.Upsample(scale_factor=2, mode="nearest")
         self.mix = _conv(width, width, 3, groups=width)
 
-    def forward(self, own: Tensor, next_one: Tensor) -> Tensor:
-        """Return the joined features, (B, width, rows, columns); `next_one` has half the rows and columns of `own`."""
-        up = self.up(self.down(next_one))
-        mixed: Tensor = self.mix(torch.relu(self.side(own) + up))
+    def forward(self, fine: Tensor, coarse: Tensor) -> Tensor:
+        """Return the joined features, (B, width, rows, columns); `coarse` has half the rows and columns of `fine`."""
+        up = self.up(self.down(coarse))
+        mixed: Tensor = self.mix(torch.relu(self.side(fine) + up))
         return mixed
 
 
 class SsdLite(nn.Module):
-    """The network: blobs (B, 3, H, W) to one map per level, (B, per_place * (classes + 4), rows, columns).
+    """The network: blobs (B, 3, H, W) to one map per level, (B, anchors_per_position * (classes + 4), rows, columns).
 
-    H and W must be multiples of 16; `per_place` is the number of anchors per position of each level.
+    H and W must be multiples of 16; `anchors_per_position` is the number of anchors per position of each level.
     """
 
-    def __init__(self, classes: int, per_place: Sequence[int], widths: Widths | None = None) -> None:
+    def __init__(self, classes: int, anchors_per_position: Sequence[int], widths: Widths | None = None) -> None:
         super().__init__()
         w = widths or Widths()
         self.classes = classes
@@ -105,11 +107,11 @@ class SsdLite(nn.Module):
         self.down = _conv(w.deep, w.head, 1)
         self.near_join = Join(w.mid, w.head, w.head)
         self.fine_join = Join(w.detail, w.head, w.fine_head)
-        inside = (w.fine_head, w.head, w.head, w.wide, w.far)
-        if len(per_place) != len(inside):
-            raise ValueError(f"{len(per_place)} levels for a network of {len(inside)}")
-        self.heads = nn.ModuleList(_head(i, n, classes) for i, n in zip(inside, per_place, strict=True))
-        self._begin(per_place)
+        channels_in = (w.fine_head, w.head, w.head, w.wide, w.far)
+        if len(anchors_per_position) != len(channels_in):
+            raise ValueError(f"{len(anchors_per_position)} levels for a network of {len(channels_in)}")
+        self.heads = nn.ModuleList(_head(i, n, classes) for i, n in zip(channels_in, anchors_per_position, strict=True))
+        self._initialise_weights(anchors_per_position)
 
     def forward(self, x: Tensor) -> list[Tensor]:
         """Return one map per level, from fine to coarse."""
@@ -123,11 +125,11 @@ class SsdLite(nn.Module):
         fine = self.fine_join(detail, near)
         return [head(v) for head, v in zip(self.heads, (fine, near, deep, wide, far), strict=True)]
 
-    def _begin(self, per_place: Sequence[int]) -> None:
+    def _initialise_weights(self, anchors_per_position: Sequence[int]) -> None:
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
-        for head, n in zip(self.heads, per_place, strict=True):
+        for head, n in zip(self.heads, anchors_per_position, strict=True):
             last = head[-1]
             nn.init.normal_(last.weight, std=0.01)
             bias = torch.zeros(n, self.classes + 4)
@@ -135,12 +137,17 @@ class SsdLite(nn.Module):
             last.bias.data.copy_(bias.reshape(-1))
 
 
-def _stage(inside: int, outside: int, blocks: int, expand: int) -> nn.Sequential:
-    return nn.Sequential(_conv(inside, outside, 3, 2), *(InvertedResidual(outside, expand) for _ in range(blocks)))
+def _stage(channels_in: int, channels_out: int, blocks: int, expand: int) -> nn.Sequential:
+    return nn.Sequential(
+        _conv(channels_in, channels_out, 3, 2), *(InvertedResidual(channels_out, expand) for _ in range(blocks))
+    )
 
 
-def _head(inside: int, per_place: int, classes: int) -> nn.Sequential:
-    return nn.Sequential(_conv(inside, inside, 3, groups=inside), nn.Conv2d(inside, per_place * (classes + 4), 1))
+def _head(channels_in: int, anchors_per_position: int, classes: int) -> nn.Sequential:
+    return nn.Sequential(
+        _conv(channels_in, channels_in, 3, groups=channels_in),
+        nn.Conv2d(channels_in, anchors_per_position * (classes + 4), 1),
+    )
 
 
 def by_anchor(maps: Sequence[Tensor], classes: int) -> tuple[Tensor, Tensor]:

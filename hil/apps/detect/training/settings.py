@@ -23,12 +23,12 @@ class Settings:
     validate_every: int = 3  # epochs
 
     def __post_init__(self) -> None:
-        wrong = [
-            Problem(f"--{name.replace('_', '-')}", f"{getattr(self, name)!r}", "a number above 0 is needed")
+        problems = [
+            Problem(f"--{name.replace('_', '-')}", f"must be above 0, not {getattr(self, name)!r}")
             for name in ("epochs", "batch", "learning_rate", "threads", "min_objects", "validate_every")
             if not getattr(self, name) > 0
         ]
         if self.precision not in ("fp32", "bf16"):
-            wrong.append(Problem("--precision", f"{self.precision!r}", "fp32 or bf16"))
-        if wrong:
-            raise ConfigError(wrong)
+            problems.append(Problem("--precision", f"must be fp32 or bf16, not {self.precision!r}"))
+        if problems:
+            raise ConfigError(problems)

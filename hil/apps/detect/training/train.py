@@ -68,11 +68,11 @@ class WeightAverage:
         """Add the weights of `model` after a step."""
         self.steps += 1
         decay = min(self.decay, (1.0 + self.steps) / (10.0 + self.steps))
-        for own, new in zip(self.model.state_dict().values(), model.state_dict().values(), strict=True):
-            if own.dtype.is_floating_point:
-                own.lerp_(new, 1.0 - decay)
+        for average, new in zip(self.model.state_dict().values(), model.state_dict().values(), strict=True):
+            if average.dtype.is_floating_point:
+                average.lerp_(new, 1.0 - decay)
             else:
-                own.copy_(new)
+                average.copy_(new)
 
 
 class Training:
@@ -88,8 +88,8 @@ class Training:
         self.classes = tuple(sorted(n for n, c in counts.items() if c >= settings.min_objects))
         self.left_out = {n: c for n, c in sorted(counts.items()) if c < settings.min_objects}
         if not self.classes:
-            most = max(counts.values(), default=0)
-            hint = f"record more, or take --min-objects {max(1, most)}"
+            max_count = max(counts.values(), default=0)
+            hint = f"record more, or use --min-objects {max(1, max_count)}"
             raise ConfigError([Problem("labels", f"no class has {settings.min_objects} objects", hint)])
         torch.use_deterministic_algorithms(True)
         # No uninitialised memory is read here, and filling it would take a fifth of the time.
@@ -102,13 +102,16 @@ class Training:
         self._validation_store = PictureStore(self._validation, INPUT_PX)
         self._assigner = Assigner(LEVELS, INPUT_PX)
         self._anchors = torch.from_numpy(self._assigner.anchors_px)
-        self.model: nn.Module = SsdLite(len(self.classes), [v.per_place for v in LEVELS]).to(
+        self.model: nn.Module = SsdLite(len(self.classes), [v.anchors_per_position for v in LEVELS]).to(
             memory_format=torch.channels_last
         )
         self._averaged = WeightAverage(self.model, settings.average_decay)
-        plain = [p for p in self.model.parameters() if p.ndim <= 1]
+        not_decayed = [p for p in self.model.parameters() if p.ndim <= 1]
         decayed = [p for p in self.model.parameters() if p.ndim > 1]
-        groups = [{"params": decayed, "weight_decay": settings.weight_decay}, {"params": plain, "weight_decay": 0.0}]
+        groups = [
+            {"params": decayed, "weight_decay": settings.weight_decay},
+            {"params": not_decayed, "weight_decay": 0.0},
+        ]
         self._optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
         self._epochs_done = 0
         augmenter = Augmenter(self._store, self.classes, settings.seed, Strength())
@@ -132,20 +135,20 @@ class Training:
 
         Returns the number of tensors loaded and the number in the network. Raises ConfigError if none fits.
         """
-        data = _loaded(path)
+        data = _load_file(path)
         state = data.get("average", data)
-        own = self.model.state_dict()
-        same = {
+        current = self.model.state_dict()
+        fitting = {
             k: v
             for k, v in state.items()
-            if k in own and isinstance(v, Tensor) and tuple(v.shape) == tuple(own[k].shape)
+            if k in current and isinstance(v, Tensor) and tuple(v.shape) == tuple(current[k].shape)
         }
-        if not same:
+        if not fitting:
             hint = f"give a {CHECKPOINT} of `hil detect train`, or a state_dict of its model"
             raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
-        self.model.load_state_dict({**own, **same})
+        self.model.load_state_dict({**current, **fitting})
         self._averaged = WeightAverage(self.model, self.settings.average_decay)
-        return len(same), len(own)
+        return len(fitting), len(current)
 
     def resume(self) -> bool:
         """Load the folder's checkpoint and return True; False if there is none.
@@ -155,7 +158,7 @@ class Training:
         path = self.out / CHECKPOINT
         if not path.is_file():
             return False
-        data = _loaded(path)
+        data = _load_file(path)
         expected = {"settings": asdict(self.settings), "classes": list(self.classes)}
         for key, value in expected.items():
             if data.get(key) != value:
@@ -179,7 +182,7 @@ class Training:
             late = number >= self.settings.epochs - max(1, self.settings.epochs // 6)
             sums, rate = [0.0, 0.0], 0.0
             for i, batch in enumerate((self._late_batches if late else self.batches).epoch(number)):
-                rate = self._rate(number * len(self.batches) + i, total)
+                rate = self._learning_rate(number * len(self.batches) + i, total)
                 scores, boxes = self._step(batch, rate)
                 sums = [sums[0] + scores, sums[1] + boxes]
                 on_step(number + 1, i + 1, scores + boxes)
@@ -205,11 +208,11 @@ class Training:
         self._averaged.update(self.model)
         values = float(scores.detach()), float(boxes.detach())
         if not all(math.isfinite(v) for v in values):
-            hint = "a lower --learning-rate"
+            hint = "use a lower --learning-rate"
             raise ConfigError([Problem("training", "diverged: the loss is not finite", hint)])
         return values
 
-    def _rate(self, done: int, total: int) -> float:
+    def _learning_rate(self, done: int, total: int) -> float:
         warm = min(1.0, (done + 1) / min(_WARM_UP_STEPS, max(1, total // 10)))
         return self.settings.learning_rate * warm * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * done / total)))
 
@@ -217,7 +220,7 @@ class Training:
     def evaluate(self) -> Evaluation:
         """Evaluate the averaged weights on a part of the validation pictures."""
         model = describe(self.out, self.classes)
-        found = []
+        detections = []
         for first in range(0, len(self._validation), self.settings.batch):
             rows = range(first, min(first + self.settings.batch, len(self._validation)))
             with torch.autocast("cpu", torch.bfloat16, enabled=self.settings.precision == "bf16"):
@@ -225,8 +228,8 @@ class Training:
             logits, offsets = by_anchor([m.float() for m in maps], len(self.classes))
             for i, scores, boxes in zip(rows, logits.numpy(), offsets.numpy(), strict=True):
                 picture = self._validation[i]
-                found.append(decode(model, scores, boxes, (picture.width, picture.height), _VALIDATION_SCORE))
-        return evaluation_of(model.score_threshold, self._validation, found, self.classes)
+                detections.append(decode(model, scores, boxes, (picture.width, picture.height), _VALIDATION_SCORE))
+        return evaluation_of(model.score_threshold, self._validation, detections, self.classes)
 
     def weights_digest(self) -> str:
         """Return the SHA-256 of the averaged weights, equal for trainings with the same result."""
@@ -254,14 +257,14 @@ class Training:
             raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
-def _loaded(path: Path) -> Mapping[str, Any]:
+def _load_file(path: Path) -> Mapping[str, Any]:
     try:
         data = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise ConfigError([Problem(str(path), f"cannot be read ({error.strerror or error})")]) from None
     except Exception as error:  # noqa: BLE001  torch passes on any exception of its readers and of pickle
-        words = " ".join(str(error).split())[:120]
-        raise ConfigError([Problem(str(path), f"is no file of PyTorch weights ({words})")]) from None
+        text = " ".join(str(error).split())[:120]
+        raise ConfigError([Problem(str(path), f"is no file of PyTorch weights ({text})")]) from None
     if not isinstance(data, Mapping):
         raise ConfigError([Problem(str(path), "is no file of PyTorch weights: it holds no names")])
     return data

@@ -34,18 +34,18 @@ class Level:
     aspect_ratios: tuple[float, ...]  # width / height
 
     @property
-    def per_place(self) -> int:
+    def anchors_per_position(self) -> int:
         return len(self.sizes_px) * len(self.aspect_ratios)
 
-    def places(self, input_px: tuple[int, int]) -> tuple[int, int]:
+    def map_size(self, input_px: tuple[int, int]) -> tuple[int, int]:
         """Return columns and rows of the map for an input of this width and height."""
         return -(-input_px[0] // self.stride_px), -(-input_px[1] // self.stride_px)
 
     def anchors_px(self, input_px: tuple[int, int]) -> np.ndarray:
         """Return the anchors (N, 4) float32: centre x, centre y, width, height."""
-        columns, rows = self.places(input_px)
+        columns, rows = self.map_size(input_px)
         shapes = [(s * math.sqrt(r), s / math.sqrt(r)) for s in self.sizes_px for r in self.aspect_ratios]
-        out = np.empty((rows, columns, self.per_place, 4), np.float32)
+        out = np.empty((rows, columns, self.anchors_per_position, 4), np.float32)
         out[..., 0] = ((np.arange(columns) + 0.5) * self.stride_px)[None, :, None]
         out[..., 1] = ((np.arange(rows) + 0.5) * self.stride_px)[:, None, None]
         out[..., 2:] = np.array(shapes, np.float32)
@@ -60,20 +60,21 @@ def all_anchors_px(levels: Sequence[Level], input_px: tuple[int, int]) -> np.nda
 def by_anchor(
     levels: Sequence[Level], input_px: tuple[int, int], maps: Sequence[np.ndarray], classes: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Convert a network's maps (1, per_place * (classes + 4), rows, columns) to logits (N, classes), offsets (N, 4).
+    """Convert a network's maps to logits (N, classes) and offsets (N, 4).
 
-    Channels of a map: the classes of the first anchor shape, its four offsets, then the next shape. Raises ValueError
-    for maps of another network.
+    A map is (1, anchors_per_position * (classes + 4), rows, columns).
+    Its channels are the classes of the first anchor shape, its four offsets, then the next shape. Raises ValueError for
+    maps of another network.
     """
     if len(maps) != len(levels):
         raise ValueError(f"{len(maps)} maps come out of the network, but {len(levels)} levels are described")
     flat: list[np.ndarray] = []
     for level, values in zip(levels, maps):
-        columns, rows = level.places(input_px)
-        expected = (1, level.per_place * (classes + 4), rows, columns)
+        columns, rows = level.map_size(input_px)
+        expected = (1, level.anchors_per_position * (classes + 4), rows, columns)
         if tuple(values.shape) != expected:
             raise ValueError(f"a map of shape {tuple(values.shape)} comes out of the network, {expected} is described")
-        flat.append(values.reshape(level.per_place, classes + 4, rows, columns).transpose(2, 3, 0, 1))
+        flat.append(values.reshape(level.anchors_per_position, classes + 4, rows, columns).transpose(2, 3, 0, 1))
     joined = np.concatenate([f.reshape(-1, classes + 4) for f in flat])
     return joined[:, :classes], joined[:, classes:]
 
@@ -158,7 +159,7 @@ def _described(file: Path, data: Any, onnx: Path, digest: str) -> ModelFile:
             Level(int(v["stride_px"]), _numbers(v["sizes_px"]), _numbers(v["aspect_ratios"])) for v in data["levels"]
         )
         if not levels or not all(
-            v.stride_px > 0 and v.per_place and min(v.sizes_px + v.aspect_ratios) > 0 for v in levels
+            v.stride_px > 0 and v.anchors_per_position and min(v.sizes_px + v.aspect_ratios) > 0 for v in levels
         ):
             raise OptionError(f"{file}: levels: strides, sizes and aspect ratios above 0 are needed")
         mean, std = _numbers(data["mean"]), _numbers(data["std"])

@@ -75,7 +75,7 @@ def test_anchors_stand_where_the_description_says(model: ModelFile) -> None:
     np.testing.assert_allclose(model.anchors_px[0], [4, 4, 8 * 0.5**0.5, 8 / 0.5**0.5], rtol=1e-6)
     np.testing.assert_allclose(model.anchors_px[4 * 8 + 1], [4, 12, 8 * 2**0.5, 8 / 2**0.5], rtol=1e-6)
     np.testing.assert_allclose(model.anchors_px[-1], [56, 40, 32, 32])
-    assert Level(16, (8.0,), (1.0,)).places((320, 250)) == (20, 16)  # a partial cell at the end counts
+    assert Level(16, (8.0,), (1.0,)).map_size((320, 250)) == (20, 16)  # a partial cell at the end counts
 
 
 def test_a_box_comes_back_where_it_was_put(model: ModelFile) -> None:

@@ -116,12 +116,12 @@ def test_candidates_are_the_nearest_places_of_each_level() -> None:
     first = 0
     for level in LEVELS:
         anchors = level.anchors_px(INPUT_PX)
-        away = np.hypot(*(anchors[None, :: level.per_place, :2] - middle[:, None]).transpose(2, 0, 1))
+        away = np.hypot(*(anchors[None, :: level.anchors_per_position, :2] - middle[:, None]).transpose(2, 0, 1))
         nearest = np.sort(away, axis=1)[:, :9]
         for row, expected, all_away in zip(candidates, nearest, away, strict=True):
             own = row[(row >= first) & (row < first + len(anchors))] - first
-            places = np.unique(own // level.per_place)
-            assert len(own) == len(places) * level.per_place  # every shape at them
+            places = np.unique(own // level.anchors_per_position)
+            assert len(own) == len(places) * level.anchors_per_position  # every shape at them
             np.testing.assert_allclose(np.sort(all_away[places]), expected, atol=1e-3)
         first += len(anchors)
 

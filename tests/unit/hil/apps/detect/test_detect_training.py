@@ -107,7 +107,7 @@ def test_settings_and_classes_that_cannot_be(pictures: list[Picture], tmp_path: 
 def model(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Not trained, but with outputs spread wide, so that there are boxes."""
     torch.manual_seed(3)
-    net = SsdLite(3, [v.per_place for v in LEVELS])
+    net = SsdLite(3, [v.anchors_per_position for v in LEVELS])
     for head in net.heads:
         head[-1].weight.data.mul_(60.0)
         head[-1].bias.data.zero_()
@@ -157,7 +157,7 @@ def test_torch_and_numpy_decode_alike() -> None:
     offsets = torch.randn(len(anchors), 4) * 5
     ours = boxes_px(torch.from_numpy(anchors), offsets).numpy()
     np.testing.assert_allclose(ours, numpy_decode.boxes_px(anchors, offsets.numpy()), rtol=1e-4, atol=1e-3)
-    maps = [torch.randn(1, v.per_place * 9, *v.places(INPUT_PX)[::-1]) for v in LEVELS]
+    maps = [torch.randn(1, v.anchors_per_position * 9, *v.map_size(INPUT_PX)[::-1]) for v in LEVELS]
     logits, moved = by_anchor(maps, 5)
     numbers = numpy_by_anchor(LEVELS, INPUT_PX, [m.numpy() for m in maps], 5)
     np.testing.assert_array_equal(logits[0].numpy(), numbers[0])
