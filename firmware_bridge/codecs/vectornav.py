@@ -79,7 +79,7 @@ _UNKNOWN_M = 9999.0
 
 
 def _finite(name: str, values: Sequence[float]) -> None:
-    """CodecError if one of `values` is NaN or infinite."""
+    """Raise CodecError if one of `values` is NaN or infinite."""
     for i, value in enumerate(values):
         if not isfinite(value):
             place = f"{name}[{i}]" if len(values) > 1 else name

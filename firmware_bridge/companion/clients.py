@@ -196,7 +196,7 @@ class ClientRegistry:
         return self.stats.setdefault(name, ClientStats())
 
     def check_name(self, identity: bytes, fd: int, name: str) -> None:
-        """HelloRefused for a second name on one connection."""
+        """Raise HelloRefused for a second name on one connection."""
         before = self._names.get(fd)
         if before is not None and before[0] == identity and before[1] != name:
             raise HelloRefused("name", f"this connection belongs to {before[1]}; {name} needs one of its own")

@@ -21,7 +21,7 @@ class Outgoing:
     """One frame. Parts that several clients get are made once."""
 
     def __init__(self, frame: CompanionFrame) -> None:
-        """CodecError for arrays that cannot be sent."""
+        """Raise CodecError for arrays that cannot be sent."""
         self.frame = frame
         self.topics = frozenset(s.topic for s in frame.samples)
         self._arrays = [

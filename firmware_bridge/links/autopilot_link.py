@@ -195,6 +195,6 @@ class AutopilotLink:
         return frames
 
     def _check_process(self, what: str) -> None:
-        """LinkClosed if the program has ended; `what` describes the moment."""
+        """Raise LinkClosed if the program has ended; `what` describes the moment."""
         if self._process is not None and not self._process.running():
             raise LinkClosed(self.name, f"{what}: {self._process.describe_end()}", cause="crashed")

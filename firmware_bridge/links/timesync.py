@@ -104,7 +104,7 @@ class TimeSync:
         return None if drift is None else drift * 1e6
 
     def _line(self) -> float | None:
-        """Slope of offset over time: least squares, each block weighted by the inverse of its uncertainty."""
+        """Return the slope of offset over time: least squares, weights inverse to the uncertainty."""
         blocks = self._blocks
         if len(blocks) < 3 or blocks[-1].t_ns - blocks[0].t_ns < _DRIFT_SPAN_NS:
             return None

@@ -81,7 +81,7 @@ class StickMapping:
     modes: Mapping[int, str] = field(default_factory=dict)  # button -> name of a mode
 
     def check(self, layout: ReportLayout) -> None:
-        """ManualControlError, with all that is missing, if the device lacks an axis or a button of this mapping."""
+        """Raise ManualControlError with all that is missing if the device lacks an axis or a button of this mapping."""
         missing = [
             f"axis {axis.source!r} for {role}"
             for role, axis in (

@@ -104,7 +104,7 @@ class MockPixhawk:
     # -- functions of the board ----------------------------------------------------------------------------------
 
     def fall_silent(self) -> None:
-        """See `Lockstep.fall_silent`, `Hitl.fall_silent`."""
+        """Stop answering, see `Lockstep.fall_silent` and `Hitl.fall_silent`."""
         self.timing.fall_silent()
 
     def request_reboot(self) -> None:

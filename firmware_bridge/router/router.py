@@ -152,7 +152,7 @@ class Router:
         return stats
 
     def report(self) -> dict[str, int]:
-        """The counters by name, for run.json."""
+        """Return the counters by name, for run.json."""
         return asdict(self.stats)
 
     def take_events(self) -> list[tuple[str, str]]:

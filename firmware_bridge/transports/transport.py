@@ -36,5 +36,5 @@ class Transport(Protocol):
         ...
 
     def fileno(self) -> int | None:
-        """Descriptor to poll for incoming bytes; None if there is none (memory, or not open)."""
+        """Return the descriptor to poll for incoming bytes; None if there is none (memory, or not open)."""
         ...

@@ -77,7 +77,7 @@ class UdpInbox:
             ) from error
 
     def fileno(self) -> int | None:
-        """None while it is not open."""
+        """Return the descriptor; None while it is not open."""
         return None if self._socket is None else self._socket.fileno()
 
     def _open_socket(self) -> socket.socket:

@@ -55,7 +55,7 @@ class MavlinkChannel:
         self._connected = False
 
     def fileno(self) -> int | None:
-        """Descriptor to poll while waiting; None while there is no connection."""
+        """Return the descriptor to poll while waiting; None while there is no connection."""
         return self._transport.fileno() if self._connected or not self._tcp else None
 
     def restart(self) -> None:

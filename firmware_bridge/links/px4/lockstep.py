@@ -162,7 +162,7 @@ class LockstepLink(AutopilotLink):
                 raise HandshakeError(self.name, self._no_heartbeat())
 
     def _check_ours(self) -> None:
-        """LinkClosed if another program answers than the one that the link started."""
+        """Raise LinkClosed if another program answers than the one that the link started."""
         if self._process is not None and not self._process.running():
             raise LinkClosed(
                 self.name,
